@@ -3,10 +3,10 @@
 The arm, with its three modes, from a scratch copy of its documents and parts in which a mass, a damping, a limit and a pose are
 parameters, too. Store warm, one process, a session for each of these:
 
-- `plain`: those four numbers differ in each variant, so that no part is modelled; the MJCF of three modes and `modes.json` are
-  written to the disk;
-- `verified`: the same, and MuJoCo compiles every model, as a batch lets it do unless told otherwise: with a tetrahedron in the place
-  of a mesh that it has taken before;
+- `plain`: those four numbers differ in each variant, so that no part is modelled; the MJCF of three modes, `modes.json` and the manifest
+  are written to the disk, as `thingc batch` and `family.write` make them: by a plan, which is compared with every pass at one in 64;
+- `passed`: the same by every pass, and MuJoCo compiles every model, as a batch lets it do with `--verify all`: with a tetrahedron in the
+  place of a mesh that it has taken before;
 - `loaded`: the same as `plain`; when the variants of a round are written, every model of them is read and becomes a `mujoco.MjModel`
   with all of its meshes;
 - `unseen`: the same without what is only drawn (`model(visual=False)` of `thingc.variants.load`);
@@ -37,8 +37,10 @@ from typing import Any
 
 from thingc.emit.artifact import Stored
 from thingc.environment import Options
+from thingc.plans import Builds, SettingsReader
 from thingc.resolve import Settings
 from thingc.session import Session
+from thingc.variants.batch import SHARE
 
 ROOT = Path(__file__).resolve().parents[2]
 ADDED = """
@@ -89,14 +91,20 @@ ROUNDS = 5
 FRESH = int.from_bytes(os.urandom(3), "big") / 2**24
 
 
-def build(session: Session, settings: Settings, folder: Path, *, verify: bool = False) -> None:
-    """One variant, from its settings to its files on the disk. Raises where anything was said."""
-    compilation = session.compile(settings)
-    artifacts = session.emit(compilation, ["mjcf"], verify=verify)["mjcf"]
-    if compilation.report.diagnostics:
-        raise SystemExit(f"{settings}: {compilation.report.diagnostics}")
+def builds(session: Session) -> Builds:
+    """What makes builds in a session, as batches do."""
+    assert session.sources is not None
+    return Builds(session, SettingsReader(session.sources), modes=(), targets=("mjcf",), verify=SHARE)
+
+
+def build(made: Builds, settings: Settings, folder: Path, *, plans: bool = True) -> None:
+    """One variant, from its settings to its files on the disk; without `plans` by every pass. Raises where anything was said."""
+    planned = made.planned(settings) if plans else None
+    files, problems = made.passed(settings) if planned is None else (planned.files(), planned.problems)
+    if problems:
+        raise SystemExit(f"{settings}: {problems}")
     os.makedirs(folder / "mjcf", exist_ok=True)
-    for path, content in artifacts.files.items():
+    for path, content in files.items():
         if not isinstance(content, Stored):  # the meshes are shared by all variants
             with open(f"{folder}/{path}", "wb") as stream:
                 stream.write(content)
@@ -130,17 +138,17 @@ class Models:
 class Lane:
     """One way to make variants."""
 
-    def __init__(self, session: Session, folder: Path, settings: Callable[[int], Settings], *, verify: bool, models: Models | None) -> None:
-        self.session = session
+    def __init__(self, made: Builds, folder: Path, settings: Callable[[int], Settings], *, plans: bool, models: Models | None) -> None:
+        self.made = made
         self.folder = folder
         self.settings = settings
-        self.verify = verify
+        self.plans = plans
         self.models = models
 
     def make(self, indices: range) -> None:
         """So many variants."""
         for index in indices:
-            build(self.session, self.settings(index), self.folder / str(index), verify=self.verify)
+            build(self.made, self.settings(index), self.folder / str(index), plans=self.plans)
         if self.models is not None:
             for index in indices:
                 self.models.load(self.folder / str(index))
@@ -184,11 +192,12 @@ def resident() -> float:
 def grown(document: Path, store: str | None, folder: Path, count: int) -> tuple[float, float, float]:
     """`count` variants of `plain` in one session: seconds of the clock and of processor time, and megabytes grown after the first ten."""
     with Session(str(document), Options(store=store, jobs=1)) as session:
+        made = builds(session)
         for index in range(3):
-            build(session, plain(-1 - index), folder / "warm")
+            build(made, plain(-1 - index), folder / "warm")
         before, wall, cpu = 0.0, time.perf_counter(), processor()
         for index in range(count):
-            build(session, plain(index), folder / str(index))
+            build(made, plain(index), folder / str(index))
             if index == min(10, count - 1):
                 before = resident()
         return time.perf_counter() - wall, processor() - cpu, resident() - before
@@ -196,14 +205,15 @@ def grown(document: Path, store: str | None, folder: Path, count: int) -> tuple[
 
 def lanes(document: Path, store: str | None, folder: Path, stack: contextlib.ExitStack) -> Iterator[tuple[str, Lane]]:
     """Every lane, warm."""
-    for label, settings, verify, load, visual in (
-        ("plain", plain, False, False, False), ("verified", plain, True, False, False), ("loaded", plain, False, True, True),
-        ("unseen", plain, False, True, False), ("by hand", plain, False, True, True), ("modelled", modelled, False, False, False),
+    for label, settings, plans, load, visual in (
+        ("plain", plain, True, False, False), ("passed", plain, False, False, False), ("loaded", plain, True, True, True),
+        ("unseen", plain, True, True, False), ("by hand", plain, True, True, True), ("modelled", modelled, True, False, False),
     ):
         session = stack.enter_context(Session(str(document), Options(store=store, jobs=1)))
         models = Models(session, visual=visual) if load else None
-        build(session, settings(-1), folder / label / "first")
-        lane = (ByHand if label == "by hand" else Lane)(session, folder / label, settings, verify=verify, models=models)
+        made = builds(session)
+        build(made, settings(-1), folder / label / "first")
+        lane = (ByHand if label == "by hand" else Lane)(made, folder / label, settings, plans=plans, models=models)
         lane.make(range(-3, -1))
         yield label, lane
 

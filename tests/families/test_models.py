@@ -63,7 +63,7 @@ def test_models_are_the_compiled_ones(everything: thingc.RobotFamily, mode: str,
     for one, model in zip(many, everything.models(many, mode=mode, share=True, visual=True), strict=True):
         assert isinstance(model, mujoco.MjModel)
         assert differing(model, compiled(everything, one, mode)) == []
-    form = everything._of(mode, True).form(everything._reader.read(many[0]))
+    form = everything._of(mode, True).forms.of(everything._reader.read(many[0]))
     assert form.refused is None and form.why == {} and (len(form.plans) == 1 or mode == "stuck")
     assert form.plans and form.plan_for(everything._reader.read(many[-1])) is not None
 
@@ -130,7 +130,7 @@ def test_where_a_number_decides_otherwise_it_is_compiled(everything: thingc.Robo
     found = list(everything.models(many, mode="standing", visual=True))
     for one, model in zip(many, found, strict=True):
         assert isinstance(model, mujoco.MjModel) and differing(model, compiled(everything, one, "standing")) == []
-    form = everything._of("standing", True).form(everything._reader.read(many[0]))
+    form = everything._of("standing", True).forms.of(everything._reader.read(many[0]))
     assert form.plan_for(everything._reader.read(many[0])) is not None and form.missed == 3
 
 
@@ -138,7 +138,7 @@ def test_a_plan_that_is_wrong_is_found_and_given_up(workspace: Any) -> None:
     with thingc.family(workspace / "everything.yaml", verify=2) as family:
         many = settings(5, 5, {"load": 0.5})
         list(family.models(many, visual=True))
-        (form,) = family._of(None, True).forms.values()
+        (form,) = family._of(None, True).forms.kept.values()
         arrays = form.plans[0].made
         arrays._inertials[0][0] = 1.25  # the mass of a body
         arrays._traced[0, 0] = False

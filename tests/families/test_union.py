@@ -63,12 +63,12 @@ def test_each_moves_as_its_own_model(levers: Path, shared_store: str) -> None:
         exchanged, models = family.models(lengths, share=True), family._of(None, False)
         for (_, one), model in zip(read, exchanged, strict=True):
             assert isinstance(model, mujoco.MjModel) and differing(model, models._compiled(one)) == []
-        found = models.form(read[0][1]).plan_for(read[0][1])
+        found = models.forms.of(read[0][1]).plan_for(read[0][1])
         assert found is not None and found[0].exchange is not None
         assert all(found[0].outputs(one.values) is not None for _, one in read)
         evaluation = family._evaluation
         assert [one.results for one in family.evaluate(lengths)] == [evaluation._measured(one)[0] for _, one in read]
-        results = evaluation.form(read[0][1]).plan_for(read[0][1])
+        results = evaluation.forms.of(read[0][1]).plan_for(read[0][1])
         assert results is not None and results[0].exchange is not None
     assert explained == (
         "length is written into the text of one model with other parts, which MuJoCo compiles anew: "

@@ -15,9 +15,13 @@ import pytest
 
 from thingc.diagnostics import Code
 from thingc.environment import Options
-from thingc.variants import BatchFault, Summary, run
+from thingc.session import Session
+from thingc.variants import BatchFault, Summary, plan, run
+from thingc.variants.description import job_of
+from thingc.variants.job import Task
 from thingc.variants.journal import Journal, in_order, lines
-from variants.robots import PENDULUM, environment, thingc, tree, workspace
+from thingc.variants.runner import Runner
+from variants.robots import PENDULUM, SWEEP, environment, thingc, tree, workspace
 
 pytestmark = pytest.mark.slow
 
@@ -44,6 +48,38 @@ def spoken(cell: object) -> str:
 
 def without_run(found: list[dict[str, str]]) -> list[dict[str, str]]:
     return [{name: cell for name, cell in row.items() if name not in RUN_COLUMNS} for row in found]
+
+
+@pytest.mark.parametrize("layout", ["folders", "packed"])
+def test_runners_build_by_plans_what_they_build_by_passes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, layout: str) -> None:
+    """With numbers that differ in each variant, one that a rule keeps out, and one that is refused; no part is modelled."""
+    here = workspace(tmp_path, sweep=SWEEP + "    keep: [reach <= 350 mm]\n")
+    planned = plan(str(here / "sweep.yaml"))
+    plain: dict[str, Any] = {"index": 0, "choices": {"components.stand.mass": "1 kg"}, "values": {}}
+    tasks = [
+        Task(id=f"v{k}", parameters={"length": f"{length} mm", "bob": f"{100 + k} g"}, **plain)
+        for k, length in enumerate((200, 250.5, 300.25, 0.5, 390.5, 311.7))
+    ]
+    found, compiled, whole = {}, [], Session.compile
+
+    def spied(session: Session, *given: Any) -> Any:
+        compiled.append(given)
+        return whole(session, *given)
+
+    monkeypatch.setattr(Session, "compile", spied)
+    monkeypatch.setattr("thingc.plans.builds.PATIENCE", 2)
+    for verify in (1, 64):
+        folder = tmp_path / f"{verify}"
+        (folder / "variants").mkdir(parents=True)
+        (folder / "assets").mkdir()
+        job = job_of(planned, str(folder), Options(), layout=layout, verify=verify, elsewhere=False)
+        with Runner(job) as runner:
+            made = [runner.build(task) for task in tasks[:2]]
+            compiled.clear()
+            made += [runner.build(task) for task in tasks[2:]]
+        found[verify] = [{name: value for name, value in row.items() if name != "seconds"} for row in made], tree(folder), len(compiled)
+    assert [row["status"] for row in found[1][0]] == ["built", "built", "built", "refused", "kept_out", "built"]
+    assert found[1][:2] == found[64][:2] and (found[1][2], found[64][2]) == (4, 1)
 
 
 def test_a_batch_writes_a_folder_for_each_variant_and_a_row(tmp_path: Path, shared_store: str) -> None:

@@ -17,10 +17,11 @@ from scipy.stats import qmc
 
 from thingc.diagnostics import Code
 from thingc.environment import Options
+from thingc.expressions import text_of
 from thingc.units import ANGLE, FREQUENCY, INERTIA, LENGTH, MASS, NUMBER, TORQUE, Dimension, Quantity, parse_quantity
 from thingc.variants import Plan, PlanError, plan
 from thingc.variants.sampling import points
-from thingc.variants.values import spaced, text_of
+from thingc.variants.values import spaced
 from variants.robots import workspace
 
 

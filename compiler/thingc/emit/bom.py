@@ -83,11 +83,18 @@ def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...
     Occurrences are one row where nothing that a row says differs. A number comes from the document, else from the Thing; the
     others are counted 1, 2, 3 down the list, leaving out numbers that are taken.
     """
-    rows: dict[tuple[object, ...], list[Occurrence]] = {}
+    rows: dict[tuple[object, ...], list[list[Occurrence]]] = {}
     for occurrence in assembly.occurrences:
         if listed(occurrence):
-            rows.setdefault(_key(occurrence), []).append(occurrence)
-    groups = sorted(rows.values(), key=lambda group: (_ORDER.get(make_of(group[0]), len(_ORDER)), group[0].index))
+            alike = rows.setdefault(_key(occurrence), [])
+            mass = occurrence.properties.mass
+            group = next((group for group in alike if group[0].properties.mass == mass), None)
+            if group is None:
+                alike.append([occurrence])
+            else:
+                group.append(occurrence)
+    ordered = (group for alike in rows.values() for group in alike)
+    groups = sorted(ordered, key=lambda group: (_ORDER.get(make_of(group[0]), len(_ORDER)), group[0].index))
     numbers = _numbers([_said(group[0], "number") for group in groups])
     return tuple(
         (BomRow(
@@ -129,13 +136,12 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _key(occurrence: Occurrence) -> tuple[object, ...]:
-    """Everything a row says, apart from the quantity and a counted number."""
+    """What a row says, apart from the mass, the quantity and a counted number."""
     return (
         occurrence.definition,
         _name(occurrence),
         make_of(occurrence),
         _material(occurrence),
-        occurrence.properties.mass,
         occurrence.mass_source,
         *(_said(occurrence, key) for key in ("number", "supplier", "cost")),
     )

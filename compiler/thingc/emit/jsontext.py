@@ -29,12 +29,17 @@ def fragment(value: object, depth: int) -> Fragment:
     return Fragment(_text(value, "\n" + "  " * depth))
 
 
+def number(value: float) -> str:
+    """A finite number."""
+    return repr(value + 0.0)  # a rotation leaves -0.0 where nothing is
+
+
 _PLAIN = {float, int, str, bool, type(None)}
 
 
 def _text(value: object, newline: str) -> str:
     if type(value) is float and math.isfinite(value):
-        return repr(value + 0.0)  # a rotation leaves -0.0 where nothing is
+        return number(value)
     if isinstance(value, str):
         return value if type(value) is Fragment else encode_basestring(value)
     inner = newline + "  "

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.families.inertial import BOXES, Bodies, Worked
 from thingc.families.places import INERT, Entry, places
-from thingc.families.rehearsal import Rehearsal
 from thingc.families.statistics import Statistics
-from thingc.families.tape import Traced
+from thingc.plans.rehearsal import Rehearsal
+from thingc.plans.tape import Traced
 
 if TYPE_CHECKING:
     import mujoco

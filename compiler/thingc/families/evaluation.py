@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from thingc import pipeline
 from thingc.diagnostics import Code, Diagnostic, Report
 from thingc.expressions import ExpressionError, Found
-from thingc.families import plans
-from thingc.families.exchange import Exchange
-from thingc.families.plans import Form, Recipe
-from thingc.families.reading import Read, SettingsReader
-from thingc.families.rehearsal import NotTraceable, Rehearsal, rehearse
 from thingc.families.results import Evaluated
-from thingc.families.tape import Tape, Traced
+from thingc.plans import recipes
+from thingc.plans.exchange import Exchange
+from thingc.plans.reading import Read, SettingsReader
+from thingc.plans.recipes import Form, Forms, Recipe, Varying
+from thingc.plans.rehearsal import NotTraceable, Rehearsal, rehearse
+from thingc.plans.tape import Tape
 from thingc.typos import did_you_mean
 from thingc.variants.measure import Results, UnknownMount, measure
 from thingc.variants.rules import Rule
@@ -42,7 +43,7 @@ class Evaluation:
         self.rules = tuple(rules)
         self.values = values
         self.verify = verify
-        self.forms: dict[Any, Form[_Shape]] = {}
+        self.forms: Forms[_Shape] = Forms()
         self._made = 0
 
     def each(self, many: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
@@ -53,39 +54,30 @@ class Evaluation:
                 yield self._passed(settings, read, tests)
                 continue
             plan, outputs = found
-            results = plan.made.results(outputs)
+            results = plan.made.of(outputs)
             self._made += 1
             if plan.is_due(self._made, self.verify):
                 whole = self._measured(read)
                 if whole != (results, plan.made.problems):
-                    form = self.form(read)
-                    form.plans, form.refused = [], f"a plan gave other results for {dict(zip(read.names, read.values))}"
+                    self.forms.of(read).wrong(f"a plan gave other results for {dict(zip(read.names, read.values))}")
                     yield self._passed(settings, read, tests)
                     continue
             yield self._judged(settings, read, results, plan.made.problems)
 
-    def form(self, read: Read) -> Form[_Shape]:
-        """What is known of settings of these names and texts."""
-        key = (read.names, read.texts)
-        if key not in self.forms:
-            if len(self.forms) >= 256:
-                self.forms.clear()
-            self.forms[key] = Form()
-        return self.forms[key]
-
     def _planned(self, read: Read) -> tuple[Recipe[_Shape], tuple[float, ...]] | None:
         if read.report is not None or not read.names:
             return None
-        form = self.form(read)
-        known = form.plan_for(read)
-        if known is not None or not form.worth_it(read):
-            return known
+        form = self.forms.of(read)
+        return form.planned(read, partial(self._plan, read, form))
+
+    def _plan(self, read: Read, form: Form[_Shape]) -> Recipe[_Shape] | None:
+        """A plan that gives what compilations do; None, and the reason in `form`, where there is none."""
         first = self._measured(read)
         if not first[0]:
             return None
 
         def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> Rehearsal:
-            return rehearse(self.session, self.mode, numbers, texts, self._traced, exact)
+            return rehearse(self.session, (self.mode,), numbers, texts, self._traced, exact)
 
         def exchanged(rehearsal: Rehearsal) -> Exchange:
             assert rehearsal.parts is not None
@@ -97,17 +89,16 @@ class Evaluation:
             shape = _Shape(rehearsal.made, first[1])
             return shape.outputs, shape
 
-        plan = plans.make(read, self.reader, attempt, finish, form, exchanged)
+        plan = recipes.make(read, self.reader, attempt, finish, form, exchanged)
         if plan is None:
             return None
-        for sample in plans.samples(read, self.reader, form):
+        for sample in recipes.samples(read, self.reader, form):
             outputs = plan.outputs(sample.values)
             whole = self._measured(sample)
-            if outputs is not None and whole[0] and whole != (plan.made.results(outputs), plan.made.problems):
+            if outputs is not None and whole[0] and whole != (plan.made.of(outputs), plan.made.problems):
                 form.refused = "a plan gave other results"
                 return None
-        form.add(plan)
-        return form.plan_for(read)
+        return plan
 
     def _traced(self, compilation: Compilation, tape: Tape) -> Results:
         return measure(compilation.robots[0], self.pose, self.reach)
@@ -174,16 +165,9 @@ class Evaluation:
         return None, tuple(report.ordered())
 
 
-class _Shape:
-    """Results whose numbers differ; those that do not are there. `problems` is what is said of each."""
+class _Shape(Varying):
+    """The results of one plan. `problems` is what is said of each."""
 
     def __init__(self, results: Mapping[str, Any], problems: tuple[Diagnostic, ...]) -> None:
+        super().__init__(results)
         self.problems = problems
-        self.outputs = [value for value in results.values() if isinstance(value, Traced)]
-        self._names = [name for name, value in results.items() if isinstance(value, Traced)]
-        self._all = {name: None if isinstance(value, Traced) else value for name, value in results.items()}
-
-    def results(self, outputs: tuple[float, ...]) -> Results:
-        return {**self._all, **dict(zip(self._names, outputs))}
-
-

@@ -15,11 +15,12 @@ from thingc.families.arrays import TextTemplate
 from thingc.families.batching import Batches, batched
 from thingc.families.evaluation import Evaluation
 from thingc.families.models import ModelsOfMode
-from thingc.families.plans import Form
-from thingc.families.reading import Read, SettingsReader
 from thingc.families.results import Evaluated, Explanation, NoModel
 from thingc.families.space import Space, of_axes, of_parameters
 from thingc.pipeline import UnknownChoice
+from thingc.plans.builds import Builds
+from thingc.plans.reading import Read, SettingsReader
+from thingc.plans.recipes import Form
 from thingc.session import Session
 from thingc.source import ScalarNode, node_at
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
@@ -126,23 +127,20 @@ class RobotFamily:
 
     def write(self, settings: Mapping[str, Any] | Variant, folder: str | os.PathLike[str]) -> tuple[Diagnostic, ...]:
         """Write what `thingc build` does with these settings into `folder`, byte for byte; all that was said. With errors nothing is
-        written. Raises `OutputError` where the system refuses, and `UnexpectedFilesError` for a folder that holds anything but such a
-        build."""
-        from thingc.emit import chosen
+        written. What comes without a compilation MuJoCo is not asked about, unless it is compared with one. Raises `OutputError` where the
+        system refuses, and `UnexpectedFilesError` for a folder that holds anything but such a build."""
         from thingc.output import write_build
 
         _, read = self._read(settings)
         if read.report is not None:
             return tuple(read.report.ordered())
-        plan, session = self._plan, self._session
-        compilation = session.compile(self._reader.settings(read, self._units), plan.chosen_modes if plan is not None else ())
-        targets = plan.emit if plan is not None else chosen(())
-        artifacts = {} if compilation.report.failed else session.emit(compilation, targets)
-        if not compilation.report.failed and compilation.documents is not None:
-            files = session.files(compilation, artifacts)
+        own = self._reader.settings(read, self._units)
+        planned = self._builds.planned(own)
+        files, problems = self._builds.passed(own) if planned is None else (planned.files(), planned.problems)
+        if files:
             parent, name = os.path.split(os.path.abspath(os.fspath(folder)))
-            write_build(parent, name, files, session.environment.store, compilation.documents.root.relative)
-        return tuple(compilation.report.ordered())
+            write_build(parent, name, files, self._session.environment.store, self._sources.documents.root.relative)
+        return problems
 
     def adopt(self, settings: Mapping[str, Any] | Variant) -> tuple[Diagnostic, ...]:
         """Make settings what the document of the assembly says, as `thingc set` does: comments and layout stay, and values are in the units
@@ -227,6 +225,16 @@ class RobotFamily:
             self._session, self._reader, self.mode, pose=plan.pose if plan is not None else None,
             reach=plan.reach if plan is not None else None, rules=plan.rules if plan is not None else (),
             values=plan.values if plan is not None else dict, verify=self._verify,
+        )
+
+    @cached_property
+    def _builds(self) -> Builds:
+        from thingc.emit import chosen
+
+        plan = self._plan
+        return Builds(
+            self._session, self._reader, modes=plan.chosen_modes if plan is not None else (), verify=self._verify,
+            targets=plan.emit if plan is not None else chosen(()),
         )
 
     @property

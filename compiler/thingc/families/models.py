@@ -5,21 +5,22 @@ from __future__ import annotations
 import copy
 from collections import OrderedDict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from thingc import pipeline
 from thingc.diagnostics import Diagnostic, Report
 from thingc.emit import model_sources
-from thingc.families import plans
 from thingc.families.arrays import TOGETHER, Arrays, TextTemplate
 from thingc.families.exact import differing
-from thingc.families.exchange import Exchange
 from thingc.families.places import NotInArrays
-from thingc.families.plans import Form, Recipe
-from thingc.families.reading import Read, SettingsReader
-from thingc.families.rehearsal import Rehearsal, rehearse, written
 from thingc.families.results import NoModel
 from thingc.families.union import ModelSource
+from thingc.plans import recipes
+from thingc.plans.exchange import Exchange
+from thingc.plans.reading import Read, SettingsReader
+from thingc.plans.recipes import Form, Forms, Recipe
+from thingc.plans.rehearsal import Rehearsal, rehearse, written
 
 if TYPE_CHECKING:
     import mujoco
@@ -47,7 +48,7 @@ class ModelsOfMode:
         self.visual = visual
         self.floor = floor
         self.verify = verify
-        self.forms: dict[Any, Form[Arrays | TextTemplate]] = {}
+        self.forms: Forms[Arrays | TextTemplate] = Forms()
         self._files: mujoco.MjVfs | None = None
         self._held: dict[str, Stored] = {}
         self._made = 0
@@ -67,31 +68,15 @@ class ModelsOfMode:
                 waiting.append((item, *found))
         yield from self._together(waiting, share)
 
-    def form(self, read: Read) -> Form[Arrays | TextTemplate]:
-        """What is known of settings of these names and texts."""
-        key = (read.names, read.texts)
-        if key not in self.forms:
-            if len(self.forms) >= 256:
-                self.forms.clear()
-            self.forms[key] = Form()
-        return self.forms[key]
-
     def _is_kept(self, read: Read) -> bool:
         """Whether a compiled model is at hand, and none that only needs its arrays written."""
-        return read in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.form(read).plans)
+        return read in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.forms.of(read).plans)
 
     def _planned(self, read: Read) -> tuple[Recipe[Arrays | TextTemplate], tuple[float, ...]] | None:
         if read.report is not None or not read.names:
             return None
-        form = self.form(read)
-        known = form.plan_for(read)
-        if known is not None or not form.worth_it(read):
-            return known
-        plan = self.plan(read, form)
-        if plan is None:
-            return None
-        form.add(plan)
-        return form.plan_for(read)
+        form = self.forms.of(read)
+        return form.planned(read, partial(self.plan, read, form))
 
     def plan(self, read: Read, form: Form[Arrays | TextTemplate]) -> Recipe[Arrays | TextTemplate] | None:
         """A plan that gives what compilations do; None, and the reason in `form`, where there is none."""
@@ -100,7 +85,7 @@ class ModelsOfMode:
             return None
 
         def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> Rehearsal:
-            return rehearse(self.session, self.mode, numbers, texts, written(self.session, self.mode, floor=self.floor), exact)
+            return rehearse(self.session, (self.mode,), numbers, texts, written(self.session, self.mode, floor=self.floor), exact)
 
         def exchanged(rehearsal: Rehearsal) -> Exchange:
             assert rehearsal.parts is not None
@@ -124,10 +109,10 @@ class ModelsOfMode:
             return template.outputs, template
 
         while True:
-            plan = plans.make(read, self.reader, attempt, finish, form, exchanged)
+            plan = recipes.make(read, self.reader, attempt, finish, form, exchanged)
             if plan is None:
                 return None
-            wrong = self._compared(plan, plans.samples(read, self.reader, form))
+            wrong = self._compared(plan, recipes.samples(read, self.reader, form))
             if not wrong:
                 return plan
             if isinstance(plan.made, TextTemplate):
@@ -199,9 +184,7 @@ class ModelsOfMode:
         whole = self._compiled(read)
         wrong = ["refused"] if isinstance(whole, tuple) else differing(model, whole)
         if wrong:
-            form = self.form(read)
-            form.plans = []
-            form.refused = f"a plan gave another `{wrong[0]}` for {dict(zip(read.names, read.values))}"
+            self.forms.of(read).wrong(f"a plan gave another `{wrong[0]}` for {dict(zip(read.names, read.values))}")
         return not wrong
 
     def _passed(self, item: Item, share: bool) -> mujoco.MjModel | NoModel:

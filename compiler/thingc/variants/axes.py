@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report
-from thingc.expressions import Expression, Found, kind_of, plain, words_of
+from thingc.expressions import Expression, Found, kind_of, plain, text_of, words_of
 from thingc.frozen import dataclass
 from thingc.realize.record import Value
 from thingc.resolve import AssemblyParameters
@@ -14,7 +14,7 @@ from thingc.source import Document, Path, ScalarNode, dotted, node_at
 from thingc.spec.variants import AxisSpec
 from thingc.units import NUMBER, Quantity, shortened
 from thingc.variants.by_path import Paths, as_value, of_kind
-from thingc.variants.values import is_whole, spaced, spaced_si, text_of
+from thingc.variants.values import is_whole, spaced, spaced_si
 
 MOST_VALUES = 100_000
 """Values of one axis."""

@@ -13,7 +13,7 @@ from functools import cached_property
 
 from thingc.brief import Brief
 from thingc.diagnostics import Diagnostic
-from thingc.expressions import Expression, ExpressionError, Found, evaluate, plain
+from thingc.expressions import Expression, ExpressionError, Found, evaluate, plain, text_of
 from thingc.printing import as_text
 from thingc.realize.record import Value
 from thingc.resolve.model import AssemblyDefinition
@@ -23,7 +23,7 @@ from thingc.variants.axes import Axis
 from thingc.variants.by_path import Paths
 from thingc.variants.rules import Rule
 from thingc.variants.sampling import points
-from thingc.variants.values import identity, text_of, unit_of
+from thingc.variants.values import identity, unit_of
 from thingc.workspace import Workspace
 
 OUTSIDE = "outside:"

@@ -23,6 +23,7 @@ from thingc.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.emit.artifact import Content, Stored, counts_of
 from thingc.environment import Options
 from thingc.expressions import ExpressionError, Found, parse_expression
+from thingc.plans import Builds, SettingsReader
 from thingc.printing import as_json
 from thingc.resolve import Settings
 from thingc.session import Session
@@ -54,6 +55,10 @@ class Runner:
             Rule(text=text, expression=parse_expression(text, dotted=True), names=names)
             for text, names in zip(job.rules, job.rule_names, strict=True)
         ]
+        sources = self.session.sources
+        self.builds = None if job.verify == 1 or sources is None or self.session.report.failed else Builds(
+            self.session, SettingsReader(sources), modes=job.modes, targets=job.emit, verify=job.verify, measured=self._results,
+        )
 
     def __enter__(self) -> Runner:
         return self
@@ -71,7 +76,7 @@ class Runner:
             try:
                 outcome = self._attempt(task)
             except BlobMissing:  # a damaged blob of the store: it is made anew
-                outcome = self._attempt(task)
+                outcome = self._passed(task)
         except StoreUnusable as fault:
             outcome = row(task, STOPPED, code=Code.OUTPUT.code, message=f"the store `{fault.root}` cannot be used: {fault.reason}")
         except OSError as fault:
@@ -90,6 +95,21 @@ class Runner:
         self.printed.setdefault(part, []).extend(lines)
 
     def _attempt(self, task: Task) -> Row:
+        settings = Settings(parameters=task.parameters, choices=task.choices)
+        planned = self.builds.planned(settings) if self.builds is not None else None
+        if planned is None:
+            return self._passed(task)
+        parts: dict[str, Any] = {"modelled": [], "reused": planned.parts}
+        shown = _shown(planned.results)
+        verdict = self._judge(task, planned.results)
+        if verdict is not None:
+            return row(task, **verdict, results=shown, **parts)
+        if self.job.folder is not None:
+            parts |= self._written(self.job.folder, task, planned.files())
+        return row(task, "built", results=shown, losses=dict(planned.losses), **parts)
+
+    def _passed(self, task: Task) -> Row:
+        """Build a variant by every pass."""
         compilation = self.session.compile(Settings(parameters=task.parameters, choices=task.choices), self.job.modes)
         parts: dict[str, Any] = {"modelled": compilation.modelled, "reused": len(compilation.reused)}
         if compilation.report.failed:
@@ -130,6 +150,13 @@ class Runner:
     def _measured(self, compilation: Compilation) -> Results:
         robot = next(robot for robot in compilation.robots if robot.mode.name == self.job.results_mode)
         return measure(robot, self.job.pose, self.job.reach)
+
+    def _results(self, compilation: Compilation) -> Results | None:
+        """The results; None where there is no such mount."""
+        try:
+            return self._measured(compilation)
+        except UnknownMount:
+            return None
 
     def _judge(self, task: Task, results: Results) -> dict[str, Any] | None:
         """What a rule says against a variant; None where all are kept."""

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from thingc.families.tape import Const, Ref, Tape, Traced
 from thingc.inertia import principal_axes
+from thingc.plans.tape import Const, Ref, Tape, Traced
 from thingc.pose import quarter_exact
 
 Run = Callable[..., "tuple[float, ...] | None"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,12 +12,13 @@ from pydantic import BaseModel
 from thingc import pipeline
 from thingc.emit import model_sources
 from thingc.emit.artifact import Stored
-from thingc.families.exchange import Modelled, TracedParts
-from thingc.families.program import variables_of
-from thingc.families.tape import Tape, Traced, tracing
+from thingc.expressions import text_of
 from thingc.frozen import dataclass
 from thingc.memo import Memo
 from thingc.pipeline import Compilation
+from thingc.plans.exchange import Modelled, TracedParts
+from thingc.plans.program import variables_of
+from thingc.plans.tape import TOKENS, Tape, Traced, tracing
 from thingc.realize.store.local import BlobMissing
 from thingc.resolve import Settings, Sources, assembly
 from thingc.resolve.substituting import substituted
@@ -27,10 +27,6 @@ from thingc.source import Document
 from thingc.spec import Specs
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.units import Quantity
-from thingc.variants.values import text_of
-
-_TOKENS = re.compile(r"[0-9.]+e-2[67][0-9]")
-"""Tokens of tapes, and what might become of them."""
 
 
 class NotTraceable(Exception):
@@ -56,11 +52,11 @@ class Rehearsal:
 
 
 def rehearse(
-    session: Session, mode: str, numbers: Mapping[str, Quantity], texts: Mapping[str, str], make: Callable[[Compilation, Tape], Any],
-    exact: Collection[str] = (),
+    session: Session, modes: Sequence[str], numbers: Mapping[str, Quantity], texts: Mapping[str, str],
+    make: Callable[[Compilation, Tape], Any], exact: Collection[str] = (),
 ) -> Rehearsal:
-    """Compile one mode with `numbers` traced, and `texts` as they are, both by parameter or path, and `make` something of that. By numbers
-    that are `exact` parts may be modelled. Raises `NotTraceable`."""
+    """Compile modes (none named: all) with `numbers` traced, and `texts` as they are, both by parameter or path, and `make` something of
+    that. By numbers that are `exact` parts may be modelled. Raises `NotTraceable`."""
     tape = Tape()
     parts = TracedParts(session.environment.parts, lambda number: set(_names(tape, list(numbers), number)) <= set(exact))
     environment = copy.copy(session.environment)
@@ -69,10 +65,10 @@ def rehearse(
     setting = _Setting(session, numbers, texts, tape)
     with tracing((assembly, "substituted", setting.substituted)):
         try:
-            compilation = pipeline.recompile(environment, setting.sources(), setting.settings, (mode,))
+            compilation = pipeline.recompile(environment, setting.sources(), setting.settings, modes)
             if lost := [name for name in setting.tokens.values() if name not in setting.put]:
                 raise NotTraceable("it is not used", lost)
-            if compilation.report.failed or len(compilation.robots) != 1:
+            if compilation.report.failed or not compilation.robots:
                 raise NotTraceable("it is not sound there")
             made = make(compilation, tape)
         except Modelled as fault:
@@ -102,7 +98,7 @@ def written(session: Session, mode: str, *, floor: bool) -> Callable[[Compilatio
             texts, assets = model_sources(request, floor=floor)
         finally:
             tape.writing = False
-        if any(word not in tape.written for word in _TOKENS.findall(texts[mode])):
+        if any(tape.forms.get(word) != "xml" for word in TOKENS.findall(texts[mode])):
             raise NotTraceable("it is worked with where the model is written")
         return WrittenModel(text=texts[mode], assets=assets)
 

@@ -10,10 +10,10 @@ import pytest
 
 from graph.builder import record
 from thingc.emit.artifact import Stored
-from thingc.families.exchange import Exchange, Exchanged, Modelled, TracedParts
-from thingc.families.plans import PAYS, Form
-from thingc.families.reading import Read
-from thingc.families.tape import Tape
+from thingc.plans.exchange import Exchange, Exchanged, Modelled, TracedParts
+from thingc.plans.reading import Read
+from thingc.plans.recipes import PAYS, Form
+from thingc.plans.tape import Tape
 from thingc.pose import Pose
 from thingc.realize.record import (
     Expectation,

@@ -4,15 +4,17 @@ compilations."""
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from functools import partial
 from typing import Any, Generic, Protocol, TypeVar
 
-from thingc.families.exchange import Exchange, Exchanged
-from thingc.families.program import Run, compiled
-from thingc.families.reading import Read, SettingsReader
-from thingc.families.rehearsal import NotTraceable, Rehearsal, pinned
+from thingc.expressions import text_of
 from thingc.frozen import dataclass
+from thingc.plans.exchange import Exchange, Exchanged
+from thingc.plans.program import Run, compiled
+from thingc.plans.reading import Read, SettingsReader
+from thingc.plans.rehearsal import NotTraceable, Rehearsal, pinned
+from thingc.plans.tape import Traced
 from thingc.units import Quantity
 
 Made = TypeVar("Made")
@@ -31,6 +33,8 @@ MOST = 32
 """Plans that are kept of one form of settings: those used least lately are given up."""
 PAYS = 32
 """After so many settings that plans were of, another plan is made for the next that none is of: it takes as long as some compilations."""
+FORMS = 256
+"""How many forms are kept, and about as many plans: when there are more, all are forgotten."""
 CHECKED = 2
 """Settings near those that a plan is made for with which it is compared before it is used, besides these themselves."""
 
@@ -77,9 +81,11 @@ class Recipe(Generic[Made]):
 
 class Form(Generic[Made]):
     """The plans of settings of the same names and the same texts. `why` says in words of each name that is not followed why that is so,
-    `modelled` of each name that is followed which part is modelled by it; `refused` why there is no plan at all."""
+    `modelled` of each name that is followed which part is modelled by it; `refused` why there is no plan at all. A plan is made for the
+    settings that are the `patience`-th (a power of two) of which none is."""
 
-    def __init__(self) -> None:
+    def __init__(self, patience: int = 2) -> None:
+        self.patience = patience
         self.plans: list[Recipe[Made]] = []
         self.why: dict[str, str] = {}
         self.modelled: dict[str, str] = {}
@@ -104,17 +110,64 @@ class Form(Generic[Made]):
         if self.refused is not None:
             return False
         if not self.why:
-            self.missed, self.met = (2, 0) if self.met >= PAYS else (self.missed + 1, self.met)
-            return self.missed > 1 and self.missed & (self.missed - 1) == 0
+            self.missed, self.met = (self.patience, 0) if self.met >= PAYS else (self.missed + 1, self.met)
+            return self.missed >= self.patience and self.missed & (self.missed - 1) == 0
         held = tuple(value for name, value in zip(read.names, read.values) if name in self.why)
         if len(self._seen) > 1000:
             self._seen.clear()
         self._seen[held] = seen = self._seen.get(held, 0) + 1
-        return len(self.why) < len(read.names) and seen > 1 and seen & (seen - 1) == 0
+        return len(self.why) < len(read.names) and seen >= self.patience and seen & (seen - 1) == 0
 
-    def add(self, plan: Recipe[Made]) -> None:
-        """Another plan, which is tried first."""
+    def planned(self, read: Read, make: Callable[[], Recipe[Made] | None]) -> tuple[Recipe[Made], tuple[float, ...]] | None:
+        """`plan_for`; where there is none a plan is made, if that is `worth_it`."""
+        known = self.plan_for(read)
+        if known is not None or not self.worth_it(read):
+            return known
+        plan = make()
+        if plan is None:
+            return None
         self.plans = [plan, *self.plans[: MOST - 1]]
+        return self.plan_for(read)
+
+    def give_up(self, names: Collection[str], why: str) -> None:
+        """Follow some names no longer; of none, nothing at all."""
+        self.why.update((name, f"{self.modelled[name]}, and {why}" if name in self.modelled else why) for name in names)
+        if not names:
+            self.refused = why
+
+    def wrong(self, why: str) -> None:
+        """A plan gave something else than a compilation: none is used from now on."""
+        self.plans, self.refused = [], why
+
+
+class Forms(Generic[Made]):
+    """What is known of settings, by their names and texts; `patience` as a `Form` has it."""
+
+    def __init__(self, patience: int = 2) -> None:
+        self._patience = patience
+        self.kept: dict[Hashable, Form[Made]] = {}
+
+    def of(self, read: Read) -> Form[Made]:
+        """What is known of settings of these names and texts."""
+        key = (read.names, read.texts)
+        if key not in self.kept:
+            if len(self.kept) >= FORMS or sum(len(form.plans) for form in self.kept.values()) >= FORMS:
+                self.kept.clear()
+            self.kept[key] = Form(self._patience)
+        return self.kept[key]
+
+
+class Varying:
+    """Values by name, of which some are numbers that differ: `outputs`, traced."""
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        self.outputs = [value for value in values.values() if isinstance(value, Traced)]
+        self._names = [name for name, value in values.items() if isinstance(value, Traced)]
+        self._all = {name: None if isinstance(value, Traced) else value for name, value in values.items()}
+
+    def of(self, outputs: Sequence[float]) -> dict[str, Any]:
+        """The values, with these in the place of `outputs`."""
+        return {**self._all, **dict(zip(self._names, outputs, strict=True))}
 
 
 def make(
@@ -125,53 +178,51 @@ def make(
     """A plan for these settings; None, and the reason in `form`, where there is none. `finish` makes of a rehearsal what a plan needs, and
     the numbers that this works with. `exchanged` makes of one by whose numbers parts are modelled what gives the records of others; None:
     such numbers are not followed."""
-    quantities = reader.quantities(read)
-    texts = dict(read.texts)
-
-    def blame(names: Iterable[str], why: str) -> None:
-        form.why.update((name, f"{form.modelled[name]}, and {why}" if name in form.modelled else why) for name in names)
-
-    while True:
+    while form.refused is None:
         free = [name for name in read.names if name not in form.why]
-        held = {name: _as_text(quantities[name]) for name in read.names if name in form.why}
         if not free:
             form.refused = "none of the numbers is followed"
-            return None
-        exact = [name for name in free if name in form.modelled]
-        attempt = partial(_attempt, partial(rehearse, exact=exact))
-        near = {name: quantities[name] if name in exact else _near(quantities[name], random.Random(name)) for name in free}
-        rehearsal, fault = attempt(near, {**texts, **held})
-        if rehearsal is None:
-            rehearsal, fault = attempt({name: quantities[name] for name in free}, {**texts, **held})
-        if fault is not None:
-            named = [name for name in fault.names if name in free]
-            if fault.modelled and exchanged is not None and (new := [name for name in named if name not in exact]):
-                form.modelled.update(dict.fromkeys(new, fault.why))
-                continue
-            blamed = named or exact or _culprits(attempt, near, {**texts, **held})
-            if not blamed:
-                form.refused = fault.why
-                return None
-            blame(blamed, fault.why)
-            continue
-        assert rehearsal is not None
-        if known := pinned(rehearsal):
-            blame(known, "a pass wants to know the very value")
+            break
+        rehearsal = _rehearsed(read, reader, rehearse, form, exchanging=exchanged is not None)
+        if rehearsal is None:  # less is followed now
             continue
         exchange = exchanged(rehearsal) if exchanged is not None and rehearsal.parts is not None else None
         try:
             outputs, made = finish(rehearsal, exchange)
-        except NotTraceable as refused:
-            if refused.names:
-                blame(refused.names, refused.why)
-                continue
-            form.refused = refused.why
-            return None
+        except NotTraceable as fault:
+            form.give_up(fault.names, fault.why)
+            continue
         return Recipe(
             free=tuple(read.names.index(name) for name in free),
             fixed=tuple((at, read.values[at]) for at, name in enumerate(read.names) if name in form.why),
             run=compiled(rehearsal.tape, outputs), made=made, exchange=exchange,
         )
+    return None
+
+
+def _rehearsed(read: Read, reader: SettingsReader, rehearse: Rehearse, form: Form[Any], *, exchanging: bool) -> Rehearsal | None:
+    """A rehearsal with the numbers that `form` does not give up; None where it knows better now what to do with them."""
+    quantities = reader.quantities(read)
+    free = {name: quantities[name] for name in read.names if name not in form.why}
+    texts = {**dict(read.texts), **{name: text_of(quantities[name]) for name in read.names if name in form.why}}
+    exact = [name for name in free if name in form.modelled]
+    near = {name: one if name in exact else _near(one, random.Random(name)) for name, one in free.items()}
+    attempt = partial(_attempt, partial(rehearse, exact=exact))
+    rehearsal, fault = attempt(near, texts)
+    if fault is not None:
+        rehearsal, fault = attempt(free, texts)
+    if fault is not None:
+        named = [name for name in fault.names if name in free]
+        if fault.modelled and exchanging and (new := [name for name in named if name not in exact]):
+            form.modelled.update(dict.fromkeys(new, fault.why))
+        else:
+            form.give_up(named or exact or _culprits(attempt, near, texts), fault.why)
+        return None
+    assert rehearsal is not None
+    if known := pinned(rehearsal):
+        form.give_up(known, "a pass wants to know the very value")
+        return None
+    return rehearsal
 
 
 def samples(read: Read, reader: SettingsReader, form: Form[Any]) -> list[Read]:
@@ -202,7 +253,7 @@ def _culprits(attempt: Attempt, numbers: Mapping[str, Quantity], texts: Mapping[
     if len(numbers) == 1:
         return list(numbers)
     alone = {
-        name: {**texts, **{other: _as_text(one) for other, one in numbers.items() if other != name}} for name in numbers
+        name: {**texts, **{other: text_of(one) for other, one in numbers.items() if other != name}} for name in numbers
     }
     return [name for name, others in alone.items() if attempt({name: numbers[name]}, others)[0] is None]
 
@@ -211,9 +262,3 @@ def _near(quantity: Quantity, source: random.Random) -> Quantity:
     """A number beside another, which is nothing in particular."""
     share = source.uniform(-1e-3, 1e-3)
     return Quantity(quantity.value * (1.0 + share) if quantity.value else share, quantity.dimension)
-
-
-def _as_text(quantity: Quantity) -> str:
-    from thingc.variants.values import text_of
-
-    return text_of(quantity)

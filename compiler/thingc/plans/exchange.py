@@ -10,9 +10,9 @@ from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from thingc.emit.artifact import Stored
-from thingc.families.program import compiled
-from thingc.families.tape import Tape, Traced, value_of
 from thingc.frozen import dataclass
+from thingc.plans.program import compiled
+from thingc.plans.tape import Tape, Traced, value_of
 from thingc.realize.record import Expectation, Mesh, MountRecord, PartDefinition, PartRecord, PartSchema
 from thingc.realize.slices import Slicing
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from thingc.families.program import compiled, variables_of
-from thingc.families.tape import Tape, tracing
 from thingc.inertia import MassProperties, physical_fault, principal_moments, total
+from thingc.plans.program import compiled, variables_of
+from thingc.plans.tape import Tape, tracing
 from thingc.pose import placed, quarter_exact, turned_about
 
 

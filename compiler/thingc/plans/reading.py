@@ -9,13 +9,12 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from thingc.diagnostics import Code, Report
-from thingc.expressions import Expression, ExpressionError, Found, evaluate
+from thingc.expressions import Expression, ExpressionError, Found, evaluate, text_of
 from thingc.frozen import dataclass
 from thingc.resolve import AssemblyParameters, Settings, Sources
 from thingc.source import SET, MappingNode, Node
 from thingc.spec import stated_value
 from thingc.units import NUMBER, Quantity, UnitError, parse_quantity
-from thingc.variants.values import text_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

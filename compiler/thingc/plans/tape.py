@@ -9,6 +9,7 @@ it is no float, so that whoever needs one (a part's parameters, a count, a text)
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -17,6 +18,11 @@ from thingc import inertia, pose
 
 Number = Any
 """A float, an int or a `Traced`."""
+
+TOKENS = re.compile(r"-?[0-9.]+e-2[67][0-9]")
+"""Tokens in texts, and what might become of them."""
+_EXPONENTS = range(-920, -865)
+"""The powers of two at which tokens begin: one for each form in which numbers are written."""
 
 _ELEMENTARY = ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "hypot", "copysign", "radians", "degrees", "remainder", "fmod")
 """Functions of `math` of one result, worked out as they are."""
@@ -36,6 +42,8 @@ class Tape:
         self.pinned: list[Traced] = []
         self.writing = False
         self.written: dict[str, int] = {}
+        self.forms: dict[str, str] = {}
+        self._places: dict[str, int] = {}
         self._known: dict[tuple[str, tuple[Any, ...]], int] = {}
 
     def variable(self, value: float, of: Sequence[Traced] = ()) -> Traced:
@@ -63,10 +71,13 @@ class Tape:
         self.guards.append((len(self.lines), "==", (Ref(number.line), Const(number.value)), True))
         return number.value
 
-    def token(self, number: Traced) -> float:
-        """A float that stands for a line in a text, by its `repr`, which nothing else has."""
-        token = math.ldexp(1.0 + number.line * 2.0**-40, -900)
+    def token(self, number: Traced, form: str = "xml") -> float:
+        """A float that stands for a line in a text, by its `repr`, which nothing else has. `form` is how the number is to be written:
+        `xml`, or as another format does, or behind a `:` as `format` does with that."""
+        place = self._places.setdefault(form, len(self._places))
+        token = math.ldexp(1.0 + number.line * 2.0**-40, _EXPONENTS[place])
         self.written[repr(token)] = number.line
+        self.forms[repr(token)] = form
         return token
 
     def _line(self, operation: str, arguments: tuple[Any, ...], value: Any) -> Traced:
@@ -183,14 +194,11 @@ class Traced:
         return round(self.tape.pin(self), digits)
 
     def __repr__(self) -> str:
-        return repr(self._said())
+        return repr(self.tape.pin(self) if self.tape.writing else self.value)  # in labels and messages, of which no file is made
 
     def __format__(self, form: str) -> str:
-        return format(self._said(), form)
+        return repr(self.tape.token(self, f":{form}")) if self.tape.writing else format(self.value, form)
 
-    def _said(self) -> Any:
-        """Its value for labels and messages, of which no model is made; where a model is written, that is another matter."""
-        return self.tape.pin(self) if self.tape.writing else self.value
 
 
 def _binary(operation: str, left: Number, right: Number) -> Any:
@@ -238,9 +246,16 @@ def tracing(*others: tuple[Any, str, Any]) -> Iterator[None]:
         *((math, name, _elementary(name)) for name in _ELEMENTARY), *((math, name, _test(name)) for name in ("isfinite", "isnan", "isinf")),
         (math, "fsum", _fsum), (math, "dist", _dist), *((module, name, _whole(module, name)) for module, name in WHOLE), *others,
     )
+    with standing_in(*stand_ins):
+        yield
+
+
+@contextmanager
+def standing_in(*functions: tuple[Any, str, Any]) -> Iterator[None]:
+    """While names of modules, or of other owners, mean something else: the owner, the name, and what it is meanwhile."""
     known: list[tuple[Any, str, Any]] = []
     try:
-        for owner, name, function in stand_ins:
+        for owner, name, function in functions:
             known.append((owner, name, getattr(owner, name)))
             setattr(owner, name, function)
         yield

@@ -1,0 +1,123 @@
+"""Whole builds by plans. The oracle is what every pass gives for the same settings."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from families.documents import EVERYTHING, INERTIA, TOOL
+from thingc.emit.artifact import MANIFEST
+from thingc.environment import Options
+from thingc.plans import Builds, SettingsReader, builds
+from thingc.resolve import Settings
+from thingc.session import Session
+
+PAIR = f"""\
+thingc: assembly/1
+name: pair
+parameters: {{one: 10 g, other: 20 g}}
+components:
+  base: {{frame: true, mass: 1 kg, {INERTIA}, mounts: {{side: {{xyz: 0 100 0 mm}}}}}}
+  one: {{assembly: knob.yaml, parameters: {{mass: =one}}, at: {{in: base.origin}}}}
+  other: {{assembly: knob.yaml, parameters: {{mass: =other}}, at: {{in: base.origin}}}}
+  arm: {{frame: true, mass: 1 kg, {INERTIA}}}
+joints: {{turn: {{type: continuous, parent: base.side, child: arm.origin}}}}
+modes: {{standing: {{root: base}}}}
+"""
+
+KNOB = "thingc: assembly/1\nname: knob\nparameters: {mass: 1 g}\ncomponents: {knob: {frame: true, mass: =mass}}\n"
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("builds")
+    (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    for name, text in {"everything": EVERYTHING, "tool": TOOL, "pair": PAIR, "knob": KNOB}.items():
+        (folder / f"{name}.yaml").write_text(text)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(builds, "PATIENCE", 2)
+
+
+@pytest.fixture(scope="module")
+def session(workspace: Path) -> Iterator[Session]:
+    with Session(str(workspace / "everything.yaml"), Options()) as session:
+        yield session
+
+
+def made(session: Session, **named: Any) -> Builds:
+    assert session.sources is not None
+    usual = {"modes": ("standing", "hanging", "loose"), "targets": ("mjcf", "bom"), "verify": 0}
+    return Builds(session, SettingsReader(session.sources), **{**usual, **named})
+
+
+def given(k: int) -> Settings:
+    return Settings(
+        parameters={"load": f"{100 + 7 * k} g", "length": f"{250 + 3 * k} mm"},
+        choices={"joints.lift.limit.upper": f"{70 + k} deg", "joints.lift.limit.velocity": f"{5 + k / 7} rad/s"},
+    )
+
+
+def test_builds_are_those_of_every_pass(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = made(session, measured=lambda compilation: {"mass": compilation.robots[0].assembly.links[1].properties.mass, "name": "x"})
+    assert own.planned(given(0)) is None
+    assert own.planned(given(1)) is not None  # the second that no plan is of
+    monkeypatch.setattr(Session, "compile", None)
+    planned = {k: own.planned(given(k)) for k in range(2, 8)}
+    monkeypatch.undo()
+    for k, build in planned.items():
+        whole, _ = own._passed(given(k))
+        assert build is not None and whole is not None
+        files = whole.files()
+        assert {path for path, content in build.files().items() if content != files[path]} == set() and [*build.files()] == [*files]
+        assert (build.results, build.problems, build.losses, build.parts) == (whole.results, whole.problems, whole.losses, whole.parts)
+        assert f'"what": "its velocity limit of {5 + k / 7:.6g} rad/s"' in bytes(files[MANIFEST]).decode()  # type: ignore[arg-type]
+    masses = [build.results["mass"] for build in planned.values() if build is not None]
+    assert len(set(masses)) == 6 and all(type(mass) is float for mass in masses)
+
+
+def test_pieces_of_equal_mass_are_one_row_again(workspace: Path) -> None:
+    with Session(str(workspace / "pair.yaml"), Options()) as session:
+        own = made(session, modes=())
+        for k in range(3):
+            build = own.planned(Settings(parameters={"one": f"{10 + k} g", "other": f"{20 + k} g"}))
+        assert build is not None and json.loads(build.files()["bom.json"])[1]["quantity"] == 1  # type: ignore[arg-type]
+        alike = Settings(parameters={"one": "15 g", "other": "15 g"})
+        assert own.planned(alike) is None
+        files, _ = own.passed(alike)
+        assert [row["quantity"] for row in json.loads(files["bom.json"])] == [1, 2, 1]  # type: ignore[arg-type]
+
+
+def test_what_a_plan_is_not_of_goes_through_every_pass(session: Session) -> None:
+    own = made(session)
+    for k in range(2):
+        own.planned(given(k))
+    assert own.planned(Settings(parameters={"load": "30 kg"}, choices={})) is None
+    assert own.planned(Settings(parameters={**given(3).parameters, "load": "30 kg"}, choices=given(3).choices)) is None
+    files, problems = own.passed(Settings(parameters={"load": "30 kg"}))
+    assert files == {} and "must be at most 20 kg" in problems[0].message
+    assert made(session, targets=("mjcf", "hag")).planned(given(0)) is None
+
+
+def test_a_plan_that_gives_other_files_is_given_up(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = made(session, verify=2)
+    assert [own.planned(given(k)) is not None for k in range(4)] == [False, True, True, True]
+    monkeypatch.setattr(builds._Template, "files", lambda self, numbers, settings: {MANIFEST: b"{}"})
+    assert own.planned(given(4)) is None  # the fourth: time to look
+    (form,) = own._forms.kept.values()
+    assert form.plans == [] and (form.refused or "").startswith("a plan gave other files for {'joints.lift.limit.upper': 1.29")
+    monkeypatch.undo()
+    assert own.planned(given(5)) is None
+
+
+def test_a_plan_is_made_when_it_pays(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(builds, "PATIENCE", 4)
+    own = made(session)
+    assert [own.planned(given(k)) is not None for k in range(5)] == [False, False, False, True, True]
