@@ -103,8 +103,8 @@ def batch_page(path: Path) -> None:
 
 
 HERO = (
-    ("front_foot", "step_rear", "0.95,-0.62,0.5"), ("front_foot_wall", "arched", "0.62,-1.05,0.25"),
-    ("rear_foot_ceiling", "arched", "0.95,-0.7,-0.2"),
+    ("front_foot", "step_rear", (0.95, -0.62, 0.5)), ("front_foot_wall", "arched", (0.62, -1.05, 0.25)),
+    ("rear_foot_ceiling", "arched", (0.95, -0.7, -0.2)),
 )
 """Modes of MInchW, each with a pose and whence it is looked at."""
 
@@ -130,12 +130,8 @@ def hero(path: Path) -> None:
         page = Path(folder) / "minchw/html/minchw.html"
         shots: list[str] = []
         for mode, pose, eye in HERO:
-            with opened(browser, address(page, f"#mode={mode}&pose={pose}&theme=light&panels=none&marks=floor"), (420, 560)) as shown:
-                shown.evaluate("""(eye) => { thingc.viewer.reset();
-                  const { stage } = thingc.viewer, [x, y, z] = eye.split(",").map(Number);
-                  const away = stage.camera.position.distanceTo(stage.controls.target) * 0.92;
-                  stage.camera.position.set(x, y, z).normalize().multiplyScalar(away).add(stage.controls.target);
-                  stage.controls.update(); stage.ask(); }""", eye)
+            with opened(browser, address(page, f"#mode={mode}&pose={pose}&theme=light&panels=none&marks=floor"), (400, 711)) as shown:
+                shown.evaluate("(eye) => thingc.viewer.reset(eye)", eye)
                 drawn(shown)
                 picture = base64.b64encode(shown.locator("#view").screenshot()).decode()
             shots.append(f'<figure><img src="data:image/png;base64,{picture}"><figcaption>{mode}</figcaption></figure>')
@@ -145,7 +141,7 @@ def hero(path: Path) -> None:
         steered.goto(both.as_uri())
         steered.locator("main").screenshot(path=str(path))
     with Image.open(path) as picture:
-        picture.convert("RGB").quantize(255, dither=Image.Dither.NONE).save(path, optimize=True)
+        picture.convert("RGB").quantize(255, kmeans=3, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 STEPS = {

@@ -365,6 +365,18 @@ def test_what_is_exploded_stays_in_the_picture(browser: Any, pages: Pages) -> No
         assert page.evaluate(framed) == pytest.approx(box, abs=1e-9)
 
 
+@pytest.mark.parametrize("size", [(1300, 420), (460, 900)])
+def test_a_robot_fills_a_window_wide_or_narrow(browser: Any, pages: Pages, size: tuple[int, int]) -> None:
+    """From every side all corners of the box around it are in the picture, and one of them is near its rim."""
+    corners = """() => { const { stage } = thingc.viewer, { min, max } = stage.bounds(); stage.camera.updateMatrixWorld();
+      return [0, 1, 2, 3, 4, 5, 6, 7].map((k) => stage.world.localToWorld(min.clone().set(
+        (k & 1 ? min : max).x, (k & 2 ? min : max).y, (k & 4 ? min : max).z)).project(stage.camera).toArray().slice(0, 2)); }"""
+    with opened(browser, address(pages.minchw / "html/minchw.html", "#mode=front_foot&pose=arched&panels=none"), size) as page:
+        for view in ("undefined", "[1, 0, 0]", "[0, -1, 0]", "[0, -1e-4, 1]"):
+            page.evaluate(f"thingc.viewer.reset({view})")
+            assert 0.89 < np.abs(page.evaluate(corners)).max() < 0.92, view
+
+
 def test_as_few_calls_as_definitions(browser: Any, pages: Pages) -> None:
     """Draw calls of everything at once are at most definitions x materials + 20, and with a section, for which every definition is drawn
     once more, that many more; a frame's script is measured in benchmarks."""

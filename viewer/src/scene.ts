@@ -14,6 +14,8 @@ import { CUT, Section } from "./section";
 
 /** Faces that meet at more than this angle [rad] have an edge between them. */
 const CREASE = 0.55;
+/** How much larger than the box around a robot the picture of it is. */
+const MARGIN = 1.1;
 /** Of what has no colour. */
 export const PLAIN = "#bfc4c9";
 export const CHOSEN = new Color("#ff8a1f");
@@ -242,18 +244,29 @@ export class Stage {
     }
   }
 
-  /** The camera so far away that all is in the picture, looking from there, and a floor as large. */
+  /** The camera so near that the box around all that is there just fits into the picture, looking from there, and a floor as large. */
   frame(from: [number, number, number] = [0.62, -0.72, 0.42]): void {
     const box = (this.framed = this.bounds());
-    const centre = box.getCenter(new Vector3()), radius = box.getSize(new Vector3()).length() / 2;
-    this.size = radius;
-    const middle = this.world.localToWorld(centre.clone());
-    const half = Math.tan((this.camera.fov * Math.PI) / 360) * Math.min(1, this.camera.aspect);
-    this.controls.target.copy(middle);
-    this.camera.position.copy(middle).add(new Vector3(...from).normalize().multiplyScalar((1.12 * radius) / half));
+    this.size = box.getSize(new Vector3()).length() / 2;
+    const { camera, controls: { target } } = this;
+    target.copy(this.world.localToWorld(box.getCenter(new Vector3())));
+    const toward = new Vector3(...from).normalize();
+    const right = new Vector3().crossVectors(camera.up, toward).normalize(), up = new Vector3().crossVectors(toward, right);
+    const high = Math.tan((camera.fov * Math.PI) / 360) / MARGIN, wide = high * camera.aspect;
+    const away = this.corners(box).map((corner) => corner.sub(target))
+      .map((corner) => corner.dot(toward) + Math.max(Math.abs(corner.dot(right)) / wide, Math.abs(corner.dot(up)) / high));
+    camera.position.copy(target).addScaledVector(toward, Math.max(...away));
     this.reach();
     this.controls.update();
     this.turnAside();
+  }
+
+  /** The corners in the scene of a box in the world of the robot. */
+  private corners(box: Box3): Vector3[] {
+    return [0, 1, 2, 3, 4, 5, 6, 7].map((corner) => {
+      const [x, y, z] = [corner & 1, corner & 2, corner & 4].map((far, axis) => (far ? box.max : box.min).getComponent(axis));
+      return this.world.localToWorld(new Vector3(x, y, z));
+    });
   }
 
   private turnAside(): void {
@@ -265,9 +278,8 @@ export class Stage {
   /** Whether a box in the world of the robot is in the picture as a whole. */
   shows(box: Box3): boolean {
     this.camera.updateMatrixWorld();
-    return [0, 1, 2, 3, 4, 5, 6, 7].every((corner) => {
-      const [x, y, z] = [corner & 1, corner & 2, corner & 4].map((far, axis) => (far ? box.max : box.min).getComponent(axis));
-      const spot = this.world.localToWorld(new Vector3(x, y, z)).project(this.camera);
+    return this.corners(box).every((corner) => {
+      const spot = corner.project(this.camera);
       return Math.max(Math.abs(spot.x), Math.abs(spot.y)) < 1 && spot.z < 1;
     });
   }
