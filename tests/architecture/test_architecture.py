@@ -105,7 +105,7 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
         "pipeline": {"*"},
         "dependencies": {"*"},
         "load": {"Documents", "has_header", "load"},
-        "layout": {"format_document"},
+        "layout": {"Looked", "TextEdit", "Unsettable", "format_document", "located", "sure_edits", "with_values"},
         "realize": {
             "ABSENT", "BadLock", "Decision", "EndingWorkers", "GeometryService", "Module", "NoWorkers", "PartAnswers", "Slicing", "Store",
             "StoreUnusable", "read_lock",

@@ -14,7 +14,7 @@ from lsprotocol import types
 from pygls.lsp.client import LanguageClient
 
 _T = TypeVar("_T")
-PATIENCE = 60.0
+PATIENCE = 30.0
 
 
 class Editor:
@@ -52,8 +52,14 @@ class Editor:
         return self.client._server
 
     def request(self, method: str, params: Any) -> Any:
-        """The answer to a request; raises `JsonRpcException`."""
-        return self._run(self.client.protocol.send_request_async(method, params))
+        """The answer to a request with these parameters (plain JSON); raises `JsonRpcException`."""
+        protocol = self.client.protocol
+        typed = protocol._converter.structure(params, types.METHOD_TO_TYPES[method][2])
+
+        async def asked() -> Any:
+            return await protocol.send_request_async(method, typed)
+
+        return self._run(asked())
 
     def notify(self, method: str, params: Any) -> None:
         """Say something without waiting."""

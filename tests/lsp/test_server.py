@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from pygls.exceptions import JsonRpcException
 
 from live.documents import ROBOT, write
 from lsp.editor import Editor, lines
+from thingc.cli.main import main
+from thingc.environment import Options
+from thingc.lsp.analysis import OpenText, analyse
+
+TYPED = ["", "", "x", "_", " ", "\n", ":", "{", "]", "- ", "=", "'", "#", "12 mm", "\U0001f916", "\u00e9", "components:\n"]
+ODD = [
+    "", "thingc", "\x00thingc: assembly/1", "thingc: assembly/1\n" + "a: [" * 3000, "thingc: assembly/1\nname: &a [*a]\n",
+    "\ufeffthingc: assembly/1\n", "thingc: assembly/1\r\nname: a\rcomponents: {a\u2028: 1}\n", "thingc: assembly/1\nname: \ud800\n",
+    "thingc: workspace/1\n", "thingc: variants/1\nassembly: robot.yaml\naxes: {reach: [1 mm, 60 mm]}\n", "%YAML 9\n", "- a\n",
+    "thingc: variants/1\nassembly: x.yaml\n", "thingc: assembly/1\nname: a\nparameters: {a: =a + b, b: =a * 9**9**9**9}\n",
+    "thingc: materials/1\nmaterials: {oak: {density: 1 mm}}\n",
+]
 
 
 @pytest.fixture(scope="module")
@@ -29,3 +43,85 @@ def test_what_is_wrong_is_published_with_the_version(editor: Editor, robot: Path
     assert lines(found) == ["19:13 TC302 this document has no component `bass`"]
     assert editor.type(robot, ROBOT) == []
     assert editor.type(robot, ROBOT + "\n") == []
+
+
+def test_every_keystroke_of_a_random_session_is_answered(editor: Editor, robot: Path) -> None:
+    """Letters come and go anywhere, some faster than they are answered; what is said of the last text is what a check says of it."""
+    chance = random.Random(15)
+    text = ROBOT
+    editor.open(robot)
+    for number in range(240):
+        at, kept = chance.randrange(len(text)), chance.choice([0, 0, 0, 1, 7])
+        put = chance.choice(TYPED)
+        text = text[:at] + put + text[at + kept:]
+        if number % 40 == 39:
+            text = ROBOT
+        editor.type_ahead(robot, text)
+        if number % 3:
+            editor.said(robot)
+        if number % 30 == 17:
+            said = editor.said(robot)
+            found = analyse(str(robot), {str(robot): OpenText(uri="", version=0, text=text)}, Options(lock=True)).findings
+            there = [one for one in found if one.span is None or one.span.file == str(robot)]
+            assert [one.code for one in said] == [one.code.code for one in there], text
+    assert editor.said(robot) == []
+
+
+@pytest.mark.parametrize("text", ODD)
+def test_no_text_is_too_odd(editor: Editor, robot: Path, text: str) -> None:
+    path = robot.parent / "odd.yaml"
+    found = editor.open(path, text)
+    assert not any("failed" in one.message for one in found)
+    everywhere = {"start": {"line": 0, "character": 0}, "end": {"line": 99, "character": 2**31 - 1}}
+    asked = {"textDocument": {"uri": path.as_uri()}}
+    editor.request("textDocument/formatting", {**asked, "options": {"tabSize": 2, "insertSpaces": True}})
+    editor.request("textDocument/codeAction", {**asked, "range": everywhere, "context": {"diagnostics": []}})
+    editor.close(path)
+
+
+def test_ten_megabytes_are_refused_and_hold_nothing_up(editor: Editor, robot: Path) -> None:
+    path = robot.parent / "large.yaml"
+    assert [one.code for one in editor.open(path, ROBOT + "# " + "x" * 10_000_000)] == ["TC108"]
+    assert editor.open(robot) == []
+    editor.close(path)
+
+
+def test_what_is_none_of_ours_is_left_alone(editor: Editor, tmp_path: Path) -> None:
+    """Files of others, files that are nowhere, requests that nobody knows."""
+    assert editor.open(tmp_path / "docker.yaml", "services: {web: [}\n") == []
+    assert editor.open(tmp_path / "notes.txt", "thingc: assembly/1\n") == []
+    with pytest.raises(JsonRpcException, match="Method Not Found"):
+        editor.request("textDocument/moniker", {"textDocument": {"uri": "file:///x.yaml"}, "position": {"line": 0, "character": 0}})
+    for uri in ("untitled:Untitled-1", "file://elsewhere/x.yaml", "nonsense", "file:///a%00b.yaml"):
+        asked = {"textDocument": {"uri": uri}, "options": {"tabSize": 2, "insertSpaces": True}}
+        assert editor.request("textDocument/formatting", asked) is None
+    assert editor.open(tmp_path / "new.yaml", "thingc: assembly/1\nname: new\n") != []
+
+
+def test_two_workspaces_are_two(editor: Editor, tmp_path: Path) -> None:
+    """The same names in both; each document is that of its own."""
+    robots = []
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        robots.append(write(tmp_path / name))
+    (tmp_path / "two/finger.yaml").unlink()
+    assert editor.open(robots[0]) == []
+    assert lines(editor.open(robots[1])) == ["11:15 TC113 there is no file `finger.yaml`"]
+    seen = len(editor.published)
+    (tmp_path / "two/finger.yaml").write_text((tmp_path / "one/finger.yaml").read_text())  # by somebody else
+    assert editor.wait(lambda one: one.uri == robots[1].as_uri() and not one.diagnostics, seen) == []
+
+
+def test_the_settings_of_a_workspace_count_unsaved(editor: Editor, robot: Path) -> None:
+    settings = robot.parent / "thingc.toml"
+    assert editor.open(robot) == []
+    assert editor.open(settings) == []
+    assert lines(editor.type(settings, 'thingc = "workspace/1"\npart_timeout = "5 mm"\n')) != []
+    assert editor.type(settings, 'thingc = "workspace/1"\n') == []
+
+
+def test_a_server_says_so_where_its_extra_is_missing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert main(["lsp"]) == 2
+    said = capsys.readouterr().err
+    assert "`thingc lsp` needs pygls, which is not installed" in said and "pip install 'thingc[lsp]'" in said

@@ -94,7 +94,7 @@ def _autofix(
     done: list[TextEdit] = []
     texts = dict(contents)
     for _ in range(PASSES):
-        chosen = _chosen(now, texts, allowed, read)
+        chosen = sure_edits(now, texts, allowed, read)
         while chosen:
             fresh = {**texts, **_applied(chosen, texts, read)}
             then = look(fresh)
@@ -109,8 +109,10 @@ def _autofix(
     return done, texts, now.found
 
 
-def _chosen(now: Looked, texts: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]) -> list[TextEdit]:
-    """The sure fixes that do not overlap."""
+def sure_edits(
+    now: Looked, texts: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
+) -> list[TextEdit]:
+    """The fixes of which nothing else can have been meant, those that do not overlap. `texts`, `allowed`, `read`: as for `autofix`."""
     words, given = _words(now.documents)
     edits: list[TextEdit] = []
     decoded: dict[str, str | None] = {}

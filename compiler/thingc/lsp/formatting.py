@@ -7,15 +7,11 @@ from typing import Any
 from thingc.diagnostics import Report
 from thingc.layout import format_document
 from thingc.lsp.analysis import Analysis
+from thingc.lsp.edits import edits
 from thingc.lsp.positions import TextPlace
 
 
 def formatted(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """One edit of the lines that change; none where the text is not well-formed, or stands as it should."""
-    after = format_document(analysis.path, text.encode(errors="surrogatepass"), Report())
-    if after is None:
-        return []
-    new = after.decode()
-    if new == text:
-        return []
-    return [{"range": analysis.lines().range_of(0, len(text)), "newText": new}]
+    """The edits that bring a document into canonical layout; None where it is not well-formed, or none of ours."""
+    after = format_document(analysis.path, text.encode(errors="surrogatepass"), Report()) if analysis.documents is not None else None
+    return None if after is None else edits(analysis.lines(), after.decode())

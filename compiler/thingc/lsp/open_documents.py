@@ -68,7 +68,8 @@ class OpenDocuments:
         self._unanswered: dict[str, tuple[str, Unanswered]] = {}
         self._workers: dict[str, WorkersBeside] = {}
         self._ended = threading.Event()
-        self._looking: threading.Thread | None = None
+        self._watched = Watched(content=state_of)
+        threading.Thread(target=self._look, name="looking", daemon=True).start()
 
     # --- texts ---------------------------------------------------------------------------------------------------
 
@@ -140,7 +141,7 @@ class OpenDocuments:
             raise
         with self._lock:
             self._analyses[path] = analysis
-        self._watch()
+            self._watched.note(analysis.looked_at)
         return analysis
 
     def _analysed(self, path: str, texts: Mapping[str, OpenText], memo: Memo, known: Analysis | None) -> Analysis:
@@ -178,7 +179,8 @@ class OpenDocuments:
         for analysis in analyses:
             for file, found in by_file(analysis).items():
                 of_file = said.setdefault(file, [])
-                of_file.extend(one for one in found if one not in of_file)
+                if analysis.open.get(file) is self._texts.get(file):  # else it has seen another text of that file
+                    of_file.extend(one for one in found if one not in of_file)
         for file in dict.fromkeys((path, *said, *self._published)):
             found = said.get(file, [])
             if file == path or found != self._published.get(file, []):
@@ -228,30 +230,20 @@ class OpenDocuments:
 
     # --- the disk ------------------------------------------------------------------------------------------------
 
-    def _watch(self) -> None:
-        if self._looking is None:
-            self._looking = threading.Thread(target=self._look, name="looking", daemon=True)
-            self._looking.start()
-
     def _look(self) -> None:
         """Look whether somebody saves what the analyses depend on."""
-        watched = Watched(content=state_of)
-        seen: Hashable = None
-
-        def changed() -> tuple[str, ...]:
-            nonlocal seen
-            with self._lock:
-                now = frozenset().union(*(one.looked_at for one in self._analyses.values()))
-            if now != seen:
-                watched.only(now)
-                seen = now
-            return watched.changed()
-
-        for found in looks(changed, self._ended, PAUSE):
+        for found in looks(self._saved_elsewhere, self._ended, PAUSE):
             for path in found:
                 self.saved(path)
             if found:
                 self._wake()
+
+    def _saved_elsewhere(self) -> tuple[str, ...]:
+        with self._lock:
+            needed: frozenset[str] = frozenset().union(*(one.looked_at for one in self._analyses.values()))
+            if needed != self._watched.paths:
+                self._watched.only(needed)
+            return self._watched.changed()
 
     def close(self) -> None:
         """End what was started."""

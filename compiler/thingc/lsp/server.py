@@ -47,6 +47,7 @@ class Feature:
 
 
 FEATURES: dict[str, Feature] = {
+    "textDocument/codeAction": Feature(answer="actions:actions", options={"codeActionKinds": ["quickfix"]}),
     "textDocument/formatting": Feature(answer="formatting:formatted"),
 }
 """Requests of the protocol and who answers them."""
