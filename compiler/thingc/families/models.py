@@ -112,7 +112,7 @@ class ModelsOfMode:
             plan = recipes.make(read, self.reader, attempt, finish, form, exchanged)
             if plan is None:
                 return None
-            wrong = self._compared(plan, recipes.samples(read, self.reader, form))
+            wrong = self._compared(plan, recipes.samples(read, self.reader, form), first)
             if not wrong:
                 return plan
             if isinstance(plan.made, TextTemplate):
@@ -120,11 +120,12 @@ class ModelsOfMode:
                 return None
             slower = f"a plan by arrays gave another `{wrong}`"
 
-    def _compared(self, plan: Recipe[Arrays | TextTemplate], samples: Sequence[Read]) -> str:
-        """The first field in which models of a plan differ from compiled ones; empty where none does."""
+    def _compared(self, plan: Recipe[Arrays | TextTemplate], samples: Sequence[Read], first: mujoco.MjModel) -> str:
+        """The first field in which models of a plan differ from compiled ones, of which `first` is that of the first sample; empty where
+        none does."""
         for read in samples:
             outputs = plan.outputs(read.values)
-            whole = self._compiled(read)
+            whole = first if read is samples[0] else self._compiled(read)
             if outputs is None or isinstance(whole, tuple):
                 continue
             try:

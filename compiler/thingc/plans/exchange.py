@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 KEPT = 512
 """How many records of a plan are kept at hand."""
 
-FIRST = (1, 2, 4)
-"""Which uses of an exchange are compared with compilations, however many other plans have had."""
+FIRST = (2, 4)
+"""Which uses of an exchange are compared with compilations, however many other plans have had; the first is of what it was made for."""
 
 _PLAIN = (0.0, 1.0, -1.0)
 """Numbers that are the same in every record that a plan is of: most of those in rotations, and they decide much."""

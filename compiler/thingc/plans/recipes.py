@@ -226,7 +226,7 @@ def _rehearsed(read: Read, reader: SettingsReader, rehearse: Rehearse, form: For
 
 
 def samples(read: Read, reader: SettingsReader, form: Form[Any]) -> list[Read]:
-    """Settings by which a plan is judged: these, and some near them, for which no other part is modelled."""
+    """Settings by which a plan is judged: these, first, and some near them, for which no other part is modelled."""
     found = [read]
     for number in range(CHECKED):
         source = random.Random(number)
@@ -236,7 +236,7 @@ def samples(read: Read, reader: SettingsReader, form: Form[Any]) -> list[Read]:
             for at, name in enumerate(read.names)
         ]
         found.append(Read(names=read.names, values=tuple(values), texts=read.texts))
-    return found
+    return list(dict.fromkeys(found))
 
 
 def _attempt(
