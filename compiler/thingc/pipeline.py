@@ -9,10 +9,12 @@ artifacts.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Report, Stage, shown_path
@@ -36,6 +38,9 @@ if TYPE_CHECKING:
 
 PASSES = ("thingc.resolve", "thingc.graph", "thingc.robot")
 """The rooms behind `describe`, imported while the kernel loads, where it does."""
+
+
+_LEADS_TO_PARTS = re.compile(rb"\b(?:part|file|assembly)[\"']?\s*[:=]")
 
 
 class UnknownChoice(Exception):
@@ -142,7 +147,7 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
     workspace, report = environment.workspace, environment.report
     if workspace is None:
         return None
-    kernel_loads = modelling and environment.parts.anticipate()
+    kernel_loads = modelling and _may_name_parts(environment) and environment.parts.anticipate()
     documents = load(environment.document, workspace, report, kinds=kinds, texts=environment.options.texts, memo=environment.memo)
     if documents is None:
         return None
@@ -155,6 +160,15 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
     from thingc.resolve import Sources
 
     return Sources(workspace=workspace, documents=documents, specs=specs, schemas=schemas)
+
+
+def _may_name_parts(environment: Environment) -> bool:
+    """Whether the text of the document has a key that leads to parts: one that has none needs no kernel."""
+    try:
+        text = environment.options.texts.get(environment.document) or Path(environment.document).read_bytes()
+    except OSError:
+        return False
+    return _LEADS_TO_PARTS.search(text) is not None
 
 
 def settings_of(options: Options) -> Settings:

@@ -19,7 +19,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "compiler" / "thingc"
 
 BASE = {
-    "frozen", "brief", "shown", "source", "typos", "diagnostics", "units", "expressions", "pose", "inertia", "mirror", "memo", "packaging",
+    "frozen", "brief", "shown", "source", "typos", "diagnostics", "units", "expressions", "pose", "inertia", "mirror", "primitives",
+    "memo", "packaging",
     "installed", "workspace",
 }
 # What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
@@ -29,6 +30,7 @@ ROOMS: dict[str, set[str]] = {
     "printing": {"brief", "shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "typos"},
     "expressions": {"frozen", "diagnostics", "typos", "units"},
     "pose": {"frozen"}, "inertia": {"frozen", "brief", "pose"}, "mirror": {"pose"},
+    "primitives": {"frozen", "brief", "pose", "inertia"},
     "memo": set(), "installed": set(), "later": set(), "packaging": {"frozen"},
     "archives": {"frozen"}, "csvcell": {"shown"}, "webpage": {"shown"}, "exchange": set(),
     "workspace": BASE | {"load", "spec"},
@@ -85,7 +87,10 @@ ROOMS: dict[str, set[str]] = {
 # The door: what satellites may import, besides themselves and what stands below all rooms: the driver, what the `__init__` of a room
 # exports, and modules of types that passes hand over. ARCHITECTURE.md says so too, under "The door".
 DRIVER = {"environment", "pipeline", "dependencies", "session", "building", "output", "stamp"}
-TYPES = {"spec.assembly", "spec.variants", "realize.record", "resolve.model", "graph.types", "robot.types", "emit.artifact"}
+TYPES = {
+    "spec.assembly", "spec.variants", "realize.record", "resolve.model", "resolve.link_definition", "graph.types", "robot.types",
+    "emit.artifact",
+}
 ANY = {"*"}
 SATELLITES: dict[str, dict[str, set[str]]] = {
     "render": {},
@@ -97,6 +102,7 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
         "realize.record": ANY,
         "resolve": {"Settings", "Sources", "part_definitions", "resolve"},
         "resolve.model": ANY,
+        "resolve.link_definition": ANY,
         "spec": {"REFERENCE_PATTERN", "Specs", "json_schema", "part_references", "validate"},
     },
     "lsp": {

@@ -121,7 +121,7 @@ def test_mermaid_has_every_definition_and_every_pair(drawn: Hag) -> None:
     pairs = {(nodes[match[1]], nodes[match[3]]) for match in edges}
     assert pairs == {(label_of(e.parent), label_of(e.child)) for e in drawn.edges}
     assert len(edges) == len({(e.parent, e.child) for e in drawn.edges})
-    assert len(lines) == 1 + len(nodes) + len(edges) + 4, "every line is understood"
+    assert len(lines) == 1 + len(nodes) + len(edges) + 5, "every line is understood"
 
 
 def test_mermaid_lists_the_components() -> None:

@@ -35,7 +35,8 @@ from thingc.emit.ros.target import emit
 from thingc.emit.urdf.target import emit as emit_urdf
 from thingc.packaging import About
 from thingc.pose import NO_POSE
-from thingc.realize.record import Mesh, Primitive
+from thingc.primitives import Primitive
+from thingc.realize.record import Mesh
 from thingc.realize.store.local import Store
 from thingc.resolve.model import Drive, Dynamics, Joint, Limit
 from thingc.robot import root as rooted

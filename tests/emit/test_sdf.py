@@ -35,7 +35,7 @@ from thingc.emit.request import EmitRequest
 from thingc.emit.sdf.target import emit
 from thingc.environment import Environment, Options
 from thingc.pose import Pose
-from thingc.realize.record import Primitive
+from thingc.primitives import Primitive
 from thingc.realize.store.local import Store
 from thingc.robot import in_link
 from thingc.robot.types import Robot
@@ -466,7 +466,7 @@ def test_what_visuals_and_collisions_are(tmp_path: Path) -> None:
     assert request.report.diagnostics == [] and emit(request).files == made.files
     model = Model(text_of(made, "sdf/arm_bench/model.sdf"))
     drawn = {visual.attrib["name"] for visual in model.model.iter("visual")}
-    assert drawn and drawn == {f"{o.path.replace('/', '_')}_visual" for o in request.assembly.occurrences if o.drawn is not None}
+    assert drawn and drawn == {f"{o.path.replace('/', '_')}_visual" for o in request.assembly.occurrences if o.drawn}
     for robot in request.robots:
         folder = f"sdf/arm_{robot.mode.name}/"
         files = {uri.text for uri in Model(text_of(made, f"{folder}model.sdf")).model.iter("uri")}

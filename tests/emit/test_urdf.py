@@ -177,7 +177,7 @@ def test_what_the_small_robot_shows(store: Store) -> None:
     assert request.report.diagnostics == []
     bench = tree_of(made, "arm_bench")
     drawn = {visual.attrib["name"] for visual in bench.iter("visual")}
-    assert drawn and drawn == {o.path for o in request.assembly.occurrences if o.drawn is not None}
+    assert drawn and drawn == {o.path for o in request.assembly.occurrences if o.drawn}
     files = {mesh.attrib["filename"] for mesh in bench.iter("mesh")}
     assert files == {path.removeprefix("urdf/") for path in made.files if path.endswith(".obj")}
     colours = {one.attrib["name"] for one in bench.findall("material")}

@@ -30,7 +30,8 @@ from thingc.emit.usd.model import moments_of
 from thingc.emit.usd.target import emit
 from thingc.inertia import MassProperties, principal_axes
 from thingc.pose import Pose
-from thingc.realize.record import Primitive
+from thingc.primitives import Primitive
+from thingc.realize.record import Mesh
 from thingc.realize.store.local import Store
 from thingc.robot import in_link
 from thingc.robot.types import Robot
@@ -395,13 +396,14 @@ def test_what_is_drawn_is_there_once(tmp_path: Path) -> None:
     model = Model(text_of(made, "usd/arm_bench.usda"))
     assert model.faults() == []
     instances = {prim.GetName(): prim for prim in model.stage.Traverse() if prim.IsInstance()}
-    drawn = {one.path.replace("/", "_"): one for one in request.assembly.occurrences if one.drawn is not None}
+    drawn = {one.path.replace("/", "_"): one for one in request.assembly.occurrences if one.drawn}
     assert drawn and set(instances) == set(drawn)
     prototypes = {drawn[name].definition.text: prim.GetPrototype() for name, prim in instances.items()}
     assert len(set(prototypes.values())) == len(prototypes) == len(model.stage.GetPrototypes())
     for name, one in drawn.items():
-        assert one.drawn is not None
-        rows = [line.split() for line in store.read(one.drawn.sha256).decode().splitlines()]
+        (surface,) = one.drawn
+        assert isinstance(surface.solid, Mesh)
+        rows = [line.split() for line in store.read(surface.solid.sha256).decode().splitlines()]
         mesh = UsdGeom.Mesh(instances[name].GetPrototype().GetChild("mesh"))
         points = np.array([[float(x) for x in row[1:]] for row in rows if row[0] == "v"])
         assert np.array(mesh.GetPointsAttr().Get()) == pytest.approx(points, abs=1e-8)
@@ -423,13 +425,14 @@ def test_what_collides_is_a_guide_and_rubs_as_its_material_does(tmp_path: Path) 
     whole = small_robot.assembly(store)
     at = Pose(translation=(0.01, 0.02, 0.03))
     first = next(one for one in whole.occurrences if one.record is not None and one.record.meshes and one.material is not None)
-    assert first.record is not None and first.material is not None and first.drawn is not None
+    assert first.record is not None and first.material is not None and len(first.drawn) == 1
     pieces = tuple(
         Primitive(shape=shape, size=size, pose=at)  # type: ignore[arg-type]
         for shape, size in (("box", (0.01, 0.02, 0.03)), ("sphere", (0.04,)), ("cylinder", (0.05, 0.06)), ("capsule", (0.07, 0.08)))
     )
     changed = replace(
-        first, record=replace(first.record, pieces=(*pieces, first.drawn)), overrides=replace(first.overrides, collision="part"),
+        first, record=replace(first.record, pieces=(*pieces, first.record.meshes["visual"])),
+        overrides=replace(first.overrides, collision="part"),
         material=replace(first.material, slide=0.7, torsion=0.01, roll=0.001),
     )
     others = tuple(replace(one, overrides=replace(one.overrides, collision="none")) for one in whole.occurrences)

@@ -14,7 +14,8 @@ from graph.builder import record
 from thingc.cli.main import main
 from thingc.graph.twice import FIELDS, LEFT_OUT, differences
 from thingc.pose import NO_POSE
-from thingc.realize.record import ActuatorRecord, Expectation, Mesh, MountRecord, PartRecord, Primitive, Stated
+from thingc.primitives import Primitive
+from thingc.realize.record import ActuatorRecord, Expectation, Mesh, MountRecord, PartRecord, Stated
 
 PARTS = """\
 import os

@@ -28,7 +28,8 @@ from thingc.graph.types import (
 from thingc.inertia import MassProperties
 from thingc.joints import KINDS, Twist
 from thingc.pose import NO_POSE
-from thingc.realize.record import PartDefinition, PartRecord, Primitive
+from thingc.primitives import Primitive
+from thingc.realize.record import PartDefinition, PartRecord
 from thingc.realize.store.local import Store
 from thingc.resolve.model import (
     CoordinateName,

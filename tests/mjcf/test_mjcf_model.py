@@ -32,8 +32,8 @@ from thingc.emit.mjcf.target import emit
 from thingc.emit.request import EmitRequest
 from thingc.inertia import LEAST_MASS, LEAST_MOMENT, MassProperties
 from thingc.pose import NO_POSE, Pose
+from thingc.primitives import Primitive
 from thingc.printing import as_json
-from thingc.realize.record import Primitive
 from thingc.realize.store.local import Store
 from thingc.resolve.model import CoordinateName, Dynamics, Limit, Mimic, Overrides
 

@@ -15,6 +15,7 @@ from thingc.plans.reading import Read
 from thingc.plans.recipes import PAYS, Form
 from thingc.plans.tape import Tape
 from thingc.pose import Pose
+from thingc.primitives import Primitive
 from thingc.realize.record import (
     Expectation,
     Mesh,
@@ -24,7 +25,6 @@ from thingc.realize.record import (
     PartFailure,
     PartRecord,
     PartSchema,
-    Primitive,
 )
 
 BAR = PartSchema(

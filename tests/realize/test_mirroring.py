@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from realize.conftest import Place, file_part, part
+from thingc.primitives import Primitive
 from thingc.realize.lock.values import read_record, record_values
-from thingc.realize.record import PartFailure, PartRecord, Primitive
+from thingc.realize.record import PartFailure, PartRecord
 from thingc.realize.record_json import record_from_json, record_to_json
 from thingc.realize.store.meshes import arrays
 from thingc.realize.worker.kernel.meshing import Triangles, read_stl

@@ -42,7 +42,7 @@ from OCP.TopAbs import TopAbs_IN, TopAbs_OUT
 
 from thingc import pipeline
 from thingc.environment import Environment, Options
-from thingc.realize.record import Primitive
+from thingc.primitives import Primitive
 from thingc.realize.worker.kernel.measure import solids_of
 from thingc.realize.worker.kernel.primitives import primitive_of
 

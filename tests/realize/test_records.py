@@ -15,8 +15,9 @@ import trimesh
 
 from realize.conftest import Place, part
 from thingc.pose import Pose
+from thingc.primitives import Primitive
 from thingc.realize.client import Workers
-from thingc.realize.record import Mesh, PartFailure, PartRecord, PartSchema, Primitive
+from thingc.realize.record import Mesh, PartFailure, PartRecord, PartSchema
 from thingc.realize.record_json import blobs_of, failure_from_json, failure_to_json, record_from_json, record_to_json
 
 PARTS = """

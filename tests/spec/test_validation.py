@@ -155,10 +155,10 @@ def test_one_fault_of_an_assembly(
 
 
 @pytest.mark.parametrize(("body", "code", "message", "help", "written"), [
-    ("{}", Code.BROKEN_RULE, "a component needs one of `part`, `file`, `assembly` or `frame: true`; none is here",
+    ("{}", Code.BROKEN_RULE, "a component needs one of `part`, `file`, `assembly`, `link: true` or `frame: true`; none is here",
      "write for example `part: arm:BasePlate`", "c"),
     ("{part: a:B, frame: true}", Code.BROKEN_RULE,
-     "a component has exactly one of `part`, `file`, `assembly`, `frame`; here are `part` and `frame`",
+     "a component has exactly one of `part`, `file`, `assembly`, `link`, `frame`; here are `part` and `frame`",
      "keep one of them", "c"),
     ("words", Code.WRONG_TYPE, "expected a mapping with `part`, `file`, `assembly`, found text `words`", None, "words"),
     ("{prt: a:B}", Code.UNKNOWN_KEY, "unknown key `prt` in `components.c`", "did you mean `part`?", "prt"),

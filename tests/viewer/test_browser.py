@@ -70,7 +70,7 @@ def test_random_trees_with_every_kind_of_joint(browser: Any, pages: Pages, tmp_p
             made = robots(tree.assembly)
             told = describe(tree.assembly, list(made.values()), small_robot.WORKSPACE, Packed(Store(str(tmp_path))))
             for one in told["occurrences"]:  # type: ignore[attr-defined]
-                one["visual"], one["collision"] = None, []
+                one["visual"], one["collision"] = [], []
             page.evaluate("(told) => thingc.viewer.load(told, [])", json.loads(json.dumps(told)))
             for name, robot in made.items():
                 q = coordinates(joints_of(tree.assembly), {joint.path: float(rng.uniform(-2, 2)) for joint in joints_of(tree.assembly)})
@@ -300,7 +300,7 @@ def test_a_section_shows_solids(browser: Any, pages: Pages) -> None:
     of the other half there is nothing of that to see. One more call draws the cut, and one for each solid works it out."""
     told = json.loads(element((pages.arm / "html/arm.html").read_text(), "thingc-robot"))
     for one in told["occurrences"]:
-        one |= {"visual": None, "collision": []}
+        one |= {"visual": [], "collision": []}
     box = {"shape": "box", "size": [0.05, 0.05, 0.05], "pose": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]}
     told["occurrences"][0] |= {"collision": [box], "color": "#cc3333", "pose": box["pose"]}
     grid = [(x, y) for x in np.linspace(-0.06, 0.06, 25) for y in np.linspace(-0.06, 0.06, 25)]

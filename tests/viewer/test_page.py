@@ -45,7 +45,7 @@ def test_meshes_are_packed_to_a_few_micrometres(tmp_path: Path) -> None:
     store = Store(str(tmp_path))
     asked = small_robot.request(small_robot.assembly(store), store)
     packed = Packed(store)
-    meshes = list({one.drawn.sha256: one.drawn for one in asked.assembly.occurrences if one.drawn is not None}.values())
+    meshes = list({surface.solid.sha256: surface.solid for one in asked.assembly.occurrences for surface in one.drawn}.values())
     assert len(meshes) > 1 and [packed.number(mesh) for mesh in (*meshes, meshes[0])] == [*range(len(meshes)), 0]
     scene = trimesh.load_scene(io.BytesIO(packed.glb()), file_type="glb", process=False)
     for mesh in meshes:

@@ -11,21 +11,23 @@ export type Twist = [Vector, Vector, Vector];
 export interface Place { file: string | null; line: number | null }
 
 export interface Definition extends Place {
-  text: string; label: string; kind: "part" | "file" | "frame" | "assembly"; mirrors: string | null;
+  text: string; label: string; kind: "part" | "file" | "link" | "frame" | "assembly"; mirrors: string | null;
   parameters: [string, string][];
 }
 
 export interface Link { name: string; mass: number; centre: Vector; moments: Vector; axes: number[] }
 
 export type Shape =
-  | { shape: "mesh"; mesh: number }
-  | { shape: "box" | "cylinder" | "capsule" | "sphere"; size: number[]; pose: Rows };
+  | { shape: "mesh"; mesh: number; pose: Rows | null }
+  | { shape: "box" | "cylinder" | "capsule" | "sphere" | "ellipsoid" | "plane"; size: number[]; pose: Rows };
+
+export type Drawn = Shape & { color: string | null };
 
 export interface Mount { name: string; pose: Rows; interface: string | null }
 
 export interface Occurrence extends Place {
   path: string; definition: number; link: number; pose: Rows; mass: number; centre: Vector; source: string; estimate: string | null;
-  material: string | null; color: string | null; make: string | null; visual: number | null; collides: string; collision: Shape[];
+  material: string | null; color: string | null; make: string | null; visual: Drawn[]; collides: string; collision: Shape[];
   mounts: Mount[];
 }
 

@@ -3,7 +3,7 @@
 import {
   AmbientLight, BoxGeometry, BufferAttribute, type BufferGeometry, Box3, CapsuleGeometry, Color, CylinderGeometry, DirectionalLight, DoubleSide, EdgesGeometry, FrontSide,
   GridHelper, Group, HemisphereLight, InstancedMesh, LineBasicMaterial, LineSegments, type Material, Matrix4, type Mesh, MeshStandardMaterial, type Object3D, PerspectiveCamera,
-  Plane, Quaternion, Raycaster, Scene, SphereGeometry, SRGBColorSpace, Vector2, Vector3, WebGLRenderer,
+  Plane, PlaneGeometry, Quaternion, Raycaster, Scene, SphereGeometry, SRGBColorSpace, Vector2, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
@@ -21,7 +21,7 @@ export const PLAIN = "#bfc4c9";
 export const CHOSEN = new Color("#ff8a1f");
 const DOWN = new Vector3(0, 0, -1);
 
-interface Instance { occurrence: number; pose: Matrix4 }
+interface Instance { occurrence: number; pose: Matrix4; color: Color | null }
 
 /** Instances of one geometry, of what is seen or of what collides. */
 interface Batch { mesh: InstancedMesh; instances: Instance[]; collides: boolean }
@@ -188,16 +188,17 @@ export class Stage {
     }
   }
 
-  /** Puts every occurrence where it is in the world, in its colour; `frames` are those of the links, for a robot of which nothing is seen. */
-  arrange(poses: Matrix4[], colors: Color[], frames: Matrix4[]): void {
+  /** Puts every occurrence where it is in the world, in its colour, or as it looks; `frames` are those of the links, for a robot of which
+   * nothing is seen. */
+  arrange(poses: Matrix4[], colors: Color[], frames: Matrix4[], look: boolean): void {
     this.around = null;
     this.frames = frames;
-    for (const batch of this.batches) put(batch, poses, colors);
+    for (const batch of this.batches) put(batch, poses, colors, look);
   }
 
   /** The same of the robot that is seen through. */
   arrangeOverlay(poses: Matrix4[], color: Color): void {
-    for (const batch of this.ghosts) put(batch, poses, poses.map(() => color));
+    for (const batch of this.ghosts) put(batch, poses, poses.map(() => color), false);
   }
 
   /** The box around all that is there, in the world of the robot. */
@@ -419,14 +420,15 @@ function batchesOf(robot: Robot, geometries: BufferGeometry[], section: Plane): 
     else batch.instances.push(instance);
   };
   robot.occurrences.forEach((occurrence, index) => {
-    const { visual, color } = occurrence;
-    if (visual !== null) {
-      const alpha = color !== null && color.length === 9 ? parseInt(color.slice(7), 16) / 255 : 1;
-      add(`seen ${visual} ${alpha}`, () => geometries[visual], false, alpha, { occurrence: index, pose: new Matrix4() });
+    for (const shape of occurrence.visual) {
+      const alpha = shape.color !== null && shape.color.length === 9 ? parseInt(shape.color.slice(7), 16) / 255 : 1;
+      const own = shape.color === occurrence.color ? null : new Color((shape.color ?? PLAIN).slice(0, 7));
+      const [key, geometry, pose] = primitive(shape, geometries);
+      add(`seen ${key} ${alpha}`, geometry, false, alpha, { occurrence: index, pose, color: own });
     }
     for (const shape of occurrence.collision) {
       const [key, geometry, pose] = primitive(shape, geometries);
-      add(`felt ${key}`, geometry, true, 0.45, { occurrence: index, pose });
+      add(`felt ${key}`, geometry, true, 0.45, { occurrence: index, pose, color: null });
     }
   });
   return [...wanted.values()].map(({ geometry, collides, alpha, instances }) => {
@@ -438,12 +440,16 @@ function batchesOf(robot: Robot, geometries: BufferGeometry[], section: Plane): 
   });
 }
 
+/** Half of how far a plane without an end is drawn [m]. */
+const ENDLESS = 5;
+
 const placed = new Matrix4();
 
-function put({ mesh, instances }: Batch, poses: Matrix4[], colors: Color[]): void {
-  instances.forEach(({ occurrence, pose }, index) => {
+/** Puts instances where their occurrences are, in the colours of those, or, as they `look`, each in its own. */
+function put({ mesh, instances }: Batch, poses: Matrix4[], colors: Color[], look: boolean): void {
+  instances.forEach(({ occurrence, pose, color }, index) => {
     mesh.setMatrixAt(index, placed.multiplyMatrices(poses[occurrence], pose));
-    mesh.setColorAt(index, colors[occurrence]);
+    mesh.setColorAt(index, (look ? color : null) ?? colors[occurrence]);
   });
   mesh.instanceMatrix.needsUpdate = true;
   mesh.instanceColor!.needsUpdate = true;
@@ -464,9 +470,11 @@ function material(alpha: number, collides: boolean, planes: Plane[]): MeshStanda
   });
 }
 
-/** The key, geometry and pose of what collides; sizes are MuJoCo's: half ones, and cylinders along z. */
+/** The key, geometry and pose of a shape; sizes are MuJoCo's: half ones, and cylinders along z. */
 function primitive(shape: Shape, geometries: BufferGeometry[]): [string, () => BufferGeometry, Matrix4] {
-  if (shape.shape === "mesh") return [`mesh ${shape.mesh}`, () => geometries[shape.mesh], new Matrix4()];
+  if (shape.shape === "mesh") {
+    return [`mesh ${shape.mesh}`, () => geometries[shape.mesh], shape.pose === null ? new Matrix4() : matrixOf(shape.pose)];
+  }
   const pose = matrixOf(shape.pose);
   const [a, b, c] = shape.size;
   switch (shape.shape) {
@@ -474,6 +482,10 @@ function primitive(shape: Shape, geometries: BufferGeometry[]): [string, () => B
       return ["box", () => new BoxGeometry(2, 2, 2), pose.scale(new Vector3(a, b, c))];
     case "sphere":
       return ["sphere", () => new SphereGeometry(1, 24, 16), pose.scale(new Vector3(a, a, a))];
+    case "ellipsoid":
+      return ["sphere", () => new SphereGeometry(1, 24, 16), pose.scale(new Vector3(a, b, c))];
+    case "plane":
+      return ["plane", () => new PlaneGeometry(2, 2), pose.scale(new Vector3(a || ENDLESS, b || ENDLESS, 1))];
     case "cylinder":
       return ["cylinder", () => new CylinderGeometry(1, 1, 2, 32).rotateX(Math.PI / 2), pose.scale(new Vector3(a, a, b))];
     case "capsule":

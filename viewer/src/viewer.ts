@@ -381,7 +381,7 @@ export class Viewer {
     });
     if (this.options.explode > 0) this.explode(poses);
     this.drawn = poses;
-    this.stage.arrange(poses, colors, this.bodies);
+    this.stage.arrange(poses, colors, this.bodies, this.options.colouring === "part");
     this.stage.edge([...this.choice].slice(0, EDGED), poses);
     this.placeOther();
   }

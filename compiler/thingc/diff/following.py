@@ -17,7 +17,7 @@ from thingc.source import Span
 Farthest = Callable[[str, str], float | None]
 """The largest distance [m] of two surfaces, by the SHA-256 of their meshes; None where they cannot be had."""
 
-MADE = ("part", "file", "assembly", "frame", "mirror", "faces", "unit")
+MADE = ("part", "file", "assembly", "link", "frame", "mirror", "faces", "unit")
 WEIGHED = ("mass.", "com.", "inertia.", "process.", "material")
 SHAPES = 1e-7
 """By how much of itself an integral over a shape may differ that is the same: the kernel adds up faces in the order it meets them."""

@@ -126,8 +126,10 @@ class _Reader:
         place = None if occurrence is None else self.assembly.rest[occurrence.index]
         if isinstance(made, PartDefinition):
             kind, reference, text = "part" if made.kind == "code" else "file", made.reference, made.text
-        elif made is not None:
+        elif isinstance(made, AssemblyDefinition):
             kind, reference, text = "assembly", made.document, made.text
+        elif made is not None:
+            kind, reference, text = "link", "link", made.text
         else:
             kind, reference, text = "frame", "frame", "frame"
         self.nodes.append(ComponentNode(path=path, kind=kind, reference=reference, text=text, place=place))
@@ -137,7 +139,7 @@ class _Reader:
         def fact(value: Value, *keys: str) -> Fact:
             return self.written.fact(value, node, keys, scope=scope, otherwise=component.origin[0])
 
-        facts = {kind: fact(reference if kind != "frame" else True, kind)}
+        facts = {kind: fact(reference if kind not in ("link", "frame") else True, kind)}
         facts["mirror"] = fact(made.mirror if made is not None else None, "mirror")
         material = occurrence.material if occurrence is not None else None
         facts["material"] = fact(Named(what="material", path=material.name) if material is not None else None, "material")

@@ -11,7 +11,7 @@ from thingc.diff.wording import worded
 from thingc.diff.written import names_in
 from thingc.source import Span
 
-_MADE_OF = frozenset({"part", "file", "assembly", "frame", "mirror"})
+_MADE_OF = frozenset({"part", "file", "assembly", "link", "frame", "mirror"})
 """Facts of a component that say what it is."""
 _MEANT: tuple[What, ...] = ("mount", "joint", "pose", "mode")
 _INNER: frozenset[What] = frozenset({"parameter", "mate", "mount"})

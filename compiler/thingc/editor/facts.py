@@ -13,6 +13,7 @@ from thingc.editor import values
 from thingc.editor.symbols import symbols_of
 from thingc.frozen import dataclass
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.resolve.link_definition import LinkDefinition
 from thingc.resolve.model import AssemblyDefinition, Component, Joint
 from thingc.source import MappingNode, Node, ScalarNode
 from thingc.units import ANGLE, LENGTH, Quantity
@@ -182,7 +183,8 @@ def _piece(
 
 def _label(source: tuple[str, str] | None, made: tuple[Component, ...]) -> str:
     if source is None:
-        return "a frame" if made and made[0].frame else "a component"
+        bare = made and (made[0].frame or isinstance(made[0].definition, LinkDefinition))
+        return f"a {made[0].label}" if bare else "a component"
     definition = made[0].definition if made else None
     return definition.label if isinstance(definition, PartDefinition) else source[1]
 
@@ -190,9 +192,11 @@ def _label(source: tuple[str, str] | None, made: tuple[Component, ...]) -> str:
 def _what(
     label: str, source: tuple[str, str] | None, made: tuple[Component, ...], schema: PartSchema | PartFailure | None,
 ) -> str:
+    definition = made[0].definition if made else None
+    if isinstance(definition, LinkDefinition):
+        return f"A {label.removeprefix('a ')}: its shapes are listed."
     if source is None:
         return "A frame: a component without geometry." if made and made[0].frame else "A component."
-    definition = made[0].definition if made else None
     doc = schema.doc.strip().partition("\n")[0] if isinstance(schema, PartSchema) else ""
     if isinstance(definition, AssemblyDefinition):
         doc = " ".join(definition.description.split())
@@ -214,7 +218,7 @@ def _mounts_of(component: Component, records: Records) -> Names | None:
         if not isinstance(record, PartRecord):
             return None
         mounts = {name: _of_mount(definition.label, mount.interface) for name, mount in sorted(record.mounts.items())}
-    elif definition is not None:
+    elif isinstance(definition, AssemblyDefinition):
         if not definition.whole:
             return None
         mounts = {name: f"Shown by `{definition.document}`: `{shown.text}`." for name, shown in definition.mounts.items()}
@@ -222,7 +226,7 @@ def _mounts_of(component: Component, records: Records) -> Names | None:
             below = _mounts_of(inner, records)
             mounts.update({f"{inner.name}.{name}": text for name, text in (below or {}).items()})
             mounts[f"{inner.name}.{ORIGIN}"] = f"The frame of `{inner.name}`."
-    elif not component.frame:
+    elif definition is None and not component.frame:
         return None
     mounts.update(dict.fromkeys(component.mounts, f"Added to `{component.name}`."))
     return mounts

@@ -18,7 +18,7 @@ from thingc.graph.types import ActuatorModel, Assembly, JointEdge
 from thingc.inertia import ZERO, physical_fault
 from thingc.joints import JointKind
 from thingc.pose import NO_POSE, Vector
-from thingc.realize.record import Primitive, PrimitiveShape
+from thingc.primitives import Primitive, PrimitiveShape
 from thingc.robot.types import CoreJoint, Robot
 from thingc.source import Origin
 
@@ -169,12 +169,14 @@ class Links(TypedDict):
 
 
 class ContactShapes(TypedDict, Generic[By]):
-    """What a link touches with; a `mesh` that is not convex, but for its hull."""
+    """What a link touches with; a `mesh` that is not convex, but for its hull. What is drawn is written alike."""
 
     box: Cell[By]
     cylinder: Cell[By]
     capsule: Cell[By]
     sphere: Cell[By]
+    ellipsoid: Cell[By]
+    plane: Cell[By]
     hull: Cell[By]
     mesh: Cell[By]
 
@@ -324,7 +326,9 @@ class _Lost:
             yield from self(self.says["sensors"][sensor.kind], None, sensor.path, "this sensor", sensor.origin)
         for pose in assembly.poses:
             yield from self(self.says["modes"]["poses"], None, pose.name, "this pose", pose.origin)
-        for material in {id(one.material): one.material for one in assembly.occurrences if one.material is not None}.values():
+        touching = [one.material for one in assembly.occurrences]
+        touching += [surface.material for one in assembly.occurrences if one.listed is not None for surface in one.touching]
+        for material in {id(one): one for one in touching if one is not None}.values():
             if (material.slide, material.torsion) != (None, None):
                 yield from self(links["friction"], None, material.name, "its friction", material.origin)
             if material.roll is not None:
@@ -334,9 +338,14 @@ class _Lost:
                 origin = assembly.definition.step_origin or assembly.definition.origin
                 yield from self(cell, None, assembly.name, what, origin)
         for occurrence in assembly.occurrences:
+            for piece in occurrence.drawn:
+                if isinstance(piece.solid, Primitive):
+                    cell, what = self.says["shapes"][piece.solid.shape], f"the {piece.solid.shape} that is drawn of it"
+                    yield from self(cell, None, occurrence.path, what, occurrence.origin)
             for piece in occurrence.touching:
-                if isinstance(piece, Primitive):
-                    cell, what = self.says["shapes"][piece.shape], f"the {piece.shape} that it touches with"
+                if isinstance(piece.solid, Primitive):
+                    shape = piece.solid.shape
+                    cell, what = self.says["shapes"][shape], f"the {shape} that it touches with"
                 elif occurrence.overrides.collision == "mesh":
                     cell, what = self.says["shapes"]["mesh"], "its collision mesh"
                 else:
@@ -356,6 +365,6 @@ def joint_cell(kind: JointKind) -> Literal["revolute", "continuous", "prismatic"
     return kind.name
 
 
-def shape_cell(kind: Literal["mesh"] | PrimitiveShape) -> Literal["box", "cylinder", "capsule", "sphere", "hull"]:
+def shape_cell(kind: Literal["mesh"] | PrimitiveShape) -> Literal["hull"] | PrimitiveShape:
     """Which cell is that of a shape that touches, as far as the shape itself tells: a mesh is written as a convex one is."""
     return "hull" if kind == "mesh" else kind

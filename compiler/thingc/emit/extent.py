@@ -15,7 +15,7 @@ Box = tuple[Vector, Vector]
 def placements(robot: Robot) -> tuple[tuple[tuple[int | None, Pose], ...], tuple[tuple[tuple[Pose, Box | None], ...], ...]]:
     """Of every body its parent and its pose there, and of every body the poses and boxes of its parts."""
     links, occurrences = robot.assembly.links, robot.assembly.occurrences
-    boxes = tuple(one.record.box if one.record is not None else None for one in occurrences)
+    boxes = tuple(one.box for one in occurrences)
     return tuple((body.parent, body.X_PL) for body in robot.bodies), tuple(
         tuple((pose, boxes[member]) for member, pose in zip(links[body.link].members, links[body.link].poses, strict=True))
         for body in robot.bodies

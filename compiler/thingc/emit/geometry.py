@@ -12,9 +12,10 @@ from typing import Literal
 from thingc.diagnostics import Code, Note, Report
 from thingc.emit.artifact import Loss, Stored
 from thingc.frozen import dataclass
-from thingc.graph.types import Assembly, Occurrence
+from thingc.graph.types import Assembly, Occurrence, Surface
 from thingc.pose import NO_POSE, Pose
-from thingc.realize.record import Mesh, PartDefinition, Primitive, PrimitiveShape
+from thingc.primitives import Primitive, PrimitiveShape
+from thingc.realize.record import Mesh, PartDefinition
 from thingc.resolve.model import Material
 from thingc.source import Origin
 
@@ -26,6 +27,9 @@ ABSENT = {
 
 PIECES = {"decompose": "convex"}
 """What the files of pieces are called where that is not what `collision` chose."""
+
+ENDLESS = 100.0
+"""Half of how far [m] a plane without an end reaches, in a format whose planes have one."""
 
 Takes = Callable[[Occurrence, Mesh | Primitive], bool]
 """Whether a target takes a shape to collide an occurrence with. What it does not take, or otherwise, it has said when it answers."""
@@ -54,23 +58,24 @@ class MeshAsset:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shape:
-    """A shape in its occurrence's frame: `kind` `mesh` (named by `mesh`) or a primitive of `size`, both as a `Primitive` has them [m]."""
+    """A shape in its occurrence's frame: `kind` `mesh` (named by `mesh`) or a primitive of `size`, both as a `Primitive` has them [m]; of
+    what it is, and in which colour."""
 
     kind: Literal["mesh"] | PrimitiveShape
     mesh: str | None = None
     size: tuple[float, ...] = ()
     pose: Pose = NO_POSE
+    material: Material | None = None
+    color: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shapes:
-    """Of one occurrence, at `path`: what is drawn (None: nothing) and what collides, of what material, in what colour."""
+    """Of one occurrence, at `path`: what is drawn, and what collides."""
 
     path: str
     origin: Origin
-    material: Material | None
-    color: str | None
-    visual: Shape | None
+    visual: tuple[Shape, ...]
     collision: tuple[Shape, ...]
 
 
@@ -98,10 +103,16 @@ def materials(shapes: Iterable[Shapes]) -> dict[str, tuple[str, Origin]]:
     """Colour and origin of each material of what is drawn, by its name, in the order first met."""
     named: dict[str, tuple[str, Origin]] = {}
     for one in shapes:
-        name = material_name(one.material, one.color)
-        if name is not None and one.color is not None and one.visual is not None:
-            named.setdefault(name, (one.color, one.material.origin if one.material is not None else one.origin))
+        for shape in one.visual:
+            name = material_name(shape.material, shape.color)
+            if name is not None and shape.color is not None:
+                named.setdefault(name, (shape.color, shape.material.origin if shape.material is not None else one.origin))
     return named
+
+
+def numbered(name: str, index: int) -> str:
+    """The name of one of several: `hand/cap`, `hand/cap_1`."""
+    return f"{name}_{index}" if index else name
 
 
 def channels(color: str) -> tuple[float, float, float, float]:
@@ -109,6 +120,11 @@ def channels(color: str) -> tuple[float, float, float, float]:
     digits = color.removeprefix("#")
     red, green, blue, alpha = (int(digits[k : k + 2] or "ff", 16) / 255.0 for k in range(0, 8, 2))
     return red, green, blue, alpha
+
+
+def has_inside(piece: Mesh | Primitive) -> bool:
+    """Whether something can be on one side of a shape or on the other: a plane has no volume, and is touched all the same."""
+    return not piece.flat if isinstance(piece, Mesh) else piece.shape == "plane" or min(piece.size) > 0.0
 
 
 def linear(channel: float) -> float:
@@ -120,7 +136,7 @@ def inputs_of(assembly: Assembly) -> tuple[object, ...]:
     """What of an assembly its geometry depends on: for a `Memo`."""
     return tuple(
         (
-            one.path, one.definition, one.record, one.component.definition, one.overrides.collision, one.overrides.visual,
+            one.path, one.definition, one.record, one.listed, one.component.definition, one.overrides.collision, one.overrides.visual,
             one.material, one.color, one.origin,
         )
         for one in assembly.occurrences
@@ -138,7 +154,7 @@ def solid_geometry(assembly: Assembly, target: str, folder: str, report: Report)
     flat: list[Loss] = []
 
     def takes(occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
-        if (min(piece.size) > 0.0) if isinstance(piece, Primitive) else not piece.flat:
+        if has_inside(piece):
             return True
         what = "its contacts: what it would touch with has no volume"
         flat.append(Loss.of(occurrence.origin, target, None, occurrence.path, what, "omitted"))
@@ -161,16 +177,17 @@ class _Collector:
 
     def shapes(self, occurrence: Occurrence) -> Shapes:
         record, definition = occurrence.record, occurrence.component.definition
-        drawn: Shape | None = None
+        drawn: list[Shape | None] = []
         touching: tuple[Shape, ...] = ()
-        if record is not None and record.meshes and isinstance(definition, PartDefinition):
-            visual = occurrence.drawn
-            drawn = self.mesh(occurrence, definition.stem, "", visual) if visual is not None else None
+        if occurrence.listed is not None:
+            drawn = [self.shape(occurrence, surface, "") for surface in occurrence.drawn]
+            taken = [self.shape(occurrence, surface, "") for surface in occurrence.touching if self.takes(occurrence, surface.solid)]
+            touching = tuple(shape for shape in taken if shape is not None)
+        elif record is not None and record.meshes and isinstance(definition, PartDefinition):
+            drawn = [self.shape(occurrence, surface, definition.stem) for surface in occurrence.drawn]
             touching = self.collision(occurrence, definition.stem)
-        return Shapes(
-            path=occurrence.path, origin=occurrence.origin, material=occurrence.material, color=occurrence.color, visual=drawn,
-            collision=touching,
-        )
+        visual = tuple(shape for shape in drawn if shape is not None)
+        return Shapes(path=occurrence.path, origin=occurrence.origin, visual=visual, collision=touching)
 
     def collision(self, occurrence: Occurrence, stem: str) -> tuple[Shape, ...]:
         """What `collision:` chose for an occurrence: one shape per piece that can collide."""
@@ -182,19 +199,20 @@ class _Collector:
             self.missing(occurrence, ABSENT.get(choice, f"no {choice} could be fitted to it"))
         shapes: list[Shape] = []
         for index, piece in enumerate(pieces):
-            if not self.takes(occurrence, piece):
-                continue
-            if isinstance(piece, Primitive):
-                shapes.append(Shape(kind=piece.shape, size=piece.size, pose=piece.pose))
+            if not self.takes(occurrence, piece.solid):
                 continue
             suffix = f"_{choice}" if choice in ("hull", "mesh") else f"_{PIECES.get(choice, choice)}_{index}"
-            shape = self.mesh(occurrence, stem, suffix, piece)
+            shape = self.shape(occurrence, piece, stem, suffix)
             if shape is not None:
                 shapes.append(shape)
         return tuple(shapes)
 
-    def mesh(self, occurrence: Occurrence, stem: str, suffix: str, mesh: Mesh) -> Shape | None:
-        """The shape of a mesh in the part's own frame; its asset is kept. None when another definition has its file name."""
+    def shape(self, occurrence: Occurrence, surface: Surface, stem: str, suffix: str = "") -> Shape | None:
+        """A shape in the frame of its occurrence; the asset of a mesh, called by its `stem`, is kept. None when another definition has its
+        file name."""
+        mesh = surface.solid
+        if isinstance(mesh, Primitive):
+            return Shape(kind=mesh.shape, size=mesh.size, pose=mesh.pose, material=surface.material, color=surface.color)
         name = stem + suffix
         owner = self.owners.setdefault(name.casefold(), occurrence)
         if owner.definition != occurrence.definition:
@@ -210,7 +228,7 @@ class _Collector:
         self.meshes.setdefault(name, MeshAsset(
             name=name, mesh=mesh, volume=occurrence.record.volume if occurrence.record is not None else 0.0, origin=occurrence.origin,
         ))
-        return Shape(kind="mesh", mesh=name)
+        return Shape(kind="mesh", mesh=name, pose=surface.pose, material=surface.material, color=surface.color)
 
     def missing(self, occurrence: Occurrence, why: str) -> None:
         choice = occurrence.overrides.collision

@@ -19,19 +19,23 @@ import trimesh
 
 from thingc.emit.artifact import Artifacts, Loss
 from thingc.emit.capabilities import BESIDE, SAYS, Capabilities, Loses, Omits, Says, joint_cell, losses
-from thingc.emit.geometry import channels, linear, material_name
+from thingc.emit.geometry import ENDLESS, channels, linear, material_name, numbered
 from thingc.emit.request import EmitRequest
 from thingc.frozen import dataclass
 from thingc.graph import coordinates, joints_of
-from thingc.graph.types import Occurrence
+from thingc.graph.types import Surface
 from thingc.joints import Twist, moved
 from thingc.pose import Pose, along, shifted
+from thingc.primitives import Primitive
 from thingc.realize.record import Mesh
 from thingc.realize.store.local import Store
 from thingc.robot.types import Body, Robot
 
 Y_UP = Pose(rotation=((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
 """The world, whose z is up, as glTF has it, whose y is up."""
+
+ROUND = (16, 16)
+"""Into how many pieces what is round is cut, from pole to pole and half around."""
 
 JointForm = Literal["nodes", "node"]
 """How a joint is written: a node for each coordinate, or one for all of them."""
@@ -60,7 +64,10 @@ CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
         "frames": BESIDE, "colours": SAYS, "friction": BESIDE, "rolling": BESIDE, "adhesion": BESIDE, "weightless": BESIDE,
         "weightless_base": BESIDE, "point": BESIDE, "line": BESIDE,
     },
-    "shapes": {"box": BESIDE, "cylinder": BESIDE, "capsule": BESIDE, "sphere": BESIDE, "hull": BESIDE, "mesh": BESIDE},
+    "shapes": {
+        "box": BESIDE, "cylinder": BESIDE, "capsule": BESIDE, "sphere": BESIDE, "ellipsoid": BESIDE, "plane": BESIDE, "hull": BESIDE,
+        "mesh": BESIDE,
+    },
     "sensors": {"imu": BESIDE, "force": BESIDE, "joint": BESIDE, "camera": BESIDE},
 }
 """What glTF can say of a robot: neither masses nor drives are what a picture is asked for."""
@@ -72,7 +79,7 @@ ROUGHNESS = 0.6
 def emit(request: EmitRequest) -> Artifacts:
     """A file for each chosen mode; none, which is a loss, of a robot of which nothing is drawn. Every mesh is in it once for each colour,
     its numbers once, however often it occurs."""
-    if not any(occurrence.drawn is not None for occurrence in request.assembly.occurrences):
+    if not any(occurrence.drawn for occurrence in request.assembly.occurrences):
         assembly = request.assembly
         whole = Loss.of(assembly.definition.origin, "glb", None, assembly.name, "nothing in the robot is drawn", "omitted")
         return Artifacts(files={}, losses=(whole,))
@@ -83,12 +90,13 @@ def emit(request: EmitRequest) -> Artifacts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Node:
-    """A node below `parent`, at a pose in it; `shown` is the occurrence that it shows, `extras` data of its own."""
+    """A node below `parent`, at a pose in it; `shown` is what it shows, called `called`, `extras` data of its own."""
 
     name: str
     parent: str
     pose: Pose
-    shown: Occurrence | None = None
+    shown: Surface | None = None
+    called: str = ""
     extras: Mapping[str, object] = field(default_factory=dict)
 
 
@@ -112,9 +120,19 @@ def _nodes(robot: Robot) -> Iterator[_Node]:
         yield _Node(name=name, parent=parent, pose=pose)
         link = assembly.links[body.link]
         for member, place in zip(link.members, link.poses, strict=True):
-            shown = assembly.occurrences[member]
-            if shown.drawn is not None:
-                yield _Node(name=f"{shown.path}:visual", parent=name, pose=place, shown=shown)
+            occurrence = assembly.occurrences[member]
+            for index, shown in enumerate(occurrence.drawn):
+                called = occurrence.definition.text if occurrence.listed is None else _called(shown)
+                at = place @ (shown.solid.pose if isinstance(shown.solid, Primitive) else shown.pose)
+                yield _Node(name=numbered(f"{occurrence.path}:visual", index), parent=name, pose=at, shown=shown, called=called)
+
+
+def _called(surface: Surface) -> str:
+    """What the geometry of a listed shape is called: by what it is."""
+    solid = surface.solid
+    if isinstance(solid, Primitive):
+        return f"{solid.shape} {' '.join(f'{number:.9g}' for number in solid.size)}"
+    return solid.sha256
 
 
 def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, float]) -> Iterator[_Node]:
@@ -152,12 +170,38 @@ class _Drawn:
         self._store = store
         self._known: dict[str, Any] = {}
 
-    def __call__(self, mesh: Mesh) -> Any:
-        """A mesh of the store (OBJ, metres) as trimesh has it, vertices and faces as they are."""
+    def __call__(self, mesh: Mesh | Primitive) -> Any:
+        """A mesh of the store (OBJ, metres) as trimesh has it, vertices and faces as they are; of a primitive one that is near it, around
+        the origin."""
+        if isinstance(mesh, Primitive):
+            return _tessellated(mesh)
         if mesh.sha256 not in self._known:
             stream = io.BytesIO(self._store.read(mesh.sha256))
             self._known[mesh.sha256] = trimesh.load_mesh(stream, file_type="obj", process=False, maintain_order=True)
         return self._known[mesh.sha256]
+
+
+def _tessellated(primitive: Primitive) -> Any:
+    size = primitive.size
+    match primitive.shape:
+        case "box":
+            return trimesh.creation.box(extents=[2.0 * half for half in size])
+        case "sphere":
+            return trimesh.creation.uv_sphere(radius=size[0], count=ROUND)
+        case "ellipsoid":
+            stretched: Any = trimesh.creation.uv_sphere(radius=1.0, count=ROUND)
+            return stretched.apply_scale(size)
+        case "cylinder":
+            return trimesh.creation.cylinder(radius=size[0], height=2.0 * size[1], sections=2 * ROUND[0])
+        case "capsule":
+            capsule: Any = trimesh.creation.capsule(radius=size[0], height=2.0 * size[1], count=list(ROUND))
+            return capsule
+        case "plane":
+            x, y = (half or ENDLESS for half in size[:2])
+            corners = [(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)]
+            return trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3)], process=False)
+        case _:
+            assert_never(primitive.shape)
 
 
 def _written(robot: Robot, drawn: _Drawn) -> bytes:
@@ -166,15 +210,15 @@ def _written(robot: Robot, drawn: _Drawn) -> bytes:
     of_mesh: dict[str, tuple[str, str]] = {}
     for node in _nodes(robot):
         place = {"frame_to": node.name, "frame_from": node.parent, "matrix": np.array(node.pose.rows()), "metadata": dict(node.extras)}
-        if node.shown is None or node.shown.drawn is None:
+        if node.shown is None:
             scene.graph.update(**place)
             continue
         material = _material(node.shown)
-        key = f"{node.shown.definition.text} in {material['name']}"
+        key = f"{node.called} in {material['name']}"
         if key not in of_mesh:
-            of_mesh[key] = (node.shown.definition.text, str(material["name"]))
+            of_mesh[key] = (node.called, str(material["name"]))
             materials.setdefault(str(material["name"]), material)
-            scene.geometry[key] = drawn(node.shown.drawn)
+            scene.geometry[key] = drawn(node.shown.solid)
         scene.graph.update(**place, geometry=key)
 
     def finish(tree: dict[str, Any]) -> None:
@@ -191,12 +235,12 @@ def _written(robot: Robot, drawn: _Drawn) -> bytes:
     return written
 
 
-def _material(occurrence: Occurrence) -> dict[str, object]:
-    """The material of an occurrence, named as in MJCF; what has no colour is light grey. Sides that a viewer leaves out are those of the
+def _material(surface: Surface) -> dict[str, object]:
+    """The material of what is drawn, named as in MJCF; what has no colour is light grey. Sides that a viewer leaves out are those of the
     inside, which nobody sees of a closed surface."""
-    red, green, blue, alpha = channels(occurrence.color or "#bfbfbf")
-    name = material_name(occurrence.material, occurrence.color) or "color"
-    open_ = occurrence.drawn is not None and not occurrence.drawn.closed
+    red, green, blue, alpha = channels(surface.color or "#bfbfbf")
+    name = material_name(surface.material, surface.color) or "color"
+    open_ = not surface.solid.closed if isinstance(surface.solid, Mesh) else surface.solid.shape == "plane"
     return {
         "name": f"{name}:open" if open_ else name,
         "pbrMetallicRoughness": {

@@ -28,7 +28,7 @@ def begin(request: EmitRequest) -> None:
 def emit(request: EmitRequest) -> Artifacts:
     """One STEP file: instances named by occurrence path, coloured, their shape shared per definition.
 
-    The geometry service writes it (that needs the CAD kernel). A part whose geometry has no B-rep (a mesh) cannot
+    The geometry service writes it (that needs the CAD kernel). A part whose geometry has no B-rep (a mesh), and a link, cannot
     stand in it and is a loss; a robot without any geometry has no file, which is a loss too. What the kernel cannot
     write is an error of the document.
     """
@@ -60,10 +60,10 @@ def _begun(request: EmitRequest) -> _Begun:
     losses: list[Loss] = []
     for occurrence in assembly.occurrences:
         record = occurrence.record
-        if record is None or record.box is None:
+        if not occurrence.drawn and not occurrence.touching and (record is None or record.box is None):
             continue
-        if record.brep is None:
-            what = f"`{occurrence.definition.label}` is a mesh without exact surfaces"
+        if record is None or record.brep is None:
+            what = f"`{occurrence.definition.label}` {'is a mesh' if record is not None else 'lists shapes,'} without exact surfaces"
             losses.append(Loss.of(occurrence.origin, "step", None, occurrence.path, what, "omitted"))
             continue
         instances.append(

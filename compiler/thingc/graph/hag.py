@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import assert_never
 
 from thingc.brief import Brief
 from thingc.frozen import dataclass
 from thingc.realize.record import PartDefinition
+from thingc.resolve.link_definition import LinkDefinition
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Reference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Definition(Brief):
-    """A node of the HAG. `kind` is `assembly | part | file | frame`; `text` prints it exactly and is its identity together
+    """A node of the HAG. `kind` is `assembly | part | file | link | frame`; `text` prints it exactly and is its identity together
     with `reference` (`module:Class`, a file or a document path in the workspace); `label` prints it for people. Of a mirror image
     `mirror` is the axis, `plain` what it mirrors."""
 
@@ -24,12 +26,17 @@ class Definition(Brief):
     plain: Definition | None = None
 
     @classmethod
-    def of(cls, made: PartDefinition | AssemblyDefinition) -> Definition:
-        """The node of a part or an assembly."""
-        if isinstance(made, PartDefinition):
-            reference, kind = made.reference, "part" if made.kind == "code" else "file"
-        else:
-            reference, kind = made.document, "assembly"
+    def of(cls, made: PartDefinition | LinkDefinition | AssemblyDefinition) -> Definition:
+        """The node of a part, a link or an assembly."""
+        match made:
+            case PartDefinition():
+                reference, kind = made.reference, "part" if made.kind == "code" else "file"
+            case LinkDefinition():
+                reference, kind = "link", "link"
+            case AssemblyDefinition():
+                reference, kind = made.document, "assembly"
+            case _:
+                assert_never(made)
         plain = None if made.plain is None else cls.of(made.plain)
         return cls(text=made.text, label=made.label, reference=reference, kind=kind, mirror=made.mirror, plain=plain)
 
@@ -71,7 +78,7 @@ def hag_of(model: AssemblyDefinition) -> Hag:
     names = _Names()
     edges: list[DefinitionEdge] = []
     met: dict[Definition, None] = {}
-    waiting: list[AssemblyDefinition | PartDefinition | None] = [model]
+    waiting: list[PartDefinition | LinkDefinition | AssemblyDefinition | None] = [model]
     while waiting:
         definition = waiting.pop()
         node = names.of(definition)
@@ -81,7 +88,7 @@ def hag_of(model: AssemblyDefinition) -> Hag:
         if not isinstance(definition, AssemblyDefinition):
             continue
         joints = {joint.child.path[0]: joint for joint in definition.joints if joint.child.path and not joint.loop}
-        inner: list[AssemblyDefinition | PartDefinition | None] = []
+        inner: list[PartDefinition | LinkDefinition | AssemblyDefinition | None] = []
         for component in definition.components:
             if component.definition is None and not component.frame:
                 continue
@@ -103,8 +110,8 @@ class _Names:
         self._given: dict[tuple[str, str, str], Definition] = {}
         self._taken: set[str] = set()
 
-    def of(self, made: AssemblyDefinition | PartDefinition | None) -> Definition:
-        """The node of an assembly, a part, or a frame (None)."""
+    def of(self, made: PartDefinition | LinkDefinition | AssemblyDefinition | None) -> Definition:
+        """The node of an assembly, a part, a link, or a frame (None)."""
         node = Definition.of(made) if made is not None else FRAME
         key = (node.kind, node.reference, node.text)
         if key not in self._given:

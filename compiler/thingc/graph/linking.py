@@ -103,5 +103,5 @@ def _occurrence(index: int, instance: Instance, tree: Tree) -> Occurrence:
         path=instance.path, index=index, definition=leaf.definition, component=leaf.component, record=leaf.record,
         material=leaf.material, color=leaf.color, overrides=leaf.component.overrides, bom=leaf.bom, properties=leaf.properties,
         mass_source=leaf.source, mounts={**leaf.mounts, **added} if added else leaf.mounts, origin=instance.origin,
-        estimate=leaf.estimate,
+        estimate=leaf.estimate, listed=leaf.listed,
     )

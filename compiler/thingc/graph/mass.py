@@ -118,12 +118,27 @@ def weigh(record: PartRecord | None, density: Density | None, process: Process |
         mass, source, estimate = new, overrides.mass.source, None
     if mass is None:
         return None
+    return Weighed(properties=_said(MassProperties(mass=mass, centre=centre, inertia=inertia), overrides), source=source, estimate=estimate)
+
+
+def weigh_link(matter: MassProperties, weight: MassProperties | None, overrides: Overrides) -> Weighed:
+    """The mass properties of a link: what the document states, else `weight`, what its shapes weigh by their densities. A mass alone is
+    spread over its shapes, as `matter` (at density 1) is. With neither it weighs nothing."""
+    known, source = weight if weight is not None else replace(NOTHING, centre=matter.centre), "derived"
+    if overrides.mass is not None:
+        spread = known if known.mass > 0.0 else matter
+        known, source = spread.with_mass(overrides.mass.value[0]), overrides.mass.source
+    return Weighed(properties=_said(known, overrides), source=source)
+
+
+def _said(properties: MassProperties, overrides: Overrides) -> MassProperties:
+    """With the centre and the inertia that the document states, as far as it does."""
     if overrides.com is not None:
         x, y, z = overrides.com.value
-        centre = (x, y, z)
+        properties = replace(properties, centre=(x, y, z))
     if overrides.inertia is not None:
-        inertia = stated_inertia(overrides.inertia.value)
-    return Weighed(properties=MassProperties(mass=mass, centre=centre, inertia=inertia), source=source, estimate=estimate)
+        properties = replace(properties, inertia=stated_inertia(overrides.inertia.value))
+    return properties
 
 
 def stated_inertia(six: tuple[float, ...]) -> Matrix:

@@ -35,7 +35,9 @@ class _Substituted:
         if isinstance(definition, AssemblyDefinition):
             inner = self.of(definition)
             return component if inner is definition else replace(component, definition=inner)
-        if definition is None or component.image_of is None or definition.plain is None or not self._is_own(definition, definition.plain):
+        if not isinstance(definition, PartDefinition) or component.image_of is None or definition.plain is None:
+            return component
+        if not self._is_own(definition, definition.plain):
             return component
         return replace(component, definition=definition.plain, bom=component.image_of.bom, mounts_mirrored=definition.mirror)
 

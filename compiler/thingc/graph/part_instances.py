@@ -11,6 +11,7 @@ from thingc.diagnostics import Code, Note, allow_hint
 from thingc.frozen import dataclass
 from thingc.graph.findings import Findings, line_of, noted, written_at
 from thingc.graph.hag import FRAME, Definition
+from thingc.graph.listed import listed, matter_of, weight_of
 from thingc.graph.mass import (
     NOTHING,
     Density,
@@ -22,15 +23,17 @@ from thingc.graph.mass import (
     stated_inertia,
     unsaid_keys,
     weigh,
+    weigh_link,
 )
 from thingc.graph.prints import material_of, process_of
-from thingc.graph.types import MountFrame
+from thingc.graph.types import Listed, MountFrame
 from thingc.inertia import ZERO, MassProperties, physical_fault
 from thingc.memo import Memo
 from thingc.mirror import Mirror
 from thingc.pose import NO_POSE
 from thingc.realize.record import Outside, PartDefinition, PartFailure, PartRecord, PartWarning
 from thingc.realize.slices import Unsliced
+from thingc.resolve.link_definition import LinkDefinition
 from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Material, Process
 from thingc.resolve.plausible import density_cure, density_doubt, mass_doubt, mass_words, said_by_file
 from thingc.source import Origin
@@ -80,6 +83,7 @@ class PartInstance:
     estimate: str | None
     mounts: dict[str, MountFrame]
     sound: bool
+    listed: Listed | None = None
 
 
 class PartInstances:
@@ -186,6 +190,8 @@ class PartInstances:
                 self.unknown = True
             self._warn(component, record, path, origin)
             definition = Definition.of(part)
+        elif isinstance(component.definition, LinkDefinition):
+            definition = Definition.of(component.definition)
         elif not component.frame:
             return None
         material, looked_up = self._material(component, record, scope)
@@ -205,6 +211,7 @@ class PartInstances:
             estimate=weighed.estimate if weighed is not None else None,
             mounts=self._mounts(component, record, path, origin),
             sound=sound,
+            listed=listed(component.definition, material) if isinstance(component.definition, LinkDefinition) else None,
         )
 
     def _warn(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:
@@ -270,6 +277,8 @@ class PartInstances:
         scope: AssemblyDefinition, path: str, origin: Origin,
     ) -> Weighed | None:
         findings, overrides = self._findings, component.overrides
+        if isinstance(component.definition, LinkDefinition):
+            return self._weigh_link(component, component.definition, material, path, origin)
         process = process_of(component, material)
         density: Density | None = None
         if record is not None and record.density is not None:
@@ -314,6 +323,17 @@ class PartInstances:
             if weighed.estimate == "skin":
                 self._unsliced(component, record, process, path, origin)
         return weighed
+
+    def _weigh_link(
+        self, component: Component, definition: LinkDefinition, material: Material | None, path: str, origin: Origin,
+    ) -> Weighed:
+        weight = weight_of(definition, material)
+        if weight is None and component.overrides.mass is None:
+            self._findings.error(
+                Code.NO_MATERIAL, f"`{component.name}` weighs by the densities of its shapes, and some have none", origin, path=path,
+                help="give every shape, or the link, a `material` with a density, or add `mass:`",
+            )
+        return weigh_link(matter_of(definition), weight, component.overrides)
 
     def _doubt(
         self, component: Component, record: PartRecord, material: Material | None, weighed: Weighed, path: str, origin: Origin,

@@ -73,7 +73,7 @@ def _light(mass: float, least: float) -> str | None:
 
 def _measured(one: Occurrence) -> str:
     """`arm` (`foot.stl`) measures 0.06 x 0.06 x 0.06 mm and weighs 2.7e-07 g."""
-    size = f" measures {measures(one.record.box)} and" if one.record is not None and one.record.box is not None else ""
+    size = f" measures {measures(one.box)} and" if one.box is not None else ""
     return f"`{one.path}`, `{one.definition.label}`,{size} weighs {mass_words(one.properties.mass)}"
 
 

@@ -72,7 +72,7 @@ def check_plausible(
     _check_mounts(tree, mates, findings)
     if tree.top.assembly is not None:
         check_modes(tree.top.assembly, modes, magnets, sum(link.properties.mass for link in links), findings)
-    sizes = {one.index: math.dist(*one.record.box) for one in occurrences if one.record is not None and one.record.box is not None}
+    sizes = {one.index: math.dist(*one.box) for one in occurrences if one.box is not None}
     if sizes and all(one.record is None or one.record.exact for one in occurrences):
         largest = max(sizes, key=lambda index: sizes[index])
         _check_offsets(tree, occurrences[largest], sizes[largest], findings)
@@ -88,16 +88,16 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: Findings) -> bool:
     """Parts that are smaller or larger than parts are, each at the first component that it is; whether there are any."""
     warned: set[str] = set()
     for one in occurrences:
-        if one.record is None or one.record.box is None or not one.record.exact or one.definition.text in warned:
+        if one.box is None or one.record is not None and not one.record.exact or one.definition.text in warned:
             continue
-        low, high = one.record.box
+        low, high = one.box
         sides = [above - below for below, above in zip(low, high)]
         if SMALLEST <= max(sides) <= LARGEST:
             continue
         bound = f"under {1000.0 * SMALLEST:g} mm" if max(sides) < SMALLEST else f"over {LARGEST:g} m"
         if findings.warn(
-            Code.SIZE, f"`{one.component.name}` (`{one.definition.label}`) is {bound} long: it measures {measures(one.record.box)}",
-            one.origin, path=one.path, notes=written_at(f"`{one.definition.label}`", one.record.code),
+            Code.SIZE, f"`{one.component.name}` (`{one.definition.label}`) is {bound} long: it measures {measures(one.box)}",
+            one.origin, path=one.path, notes=written_at(f"`{one.definition.label}`", one.record.code) if one.record is not None else (),
             help=f"{unit_meant(one.component.definition, max(sides))}; {allow_hint(Code.SIZE)}",
         ):
             warned.add(one.definition.text)
@@ -124,9 +124,9 @@ def _check_stated(occurrences: Sequence[Occurrence], findings: Findings) -> None
 def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None:
     """What the document states of a part that its shape cannot have (None: the Thing does), in words, and what to look at."""
     mass = one.properties.mass
-    if one.record is None or one.record.box is None or not one.record.exact or mass <= 0.0:
+    if one.box is None or one.record is not None and not one.record.exact or mass <= 0.0:
         return None
-    (low, high), centre, inertia = one.record.box, one.properties.centre, one.properties.inertia
+    (low, high), centre, inertia = one.box, one.properties.centre, one.properties.inertia
     size = math.dist(low, high)
     across = f"and it measures {length_words(size, 3)} across"
     away = math.hypot(*(max(least - at, at - most, 0.0) for least, at, most in zip(low, centre, high, strict=True)))
@@ -390,10 +390,10 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
     whole = sum(link.properties.mass for link in links)
     for link in links:
         placed = [(occurrences[member], pose) for member, pose in zip(link.members, link.poses, strict=True)]
-        boxes = [(one.record.box, pose) for one, pose in placed if one.record is not None and one.record.box is not None]
+        boxes = [(one.box, pose) for one, pose in placed if one.box is not None]
         for one, pose in placed:
             stated, mass = one.overrides.mass, one.properties.mass
-            if one.record is not None or stated is None:
+            if one.record is not None or one.listed is not None or stated is None:
                 continue
             rest = whole - mass
             if mass > BURDEN * rest > 0.0:

@@ -10,8 +10,9 @@ from thingc.graph.hag import Definition, Hag, hag_of
 from thingc.inertia import MassProperties
 from thingc.joints import JointKind, Twist
 from thingc.joints.bases import BaseType
-from thingc.pose import Pose, Vector
-from thingc.realize.record import DriveType, Mesh, PartRecord, Primitive
+from thingc.pose import NO_POSE, Pose, Vector
+from thingc.primitives import Primitive
+from thingc.realize.record import DriveType, Mesh, PartRecord
 from thingc.resolve.model import (
     AssemblyDefinition,
     BomEntry,
@@ -41,12 +42,33 @@ class MountFrame(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Surface(Brief):
+    """A shape of an occurrence that is drawn or touched: `solid` at `pose` in the occurrence's frame, of what it is made and in which
+    colour (`#rrggbb`, `#rrggbbaa`; None: of its own)."""
+
+    solid: Mesh | Primitive
+    material: Material | None
+    color: str | None
+    pose: Pose = NO_POSE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Listed(Brief):
+    """The geometry of a link, whose shapes are listed, in its frame: what is drawn, what touches, and the `box` around all of it (two
+    corners [m]; None: there is nothing, or nobody has measured it yet)."""
+
+    drawn: tuple[Surface, ...]
+    touching: tuple[Surface, ...]
+    box: tuple[Vector, Vector] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Occurrence(Brief):
-    """A leaf of the unrolled HAG: a part or a frame at a path (`hand/cap`).
+    """A leaf of the unrolled HAG: a part, a link or a frame at a path (`hand/cap`).
 
     `index` is its place in document order; `properties` in its own frame; `mass_source` is
     `measured | vendor | stated | derived | estimated`, `estimate` how one with an infill was estimated (`layers | skin`), else None.
-    `mounts` includes `origin`. `color` is `#rrggbb`.
+    `mounts` includes `origin`. `color` is `#rrggbb`. `record` is that of a part, `listed` is of a link; a frame has neither.
     """
 
     path: str
@@ -63,25 +85,40 @@ class Occurrence(Brief):
     mounts: dict[str, MountFrame]
     origin: Origin
     estimate: str | None = None
+    listed: Listed | None = None
 
     @property
-    def drawn(self) -> Mesh | None:
-        """The mesh that simulators and viewers draw, in its own frame; None where the document wants none, and without geometry."""
-        return self.record.meshes.get("visual") if self.record is not None and self.overrides.visual else None
+    def drawn(self) -> tuple[Surface, ...]:
+        """What simulators and viewers draw, in its own frame; nothing where the document wants none, and without geometry."""
+        if self.listed is not None:
+            return self.listed.drawn
+        mesh = self.record.meshes.get("visual") if self.record is not None and self.overrides.visual else None
+        return () if mesh is None else (self._surface(mesh),)
 
     @property
-    def touching(self) -> tuple[Mesh | Primitive, ...]:
-        """The shapes that simulators collide, in its own frame, as its `collision` chooses: of a mesh the convex hull. Empty for
+    def touching(self) -> tuple[Surface, ...]:
+        """The shapes that simulators collide, in its own frame, of a part as its `collision` chooses: of a mesh the convex hull. Empty for
         `none`, without geometry, and where there is no such shape of the part."""
+        if self.listed is not None:
+            return self.listed.touching
         record, choice = self.record, self.overrides.collision
         if record is None or not record.meshes:
             return ()
         if choice == "part":
-            return record.pieces
+            return tuple(self._surface(piece) for piece in record.pieces)
         if choice == "decompose":
-            return record.convex
+            return tuple(self._surface(piece) for piece in record.convex)
         shape = record.simulated if choice == "mesh" else record.fits.get(choice) or record.meshes.get(choice)
-        return () if shape is None else (shape,)
+        return () if shape is None else (self._surface(shape),)
+
+    def _surface(self, solid: Mesh | Primitive) -> Surface:
+        """A shape of a part, which is of one material."""
+        return Surface(solid=solid, material=self.material, color=self.color)
+
+    @property
+    def box(self) -> tuple[Vector, Vector] | None:
+        """The box around its geometry, in its own frame: two corners [m]; None without any, and where it is not known exactly."""
+        return self.listed.box if self.listed is not None else self.record.box if self.record is not None else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

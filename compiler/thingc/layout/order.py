@@ -15,8 +15,8 @@ from thingc.spec.validation import model_of
 
 FIRST: dict[type[BaseModel], tuple[str, ...]] = {
     ComponentSpec: (
-        "repeat", "part", "file", "unit", "assembly", "frame", "params", "parameters", "material", "mass", "com", "inertia", "attach",
-        "at", "mounts", "mirror", "collision", "visual", "process", "bom",
+        "repeat", "part", "file", "unit", "assembly", "link", "frame", "params", "parameters", "material", "mass", "com", "inertia",
+        "shapes", "attach", "at", "mounts", "mirror", "collision", "visual", "process", "bom",
     ),
     JointSpec: (
         "repeat", "type", "parent", "child", "loop", "turn", "gap", "offset", "limit", "dynamics", "mimic", "drive",

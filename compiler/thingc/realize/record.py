@@ -7,7 +7,6 @@ later passes ever learn of its geometry.
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Mapping
 from dataclasses import field, replace
 from enum import Enum
@@ -16,6 +15,7 @@ from typing import Literal
 from thingc.brief import Brief
 from thingc.frozen import dataclass
 from thingc.pose import Matrix, Pose, Vector
+from thingc.primitives import Primitive
 from thingc.realize.slices import Sliced, Slicing, Unsliced
 from thingc.units import ANGLE, LENGTH, MASS, NUMBER, Dimension, Quantity
 
@@ -230,38 +230,6 @@ class ActuatorRecord(Brief):
     def armature(self) -> float | None:
         """Rotor inertia seen at the output [kg m^2]: rotor inertia times gear ratio squared."""
         return None if self.rotor_inertia is None else self.rotor_inertia * self.gear_ratio * self.gear_ratio
-
-
-PrimitiveShape = Literal["box", "cylinder", "capsule", "sphere"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Primitive(Brief):
-    """A box, cylinder, capsule or sphere. `size` as MuJoCo's: box half sizes; cylinder and capsule radius, half
-    length (of the straight part) along z; sphere radius [m]. `pose` is in the part's frame."""
-
-    shape: PrimitiveShape
-    size: tuple[float, ...]
-    pose: Pose
-
-    @property
-    def volume(self) -> float:
-        """Volume [m^3]."""
-        if self.shape == "box":
-            return 8.0 * math.prod(self.size)
-        radius, half = (*self.size, 0.0)[:2]
-        ball = 0.0 if self.shape == "cylinder" else 4.0 / 3.0 * radius
-        return math.pi * radius**2 * (2.0 * half + ball)
-
-    @property
-    def area(self) -> float:
-        """Surface area [m^2]."""
-        if self.shape == "box":
-            a, b, c = self.size
-            return 8.0 * (a * b + b * c + c * a)
-        radius, half = (*self.size, 0.0)[:2]
-        ends = 1.0 if self.shape == "cylinder" else 2.0
-        return 2.0 * math.pi * radius * (2.0 * half + ends * radius)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

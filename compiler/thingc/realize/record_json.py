@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from thingc.pose import Matrix, Pose, Vector
+from thingc.primitives import Primitive
 from thingc.realize.record import (
     ActuatorRecord,
     Expectation,
@@ -21,7 +22,6 @@ from thingc.realize.record import (
     PartRecord,
     PartSchema,
     PartWarning,
-    Primitive,
     Stated,
 )
 

@@ -92,9 +92,11 @@ def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:
             definitions.setdefault(definition)
             if component.image_of is not None and definition.plain is not None:  # it may be its own image
                 definitions.setdefault(definition.plain)
-        elif definition is not None and (key := (definition.document, definition.parameters, definition.mirror)) not in seen:
-            seen.add(key)
-            waiting.append(iter(definition.components))
+        elif isinstance(definition, AssemblyDefinition):
+            key = (definition.document, definition.parameters, definition.mirror)
+            if key not in seen:
+                seen.add(key)
+                waiting.append(iter(definition.components))
     return tuple(definitions)
 
 
@@ -108,7 +110,7 @@ def decomposed(model: AssemblyDefinition) -> frozenset[str]:
             if isinstance(definition, PartDefinition):
                 if component.overrides.collision == "decompose":
                     texts.add(definition.text)
-            elif definition is not None and id(definition) not in met:
+            elif isinstance(definition, AssemblyDefinition) and id(definition) not in met:
                 met.add(id(definition))
                 waiting.append(definition)
     return frozenset(texts)

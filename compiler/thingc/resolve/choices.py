@@ -119,7 +119,7 @@ def chosen(context: Context, table: Table, item: Unrolled[ComponentSpec]) -> tup
     names = (str(item.path[-1]), item.name)
     # Of a repeated component what is chosen for all is said once.
     label = item.name if any(path.startswith(f"components.{item.name}.") for path, _ in table.choices) else names[0]
-    kind = next((key for key in ("part", "file", "assembly") if getattr(spec, key) is not None), "frame")
+    kind = next((key for key in ("part", "file", "assembly", "link") if getattr(spec, key) is not None), "frame")
     taken: dict[str, str] = {}
     for key, text in own(table.choices, *names).items():
         path = f"components.{label}.{key}"
@@ -133,8 +133,10 @@ def chosen(context: Context, table: Table, item: Unrolled[ComponentSpec]) -> tup
             if not _known_material(context, table, text, path):
                 continue
         elif key != kind:
-            said = "is a frame, without geometry" if kind == "frame" else f"is written with `{kind}`, not with `{key}`"
-            help = f"choose `components.{label}.{kind}`" if kind != "frame" else "choose for a component with geometry"
+            said, help = f"is written with `{kind}`, not with `{key}`", f"choose `components.{label}.{kind}`"
+            if kind in ("link", "frame"):
+                said = "is a frame, without geometry" if kind == "frame" else "is a link, whose shapes are listed"
+                help = "choose for a component with geometry" if kind == "frame" else "choose its material, or for another component"
             context.say_of_option(path, f"component `{label}` {said}", help)
             continue
         if key == "file" and spec.unit is not None and text.lower().endswith(SUFFIXES_WITH_UNIT):

@@ -11,11 +11,13 @@ from thingc.realize.record import PartDefinition
 from thingc.resolve import choices as choose
 from thingc.resolve import overrides as said
 from thingc.resolve.layers import Layers
+from thingc.resolve.link_definition import LinkDefinition
 from thingc.resolve.mirroring import mirrored, other_axis
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Component, Material
 from thingc.resolve.parameters import fitting
 from thingc.resolve.parts import of_code, of_file
 from thingc.resolve.repeats import MAX_OCCURRENCES, Unrolled
+from thingc.resolve.shapes import of_link
 from thingc.resolve.table import Context, Node, Table, names_in
 from thingc.source import Path
 from thingc.spec.assembly import AssemblySpec, ComponentSpec
@@ -72,11 +74,13 @@ def _define(context: Context, table: Table, node: Node, nest: Nest) -> None:
         node.definition = of_file(context, node, spec.file)
         if node.definition is None and "file" in node.chosen:
             choose.refuse_file(context, node, spec.file)
+    elif spec.link is not None:
+        node.definition = of_link(table, node)
     elif spec.assembly is not None:
         said.refuse_on_assembly(node)
         node.table = _nested(context, table, node, spec.assembly, nest)
         node.definition = node.table.definition if node.table is not None else None
-    if spec.mirror is not None and isinstance(node.definition, PartDefinition):
+    if spec.mirror is not None and isinstance(node.definition, PartDefinition | LinkDefinition):
         node.definition = node.definition.mirrored(spec.mirror)
     elif spec.mirror is not None and node.table is not None and node.table.definition is not None:
         node.definition = _image(node, node.table, node.table.definition, spec.mirror)

@@ -397,8 +397,8 @@ def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, said: t
     if component is None:
         return None
     reference, node = component
-    if node.frame or node.spec.assembly is not None:
-        what = "a frame" if node.frame else "an assembly"
+    if node.bare is not None or node.spec.assembly is not None:
+        what = f"a {node.bare}" if node.bare is not None else "an assembly"
         scope.error(
             Code.DRIVE, f"joint `{name}` is driven by a part with an actuator; `{reference.text}` is {what}", path,
             help=f"name the part inside it, as in `{reference.text}.servo`" if node.spec.assembly is not None else "name a part",

@@ -17,6 +17,7 @@ from dataclasses import replace
 
 from thingc.mirror import Mirror
 from thingc.realize.record import PartDefinition, with_mirror
+from thingc.resolve.link_definition import LinkDefinition
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Overrides, StatedValue
 
 AT_MOUNT = Mirror("y")
@@ -61,6 +62,8 @@ def _component(one: Component, axis: str, met: dict[int, AssemblyDefinition]) ->
     if isinstance(definition, PartDefinition):
         definition = definition.plain if definition.plain is not None else definition.mirrored(axis)
         bom = replace(bom, number=None)  # that of the part is not the number of its image
+    elif isinstance(definition, LinkDefinition):
+        definition = definition.plain if definition.plain is not None else definition.mirrored(axis)
     elif definition is not None:
         definition = _mirrored(definition, axis, met)
     return replace(

@@ -16,6 +16,7 @@ from thingc.joints import JointKind, Twist
 from thingc.joints.bases import BaseType
 from thingc.pose import Pose, Vector
 from thingc.realize.record import DriveType, PartDefinition, Value
+from thingc.resolve.link_definition import LinkDefinition
 from thingc.source import Origin, Span
 
 COUNTED = "the reference is repeated this often"
@@ -151,7 +152,7 @@ class At(Brief):
 class Component(Brief):
     """A node placed in an assembly.
 
-    Exactly one of: `definition` a part, `definition` a nested assembly, or `frame` True. `definition` None without
+    Exactly one of: `definition` a part, a link or a nested assembly, or `frame` True. `definition` None without
     `frame` means that it was wrong and has been reported; later passes leave it out silently. `placement` is None for
     the base and for what a joint places. `material` is what the document says (None: the Thing's default, looked up
     in the assembly's `materials`). In the mirror image of a document `image_of` is the component that it is the image of,
@@ -159,7 +160,7 @@ class Component(Brief):
     """
 
     name: str
-    definition: PartDefinition | AssemblyDefinition | None
+    definition: PartDefinition | LinkDefinition | AssemblyDefinition | None
     frame: bool
     placement: Attach | At | None
     material: Material | None

@@ -263,9 +263,9 @@ def _mount_of(node: Node, scope: Scope, rest: tuple[str, ...], parts: tuple[str,
     name = rest[0]
     if name == ORIGIN or name in node.mounts:
         return True
-    if node.frame:
+    if node.bare is not None:
         _report_mount(
-            scope, f"frame `{node.name}`", name, [ORIGIN, *node.mounts], node.scope.span(node.path, key=True), path, key,
+            scope, f"{node.bare} `{node.name}`", name, [ORIGIN, *node.mounts], node.scope.span(node.path, key=True), path, key,
         )
         return False
     if node.table is None:
@@ -371,7 +371,7 @@ def _report_component(
 def _report_leaf(node: Node, scope: Scope, parts: tuple[str, ...], depth: int, path: Path, key: bool) -> None:
     if node.unsound and node.definition is None and not node.frame:
         return
-    kind = "a frame" if node.frame else "an assembly" if isinstance(node.definition, AssemblyDefinition) else "a part"
+    kind = f"a {node.bare}" if node.bare is not None else "an assembly" if isinstance(node.definition, AssemblyDefinition) else "a part"
     scope.error(
         Code.UNKNOWN_COMPONENT, f"`{node.name}` is {kind} and has no components: `{'.'.join(parts)}` goes too deep", path,
         help=f"write `{'.'.join(parts[:depth])}.mount`", key=key, notes=declared(node),

@@ -13,6 +13,7 @@ from thingc.diagnostics import Code, Report
 from thingc.expressions import Expression, Found
 from thingc.memo import Memo
 from thingc.realize.record import PartDefinition, PartFailure, PartSchema, Value
+from thingc.resolve.link_definition import LinkDefinition
 from thingc.resolve.model import AssemblyDefinition, Component, CoordinateName, ExtraMount, Joint, Material, NamedPose, Reference
 from thingc.resolve.scope import NOTHING, Scope
 from thingc.source import SET, Document, Path
@@ -39,7 +40,7 @@ class Node:
     spec: ComponentSpec
     path: Path
     scope: Scope
-    definition: PartDefinition | AssemblyDefinition | None = None
+    definition: PartDefinition | LinkDefinition | AssemblyDefinition | None = None
     table: Table | None = None
     mounts: dict[str, ExtraMount] = field(default_factory=dict)
     unsound: bool = False
@@ -51,6 +52,11 @@ class Node:
     def frame(self) -> bool:
         """Whether it is a component without geometry."""
         return self.spec.frame is True
+
+    @property
+    def bare(self) -> str | None:
+        """`frame` or `link` of one that has no other mounts than the document gives it; None of all others."""
+        return "frame" if self.frame else "link" if self.spec.link is not None else None
 
 
 @dataclass(slots=True, kw_only=True)

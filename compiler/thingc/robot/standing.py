@@ -14,8 +14,9 @@ from functools import partial
 from thingc.diagnostics import Code, Report
 from thingc.graph.types import Assembly, LinkedMode, Occurrence
 from thingc.memo import Memo
-from thingc.pose import Pose, Vector, dot
-from thingc.realize.record import Mesh, Primitive
+from thingc.pose import Pose, Vector
+from thingc.primitives import Primitive
+from thingc.realize.record import Mesh
 from thingc.resolve.model import NamedPose
 from thingc.robot.cuts import spanning
 from thingc.robot.kinematics import placed_bodies
@@ -92,25 +93,26 @@ def _lowest(
     """The lowest z [m] of what collides, infinite where nothing does. Meshes are looked into from the one whose box reaches lowest,
     and no further than one can be lower than what has been found."""
     lowest = math.inf
-    meshes: list[tuple[float, int, int, Mesh]] = []
+    meshes: list[tuple[float, int, int, Mesh, Pose]] = []
     for number, (part, pose) in enumerate(parts):
-        box = part.record.box if part.record is not None else None
-        low = math.inf if box is None else pose.translation[2] + of_box(box, pose.rotation[2])
+        low = math.inf if part.box is None else pose.translation[2] + of_box(part.box, pose.rotation[2])
         if mesh_vertices is None:
             lowest = min(lowest, low if part.overrides.collision != "none" else math.inf)
             continue
-        for index, shape in enumerate(part.touching):
+        for index, surface in enumerate(part.touching):
+            shape = surface.solid
             if isinstance(shape, Primitive):
-                if min(shape.size) > 0.0:
-                    lowest = min(lowest, pose.translation[2] + of_primitive(shape, pose.rotation[2]))
+                if min(shape.size) > 0.0 and shape.shape != "plane":
+                    lowest = min(lowest, pose.translation[2] + shape.lowest(pose.rotation[2]))
             elif shape.flat:  # MuJoCo does not touch what has no inside
                 continue
             else:  # what a Thing collides as may lie anywhere
-                meshes.append((-math.inf if part.overrides.collision == "part" else low - ROUNDING, number, index, shape))
-    for under, number, index, mesh in sorted(meshes, key=lambda entry: entry[:3]):
+                under = -math.inf if part.overrides.collision == "part" else low - ROUNDING
+                meshes.append((under, number, index, shape, pose @ surface.pose))
+    for under, number, index, mesh, pose in sorted(meshes, key=lambda entry: entry[:3]):
         if under >= lowest or mesh_vertices is None:
             break
-        part, pose = parts[number]
+        part, _ = parts[number]
         points = memo(("mesh_vertices", part.path, index), partial(vertices_of, mesh_vertices, mesh), mesh.sha256)
         lowest = min(lowest, pose.translation[2] + memo(("lowest", *place, part.path, index), of_points, points, pose.rotation[2]))
     return lowest
@@ -130,17 +132,3 @@ def of_points(points: Sequence[Vector], down: Vector) -> float:
 def of_box(box: tuple[Vector, Vector], down: Vector) -> float:
     """The same over the points of a box."""
     return sum(min(component * low, component * high) for component, low, high in zip(down, *box, strict=True))
-
-
-def of_primitive(shape: Primitive, down: Vector) -> float:
-    """The least of `down` (a unit vector in the part's frame) times x [m] over the points x of a primitive: minus its support
-    function in the other direction."""
-    axes = shape.pose.rotation
-    x, y, z = (dot(down, (axes[0][k], axes[1][k], axes[2][k])) for k in range(3))
-    middle, size = dot(down, shape.pose.translation), shape.size
-    if shape.shape == "box":
-        return middle - abs(x) * size[0] - abs(y) * size[1] - abs(z) * size[2]
-    if shape.shape == "sphere":
-        return middle - size[0]
-    along = abs(z) * size[1]
-    return middle - along - (size[0] if shape.shape == "capsule" else size[0] * math.hypot(x, y))

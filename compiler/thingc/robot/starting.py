@@ -166,8 +166,8 @@ def _seen(assembly: Assembly, link: Link, at: Pose) -> Iterator[tuple[Occurrence
     """The parts of a link that are drawn, with their boxes and their poses in the world."""
     for member, inner in zip(link.members, link.poses, strict=True):
         part = assembly.occurrences[member]
-        if part.record is not None and part.record.exact and part.record.box is not None and part.overrides.visual:
-            yield part, part.record.box, at @ inner
+        if part.box is not None and part.drawn and (part.record is None or part.record.exact):
+            yield part, part.box, at @ inner
 
 
 def _top(box: Box, pose: Pose) -> float:
@@ -187,8 +187,8 @@ def _sphere(link: Link, assembly: Assembly) -> float:
     """A radius [m] around the origin of a link within which all of its parts lie."""
     reach = 0.0
     for member, pose in zip(link.members, link.poses, strict=True):
-        record = assembly.occurrences[member].record
-        if record is not None and record.box is not None:
-            corner = math.hypot(*(max(abs(low), abs(high)) for low, high in zip(*record.box, strict=True)))
+        box = assembly.occurrences[member].box
+        if box is not None:
+            corner = math.hypot(*(max(abs(low), abs(high)) for low, high in zip(*box, strict=True)))
             reach = max(reach, math.hypot(*pose.translation) + corner)
     return reach

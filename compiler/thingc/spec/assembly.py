@@ -33,6 +33,7 @@ from thingc.spec.fields import (
     Vector3Angle,
     Vector3Length,
 )
+from thingc.spec.listed import ShapeSpec
 from thingc.spec.materials import MaterialSpec, ProcessSpec
 from thingc.spec.modes import ModeSpec, SimulationSpec
 from thingc.spec.raw_fields import RawField
@@ -193,15 +194,23 @@ class ComponentDefaults(Model):
     """The line of the bill of materials."""
 
 
+KINDS = ("part", "file", "assembly", "link", "frame")
+"""What a component is exactly one of."""
+
+OF_PARTS = ("collision", "visual", "process", "print")
+"""Keys that a link has no use for: it says all of that of its shapes."""
+
+
 def _component_rules(schema: dict[str, Any]) -> None:
     """What `ComponentSpec` checks beyond its fields, for editors."""
-    schema["oneOf"] = [{"required": [kind]} for kind in ("part", "file", "assembly", "frame")]
+    schema["oneOf"] = [{"required": [kind]} for kind in KINDS]
     schema["not"] = {"required": ["attach", "at"]}
     schema["dependentSchemas"] = {
         key: {"anyOf": [{"required": [of]}, {"properties": {key: {"maxProperties": 0}}}]}
         for key, of in (("params", "part"), ("parameters", "assembly"))
     } | {
-        "unit": {"required": ["file"]}, "faces": {"required": ["file"]},
+        "unit": {"required": ["file"]}, "faces": {"required": ["file"]}, "shapes": {"required": ["link"]},
+        **{key: {"not": {"required": ["link"]}} for key in OF_PARTS},
         "mirror": {"not": {"required": ["frame"]}},
     }
     for branch in schema["properties"]["attach"]["anyOf"]:
@@ -210,7 +219,7 @@ def _component_rules(schema: dict[str, Any]) -> None:
 
 
 class ComponentSpec(ComponentDefaults):
-    """A node: exactly one of `part`, `file`, `assembly`, `frame`, placed by at most one of `attach`, `at`."""
+    """A node: exactly one of `part`, `file`, `assembly`, `link`, `frame`, placed by at most one of `attach`, `at`."""
 
     model_config = ConfigDict(json_schema_extra=_component_rules)
 
@@ -220,8 +229,12 @@ class ComponentSpec(ComponentDefaults):
     """A part of a file: STEP, BREP, STL, 3MF or OBJ, relative to this document."""
     assembly: str | None = Field(default=None, examples=["end_effector.yaml"])
     """Another assembly document, relative to this one."""
+    link: Literal[True] | None = None
+    """A component whose geometry is listed under `shapes`, and whose mass is given."""
     frame: Literal[True] | None = None
     """A component without geometry."""
+    shapes: list[ShapeSpec] = Field(default=[], examples=[[{"box": "380 90 110 mm"}]])
+    """What a link is drawn as, and touches with."""
     unit: Literal["um", "mm", "cm", "m", "in", "ft"] | None = None
     """The unit of the numbers in an STL, OBJ or BREP file, which does not say it; mm unless written."""
     faces: CountField | None = Field(default=None, examples=[5000])
@@ -247,14 +260,14 @@ class ComponentSpec(ComponentDefaults):
 
     @model_validator(mode="after")
     def _one_kind(self) -> ComponentSpec:
-        kinds = [k for k in ("part", "file", "assembly", "frame") if getattr(self, k) is not None]
+        kinds = [kind for kind in KINDS if getattr(self, kind) is not None]
         if not kinds:
-            raise rule("a component needs one of `part`, `file`, `assembly` or `frame: true`; none is here",
-                        "write for example `part: arm:BasePlate`")
+            raise rule("a component needs one of `part`, `file`, `assembly`, `link: true` or `frame: true`; none is here",
+                        "write `link: true` beside `shapes`" if self.shapes else "write for example `part: arm:BasePlate`")
         if len(kinds) > 1:
             named = " and ".join(f"`{k}`" for k in kinds)
             raise rule(
-                f"a component has exactly one of `part`, `file`, `assembly`, `frame`; here are {named}", "keep one of them",
+                f"a component has exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}; here are {named}", "keep one of them",
             )
         if self.params and self.part is None:
             raise rule(
@@ -266,8 +279,17 @@ class ComponentSpec(ComponentDefaults):
             raise rule(f"`{self.file}` says its unit itself: {UNIT_OF_ITS_OWN}", "take `unit` out", "unit")
         if self.faces is not None and self.file is None:
             raise rule("`faces` belongs to a `file`", "take it out: how finely parts of code are meshed is the workspace's `mesh`", "faces")
+        if self.shapes and self.link is None:
+            raise rule("`shapes` belongs to a `link`", "write them on a component of its own: `link: true`", "shapes")
+        for key in OF_PARTS:
+            if self.link is not None and getattr(self, key) is not None:
+                raise rule(
+                    f"`{key}` belongs to a `part` or a `file`, and this is a `link`",
+                    "each of its `shapes` says what it is `for`: `visual`, `collision` or `both`" if key in ("collision", "visual")
+                    else "take it out", key,
+                )
         if self.mirror is not None and self.frame is not None:
-            raise rule("`mirror` belongs to a `part`, a `file` or an `assembly`: a frame is its own mirror image", "take it out", "mirror")
+            raise rule("`mirror` belongs to what has a shape: a frame is its own mirror image", "take it out", "mirror")
         if self.parameters and self.assembly is None:
             raise rule("`parameters` belongs to a nested `assembly`", "a part takes `params`" if self.part else "take it out")
         if self.attach is not None and self.at is not None:

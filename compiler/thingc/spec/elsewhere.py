@@ -10,14 +10,16 @@ from collections.abc import Mapping
 
 from pydantic import BaseModel
 
-from thingc.spec import assembly, materials, modes, sensors, variants, workspace
+from thingc.spec import assembly, listed, materials, modes, sensors, variants, workspace
 from thingc.spec.shapes import model_keys, one_of
 from thingc.typos import Hint
 from thingc.units import shortened
 
 _PLACE = "a component is placed by `attach: {my_mount: other.mount}`, by `at: {in: other.mount, xyz: 0 0 9 mm}`, or as the child of a joint"
 _MOUNTS = "the mounts say where a joint is: `parent: component.mount`, `child: component.mount`"
-_SHAPE = "geometry is a `part` (a class in Python), a `file` (STEP, STL and others), or none: `frame: true`"
+_SHAPE = (
+    "geometry is a `part` (a class in Python), a `file` (STEP, STL and others), a list of `shapes` (`link: true`), or none: `frame: true`"
+)
 _MATERIAL = "that is of the material: name one in `material`, and write its `density` and `color` under `materials`"
 _RPY = "an orientation is `rpy`, extrinsic roll, pitch and yaw as in URDF: `rpy: 0 0 90 deg`"
 _XYZ = "write the three of them: `xyz: 0 0 10 mm`"
@@ -75,6 +77,7 @@ KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
         **dict.fromkeys(("triangles", "max_faces", "decimate", "simplify"), "faces"),
         **dict.fromkeys(("include", "document", "subassembly", "sub_assembly", "robot"), "assembly"),
         **dict.fromkeys(("args", "arguments", "kwargs"), "params"), **dict.fromkeys(("count", "copies", "instances"), "repeat"),
+        **dict.fromkeys(("geoms", "visuals", "collisions"), "shapes"),
         **dict.fromkeys(("geometry", "box", "cylinder", "sphere", "shape", "size", "dimensions", "type", "kind"), _SHAPE),
         **dict.fromkeys(("parent", "origin", "pose", "pos", "position", "location", "placement", "transform", "translation", "on"), _PLACE),
         "inertial": "`mass`, `com` and `inertia` stand in the component itself",
@@ -90,6 +93,14 @@ KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
         **dict.fromkeys(("offset", "distance"), "gap"), **dict.fromkeys(("angle", "rotation", "yaw"), "turn"),
         **dict.fromkeys(("mine", "my", "from", "child"), "mount"), **dict.fromkeys(("on", "target", "parent", "other"), "to"),
     },
+    listed.ShapeSpec: {
+        **dict.fromkeys(("pos", "position", "xyz", "rpy", "origin", "pose", "offset"), "it is said under `at`: `at: {xyz: 0 0 10 mm}`"),
+        **dict.fromkeys(("rgba", "colour"), "color"), **dict.fromkeys(("purpose", "use", "kind", "type"), "for"),
+        **dict.fromkeys(("size", "geometry"), "each shape has its own key: `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`, `plane`"),
+    },
+    listed.ShapeAtSpec: _POSE_KEYS,
+    listed.LongSpec: {**dict.fromkeys(("height", "h", "l"), "length"), "r": "radius", "diameter": "write half of it: `radius: 20 mm`"},
+    listed.RoundSpec: {"r": "radius", "diameter": "write half of it: `radius: 20 mm`"},
     assembly.ParameterSpec: {
         **dict.fromkeys(("default", "val"), "value"),
         **dict.fromkeys(("minimum", "lower"), "min"), **dict.fromkeys(("maximum", "upper"), "max"),

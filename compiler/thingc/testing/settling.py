@@ -98,9 +98,9 @@ def _points(robot: Robot, model: mujoco.MjModel) -> list[tuple[int, Array]]:
         link = robot.assembly.links[body.link]
         points = [(0.0, 0.0, 0.0)]
         for member, pose in zip(link.members, link.poses, strict=True):
-            record = robot.assembly.occurrences[member].record
-            if record is not None and record.box is not None:
-                points += [_corner(pose, record.box, which) for which in product((0, 1), repeat=3)]
+            box = robot.assembly.occurrences[member].box
+            if box is not None:
+                points += [_corner(pose, box, which) for which in product((0, 1), repeat=3)]
         per_link.append((model.body(link.name).id, np.array(points)))
     return per_link
 

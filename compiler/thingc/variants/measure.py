@@ -108,7 +108,7 @@ def bounding_box(assembly: Assembly, poses: Sequence[Pose]) -> tuple[Vector, Vec
     without geometry."""
     low, high = [math.inf] * 3, [-math.inf] * 3
     for occurrence, pose in zip(assembly.occurrences, poses, strict=True):
-        box = occurrence.record.box if occurrence.record is not None else None
+        box = occurrence.box
         if box is None:
             continue
         lowest, highest = pose.around(box)

@@ -26,8 +26,8 @@ MOST = 6
 
 FONT = "ui-monospace, 'SF Mono', Menlo, Consolas, 'DejaVu Sans Mono', 'Liberation Mono', monospace"
 INK, MUTED, LINE, JOINT = "#1f2937", "#6b7280", "#a3acba", "#c2410c"
-FILL = {"assembly": "#dbe7f6", "part": "#f7f4ec", "file": "#e6f2e6", "frame": "#ffffff"}
-EDGE = {"assembly": "#3d6fae", "part": "#a89c7c", "file": "#5d8a5d", "frame": "#8a8a8a"}
+FILL = {"assembly": "#dbe7f6", "part": "#f7f4ec", "file": "#e6f2e6", "link": "#f3e8f3", "frame": "#ffffff"}
+EDGE = {"assembly": "#3d6fae", "part": "#a89c7c", "file": "#5d8a5d", "link": "#8d6a8d", "frame": "#8a8a8a"}
 
 
 def picture(hag: Hag) -> str:

@@ -83,6 +83,7 @@ def dot(hag: Hag) -> str:
         "assembly": 'shape=box style="rounded,filled" fillcolor="#dbe7f6" color="#3d6fae"',
         "part": 'shape=box style="rounded,filled" fillcolor="#f7f4ec" color="#8f8466"',
         "file": 'shape=note style="filled" fillcolor="#e6f2e6" color="#5d8a5d"',
+        "link": 'shape=box style="filled" fillcolor="#f3e8f3" color="#8d6a8d"',
         "frame": 'shape=box style="rounded,dashed" color="#8a8a8a"',
     }
     names = _names(hag)
@@ -106,7 +107,7 @@ def dot(hag: Hag) -> str:
 
 def mermaid(hag: Hag) -> str:
     """A Mermaid flowchart: a node per definition, one edge per pair of definitions that lists the components."""
-    shapes = {"assembly": ('(["', '"])'), "part": ('["', '"]'), "file": ('[/"', '"/]'), "frame": ('("', '")')}
+    shapes = {"assembly": ('(["', '"])'), "part": ('["', '"]'), "file": ('[/"', '"/]'), "link": ('[["', '"]]'), "frame": ('("', '")')}
     names = _names(hag)
     lines = ["flowchart LR"]
     for definition in hag.definitions:
@@ -122,6 +123,7 @@ def mermaid(hag: Hag) -> str:
         "  classDef assembly fill:#dbe7f6,stroke:#3d6fae,color:#1f2937",
         "  classDef part fill:#f7f4ec,stroke:#8f8466,color:#1f2937",
         "  classDef file fill:#e6f2e6,stroke:#5d8a5d,color:#1f2937",
+        "  classDef link fill:#f3e8f3,stroke:#8d6a8d,color:#1f2937",
         "  classDef frame fill:#ffffff,stroke:#8a8a8a,color:#1f2937,stroke-dasharray:4 3",
     ]
     return "\n".join(lines) + "\n"

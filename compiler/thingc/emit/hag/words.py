@@ -9,7 +9,7 @@ from thingc.frozen import dataclass
 from thingc.graph.hag import Definition, DefinitionEdge, Hag
 from thingc.shown import shown
 
-KINDS = ("assembly", "part", "file", "frame")
+KINDS = ("assembly", "part", "file", "link", "frame")
 """Kinds of definitions, in the order of a legend."""
 
 

@@ -18,11 +18,11 @@ from collections.abc import Sequence
 from thingc.emit.bom import items, listed, make_of
 from thingc.emit.html.packed import Packed
 from thingc.graph import coordinates, joints_of
-from thingc.graph.types import Assembly, JointEdge, Mate, Occurrence
+from thingc.graph.types import Assembly, JointEdge, Mate, Occurrence, Surface
 from thingc.inertia import MassProperties, principal_axes
 from thingc.joints import Twist
-from thingc.pose import Pose
-from thingc.realize.record import Mesh, PartDefinition, Primitive
+from thingc.pose import NO_POSE, Pose
+from thingc.realize.record import Mesh, PartDefinition
 from thingc.robot import in_link, placed_bodies
 from thingc.robot.types import Body, Closure, Keyframe, Robot
 from thingc.source import Origin
@@ -121,9 +121,9 @@ def _occurrence(one: Occurrence, definition: int, link: int, pose: Pose, packed:
         "centre": one.properties.centre, "source": one.mass_source, "estimate": one.estimate,
         "material": one.material.name if one.material is not None else None, "color": one.color,
         "make": make_of(one) if listed(one) else None,
-        "visual": packed.number(one.drawn) if one.drawn is not None else None,
+        "visual": [{**_shape(surface, packed), "color": surface.color} for surface in one.drawn],
         "collides": one.overrides.collision,
-        "collision": [_shape(shape, packed) for shape in one.touching],
+        "collision": [_shape(surface, packed) for surface in one.touching],
         "mounts": [
             {"name": name, "pose": _rows(mount.pose), "interface": mount.interface}
             for name, mount in one.mounts.items() if name != "origin"
@@ -132,10 +132,11 @@ def _occurrence(one: Occurrence, definition: int, link: int, pose: Pose, packed:
     }
 
 
-def _shape(shape: Mesh | Primitive, packed: Packed) -> Data:
-    if isinstance(shape, Mesh):
-        return {"shape": "mesh", "mesh": packed.number(shape)}
-    return {"shape": shape.shape, "size": shape.size, "pose": _rows(shape.pose)}
+def _shape(surface: Surface, packed: Packed) -> Data:
+    solid = surface.solid
+    if isinstance(solid, Mesh):
+        return {"shape": "mesh", "mesh": packed.number(solid), "pose": None if surface.pose == NO_POSE else _rows(surface.pose)}
+    return {"shape": solid.shape, "size": solid.size, "pose": _rows(solid.pose)}
 
 
 def _mass(own: MassProperties) -> Data:

@@ -49,7 +49,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "weightless": SAYS, "weightless_base": SAYS, "point": SAYS, "line": Loses(None, "approximated", ": it has none here, as a point"),
     },
     "shapes": {
-        "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "hull": SAYS,
+        "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "ellipsoid": SAYS, "plane": SAYS, "hull": SAYS,
         "mesh": Loses(None, "approximated", ": MuJoCo touches the convex hull of a mesh"),
     },
     "sensors": {"imu": Says("imu"), "force": Says("force"), "joint": Says("joint"), "camera": Says("camera")},

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from thingc.emit import geometry
-from thingc.emit.geometry import MeshAsset, Shape, Shapes, channels, material_name
+from thingc.emit.geometry import MeshAsset, Shape, Shapes, channels, material_name, numbered
 from thingc.emit.mjcf.drives import both_ways, drive_attributes, joint_range
 from thingc.emit.mjcf.inertial import inertial
 from thingc.emit.mjcf.limits import is_shell
@@ -20,6 +20,9 @@ from thingc.pose import Pose, Vector
 from thingc.resolve.model import Dynamics, Material
 from thingc.robot.types import CoreJoint
 from thingc.source import Origin
+
+GRID = 0.1
+"""How far [m] the lines of the grid are apart that MuJoCo may draw on a plane; it demands a number."""
 
 
 def made(make: Callable[..., tuple[Element, ...]], *inputs: Any) -> tuple[tuple[Element, ...], frozenset[str]]:
@@ -98,15 +101,15 @@ def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str) ->
     """What the occurrences of a link show and what they touch with, of class `touching`; `poses` are their own in the link."""
     elements: list[Element] = []
     for pose, one in zip(poses, shapes, strict=True):
-        if one.visual is not None:
-            attributes = {"name": one.path, "class": "visual", **_shape(one.visual, pose)}
-            material = material_name(one.material, one.color)
+        for index, shape in enumerate(one.visual):
+            attributes = {"name": numbered(one.path, index), "class": "visual", **_shape(shape, pose)}
+            material = material_name(shape.material, shape.color)
             if material is not None:
                 attributes["material"] = material
             elements.append(Element(tag="geom", attributes=attributes, origin=one.origin))
         for index, shape in enumerate(one.collision):
-            name = f"{one.path}:collision" + (f"_{index}" if index else "")
-            attributes = {"name": name, "class": touching, **_shape(shape, pose), **_friction(one.material)}
+            name = numbered(f"{one.path}:collision", index)
+            attributes = {"name": name, "class": touching, **_shape(shape, pose), **_friction(shape.material)}
             elements.append(Element(tag="geom", attributes=attributes, origin=one.origin))
     return tuple(elements)
 
@@ -133,7 +136,8 @@ def key(attributes: tuple[tuple[str, str | tuple[float, ...]], ...], origin: Ori
 def _shape(shape: Shape, pose: Pose) -> dict[str, str]:
     if shape.kind == "mesh":
         return {"mesh": shape.mesh or "", **pose_attributes(pose @ shape.pose)}
-    return {"type": shape.kind, "size": numbers(shape.size), **pose_attributes(pose @ shape.pose)}
+    size = (*shape.size, GRID) if shape.kind == "plane" else shape.size
+    return {"type": shape.kind, "size": numbers(size), **pose_attributes(pose @ shape.pose)}
 
 
 def _friction(material: Material | None) -> dict[str, str]:

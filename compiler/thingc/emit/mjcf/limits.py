@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from thingc.diagnostics import Report
 from thingc.emit.artifact import Loss
-from thingc.emit.geometry import Geometry, MeshAsset, geometry, inputs_of
+from thingc.emit.geometry import Geometry, MeshAsset, geometry, has_inside, inputs_of
 from thingc.graph.types import Assembly, Occurrence
 from thingc.memo import Memo
-from thingc.realize.record import Mesh, Primitive
+from thingc.primitives import Primitive
+from thingc.realize.record import Mesh
 
 LEAST_VOLUME = 1e-14
 """Of a part [m^3]: MuJoCo refuses solid meshes of up to 1e-15 (mjMINVAL), and a mesh holds somewhat less than its part."""
@@ -43,14 +44,12 @@ class _Limits:
     def takes(self, occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
         """Whether MuJoCo can touch with a shape; what is lost with it, or by it, is noted."""
         choice = occurrence.overrides.collision
-        if isinstance(piece, Primitive):
-            if min(piece.size) > 0.0:
-                return True
-            self.flat(occurrence, f"the {choice} that encloses it has no volume")
-        elif piece.flat:
-            self.flat(occurrence, "the points of its collision mesh lie in one plane")
-        else:
+        if has_inside(piece):
             return True
+        self.flat(occurrence, (
+            f"the {choice} that encloses it has no volume" if isinstance(piece, Primitive)
+            else "the points of its collision mesh lie in one plane"
+        ))
         return False
 
     def flat(self, occurrence: Occurrence, why: str) -> None:

@@ -53,7 +53,9 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "frames": Says(None, "`<frame>`"), "colours": SAYS, "friction": SAYS, "rolling": OMITTED, "adhesion": OMITTED, "weightless": _LIGHT,
         "weightless_base": _LIGHT, "point": _SMALL, "line": _SMALL,
     },
-    "shapes": {"box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "hull": SAYS, "mesh": SAYS},
+    "shapes": {
+        "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "ellipsoid": SAYS, "plane": SAYS, "hull": SAYS, "mesh": SAYS,
+    },
     "sensors": {
         "imu": Says("imu"), "force": Says("force_torque"), "joint": Omits(": SDF has none of a joint's state"), "camera": Says("camera"),
     },

@@ -10,7 +10,7 @@ import math
 
 from thingc.diagnostics import Report
 from thingc.emit.connections import Connection, connections
-from thingc.emit.geometry import Geometry, Shape, channels
+from thingc.emit.geometry import ENDLESS, Geometry, Shape, channels, numbered
 from thingc.emit.names import Names, frames, safe
 from thingc.emit.sdf.capabilities import CAPABILITIES
 from thingc.emit.sdf.chain import LINK, SdfAxis, SdfJoint, chain
@@ -164,16 +164,17 @@ class _Builder:
         _weigh(element, link.properties)
         for member, at in zip(link.members, link.poses, strict=True):
             shapes = self.geometry.shapes[member]
-            if shapes.visual is not None:
-                visual = element.add("visual", {"name": self.parts.take(f"{shapes.path}_visual", shapes.origin)}, shapes.origin)
-                _shape(visual, shapes.visual, at)
-                if shapes.color is not None:
-                    _paint(visual, shapes.color)
+            for number_, shape in enumerate(shapes.visual):
+                path = numbered(f"{shapes.path}_visual", number_)
+                visual = element.add("visual", {"name": self.parts.take(path, shapes.origin)}, shapes.origin)
+                _shape(visual, shape, at)
+                if shape.color is not None:
+                    _paint(visual, shape.color)
             for number_, shape in enumerate(shapes.collision):
-                path = f"{shapes.path}_collision" + (f"_{number_}" if number_ else "")
+                path = numbered(f"{shapes.path}_collision", number_)
                 collision = element.add("collision", {"name": self.parts.take(path, shapes.origin)}, shapes.origin)
                 _shape(collision, shape, at)
-                _rub(collision, shapes.material)
+                _rub(collision, shape.material)
         sensors_of_link(self.robot, index, element, self.parts)
 
     def _link_of(self, index: int) -> Link:
@@ -198,6 +199,11 @@ def _shape(element: Element, shape: Shape, at: Pose) -> None:
             geometry.say("size", numbers(2.0 * half for half in shape.size))
         case "sphere":
             geometry.say("radius", number(shape.size[0]))
+        case "ellipsoid":
+            geometry.say("radii", numbers(shape.size))
+        case "plane":
+            geometry.say("normal", "0 0 1")
+            geometry.say("size", numbers(2.0 * (half or ENDLESS) for half in shape.size[:2]))
         case _:
             geometry.say("radius", number(shape.size[0]))
             geometry.say("length", number(2.0 * shape.size[1]))

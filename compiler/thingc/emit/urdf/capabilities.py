@@ -56,7 +56,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
     },
     "shapes": {
         "box": _ITSELF, "cylinder": _ITSELF, "capsule": Says("cylinder and balls", "a cylinder between two balls"), "sphere": _ITSELF,
-        "hull": _ITSELF, "mesh": _ITSELF,
+        "ellipsoid": Omits(": URDF has none"), "plane": Omits(": URDF has none"), "hull": _ITSELF, "mesh": _ITSELF,
     },
     "sensors": {"imu": _NONE, "force": _NONE, "joint": _NONE, "camera": _NONE},
 }

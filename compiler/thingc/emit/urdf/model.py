@@ -200,12 +200,14 @@ class _Builder:
             _weigh(element, BETWEEN)
         for member, pose in zip(link.members, link.poses, strict=True):
             shapes, at = self.geometry.shapes[member], X_CL @ pose
-            if shapes.visual is not None:
-                visual = element.add("visual", {"name": shapes.path}, shapes.origin)
-                self._shape(visual, shapes.visual, at)
-                material = material_name(shapes.material, shapes.color)
-                if material is not None:
-                    visual.add("material", {"name": material})
+            for index, shape in enumerate(shapes.visual):
+                for number_, part in enumerate(parts(shape)):
+                    suffix = "".join(f"_{k}" for k in (index, number_) if k)
+                    visual = element.add("visual", {"name": f"{shapes.path}{suffix}"}, shapes.origin)
+                    self._shape(visual, part, at)
+                    material = material_name(shape.material, shape.color)
+                    if material is not None:
+                        visual.add("material", {"name": material})
             for index, shape in enumerate(shapes.collision):
                 for number_, part in enumerate(parts(shape)):
                     suffix = "".join(f"_{k}" for k in (index, number_) if k)
@@ -238,7 +240,7 @@ def _transmission(joint: str, drive: ActuatorModel) -> Element:
 
 
 def parts(shape: Shape) -> tuple[Shape, ...]:
-    """The shapes of URDF 1.0 that are the same as one that touches: it has no capsules."""
+    """The shapes of URDF 1.0 that are the same as one: it has no capsules."""
     form = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
     match form:
         case "itself":

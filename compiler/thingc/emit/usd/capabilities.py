@@ -13,7 +13,7 @@ DriveForm = Literal["drive"]
 
 LoopForm = Literal["joint"]
 
-ShapeForm = Literal["Cube", "Cylinder", "Capsule", "Sphere", "Mesh"]
+ShapeForm = Literal["Cube", "Cylinder", "Capsule", "Sphere", "Plane", "Mesh"]
 """The type of the prim."""
 
 _SINGLE: Says[JointForm] = Says("single")
@@ -56,7 +56,8 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
         "weightless_base": _LIGHT, "point": _SMALL, "line": _SMALL,
     },
     "shapes": {
-        "box": Says("Cube"), "cylinder": Says("Cylinder"), "capsule": Says("Capsule"), "sphere": Says("Sphere"), "hull": Says("Mesh"),
+        "box": Says("Cube"), "cylinder": Says("Cylinder"), "capsule": Says("Capsule"), "sphere": Says("Sphere"),
+        "ellipsoid": Says("Sphere", "a sphere that is stretched"), "plane": Says("Plane"), "hull": Says("Mesh"),
         "mesh": Loses("Mesh", "approximated", ": its convex hull touches"),
     },
     "sensors": {"imu": _NONE, "force": _NONE, "joint": _NONE, "camera": _NONE},

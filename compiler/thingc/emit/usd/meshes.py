@@ -34,7 +34,7 @@ def free(word: str, taken: Collection[str]) -> str:
 def prototypes(geometry: Geometry, store: Store, scope: str, names: dict[str, str]) -> Prim:
     """A class with a prototype for each mesh asset, which is there to be referenced alone."""
     prim = Prim(type="Scope", name=scope, specifier="class")
-    drawn = {shapes.visual.mesh for shapes in geometry.shapes if shapes.visual is not None}
+    drawn = {shape.mesh for shapes in geometry.shapes for shape in shapes.visual}
     for asset in geometry.meshes:
         parent = prim.add("Xform", names[asset.name])
         _mesh(parent.add("Mesh", MESH), asset, store.read(asset.mesh.sha256).decode(), drawn=asset.name in drawn)

@@ -15,11 +15,12 @@ to the child, which Newton insists on; those that close it are excluded from it.
 from __future__ import annotations
 
 import math
+from typing import assert_never
 
 from thingc.diagnostics import Report
 from thingc.emit.capabilities import shape_cell, written
 from thingc.emit.connections import Connection, connections
-from thingc.emit.geometry import Geometry, Shape, Shapes, channels, linear, material_name, materials
+from thingc.emit.geometry import ENDLESS, Geometry, Shape, channels, linear, material_name, materials, numbered
 from thingc.emit.names import Names, frames, safe
 from thingc.emit.usd.capabilities import CAPABILITIES
 from thingc.emit.usd.chain import UsdJoint, chain
@@ -189,46 +190,37 @@ class _Builder:
         collisions.say("uniform token purpose", '"guide"')
         for member, pose in zip(link.members, link.poses, strict=True):
             shapes = self.geometry.shapes[member]
-            if shapes.visual is not None:
-                self._visual(visuals, shapes, shapes.visual, pose)
+            for index, shape in enumerate(shapes.visual):
+                self._visual(visuals, numbered(safe(shapes.path), index), shape, pose)
             for index, shape in enumerate(shapes.collision):
-                self._collider(collisions, f"{safe(shapes.path)}_{index}" if index else safe(shapes.path), shapes, shape, pose)
+                self._collider(collisions, numbered(safe(shapes.path), index), shape, pose)
         prim.children += [one for one in (visuals, collisions) if one.children]
 
-    def _visual(self, holder: Prim, shapes: Shapes, shape: Shape, pose: Pose) -> None:
-        """An instance of a mesh, in its colour."""
-        prim = holder.add("Xform", free(safe(shapes.path), {child.name for child in holder.children}))
-        prim.metadata += ["instanceable = true", f"prepend references = <{self.meshes[shape.mesh or '']}>"]
-        prim.place(pose @ shape.pose)
-        name = material_name(shapes.material, shapes.color)
-        if name is not None:
+    def _visual(self, holder: Prim, name: str, shape: Shape, pose: Pose) -> None:
+        """An instance of a mesh, or a primitive, in its colour."""
+        kind = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
+        if kind is None:
+            return
+        prim = holder.add("Xform" if shape.kind == "mesh" else kind, free(name, {child.name for child in holder.children}))
+        if shape.kind == "mesh":
+            prim.metadata += ["instanceable = true", f"prepend references = <{self.meshes[shape.mesh or '']}>"]
+        prim.place(pose @ shape.pose, _measured(prim, shape))
+        material = material_name(shape.material, shape.color)
+        if material is not None:
             prim.schemas.append("MaterialBindingAPI")
-            prim.say("rel material:binding", f"<{self.path}/{MATERIALS}/{self.materials[name]}>")
+            prim.say("rel material:binding", f"<{self.path}/{MATERIALS}/{self.materials[material]}>")
 
-    def _collider(self, holder: Prim, name: str, shapes: Shapes, shape: Shape, pose: Pose) -> None:
+    def _collider(self, holder: Prim, name: str, shape: Shape, pose: Pose) -> None:
         kind = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
         if kind is None:
             return
         prim = holder.add(kind, free(name, {child.name for child in holder.children}), "PhysicsCollisionAPI")
-        size: tuple[float, ...] = ()
         if shape.kind == "mesh":
             prim.schemas.append("PhysicsMeshCollisionAPI")
             prim.metadata.append(f"prepend references = <{self.meshes[shape.mesh or '']}/{MESH}>")
             prim.say("uniform token physics:approximation", '"convexHull"')
-        elif shape.kind == "box":
-            size = shape.size
-            prim.say("double size", 2.0)
-            _extent(prim, (1.0, 1.0, 1.0))
-        else:
-            radius, half = shape.size[0], shape.size[-1] if len(shape.size) > 1 else 0.0
-            prim.say("double radius", radius)
-            if shape.kind != "sphere":
-                prim.say("double height", 2.0 * half)
-                prim.say("uniform token axis", '"Z"')
-            up = half if shape.kind == "cylinder" else half + radius
-            _extent(prim, (radius, radius, up))
-        prim.place(pose @ shape.pose, size)
-        material = shapes.material
+        prim.place(pose @ shape.pose, _measured(prim, shape))
+        material = shape.material
         if material is not None and _friction(material) in self.materials:
             prim.schemas.append("MaterialBindingAPI")
             path = f"{self.path}/{MATERIALS}/{self.materials[_friction(material)]}"
@@ -259,8 +251,40 @@ def _friction(material: Material) -> Friction:
 
 def rubbing(geometry: Geometry) -> dict[Friction, Material]:
     """The materials of which any friction is said, of what collides."""
-    touching = [one.material for one in geometry.shapes if one.collision and one.material is not None]
+    touching = [shape.material for one in geometry.shapes for shape in one.collision if shape.material is not None]
     return {_friction(one): one for one in touching if (one.slide, one.torsion, one.roll) != (None, None, None)}
+
+
+def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
+    """Say how large a primitive is; the factors by which it is stretched besides (none: it is not). Of a mesh nothing is said."""
+    match shape.kind:
+        case "mesh":
+            return ()
+        case "box":
+            prim.say("double size", 2.0)
+            _extent(prim, (1.0, 1.0, 1.0))
+            return shape.size
+        case "ellipsoid":
+            prim.say("double radius", 1.0)
+            _extent(prim, (1.0, 1.0, 1.0))
+            return shape.size
+        case "plane":
+            half = [size or ENDLESS for size in shape.size[:2]]
+            prim.say("double width", 2.0 * half[0])
+            prim.say("double length", 2.0 * half[1])
+            prim.say("uniform token axis", '"Z"')
+            _extent(prim, (half[0], half[1], 0.0))
+        case "sphere" | "cylinder" | "capsule":
+            radius, half_length = shape.size[0], shape.size[-1] if len(shape.size) > 1 else 0.0
+            prim.say("double radius", radius)
+            if shape.kind != "sphere":
+                prim.say("double height", 2.0 * half_length)
+                prim.say("uniform token axis", '"Z"')
+            up = half_length if shape.kind == "cylinder" else half_length + radius
+            _extent(prim, (radius, radius, up))
+        case _:
+            assert_never(shape.kind)
+    return ()
 
 
 def _extent(prim: Prim, half: tuple[float, float, float]) -> None:

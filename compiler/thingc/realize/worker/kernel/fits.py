@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thingc.pose import Matrix, Pose
-from thingc.realize.record import Primitive
+from thingc.primitives import Primitive
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thingc.frozen import dataclass
+from thingc.primitives import Primitive
 from thingc.realize.record import (
     FILE_UNIT,
     LABEL_DIGITS,
@@ -23,7 +24,6 @@ from thingc.realize.record import (
     MountRecord,
     PartRecord,
     PartWarning,
-    Primitive,
     Stated,
     definition_label,
     definition_text,

@@ -19,7 +19,7 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.TopoDS import TopoDS
 
 from thingc.pose import IDENTITY, Matrix, Pose, Vector, cross, dot, rotate, transpose
-from thingc.realize.record import Primitive, PrimitiveShape
+from thingc.primitives import Primitive, PrimitiveShape
 from thingc.realize.worker.kernel import convert
 from thingc.realize.worker.kernel.measure import bounding_box, explored, integrals
 

@@ -1,0 +1,88 @@
+"""The shapes that a link lists, key by key. Field docstrings are the hover text of an editor."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import ConfigDict, Field, model_validator
+
+from thingc.spec.base import Model, rule
+from thingc.spec.fields import ColorField, LengthField, Vector3Angle, Vector3Length
+
+ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "ellipsoid", "plane"]
+KINDS: tuple[ShapeKind, ...] = get_args(ShapeKind)
+"""What a shape is exactly one of."""
+
+
+class ShapeAtSpec(Model):
+    """Where a shape is, in the link's frame."""
+
+    xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
+    """Where its centre is."""
+    rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
+    """Extrinsic roll, pitch, yaw, as in URDF."""
+
+
+class RoundSpec(Model):
+    """A sphere."""
+
+    radius: LengthField
+    """From its centre to its surface."""
+
+
+class LongSpec(Model):
+    """A cylinder, or a capsule, along z."""
+
+    radius: LengthField
+    """Of what is round."""
+    length: LengthField
+    """Along z; of a capsule without its round ends."""
+
+
+def _shape_rules(schema: dict[str, Any]) -> None:
+    """What `ShapeSpec` checks beyond its fields, for editors."""
+    schema["oneOf"] = [{"required": [kind]} for kind in KINDS]
+
+
+class ShapeSpec(Model):
+    """A shape of a link: exactly one of `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`, `plane`."""
+
+    model_config = ConfigDict(json_schema_extra=_shape_rules)
+
+    box: Vector3Length | None = Field(default=None, examples=["380 90 110 mm"])
+    """Its whole lengths along x, y and z."""
+    sphere: RoundSpec | None = Field(default=None, examples=[{"radius": "20 mm"}])
+    """Its radius."""
+    cylinder: LongSpec | None = Field(default=None, examples=[{"radius": "20 mm", "length": "80 mm"}])
+    """Its radius, and its length along z."""
+    capsule: LongSpec | None = Field(default=None, examples=[{"radius": "20 mm", "length": "80 mm"}])
+    """A cylinder along z, of this radius and length, between two half balls."""
+    ellipsoid: Vector3Length | None = Field(default=None, examples=["40 20 20 mm"])
+    """Its half axes along x, y and z."""
+    plane: Annotated[list[LengthField], Field(min_length=2, max_length=2)] | None = Field(default=None, examples=[[0, 0], ["2 m", "1 m"]])
+    """Its whole lengths along x and y, 0 of one without an end; matter is below it, z points out of it."""
+    at: ShapeAtSpec | None = Field(default=None, examples=[{"xyz": "0 0 40 mm", "rpy": "0 90 0 deg"}])
+    """Where it is, in the link's frame; at its origin unless written."""
+    for_: Literal["visual", "collision", "both"] = Field(
+        default="both", alias="for", description="Whether it is drawn, touches, or both; both unless written.",
+    )
+    material: str | None = Field(default=None, examples=["rubber"])
+    """A material in scope; that of the link unless written."""
+    color: ColorField | None = None
+    """Its own colour; that of its material unless written."""
+
+    @property
+    def kind(self) -> ShapeKind:
+        """Which of `KINDS` it is."""
+        return next(kind for kind in KINDS if getattr(self, kind) is not None)
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> ShapeSpec:
+        kinds = [f"`{kind}`" for kind in KINDS if getattr(self, kind) is not None]
+        if len(kinds) != 1:
+            these = "here are " + " and ".join(kinds) if kinds else "none is here"
+            raise rule(
+                f"a shape is exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}; {these}",
+                "write each in an item of its own: `- {...}`" if kinds else "write for example `box: 40 40 20 mm`",
+            )
+        return self
