@@ -98,13 +98,15 @@ class SequenceNode:
 class MappingNode:
     """A mapping and where it stands; `entries` in the order written, `keys` the span of every key.
 
-    `damaged`: it has a key that is none, which has been reported; nobody knows what its value should have been.
+    `damaged`: it has a key that is none, which has been reported; nobody knows what its value should have been. `again` are further places
+    of keys: TOML writes them in every header below.
     """
 
     entries: dict[str, Node]
     keys: dict[str, Span]
     span: Span
     damaged: bool = False
+    again: tuple[tuple[str, Span], ...] = ()
 
     def plain(self) -> Plain:
         """The values alone, as a dict."""

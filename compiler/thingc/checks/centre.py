@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import ConfigDict, Field, model_validator
 
 from thingc.brief import Brief
-from thingc.checks.kind import CheckKind, Names
+from thingc.checks.kind import CheckKind
 from thingc.checks.outcome import ROUNDING, Failure, Measure, Outcome, shown
 from thingc.diagnostics import Code
 from thingc.frozen import dataclass
 from thingc.spec.base import Model
-from thingc.spec.fields import LengthField, ReferenceField, fault
+from thingc.spec.fields import LengthField, fault
+from thingc.spec.named import ComponentField, ModeNames, PoseNames, ShownMountField
 from thingc.units import LENGTH, Quantity
 
 if TYPE_CHECKING:
@@ -46,14 +47,14 @@ class WithinSpec(Model):
 class CentreTest(Model):
     """The centre of mass lies within a box."""
 
-    of: ReferenceField | None = None
+    of: ComponentField | None = None
     """A component, or several by a pattern; the whole robot unless written."""
-    in_: ReferenceField | None = Field(
+    in_: ShownMountField | None = Field(
         default=None, alias="in", description="The frame, a mount; the world of the mode unless written.",
     )
-    mode: Names | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
     """Modes, patterns allowed, or `all`; the first unless written."""
-    pose: Names | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
     """Poses, patterns allowed, or `all` keyframes of the mode; where the mode starts unless written."""
     within: WithinSpec = Field(examples=[{"x": ["-10 mm", "10 mm"], "y": ["-10 mm", "10 mm"]}])
     """Bounds on its coordinates in that frame."""

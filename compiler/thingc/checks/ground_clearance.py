@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from thingc.brief import Brief, counted
-from thingc.checks.kind import CheckKind, Names
+from thingc.checks.kind import CheckKind
 from thingc.checks.outcome import Failure, Measure, Outcome, shown
 from thingc.diagnostics import Code, Note
 from thingc.frozen import dataclass
 from thingc.spec.base import Model
-from thingc.spec.fields import LengthField, ReferenceField
+from thingc.spec.fields import LengthField
+from thingc.spec.named import ComponentField, ModeNames, PoseNames
 from thingc.units import LENGTH, Quantity
 
 if TYPE_CHECKING:
@@ -30,15 +31,15 @@ LISTED = 5
 class GroundClearanceTest(Model):
     """The robot keeps a distance from a level plane, in poses."""
 
-    mode: Names | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
     """Modes, patterns allowed, or `all`; the first unless written."""
-    pose: Names | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
     """Poses, patterns allowed, or `all` keyframes of the mode; where the mode starts unless written."""
     plane: LengthField | None = None
     """How high the plane is in the world of the mode (its z); 0, the floor of the scene, unless written."""
     at_least: LengthField
     """The least height over the plane of whatever is lowest."""
-    except_: list[ReferenceField] = Field(
+    except_: list[ComponentField] = Field(
         default=[], alias="except", description="Components that may come nearer, patterns allowed: feet, wheels.",
         examples=[["foot", "wheel_*"]],
     )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict
 
 from thingc.brief import Brief
 from thingc.frozen import dataclass
@@ -14,9 +14,6 @@ from thingc.spec.fields import fault
 
 if TYPE_CHECKING:
     from thingc.checks.outcome import Outcome
-
-Names = str | Annotated[list[str], Field(min_length=1)]
-"""A name, a pattern, `all`, or a list of names and patterns."""
 
 BOUNDED = ConfigDict(json_schema_extra={"anyOf": [{"required": ["min"]}, {"required": ["max"]}]})
 """Of a model that takes `min`, `max` or both, as its schema says it."""

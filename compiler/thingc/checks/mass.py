@@ -12,7 +12,8 @@ from thingc.checks.outcome import Outcome, bounded
 from thingc.diagnostics import Code
 from thingc.frozen import dataclass
 from thingc.spec.base import Model
-from thingc.spec.fields import MassField, ReferenceField
+from thingc.spec.fields import MassField
+from thingc.spec.named import ComponentField
 from thingc.units import MASS
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ class MassTest(Model):
 
     model_config = BOUNDED
 
-    of: ReferenceField | None = None
+    of: ComponentField | None = None
     """A component, or several by a pattern; a nested assembly counts as a whole. The whole robot unless written."""
     min: MassField | None = None
     """The smallest mass allowed."""

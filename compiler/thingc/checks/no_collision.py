@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from thingc.brief import Brief, counted
-from thingc.checks.kind import CheckKind, Names
+from thingc.checks.kind import CheckKind
 from thingc.checks.outcome import Failure, Measure, Outcome, shown
 from thingc.diagnostics import Code, Note, Report
 from thingc.frozen import dataclass
 from thingc.source import Origin
 from thingc.spec.base import Model
-from thingc.spec.fields import CountField, LengthField, ReferenceField, Value, fault, quantity
+from thingc.spec.fields import CountField, LengthField, Value, fault, quantity
+from thingc.spec.named import ComponentField, JointPattern, ModeNames, PoseNames
 from thingc.units import ANGLE, LENGTH, NUMBER, Quantity
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ LISTED = 5
 class AllowSpec(Model):
     """Two components that may touch, and why."""
 
-    pair: Annotated[list[ReferenceField], Field(min_length=2, max_length=2)] = Field(examples=[["finger_*", "palm"]])
+    pair: Annotated[list[ComponentField], Field(min_length=2, max_length=2)] = Field(examples=[["finger_*", "palm"]])
     """The two; patterns allowed, and a nested assembly stands for all its components."""
     reason: str = Field(examples=["the gripper closes on its stop"])
     """Why it is right that they touch: for whoever reviews the document."""
@@ -55,11 +56,11 @@ class NoCollisionTest(Model):
 
     model_config = ConfigDict(json_schema_extra={"dependentRequired": {"samples": ["joints"]}})
 
-    mode: Names | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
     """Modes, patterns allowed, or `all`; the first unless written."""
-    pose: Names | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
     """Poses, patterns allowed, or `all` keyframes of the mode; where the mode starts unless written."""
-    joints: dict[str, Literal["all"] | Annotated[list[JointBoundField], Field(min_length=2, max_length=2)]] = Field(
+    joints: dict[JointPattern, Literal["all"] | Annotated[list[JointBoundField], Field(min_length=2, max_length=2)]] = Field(
         default={}, examples=[{"elbow": "all", "yaw": ["-30 deg", "30 deg"]}],
     )
     """Ranges to move through, by joint (patterns allowed): `all` of its limits, or from and to. Other joints stay in the pose."""

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import ConfigDict, Field, model_validator
 
 from thingc.brief import Brief
-from thingc.checks.kind import CheckKind, Names
+from thingc.checks.kind import CheckKind
 from thingc.checks.outcome import Failure, Measure, Outcome, shown
 from thingc.diagnostics import Code, Note
 from thingc.frozen import dataclass
 from thingc.pose import Vector
 from thingc.spec.base import Model
-from thingc.spec.fields import AngleField, LengthField, NumberField, ReferenceField, Vector3Length, fault
+from thingc.spec.fields import AngleField, LengthField, NumberField, Vector3Length, fault
+from thingc.spec.named import ModeNames, ShownMountField
 from thingc.units import ANGLE, LENGTH, NUMBER, Quantity
 
 if TYPE_CHECKING:
@@ -31,11 +32,11 @@ class PointTest(Model):
 
     model_config = ConfigDict(json_schema_extra={"dependentRequired": {"angle": ["direction"]}})
 
-    mount: ReferenceField
+    mount: ShownMountField
     """The mount that has to get there."""
-    mode: Names | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
     """Modes, patterns allowed, or `all`; the first unless written."""
-    in_: ReferenceField | None = Field(
+    in_: ShownMountField | None = Field(
         default=None, alias="in", description="The point's frame, a mount; the world of the mode unless written.",
     )
     at: Vector3Length

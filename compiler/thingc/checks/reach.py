@@ -13,7 +13,8 @@ from thingc.checks.outcome import Outcome, bounded, unclosed
 from thingc.diagnostics import Code, Note
 from thingc.frozen import dataclass
 from thingc.spec.base import Model
-from thingc.spec.fields import LengthField, ReferenceField
+from thingc.spec.fields import LengthField
+from thingc.spec.named import ShownMountField
 from thingc.units import LENGTH
 
 if TYPE_CHECKING:
@@ -27,9 +28,9 @@ class ReachTest(Model):
 
     model_config = BOUNDED
 
-    of: ReferenceField
+    of: ShownMountField
     """The mount that reaches."""
-    from_: ReferenceField = Field(alias="from", description="The mount that the distance is measured from.")
+    from_: ShownMountField = Field(alias="from", description="The mount that the distance is measured from.")
     min: LengthField | None = None
     """The least that the greatest distance has to be."""
     max: LengthField | None = None

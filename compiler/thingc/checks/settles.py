@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from thingc.brief import Brief
-from thingc.checks.kind import CheckKind, Names
+from thingc.checks.kind import CheckKind
 from thingc.checks.outcome import Failure, Measure, Outcome, shown
 from thingc.diagnostics import Code, Report
 from thingc.frozen import dataclass
 from thingc.spec.base import Model
 from thingc.spec.fields import LengthField, TimeField
+from thingc.spec.named import ModeNames, PoseNames
 from thingc.units import LENGTH, TIME, Quantity
 
 if TYPE_CHECKING:
@@ -30,9 +31,9 @@ HOLD = 1.0
 class SettlesTest(Model):
     """The simulated robot, let go in a pose with its drives set to it, comes to rest."""
 
-    mode: Names | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
     """Modes, patterns allowed, or `all`; the first unless written."""
-    pose: Names | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
     """Poses, patterns allowed, or `all` keyframes of the mode; where the mode starts unless written."""
     within: TimeField
     """The time that it may take."""

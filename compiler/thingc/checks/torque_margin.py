@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from thingc.brief import Brief
-from thingc.checks.kind import CheckKind, Names
+from thingc.checks.kind import CheckKind
 from thingc.checks.outcome import Failure, Measure, Outcome, shown
 from thingc.diagnostics import Code, Note
 from thingc.frozen import dataclass
 from thingc.spec.base import Model
 from thingc.spec.fields import NumberField
+from thingc.spec.named import JointNames, ModeNames, PoseNames
 from thingc.units import FORCE, LENGTH, NUMBER, TORQUE
 
 if TYPE_CHECKING:
@@ -35,11 +36,11 @@ SLACK = 1e-6
 class TorqueMarginTest(Model):
     """Drives hold the robot still against gravity, with a margin: their effort limit over the static torque."""
 
-    drive: Names = Field(examples=["shoulder", ["shoulder", "leg_*"]])
+    drive: JointNames = Field(examples=["shoulder", ["shoulder", "leg_*"]])
     """Driven joints, patterns allowed."""
-    mode: Names | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
     """Modes whose base is `fixed` or `held`, patterns allowed, or `all`; the first unless written."""
-    pose: Names | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
     """Poses, patterns allowed, or `all` keyframes of the mode; where the mode starts unless written."""
     min: NumberField
     """The least margin: 1.5 asks for a limit of 1.5 times the torque that is needed."""

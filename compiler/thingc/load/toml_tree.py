@@ -74,12 +74,13 @@ class _Array:
 
 @dataclass(slots=True)
 class _Table:
-    """A table: entries, and for each key where it stands."""
+    """A table: entries, and for each key where it stands, and where `again`."""
 
     start: int
     end: int
     entries: dict[str, _Item] = field(default_factory=dict)
     keys: dict[str, tuple[int, int]] = field(default_factory=dict)
+    again: list[tuple[str, tuple[int, int]]] = field(default_factory=list)
     declared: bool = False
 
 
@@ -127,6 +128,7 @@ class _Statements:
         elif isinstance(entry, _Table) and not entry.declared:
             inner = entry
             inner.start, inner.end, inner.declared = min(inner.start, start), max(inner.end, end), True
+            table.again.append((name, place))
         elif self.twice(table, name, place):
             return
         else:
@@ -170,6 +172,8 @@ class _Statements:
             if entry is None:
                 entry = _Table(start, end)
                 table.entries[name], table.keys[name] = entry, place
+            else:
+                table.again.append((name, place))
             if not isinstance(entry, _Table):
                 self.twice(table, name, place)
                 return None
@@ -225,7 +229,8 @@ class _Joiner:
             if name in values:
                 entries[name] = self.node(item, values[name], level + 1)
                 keys[name] = self.source.span(*table.keys[name])
-        return MappingNode(entries=entries, keys=keys, span=self.source.span(table.start, table.end))
+        again = tuple((name, self.source.span(*place)) for name, place in table.again)
+        return MappingNode(entries=entries, keys=keys, span=self.source.span(table.start, table.end), again=again)
 
     def node(self, item: _Item, value: Any, level: int) -> Node:
         span = self.source.span(item.start, item.end)

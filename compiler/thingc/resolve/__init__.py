@@ -12,8 +12,9 @@ from thingc.resolve.sources import Settings, Sources
 
 if TYPE_CHECKING:
     from thingc.resolve.parameters import AssemblyParameters
+    from thingc.resolve.repeats import RESERVED
 
-__all__ = ["AssemblyParameters", "Settings", "Sources", "decomposed", "part_definitions", "resolve", "resolve_materials"]
+__all__ = ["RESERVED", "AssemblyParameters", "Settings", "Sources", "decomposed", "part_definitions", "resolve", "resolve_materials"]
 
 
 def __getattr__(name: str) -> Any:
@@ -22,6 +23,10 @@ def __getattr__(name: str) -> Any:
         from thingc.resolve.parameters import AssemblyParameters
 
         return AssemblyParameters
+    if name == "RESERVED":
+        from thingc.resolve.repeats import RESERVED
+
+        return RESERVED
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

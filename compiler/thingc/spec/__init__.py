@@ -7,19 +7,23 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from thingc.spec.doubts import Specs
     from thingc.spec.fields import REFERENCE_PATTERN
+    from thingc.spec.mentions import Mention, mentions_of, setting_words
+    from thingc.spec.named import Declares, Means
     from thingc.spec.saying import within
     from thingc.spec.schema import json_schema
     from thingc.spec.stated import stated_choices, stated_value
     from thingc.spec.validation import part_references, validate, validate_one
 
 _EXPORTS = {
-    "REFERENCE_PATTERN": "fields", "Specs": "doubts", "json_schema": "schema", "part_references": "validation",
+    "REFERENCE_PATTERN": "fields", "Declares": "named", "Means": "named", "Mention": "mentions", "Specs": "doubts",
+    "json_schema": "schema", "mentions_of": "mentions", "part_references": "validation", "setting_words": "mentions",
     "stated_choices": "stated", "stated_value": "stated", "validate": "validation", "validate_one": "validation", "within": "saying",
 }
 """Exported name to the module that has it."""
 
 __all__ = [
-    "REFERENCE_PATTERN", "Specs", "json_schema", "part_references", "stated_choices", "stated_value", "validate", "validate_one", "within",
+    "REFERENCE_PATTERN", "Declares", "Means", "Mention", "Specs", "json_schema", "mentions_of", "part_references", "setting_words",
+    "stated_choices", "stated_value", "validate", "validate_one", "within",
 ]
 
 

@@ -27,7 +27,6 @@ from thingc.spec.fields import (
     MultiplierField,
     Name,
     NumberField,
-    ReferenceField,
     SpeedField,
     StiffnessField,
     Vector3Angle,
@@ -36,6 +35,33 @@ from thingc.spec.fields import (
 from thingc.spec.listed import ShapeSpec
 from thingc.spec.materials import MaterialSpec, ProcessSpec
 from thingc.spec.modes import ModeSpec, SimulationSpec
+from thingc.spec.named import (
+    AssemblyDocument,
+    ComponentField,
+    CoordinateField,
+    JointKey,
+    MaterialField,
+    MaterialsDocument,
+    MountField,
+    NestedParameter,
+    NewComponent,
+    NewExport,
+    NewIndex,
+    NewJoint,
+    NewLink,
+    NewMaterial,
+    NewMode,
+    NewMount,
+    NewParameter,
+    NewPose,
+    NewSensor,
+    NewTest,
+    OwnMountField,
+    OwnMountKey,
+    PartField,
+    PartParameter,
+    PoseValueField,
+)
 from thingc.spec.raw_fields import RawField
 from thingc.spec.sensors import SensorSpec
 from thingc.spec.tests import TestSpec
@@ -137,7 +163,7 @@ class PrintSpec(Model):
 class AtSpec(Model):
     """Plain placement: my frame at this pose in that frame; no mate, no flip."""
 
-    in_: ReferenceField = Field(alias="in", description="The frame: a mount, or a component's `origin`.")
+    in_: MountField = Field(alias="in", description="The frame: a mount, or a component's `origin`.")
     xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
     """Where it is, in that frame."""
     rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
@@ -147,9 +173,9 @@ class AtSpec(Model):
 class AttachSpec(Model):
     """The rigid mate in full."""
 
-    mount: ReferenceField
+    mount: OwnMountField
     """My mount."""
-    to: ReferenceField
+    to: MountField
     """The mount that it meets."""
     turn: AngleField | None = None
     """A constant turn about and along the other mount's z."""
@@ -161,7 +187,7 @@ class RepeatSpec(Model):
     """Makes `name_0` to `name_{count-1}`."""
 
     count: CountField
-    as_: Name = Field(default="i", alias="as", description="The index: in expressions `i`, in references `$i`.")
+    as_: NewIndex = Field(default="i", alias="as", description="The index: in expressions `i`, in references `$i`.")
 
 
 Collision = Literal["hull", "box", "cylinder", "capsule", "sphere", "decompose", "mesh", "part", "none"]
@@ -170,7 +196,7 @@ Collision = Literal["hull", "box", "cylinder", "capsule", "sphere", "decompose",
 class ComponentDefaults(Model):
     """What `defaults: component:` may set for every component of this document."""
 
-    material: str | None = Field(default=None, examples=["petg"])
+    material: MaterialField | None = Field(default=None, examples=["petg"])
     """A material in scope."""
     mass: StatedMass | MassField | None = Field(default=None, examples=["57.2 g", {"value": "57.2 g", "source": "measured"}])
     """Mass, over what the part and its material say."""
@@ -223,11 +249,11 @@ class ComponentSpec(ComponentDefaults):
 
     model_config = ConfigDict(json_schema_extra=_component_rules)
 
-    part: str | None = Field(default=None, examples=["arm:BasePlate", "thingc_stock.dynamixel:XM430"])
+    part: PartField | None = Field(default=None, examples=["arm:BasePlate", "thingc_stock.dynamixel:XM430"])
     """A Thing or shape as `module:Class`."""
     file: str | None = Field(default=None, examples=["parts/motor.step"])
     """A part of a file: STEP, BREP, STL, 3MF or OBJ, relative to this document."""
-    assembly: str | None = Field(default=None, examples=["end_effector.yaml"])
+    assembly: AssemblyDocument | None = Field(default=None, examples=["end_effector.yaml"])
     """Another assembly document, relative to this one."""
     link: Literal[True] | None = None
     """A component whose geometry is listed under `shapes`, and whose mass is given."""
@@ -239,17 +265,17 @@ class ComponentSpec(ComponentDefaults):
     """The unit of the numbers in an STL, OBJ or BREP file, which does not say it; mm unless written."""
     faces: CountField | None = Field(default=None, examples=[5000])
     """The most triangles that simulators draw and touch of a file; prints, masses and STEP are of all of it."""
-    params: dict[str, AnyQuantityField] = Field(default={}, examples=[{"length": "120 mm", "holes": 4}])
+    params: dict[PartParameter, AnyQuantityField] = Field(default={}, examples=[{"length": "120 mm", "holes": 4}])
     """The part's parameters."""
-    parameters: dict[str, AnyQuantityField] = Field(default={}, examples=[{"pen_diameter": "15 mm"}])
+    parameters: dict[NestedParameter, AnyQuantityField] = Field(default={}, examples=[{"pen_diameter": "15 mm"}])
     """The nested assembly's parameters."""
-    attach: Annotated[AttachSpec | dict[str, ReferenceField] | None, Field(union_mode="left_to_right")] = Field(
+    attach: Annotated[AttachSpec | dict[OwnMountKey, MountField] | None, Field(union_mode="left_to_right")] = Field(
         default=None, examples=[{"back": "plate.servo_seat"}, {"mount": "back", "to": "plate.servo_seat", "turn": "90 deg"}],
     )
     """The rigid mate: `{my_mount: other.mount}`, or in full."""
     at: AtSpec | None = Field(default=None, examples=[{"in": "bracket.board", "xyz": "0 0 4 mm"}])
     """Plain placement in another frame."""
-    mounts: dict[Name, MountSpec] = Field(default={}, examples=[{"shaft": {"xyz": "0 0 20 mm", "rpy": "180 0 0 deg"}}])
+    mounts: dict[NewMount, MountSpec] = Field(default={}, examples=[{"shaft": {"xyz": "0 0 20 mm", "rpy": "180 0 0 deg"}}])
     """Mounts to add."""
     mirror: Literal["x", "y", "z"] | None = None
     """Makes it the mirror image of the part, or of the whole assembly, at the plane normal to that axis of its frame."""
@@ -332,7 +358,7 @@ class DynamicsSpec(Model):
 class MimicSpec(Model):
     """q = multiplier * q(joint) + offset."""
 
-    joint: ReferenceField
+    joint: CoordinateField
     """A joint of this document."""
     multiplier: MultiplierField = 1  # type: ignore[assignment]
     """How far this joint moves for each unit of the other; 1 unless written."""
@@ -384,7 +410,7 @@ class JointDefaults(Model):
     """A constant turn about and along the parent mount's z, before the motion."""
     gap: LengthField | None = None
     """A constant distance along the parent mount's z."""
-    drive: DriveSpec | ReferenceField | list[DriveSpec | ReferenceField] | dict[Index, DriveSpec | ReferenceField] | None = Field(
+    drive: DriveSpec | ComponentField | list[DriveSpec | ComponentField] | dict[Index, DriveSpec | ComponentField] | None = Field(
         default=None, examples=["yaw_servo", {"kind": "position", "kp": "20 N*m/rad", "effort": "4 N*m"}],
     )
     """The component whose Thing is the actuator, or an actuator written here."""
@@ -395,9 +421,9 @@ class JointSpec(JointDefaults):
 
     type: JointType
     """How the child may move on the parent: `revolute` turns within limits, `continuous` without, `prismatic` slides, `screw` does both."""
-    parent: ReferenceField
+    parent: MountField
     """The mount that stays: `component.mount`."""
-    child: ReferenceField
+    child: MountField
     """The mount that moves; its component is placed by this joint."""
     offset: JointValueField | list[JointValueField] | dict[Index, JointValueField] | None = Field(default=None, examples=["30 deg"])
     """Pose of the geometry at q = 0."""
@@ -452,37 +478,37 @@ class AssemblySpec(Model):
     """The robot's name: also of the build folder."""
     description: str = Field(default="", examples=["Four-axis pen-drawing arm."])
     """One line for people."""
-    parameters: dict[Name, ParameterSpec | AnyQuantityField] = Field(
+    parameters: dict[NewParameter, ParameterSpec | AnyQuantityField] = Field(
         default={}, examples=[{"reach": {"value": "100 mm", "min": "60 mm", "max": "200 mm"}, "pen_diameter": "15 mm"}],
     )
     """What a variant or a parent assembly may set."""
-    materials: list[str] | dict[Name, MaterialSpec] = Field(default=[], examples=[
+    materials: list[MaterialsDocument] | dict[NewMaterial, MaterialSpec] = Field(default=[], examples=[
         ["thingc_stock.materials"], ["materials.yaml"], {"petg": {"density": "1270 kg/m^3"}},
     ])
     """Documents of materials in scope, by their paths or as `package.document` (`thingc_stock.materials`); or materials written here."""
     defaults: DefaultsSpec | None = Field(default=None, examples=[{"component": {"material": "petg"}}])
-    components: Annotated[dict[Name, ComponentSpec], Field(min_length=1)] = Field(examples=[{"plate": {"part": "arm:BasePlate"}}])
+    components: Annotated[dict[NewComponent, ComponentSpec], Field(min_length=1)] = Field(examples=[{"plate": {"part": "arm:BasePlate"}}])
     """What it is made of, by name: parts, nested assemblies and frames."""
-    joints: dict[Name, JointSpec] = Field(
+    joints: dict[NewJoint, JointSpec] = Field(
         default={}, examples=[{"yaw": {"type": "continuous", "parent": "servo.horn", "child": "bracket.seat"}}],
     )
     """What moves, by name."""
-    links: dict[Name, ReferenceField] = Field(default={}, examples=[{"base_link": "plate"}])
+    links: dict[NewLink, ComponentField] = Field(default={}, examples=[{"base_link": "plate"}])
     """Names a link and picks its frame."""
-    mounts: dict[Name, ReferenceField] = Field(default={}, examples=[{"base": "plate.bottom", "tip": "hand.tip"}])
+    mounts: dict[NewExport, MountField] = Field(default={}, examples=[{"base": "plate.bottom", "tip": "hand.tip"}])
     """Frames this assembly shows to a parent assembly."""
-    poses: dict[Name, dict[str, JointValueField | list[JointValueField] | dict[Index, JointValueField] | TurnSpec]] = Field(
+    poses: dict[NewPose, dict[JointKey, PoseValueField | list[JointValueField] | dict[Index, JointValueField] | TurnSpec]] = Field(
         default={}, examples=[{"home": {"yaw": "30 deg", "leg_*.knee": "-90 deg"}}],
     )
     """Positions of joints, by name of the pose; what is not set is at 0."""
-    modes: dict[Name, ModeSpec] = Field(default={}, examples=[{"bench": {"root": "plate", "pose": "home"}}])
+    modes: dict[NewMode, ModeSpec] = Field(default={}, examples=[{"bench": {"root": "plate", "pose": "home"}}])
     """One simulation model each; the first is the default."""
     simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "2 ms", "integrator": "implicitfast"}])
     raw: dict[str, RawField] = Field(default={}, examples=[{"mjcf": {"joint": {"yaw": {"solreflimit": "0.01 1"}}}}])
     """Attributes by path, checked by the target alone."""
-    sensors: dict[Name, SensorSpec] = Field(default={}, examples=[{"imu": {"type": "imu", "at": "body.imu"}}])
+    sensors: dict[NewSensor, SensorSpec] = Field(default={}, examples=[{"imu": {"type": "imu", "at": "body.imu"}}])
     """What the robot measures."""
-    tests: dict[Name, TestSpec] = Field(default={}, examples=[{"light": {"mass": {"max": "2.2 kg"}}}])
+    tests: dict[NewTest, TestSpec] = Field(default={}, examples=[{"light": {"mass": {"max": "2.2 kg"}}}])
     """What has to be true of the robot; `thingc test` runs them."""
     allow: Allow = allow()
     """Warnings of anything in this document that are meant so, by code, each with the reason."""

@@ -7,7 +7,8 @@ from typing import Literal
 from pydantic import Field
 
 from thingc.spec.base import Model
-from thingc.spec.fields import ColorField, CountField, DensityField, LengthField, Name, NumberField, RatioField
+from thingc.spec.fields import ColorField, CountField, DensityField, LengthField, NumberField, RatioField
+from thingc.spec.named import NewMaterial
 
 
 class FrictionSpec(Model):
@@ -64,5 +65,5 @@ class MaterialsSpec(Model):
 
     thingc: Literal["materials/1"]
     """Kind and version of this document."""
-    materials: dict[Name, MaterialSpec] = Field(examples=[{"petg": {"density": "1270 kg/m^3", "color": "lavender"}}])
+    materials: dict[NewMaterial, MaterialSpec] = Field(examples=[{"petg": {"density": "1270 kg/m^3", "color": "lavender"}}])
     """The materials, by name."""

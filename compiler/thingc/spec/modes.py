@@ -11,14 +11,13 @@ from thingc.spec.allowances import Allow, allow
 from thingc.spec.base import Model, rule
 from thingc.spec.fields import (
     ForceField,
-    Name,
     NumberField,
-    ReferenceField,
     TimeField,
     Vector3Acceleration,
     Vector3Angle,
     Vector3Length,
 )
+from thingc.spec.named import ComponentField, JointPattern, ModeField, PoseField, RootField, ShownMountField
 
 
 class SimulationSpec(Model):
@@ -48,11 +47,11 @@ class WorldAtSpec(Model):
 class ContactsSpec(Model):
     """Who may touch whom in this mode."""
 
-    exclude: list[Annotated[list[ReferenceField], Field(min_length=2, max_length=2)]] = Field(
+    exclude: list[Annotated[list[ComponentField], Field(min_length=2, max_length=2)]] = Field(
         default=[], examples=[[["plate", "hand"], ["leg_*", "body"]]],
     )
     """Pairs of components (globs allowed) that never touch."""
-    adhesion: dict[ReferenceField, ForceField] = Field(default={}, examples=[{"front_foot.sole": "300 N"}])
+    adhesion: dict[ShownMountField, ForceField] = Field(default={}, examples=[{"front_foot.sole": "300 N"}])
     """Pull-off force per mount."""
 
 
@@ -83,7 +82,7 @@ class HoldSpec(Model):
 class StandingSpec(Model):
     """What a floating mode stands on."""
 
-    mounts: Annotated[list[ReferenceField], Field(min_length=1)] = Field(examples=[["leg_0.sole", "leg_2.sole", "leg_4.sole"]])
+    mounts: Annotated[list[ShownMountField], Field(min_length=1)] = Field(examples=[["leg_0.sole", "leg_2.sole", "leg_4.sole"]])
     """The mounts at which the floor pushes the robot, patterns allowed."""
     friction: NumberField | None = None
     """Sliding friction between them and the floor; that of their materials unless written."""
@@ -92,7 +91,7 @@ class StandingSpec(Model):
 class ModeSpec(Model):
     """One simulation model."""
 
-    root: ReferenceField | None = None
+    root: RootField | None = None
     """A mount (mated to the world) or a component (laid on the world frame)."""
     base: BaseType | None = None
     """`fixed` (default), `held`, `free`, `planar` (in the x-y plane of `at`) or `ball` (about the root's origin)."""
@@ -100,28 +99,28 @@ class ModeSpec(Model):
     """Where in the world the root is; its origin unless written."""
     gravity: Literal["floor", "wall", "ceiling"] | Vector3Acceleration | None = Field(default=None, examples=["wall", "0 0 -1.62 m/s^2"])
     """What the robot stands on or hangs from, or a vector in the world frame; `floor` unless written."""
-    pose: Name | None = None
+    pose: PoseField | None = None
     """Where it starts."""
-    poses: list[Name] | None = Field(default=None, examples=[["home", "folded"]])
+    poses: list[PoseField] | None = Field(default=None, examples=[["home", "folded"]])
     """Its keyframes; all unless written."""
-    actuators: list[str] | None = Field(default=None, examples=[["yaw", "leg_*"]])
+    actuators: list[JointPattern] | None = Field(default=None, examples=[["yaw", "leg_*"]])
     """The joints driven here, globs allowed; all unless written."""
     contacts: ContactsSpec | None = Field(default=None, examples=[{"exclude": [["plate", "hand"]]}])
-    hold: dict[ReferenceField, HoldSpec | Literal["here"]] | None = Field(
+    hold: dict[RootField, HoldSpec | Literal["here"]] | None = Field(
         default=None, examples=[
             {"rear_foot.sole": "here"}, {"rear_foot.sole": {"at": "here", "carries": "force"}}, {"rear_foot.sole": {"xyz": "200 0 0 mm"}},
         ],
     )
     """Further mounts held to the world, each at a pose or `here`: where the mode's own pose puts it."""
-    standing_on: StandingSpec | list[ReferenceField] | None = Field(
+    standing_on: StandingSpec | list[ShownMountField] | None = Field(
         default=None, examples=[["leg_0.sole", "leg_2.sole", "leg_4.sole"], {"mounts": ["leg_*.sole"], "friction": 0.6}],
     )
     """The mounts that a free base stands on: the floor pushes there, and does not hold. What statics asks about."""
-    cut: list[str] | None = Field(default=None, examples=[["rear_knee"]])
+    cut: list[JointPattern] | None = Field(default=None, examples=[["rear_knee"]])
     """The joints at which loops are cut, globs allowed."""
     simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "1 ms"}])
     """How simulators step in this mode, over what the document says."""
-    extends: Name | None = None
+    extends: ModeField | None = None
     """Another mode that this one is merged over."""
     allow: Allow = allow()
     """Warnings of this mode, and of those that extend it, that are meant so, by code, each with the reason."""

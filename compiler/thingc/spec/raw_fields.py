@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 from pydantic_core import PydanticCustomError
 
 from thingc.spec.fields import Checked, fault, found, raise_all, within
+from thingc.spec.named import Means
 from thingc.spec.patterns import raw_schema
 
 _WORDS = "text, a number, true or false, a list of such, or a mapping"
@@ -35,4 +36,4 @@ _RAW_SCHEMA = {"description": "Attributes by path.", "examples": [{"joint": {"ya
 if TYPE_CHECKING:
     RawField = Union[str, int, float, bool, list[Any], dict[str, Any]]
 else:
-    RawField = Annotated[Any, Checked(_raw, _WORDS, _RAW_SCHEMA)]
+    RawField = Annotated[Any, Checked(_raw, _WORDS, _RAW_SCHEMA), Means("raw")]

@@ -7,7 +7,8 @@ from typing import Literal
 from pydantic import ConfigDict, model_validator
 
 from thingc.spec.base import Model
-from thingc.spec.fields import AngleField, ReferenceField, fault
+from thingc.spec.fields import AngleField, fault
+from thingc.spec.named import JointField, ShownMountField
 
 
 class SensorSpec(Model):
@@ -22,9 +23,9 @@ class SensorSpec(Model):
 
     type: Literal["imu", "force", "joint", "camera"]
     """`imu` (acceleration and rate of turn), `force` (and torque), `joint` (position and speed) or `camera`."""
-    at: ReferenceField | None = None
+    at: ShownMountField | None = None
     """The mount it sits on; a camera looks along its z, with its y up."""
-    joint: ReferenceField | None = None
+    joint: JointField | None = None
     """Of a `joint` sensor the joint, if it is not the one that is called like the sensor."""
     fovy: AngleField | None = None
     """Of a camera the angle of view from bottom to top; 45 deg unless written."""

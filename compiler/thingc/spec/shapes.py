@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import types
 from collections.abc import Sequence
+from functools import cache
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 
 from thingc.frozen import dataclass
 from thingc.spec.fields import Checked, Index
+from thingc.spec.named import Declares, Means
 from thingc.typos import nearest
 
 
@@ -22,8 +24,8 @@ class AnnotationShape:
     """One annotation, looked at.
 
     `kind` is `model`, `dict`, `list`, `literal`, `field` (a type of `spec.fields`), `text`, `flag`, `number` or `union`;
-    `model` the class, `members` the types of dict values, list items or the branches of a union, `choices` those of a
-    literal, `field` the checker, `annotation` the whole.
+    `model` the class, `members` the types of dict values, list items or the branches of a union, `key` that of dict keys, `choices` those
+    of a literal, `field` the checker, `names` what its text declares or means, `annotation` the whole.
     """
 
     kind: str
@@ -32,11 +34,13 @@ class AnnotationShape:
     members: tuple[Any, ...] = ()
     choices: tuple[Any, ...] = ()
     field: Checked | None = None
+    key: Any = None
+    names: Declares | Means | None = None
 
     @property
     def by_number(self) -> bool:
         """Whether it is a mapping by the numbers of coordinates."""
-        return self.kind == "dict" and get_args(self.annotation)[0] is Index
+        return self.kind == "dict" and self.key is Index
 
     @property
     def words(self) -> str:
@@ -64,16 +68,17 @@ class AnnotationShape:
 
 def shape_of(annotation: Any, metadata: Sequence[Any] = ()) -> AnnotationShape:
     """The shape of an annotation (of a model's field with its `metadata`); `None` beside a type does not count."""
+    names = next((extra for extra in metadata if isinstance(extra, (Declares, Means))), None)
     for extra in metadata:
         if isinstance(extra, Checked):
-            return AnnotationShape(kind="field", annotation=annotation, field=extra)
+            return AnnotationShape(kind="field", annotation=annotation, field=extra, names=names)
     origin = get_origin(annotation)
     arguments = get_args(annotation)
     if origin is Annotated:
         inner = shape_of(arguments[0], arguments[1:])
         return AnnotationShape(
             kind=inner.kind, annotation=annotation, model=inner.model, members=inner.members, choices=inner.choices,
-            field=inner.field,
+            field=inner.field, key=inner.key, names=inner.names,
         )
     if origin in (Union, types.UnionType):
         members = tuple(argument for argument in arguments if argument is not type(None))
@@ -81,14 +86,15 @@ def shape_of(annotation: Any, metadata: Sequence[Any] = ()) -> AnnotationShape:
     if origin is Literal:
         return AnnotationShape(kind="literal", annotation=annotation, choices=arguments)
     if origin is dict:
-        return AnnotationShape(kind="dict", annotation=annotation, members=(arguments[1],))
+        return AnnotationShape(kind="dict", annotation=annotation, members=(arguments[1],), key=arguments[0])
     if origin is list:
         return AnnotationShape(kind="list", annotation=annotation, members=(arguments[0],))
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return AnnotationShape(kind="model", annotation=annotation, model=annotation)
-    return AnnotationShape(kind={str: "text", bool: "flag"}.get(annotation, "number"), annotation=annotation)
+    return AnnotationShape(kind={str: "text", bool: "flag"}.get(annotation, "number"), annotation=annotation, names=names)
 
 
+@cache
 def model_keys(model: type[BaseModel]) -> dict[str, tuple[AnnotationShape, bool]]:
     """The keys of a mapping that a model describes, in its order: what each takes and whether it is required."""
     return {

@@ -9,7 +9,8 @@ from pydantic import Field, model_validator
 from thingc.expressions import Expression, ExpressionError, parse_expression
 from thingc.spec.base import Model, rule
 from thingc.spec.choices import EXAMPLES, VALUES, is_value, parse
-from thingc.spec.fields import AnyQuantityField, Checked, CountField, Name, ReferenceField, fault, found, name_of
+from thingc.spec.fields import AnyQuantityField, Checked, CountField, Name, fault, found, name_of
+from thingc.spec.named import AssemblyDocument, Means, ModeField, PoseField, ShownMountField
 from thingc.units import shortened
 
 
@@ -63,9 +64,11 @@ if TYPE_CHECKING:
     SettingField = str
     RuleField = Expression
 else:
-    SettingField = Annotated[str, Checked(_setting, "a parameter or the path of a value", _SETTING_SCHEMA)]
-    ChoicePathField = Annotated[str, Checked(_choice_path, "the path of a choice", _PATH_SCHEMA)]
-    RuleField = Annotated[Any, Checked(_rule_text, "a comparison", _RULE_SCHEMA)]
+    SettingField = Annotated[str, Checked(_setting, "a parameter or the path of a value", _SETTING_SCHEMA), Means("setting")]
+    ChoicePathField = Annotated[str, Checked(_choice_path, "the path of a choice", _PATH_SCHEMA), Means("setting")]
+    RuleField = Annotated[Any, Checked(_rule_text, "a comparison", _RULE_SCHEMA), Means("rule")]
+
+ChoiceField = Annotated[str, Means("choice")]
 
 
 class AxisSpec(Model):
@@ -85,7 +88,7 @@ class ListedSpec(Model):
     """What it is called; from the name of the document and its number unless written."""
     parameters: dict[SettingField, AnyQuantityField] = Field(default={}, examples=[{"leg_length": "100 mm"}])
     """Values of parameters of the assembly, and of anything else in it by its path."""
-    choices: dict[ChoicePathField, str] = Field(default={}, examples=[{"components.foot.part": "minchw.foot:WideFoot"}])
+    choices: dict[ChoicePathField, ChoiceField] = Field(default={}, examples=[{"components.foot.part": "minchw.foot:WideFoot"}])
     """Parts, assemblies and materials, by where they stand in the assembly."""
 
 
@@ -108,9 +111,9 @@ class SampleSpec(Model):
 class ReachSpec(Model):
     """The distance between two mounts, which the result `reach` states."""
 
-    of: ReferenceField
+    of: ShownMountField
     """The mount that reaches out: `tip`, `hand.tip`."""
-    from_: ReferenceField = Field(alias="from", description="The mount that it is measured from.")
+    from_: ShownMountField = Field(alias="from", description="The mount that it is measured from.")
 
 
 class VariantsSpec(Model):
@@ -118,7 +121,7 @@ class VariantsSpec(Model):
 
     thingc: Literal["variants/1"]
     """Kind and version of this document."""
-    assembly: str = Field(examples=["minchw.yaml"])
+    assembly: AssemblyDocument = Field(examples=["minchw.yaml"])
     """The assembly document."""
     name: Name
     """The batch, and the folder that it is written to."""
@@ -129,7 +132,7 @@ class VariantsSpec(Model):
     )
     """Of the assembly, by name, or anything else in it by path (`joints.elbow.limit.upper`): a list or a range is an axis of the
     grid, a single value holds for all variants."""
-    choices: dict[ChoicePathField, list[str] | str] = Field(
+    choices: dict[ChoicePathField, list[ChoiceField] | ChoiceField] = Field(
         default={}, examples=[{"components.foot.part": ["minchw.foot:Foot", "minchw.foot:WideFoot"]}],
     )
     """Parts, assemblies, files and materials by where they stand in the assembly: a list is an axis of the grid."""
@@ -145,9 +148,9 @@ class VariantsSpec(Model):
     """Variants are drawn instead of taken from the grid."""
     keep: list[RuleField] = Field(default=[], examples=[["mass < 2.5 kg", "reach > 400 mm"]])
     """Comparisons over parameters and results: a variant that fails one is recorded, not built."""
-    modes: list[Name] = Field(default=[], examples=[["bench"]])
+    modes: list[ModeField] = Field(default=[], examples=[["bench"]])
     """The modes that are built; all of the assembly's unless written. Results are of the first."""
-    pose: Name | None = None
+    pose: PoseField | None = None
     """The pose that results are of; the mode's own unless written."""
     reach: ReachSpec | None = Field(default=None, examples=[{"of": "hand.tip", "from": "base"}])
     """What the result `reach` measures."""

@@ -1,0 +1,112 @@
+"""A name is exchanged wherever it stands, or the request is refused: the robot is the same but for it, and the way back gives the same
+bytes."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from lsp.walkers import WALKER, write
+from thingc.diagnostics import Report
+from thingc.diff import Portrait, compare, portrait
+from thingc.environment import Environment, Options
+from thingc.lsp.analysis import RequestRefused
+from thingc.lsp.names import Name
+from thingc.lsp.renaming import renamed
+from thingc.lsp.sight import Sight, sight_of
+from thingc.pipeline import compile
+from thingc.variants import plan
+from thingc.workspace import Workspace
+
+ROOT = Path(__file__).parents[2]
+REFUSED = {
+    "mode bench": "`bench` cannot be called `x_bench`: what is written at walker.yaml:{ben*} would mean something else then",
+    "pose stretch": "`stretch` cannot be called `x_stretch`: what is written at walker.yaml:{str*} would mean something else then",
+    "mount hip_0": "`hip_0` cannot be called `x_hip_0`: what is written at walker.yaml:{hip_$n} would mean something else then",
+    "mount hip_1": "`hip_1` cannot be called `x_hip_1`: what is written at walker.yaml:{hip_$n} would mean something else then",
+    "index i": "the index `i` is not written: write `as: i` under `repeat` first",
+}
+"""What of the walker keeps its name, and why; braces stand for the line on which a text is first."""
+
+
+def seen(folder: Path) -> Sight:
+    workspace = Workspace.find(str(folder / "thingc.toml"), Report())
+    assert workspace is not None
+    return sight_of(workspace, {})
+
+
+@pytest.fixture(scope="module")
+def walker(tmp_path_factory: pytest.TempPathFactory) -> Sight:
+    return seen(write(tmp_path_factory.mktemp("walker")))
+
+
+def named(sight: Sight, what: str, text: str) -> Name:
+    (name,) = (one for one in sight.index.by_name if (one.what, one.text) == (what, text))
+    return name
+
+
+def drawn(folder: Path, store: str) -> Portrait:
+    with Environment(str(folder / "walker.yaml"), Options(store=store)) as environment:
+        compilation = compile(environment)
+    assert not compilation.report.diagnostics, compilation.report.diagnostics
+    return portrait(compilation)
+
+
+def test_the_walker_means_everything_that_can_be_meant(walker: Sight) -> None:
+    """So that a new way to name something is tried below."""
+    from typing import get_args
+
+    from thingc.spec.named import Declared, Declares, Means, Meant
+
+    said = {mention.names for written in walker.documents.values() for mention in written.mentions}
+    of_parts = {Means("part"), Means("parameter of a part")}  # in the arm
+    assert said == {*map(Declares, get_args(Declared)), *map(Means, get_args(Meant))} - of_parts
+
+
+def exchanged(sight: Sight, old: str, new: str) -> tuple[Sight, dict[str, str]]:
+    """All names that begin with `old` with `new` in its place, one after the other, and what is said of those that stay."""
+    refused = {}
+    for one in [name for name in sight.index.by_name if name.text.startswith(old) and not name.what.startswith(("document", "part"))]:
+        name = next((
+            name for name in sight.index.by_name
+            if (name.what, name.text) == (one.what, one.text) and plain(name.owner) == plain(one.owner) and name.file == one.file
+        ), None)
+        if name is None:  # the sensor that is called like its joint
+            assert (one.what, one.text) in (("sensor", "wag"), ("sensor", "x_wag"))
+            continue
+        try:
+            sight = sight.with_texts(renamed(sight, name, new + name.text.removeprefix(old)).texts)
+        except RequestRefused as fault:
+            refused[f"{name.what} {name.text}"] = str(fault)
+    return sight, refused
+
+
+def plain(text: object) -> str:
+    return str(text).replace("x_", "")
+
+
+def test_every_name_of_the_walker_is_exchanged_and_back(walker: Sight, tmp_path: Path, shared_store: str) -> None:
+    """The robot is the same but for names, its variants can be planned, and nothing is said that was not said before."""
+    after, refused = exchanged(walker, "", "x_")
+    lines = WALKER.splitlines()
+
+    def line(found: re.Match[str]) -> str:
+        return str(next(number for number, text in enumerate(lines, 1) if found[1] in text))
+
+    assert {name: plain(text) for name, text in refused.items()} == {
+        name: plain(re.sub(r"\{(.+?)\}", line, text)) for name, text in REFUSED.items()
+    }
+    old, new = write(tmp_path / "old"), write(tmp_path / "new")
+    for path in after.documents:
+        (new / Path(path).name).write_text(after.read(path) or "")
+    changes = [one for one in compare(drawn(old, shared_store), drawn(new, shared_store)).changes if one.change != "renamed"]
+    before = Counter(plain((one.what, one.path, one.field, one.old)) for one in changes if one.old is not None)
+    assert before == Counter(plain((one.what, one.new_path or one.path, one.field, one.new)) for one in changes if one.new is not None)
+    assert not [one for one in changes if one.old is None and one.new is None]
+    assert len(plan(str(new / "study.yaml")).axes) == len(plan(str(old / "study.yaml")).axes) == 3
+    again, refused = exchanged(after, "x_", "")
+    assert refused == {}
+    assert {path: again.read(path) for path in again.documents} == {path: walker.read(path) for path in walker.documents}
