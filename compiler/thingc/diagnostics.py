@@ -256,6 +256,8 @@ class Code(Enum):
     SOURCE_XML = ("TC951", "file of a robot that cannot be read", "Mend the place shown, or name a file of a format that is read.")
     SOURCE_VALUE = ("TC952", "value that a robot's file cannot have", "Mend the number or the word that the message names.")
     SOURCE_TREE = ("TC953", "links and joints that are no tree", "Let one link be the root, and each other one hang on it by one joint.")
+    SOURCE_INERTIA = ("TC954", "link of a file that cannot move", "Mend its mass or inertia, or write `--repair inertia=nearest`.")
+    SOURCE_DOUBT = ("TC955", "doubt about a robot's file", "Look at the two places, and mend the file if one of them is wrong.")
 
     def __init__(self, code: str, title: str, cure: str, warned_by: Stage | None = None) -> None:
         self.code = code

@@ -64,6 +64,8 @@ ELSEWHERE = {
     "SOURCE_XML": "tests/importing/wrong/syntax.txt",  # files of other formats
     "SOURCE_VALUE": "tests/importing/wrong/values.txt",
     "SOURCE_TREE": "tests/importing/wrong/tree.txt",
+    "SOURCE_INERTIA": "tests/importing/wrong/inertias.txt",
+    "SOURCE_DOUBT": "tests/importing/test_inertias.py",
 }
 """Codes that no document on a healthy machine brings about, and where they are tested."""
 

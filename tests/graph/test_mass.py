@@ -35,6 +35,8 @@ from graph.builder import (
     warnings,
     whole,
 )
+from thingc.diagnostics import Report
+from thingc.graph import link
 from thingc.graph.types import Assembly, Occurrence
 
 SIZE = (0.1, 0.06, 0.04)
@@ -306,6 +308,21 @@ def test_inertia_that_no_solid_has() -> None:
             "inertia is about the centre of mass, in component axes: check units and signs",
             9,
         )
+    ]
+
+
+def test_an_inertia_is_judged_with_its_link() -> None:
+    """What no solid has is no fault on a link that is sound with it; to write 0 is one all the same."""
+    at = laid("humerus.origin", np.eye(4))
+    flat = component("label", None, at, frame=True, mass=stated(0.001), inertia=stated(1e-9, 1e-9, 3e-9, 0, 0, 0))
+    whole_link = component("humerus", "p:Box", inertia=stated(1e-4, 1e-4, 1e-4, 0, 0, 0))
+    report = Report()
+    linked = link(assembly("a", [whole_link, flat]), {"p:Box": box("p:Box")}, report)
+    assert linked is not None and not report.failed
+    none = component("label", None, at, frame=True, mass=stated(0.001), inertia=stated(0, 0, 0, 0, 0, 0))
+    found = said(faults(assembly("a", [whole_link, none]), box("p:Box")))
+    assert [(one[0], one[2]) for one in found] == [
+        ("NOT_PHYSICAL", "leave it out: it is that of the geometry then, and a frame is a point"),
     ]
 
 

@@ -22,6 +22,7 @@ of it, with the line of the source.
 
   thingc import robot.urdf                       into a folder of the robot's name
   thingc import robot.urdf -o robots/arm
+  thingc import robot.urdf --repair inertia=nearest
   thingc import robot.urdf --root left_sole      with a mode that is rooted at that link
 """
 
@@ -32,6 +33,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="a robot: .urdf")
     parser.add_argument("-o", "--output", metavar="DIR", help="the folder that is made (default: called like the robot)")
     parser.add_argument(
+        "--repair", metavar="inertia=HOW", type=_repair,
+        help="change links that cannot move: inertia=nearest (to the nearest inertia that a solid has), or inertia=shapes",
+    )
+    parser.add_argument(
         "--root", metavar="LINK", action="append", default=[], help="a link that gets a mode of its own, rooted at it (may be repeated)",
     )
 
@@ -41,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     from thingc.importing import import_robot
 
     report = Report()
-    imported = import_robot(arguments.file, report, roots=arguments.root)
+    imported = import_robot(arguments.file, report, roots=arguments.root, repair=arguments.repair)
     if imported is not None:
         try:
             folder = write_new(arguments.output or imported.name, imported.files, lambda _: None)
@@ -52,6 +57,14 @@ def run(arguments: argparse.Namespace) -> int:
     return common.exit_code(report.diagnostics)
 
 
+def _repair(text: str) -> str:
+    """How inertias are repaired, as argparse wants it checked."""
+    what, _, how = text.partition("=")
+    if what != "inertia" or how not in ("nearest", "shapes"):
+        raise argparse.ArgumentTypeError(f"expected `inertia=nearest` or `inertia=shapes`, found `{text}`")
+    return how
+
+
 def _told(arguments: argparse.Namespace, imported: Imported, folder: str) -> list[str]:
     """What was read, what became of it, and what to type next."""
     robot, here = imported.robot, shown_path(folder)
@@ -60,6 +73,10 @@ def _told(arguments: argparse.Namespace, imported: Imported, folder: str) -> lis
     if imported.renamed:
         are = "is another" if len(imported.renamed) == 1 else "are others"
         said.append(f"{counted(len(imported.renamed), 'name')} {are} now: see import.json")
+    if imported.repaired:
+        names = ", ".join(f"`{one.link.name}`" for one in imported.repaired[:6])
+        more = f" and {len(imported.repaired) - 6} more" if len(imported.repaired) > 6 else ""
+        said.append(f"repaired: {names}{more}; old and new numbers are in import.json")
     if imported.losses:
         said.append(f"not in the document: {len(imported.losses)}, listed in {os.path.join(here, 'import.json')}")
     document = shlex.quote(os.path.join(here, f"{imported.name}.yaml"))

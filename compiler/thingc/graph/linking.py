@@ -12,7 +12,7 @@ from thingc.graph.links import connected_components, links_of
 from thingc.graph.mates import check_loops, loops_in, mates_of, stated_joints
 from thingc.graph.modes import adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of
 from thingc.graph.part_instances import PartInstances
-from thingc.graph.physics import check_links
+from thingc.graph.physics import check_links, check_stated
 from thingc.graph.plausible import check_plausible
 from thingc.graph.tests import tests_of
 from thingc.graph.types import Assembly, Mate, Occurrence
@@ -53,9 +53,10 @@ def link(
     joints = tuple(joint for mate in mates for joint in mate.joints)
     tests = tests_of(tree, model.tests, joints, findings)
     base = tree.top.index
+    faulty = check_stated(links, link_of, occurrences, findings)
     if not findings.incomplete:
         # Only of whole assemblies: what was left out may be what carries the mass, or what sits on the mount.
-        faulty = [index for index, instance in enumerate(tree.leaves) if instance.leaf is not None and not instance.leaf.sound]
+        faulty += [index for index, instance in enumerate(tree.leaves) if instance.leaf is not None and not instance.leaf.sound]
         shown = {(mount.occurrence, mount.mount) for mount in exported if "/" not in mount.path}
         check_links(links, link_of, occurrences, modes, faulty, findings)
         check_expectations(occurrences, mates, laid, shown, findings)

@@ -20,14 +20,13 @@ from thingc.graph.mass import (
     layers_too_high,
     missing_keys,
     slicing_of,
-    stated_inertia,
     unsaid_keys,
     weigh,
     weigh_link,
 )
 from thingc.graph.prints import material_of, process_of
 from thingc.graph.types import Listed, MountFrame
-from thingc.inertia import ZERO, MassProperties, physical_fault
+from thingc.inertia import MassProperties, physical_fault
 from thingc.memo import Memo
 from thingc.mirror import Mirror
 from thingc.pose import NO_POSE
@@ -421,19 +420,10 @@ class PartInstances:
         )
 
     def _physical(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> bool:
-        """Whether what the document or the Thing states as inertia can be one; what it does not state is exact."""
-        stated = component.overrides.inertia
-        if stated is not None:
-            fault = physical_fault(stated_inertia(stated.value))
-            if fault is not None:
-                place = stated.origin + origin[len(component.origin):]
-                help = "inertia is about the centre of mass, in component axes: check units and signs"
-                if stated_inertia(stated.value) == ZERO:
-                    help = "leave it out: it is that of the geometry then, and a frame is a point"
-                self._findings.error(
-                    Code.NOT_PHYSICAL, f"the inertia of `{component.name}` is not physical: {fault}", place, path=path, help=help,
-                )
-            return fault is None
+        """Whether what the Thing states as inertia can be one. What the document states is judged with its link (`check_stated`); what
+        nobody states is exact."""
+        if component.overrides.inertia is not None:
+            return True
         if record is not None and record.exact and record.matrix is not None:
             fault = physical_fault(record.matrix.value)  # type: ignore[arg-type]
             if fault is not None:

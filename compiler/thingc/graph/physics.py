@@ -6,14 +6,42 @@ from collections.abc import Collection, Sequence
 
 from thingc.diagnostics import Code
 from thingc.graph.findings import Findings
+from thingc.graph.mass import stated_inertia
 from thingc.graph.types import Link, LinkedMode, Occurrence
-from thingc.inertia import LEAST_MASS, LEAST_MOMENT, moments_fault, principal_moments
+from thingc.inertia import LEAST_MASS, LEAST_MOMENT, ZERO, moments_fault, physical_fault, principal_moments
 from thingc.joints.bases import stays
 from thingc.resolve.plausible import SMALLEST, density_doubt, mass_words, measures, unit_meant
 from thingc.source import Span
 
 _ROOM = 1e-9
 """For rounding, as a part of a moment."""
+
+
+def check_stated(
+    links: Sequence[Link], link_of: Sequence[int], occurrences: Sequence[Occurrence], findings: Findings,
+) -> list[int]:
+    """The occurrences with an inertia, written in a document, that no solid has, in a link that has none either: each is an error.
+
+    Where the link as a whole has one that is, as after `fixed` joints of URDF, nothing will move otherwise than a solid.
+    """
+    faulty = []
+    for index, one in enumerate(occurrences):
+        stated = one.overrides.inertia
+        if stated is None:
+            continue
+        inertia = stated_inertia(stated.value)
+        fault = physical_fault(inertia)
+        if fault is None or inertia != ZERO and physical_fault(links[link_of[index]].properties.inertia) is None:
+            continue
+        faulty.append(index)
+        help = "inertia is about the centre of mass, in component axes: check units and signs"
+        if inertia == ZERO:
+            help = "leave it out: it is that of the geometry then, and a frame is a point"
+        findings.error(
+            Code.NOT_PHYSICAL, f"the inertia of `{one.component.name}` is not physical: {fault}",
+            stated.origin + one.origin[len(one.component.origin):], path=one.path, help=help,
+        )
+    return faulty
 
 
 def check_links(

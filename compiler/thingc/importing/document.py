@@ -14,9 +14,9 @@ from thingc.diagnostics import Report
 from thingc.frozen import dataclass
 from thingc.importing.model import Hanging, SourceJoint, SourceLink, SourceLoss, SourceRobot
 from thingc.importing.naming import distinct, plain_name
-from thingc.importing.quantities import angle, angles, length, lengths, mass, quantity
+from thingc.importing.quantities import angle, angles, ends, length, lengths, mass, quantity
 from thingc.layout import format_document
-from thingc.pose import IDENTITY, MATE, NO_POSE, Matrix, Pose, Vector, along, dot, rpy_of, shifted
+from thingc.pose import IDENTITY, MATE, Matrix, Pose, Vector, along, rpy_of, shifted
 
 TURNS = ("revolute", "continuous")
 _ALIGNED = 1e-12
@@ -34,15 +34,15 @@ class Draft:
     losses: tuple[SourceLoss, ...]
 
 
-def document_of(robot: SourceRobot, roots: Sequence[str], origin: str) -> Draft:
+def document_of(robot: SourceRobot, roots: Sequence[str], origin: str, repaired: Mapping[str, str]) -> Draft:
     """The document of a robot, with a mode `source` and one for each link of `roots`, which are links of it; `origin` says where it is
-    from, in its first line."""
-    return _Document(robot, roots, origin).written()
+    from, in its first line, and `repaired` how the weight of some links was changed."""
+    return _Document(robot, roots, origin, repaired).written()
 
 
 class _Document:
-    def __init__(self, robot: SourceRobot, roots: Sequence[str], origin: str) -> None:
-        self.robot, self.roots, self.origin = robot, roots, origin
+    def __init__(self, robot: SourceRobot, roots: Sequence[str], origin: str, repaired: Mapping[str, str]) -> None:
+        self.robot, self.roots, self.origin, self.repaired = robot, roots, origin, repaired
         self.name = plain_name(robot.name, "robot")
         self.link_of = {link.name: link for link in robot.links}
         self.below: dict[str, list[Hanging]] = {}
@@ -107,6 +107,8 @@ class _Document:
         if link.weight is None:
             return
         of = link.weight.properties
+        if link.name in self.repaired:
+            yield f"    # repaired ({self.repaired[link.name]}): what the source says is in import.json"
         yield f"    mass: {mass(of.mass)}"
         if any(of.centre):
             yield f"    com: {lengths(of.centre)}"
@@ -148,8 +150,11 @@ class _Document:
         turns, of = joint.kind in TURNS, joint.ends
         force, speed = ("N*m", "rad/s") if turns else ("N", "m/s")
         place = angle if turns else length
+        lower, upper = (None, None) if of.lower is None or of.upper is None else ends(of.lower, of.upper) if turns else (
+            length(of.lower), length(of.upper),
+        )
         limit: dict[str, str | None] = {
-            "lower": None if of.lower is None else place(of.lower), "upper": None if of.upper is None else place(of.upper),
+            "lower": lower, "upper": upper,
             "effort": None if not of.effort or joint.driven else quantity(of.effort, force),
             "velocity": None if of.velocity is None else quantity(of.velocity, speed),
         }
@@ -171,17 +176,31 @@ class _Document:
             yield from (f"  {word}: {self.links[self.above[name].parent]}.{word}" for name, word in self.frames.items())
             yield ""
 
+    def _poses(self) -> dict[str, str]:
+        """A value within its limits for each joint that has 0 outside of them: the middle."""
+        moving = [joint for one in self.order for joint in one.joints if joint.follows is None]
+        outside = {
+            joint: (joint.ends.lower + joint.ends.upper) / 2.0 for joint in moving
+            if joint.ends.lower is not None and joint.ends.upper is not None and not joint.ends.lower <= 0.0 <= joint.ends.upper
+        }
+        return {self.joints[one.name]: (angle if one.kind in TURNS else length)(round(value, 6)) for one, value in outside.items()}
+
     def _modes(self) -> Iterator[str]:
-        at = _pose(self.robot.pose)
+        at, poses = _pose(self.robot.pose), self._poses()
+        start = ", pose: start" if poses else ""
+        if poses:
+            yield "poses:"
+            yield f"  start: {{{', '.join(f'{joint}: {value}' for joint, value in poses.items())}}}  # 0 is outside of their limits"
+            yield ""
         yield "modes:"
-        yield f"  source: {{root: {self.links[self.robot.root]}, base: {self.robot.base}{f', at: {{{at}}}' if at else ''}}}"
+        yield f"  source: {{root: {self.links[self.robot.root]}, base: {self.robot.base}{f', at: {{{at}}}' if at else ''}{start}}}"
         taken = ["source"]
         for name in self.roots:
             mode = distinct([name], "link", taken)[name]
             taken.append(mode)
             # A component is laid with its frame onto the world's; a mount would be mated to it, z against z.
             turned = "" if name in self.links else f", at: {{{_pose(MATE)}}}"
-            yield f"  {mode}: {{root: {(self.links | self.frames)[name]}, base: held{turned}}}"
+            yield f"  {mode}: {{root: {(self.links | self.frames)[name]}, base: held{turned}{start}}}"
 
 
 def _was(word: str, name: str) -> str:
@@ -207,8 +226,8 @@ def _pose(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> str:
 
 def _onto(axis: Vector) -> Matrix:
     """A rotation that takes z to a unit vector; along one of the axes it has no digits that are not 0 or 1."""
-    for k, unit in enumerate(IDENTITY):
-        if abs(abs(dot(axis, unit)) - 1.0) < _ALIGNED:
-            sign = 1.0 if axis[k] > 0.0 else -1.0
-            axis = (sign * unit[0], sign * unit[1], sign * unit[2])
-    return NO_POSE.rotation if axis == (0.0, 0.0, 1.0) else along(axis, (0.0, 0.0, 0.0)).rotation
+    plain = tuple(0.0 if abs(one) < _ALIGNED else one for one in axis)
+    if sum(map(bool, plain)) == 1:
+        x, y, z = (math.copysign(1.0, one) if one else 0.0 for one in plain)
+        axis = (x, y, z)
+    return IDENTITY if axis == (0.0, 0.0, 1.0) else along(axis, (0.0, 0.0, 0.0)).rotation

@@ -10,9 +10,11 @@ from collections.abc import Mapping, Sequence
 from thingc.diagnostics import Code, Report
 from thingc.frozen import dataclass
 from thingc.importing.document import Draft, document_of
+from thingc.importing.inertias import Repair, Repaired, repaired, warn_of_mirror_pairs
 from thingc.importing.model import SourceLoss, SourceRobot
 from thingc.importing.urdf import read_urdf
 from thingc.importing.xml_source import MOST_BYTES
+from thingc.inertia import MassProperties
 from thingc.typos import did_you_mean
 
 READERS = {".urdf": read_urdf}
@@ -28,11 +30,12 @@ class Imported:
     files: Mapping[str, bytes]
     losses: tuple[SourceLoss, ...]
     renamed: Mapping[str, str]
+    repaired: tuple[Repaired, ...]
 
 
-def import_robot(path: str, report: Report, *, roots: Sequence[str] = ()) -> Imported | None:
-    """Read the file at `path`, and write down what it says; `roots` are links of it, each of which gets a mode. None where it cannot be,
-    which has been reported."""
+def import_robot(path: str, report: Report, *, roots: Sequence[str] = (), repair: Repair | None = None) -> Imported | None:
+    """Read the file at `path`, and write down what it says; `roots` are links of it, each of which gets a mode, and `repair` says what to
+    do about links that cannot move. None where it cannot be, which has been reported."""
     reader = READERS.get(os.path.splitext(path)[1].lower())
     if reader is None:
         known = ", ".join(f"`{one}`" for one in READERS)
@@ -55,16 +58,20 @@ def import_robot(path: str, report: Report, *, roots: Sequence[str] = ()) -> Imp
             report.add(Code.COMMAND_LINE, f"--root {name}: there is no such link", None, help=did_you_mean(name, links, what="links"))
     if report.failed:
         return None
-    written = document_of(robot, list(dict.fromkeys(roots)), os.path.basename(path))
-    record = _record(robot, written, path, data)
+    robot, mended = repaired(robot, roots, repair, report)
+    if report.failed:
+        return None
+    warn_of_mirror_pairs(robot, report)
+    written = document_of(robot, list(dict.fromkeys(roots)), os.path.basename(path), {one.link.name: one.how for one in mended})
+    record = _record(robot, written, mended, path, data)
     renamed = {name: word for names in (written.links, written.frames, written.joints) for name, word in names.items() if name != word}
     return Imported(
         name=written.name, robot=robot, files={f"{written.name}.yaml": written.text.encode(), RECORD: record}, losses=written.losses,
-        renamed=renamed,
+        renamed=renamed, repaired=mended,
     )
 
 
-def _record(robot: SourceRobot, written: Draft, path: str, data: bytes) -> bytes:
+def _record(robot: SourceRobot, written: Draft, mended: Sequence[Repaired], path: str, data: bytes) -> bytes:
     """`import.json`: what was read, what everything is called now, and what is not in the document, with its line in the source."""
     losses = [
         {"what": one.what, "why": one.why, "file": os.path.basename(one.where.file), "line": one.where.line} for one in written.losses
@@ -74,6 +81,17 @@ def _record(robot: SourceRobot, written: Draft, path: str, data: bytes) -> bytes
         "source": {"file": os.path.basename(path), "sha256": hashlib.sha256(data).hexdigest(), "robot": robot.name},
         "document": {"file": f"{written.name}.yaml", "sha256": hashlib.sha256(written.text.encode()).hexdigest()},
         "names": {"links": written.links, "frames": written.frames, "joints": written.joints},
+        "repaired": [
+            {
+                "link": one.link.name, "how": one.how, "old": _weight(one.link.weight.properties if one.link.weight is not None else None),
+                "new": _weight(one.new), "file": os.path.basename(path), "line": one.link.where.line,
+            }
+            for one in mended
+        ],
         "losses": losses,
     }
     return (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode()
+
+
+def _weight(of: MassProperties | None) -> dict[str, object] | None:
+    return None if of is None else {"mass": of.mass, "com": of.centre, "inertia": of.inertia}

@@ -59,6 +59,14 @@ def angle(value: float) -> str:
     return f"{scaled(value, 0)} rad" if degrees is None else f"{degrees} deg"
 
 
+def ends(lower: float, upper: float) -> tuple[str, str]:
+    """Of radians: two limits, in one unit."""
+    words = angle(lower), angle(upper)
+    if any(word.endswith("rad") for word in words):
+        words = quantity(lower, "rad"), quantity(upper, "rad")
+    return words
+
+
 def angles(values: Sequence[float]) -> str:
     """Three at once, all of them in one unit; a half turn is one to the left, as is usual."""
     values = [0.0 if abs(value) < NOISE else math.pi if value == -math.pi else value for value in values]

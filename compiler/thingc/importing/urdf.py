@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -78,12 +79,15 @@ class _Urdf:
     def robot(self) -> SourceRobot | None:
         """Everything that is wrong is said; then None."""
         before = len(self.report.diagnostics)
-        name = self.values.word(self.root, "name")
+        name = self.root.attributes.get("name", "").strip()
+        if not name:
+            name = os.path.splitext(os.path.basename(self.root.where.file))[0]
+            self._lose("`name` of `<robot>`", f"it has none, and is called like its file, `{name}`", self.root)
         links = tuple(link for element in self.root.all("link") if (link := self._link(element)) is not None)
         hangings = tuple(one for element in self.root.all("joint") if (one := self._hanging(element)) is not None)
         self._followed(hangings)
         self._unread(self.root)
-        if len(self.report.diagnostics) > before or name is None:  # what is wrong with a joint must not be said again of the tree
+        if len(self.report.diagnostics) > before:  # what is wrong with a joint must not be said again of the tree
             return None
         root = root_of(links, hangings, self.root.where, self.report)
         if root is None:

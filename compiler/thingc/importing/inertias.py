@@ -1,0 +1,194 @@
+"""Whether the links of a robot that was read can move, and what is done about those that cannot.
+
+Judged is what moves: links that joints do not separate are one body, whose inertias add up. What no solid has is refused, or repaired by
+name, link by link: `nearest` is the nearest inertia that a solid of that mass has, `shapes` that of the link's shapes.
+
+Nearest: of the pseudo-inertia about the centre of mass, `diag(S, m)` with `S = tr(I)/2 1 - I`, the second moments of mass, negative
+principal values are raised to a floor; that is the nearest in Frobenius' norm (Wensing, Kim and Slotine, "Linear Matrix Inequalities for
+Physically-Consistent Inertial Parameter Identification", 2018, equation 17).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Literal
+
+from thingc.diagnostics import Code, Note, Report
+from thingc.frozen import dataclass
+from thingc.importing.model import SourceLink, SourceRobot, SourceShape, Weight
+from thingc.inertia import (
+    LEAST_MASS,
+    LEAST_MOMENT,
+    MassProperties,
+    moments_fault,
+    physical_fault,
+    principal_axes,
+    principal_moments,
+    total,
+)
+from thingc.pose import NO_POSE, Matrix, Pose, multiply, transpose
+
+Repair = Literal["nearest", "shapes"]
+LEAST = 1e-6
+"""Mass [kg] that is given to what weighs nothing, and the square [m^2] of the least radius of gyration: 1 mm."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repaired:
+    """A link whose weight was changed: what it was (None: nothing), what it is, and how."""
+
+    link: SourceLink
+    new: MassProperties
+    how: Repair
+
+
+def repaired(robot: SourceRobot, roots: Sequence[str], how: Repair | None, report: Report) -> tuple[SourceRobot, tuple[Repaired, ...]]:
+    """The robot with every link that moves as a solid can, in the mode `source` and rooted at each of `roots`; what could not be, or was
+    not asked for, is reported at its line."""
+    bodies, done = _bodies(robot), dict[str, Repaired]()
+    head = {link.name: body for body, members in bodies.items() for link, _ in members}
+    still = {None if robot.base == "free" else robot.root, *(head[name] for name in roots)}
+    for body, members in bodies.items():
+        if still == {body}:
+            continue
+        fault = _fault(members)
+        if fault is None:
+            continue
+        worst = [link for link, _ in members if link.weight is not None and physical_fault(link.weight.properties.inertia) is not None]
+        worst = worst or [members[0][0]]
+        changed = [one for link in worst if (one := _mended(link, how)) is not None]
+        new = {one.link.name: _with(one) for one in changed}
+        if how is not None and _fault([(new.get(link.name, link), pose) for link, pose in members]) is None:
+            done.update((one.link.name, one) for one in changed)
+        else:
+            _refuse(body, worst, [link for link, _ in members], fault, how, report)
+    links = tuple(_with(done[link.name]) if link.name in done else link for link in robot.links)
+    return replace(robot, links=links), tuple(done.values())
+
+
+def _bodies(robot: SourceRobot) -> Mapping[str, list[tuple[SourceLink, Pose]]]:
+    """What joints separate, by the name of its first link: its links, each with its pose in the first one."""
+    links = {link.name: link for link in robot.links}
+    below: dict[str, list[tuple[str, Pose | None]]] = {}
+    for one in robot.hangings:
+        below.setdefault(one.parent, []).append((one.child, None if one.joints else one.pose))
+    bodies: dict[str, list[tuple[SourceLink, Pose]]] = {robot.root: [(links[robot.root], NO_POSE)]}
+    waiting = [(robot.root, robot.root, NO_POSE)]
+    while waiting:
+        body, name, pose = waiting.pop()
+        for child, fixed in below.get(name, ()):
+            if fixed is None:
+                bodies[child] = [(links[child], NO_POSE)]
+                waiting.append((child, child, NO_POSE))
+            else:
+                bodies[body].append((links[child], pose @ fixed))
+                waiting.append((body, child, pose @ fixed))
+    return bodies
+
+
+def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
+    """Why a body cannot move, in words."""
+    whole = total([link.weight.properties.seen_from(pose) for link, pose in members if link.weight is not None])
+    if whole.mass <= LEAST_MASS:
+        return "it weighs nothing"
+    moments = principal_moments(whole.inertia)
+    if moments[0] <= 0.0 and max(map(abs, moments)) == 0.0:
+        return "it has no inertia"
+    fault = moments_fault(*moments)
+    if fault is None and moments[0] < LEAST_MOMENT:
+        return f"its smallest moment of inertia is {moments[0]:.3g} kg m^2, and simulators want {LEAST_MOMENT:g}"
+    return fault
+
+
+def _refuse(body: str, worst: Sequence[SourceLink], members: Sequence[SourceLink], fault: str, how: Repair | None, report: Report) -> None:
+    first = worst[0]
+    where = first.where if first.weight is None else first.weight.where
+    help = "mend it, or have it repaired: `--repair inertia=nearest` (the nearest that a solid has), or `inertia=shapes`"
+    if how == "shapes":
+        help = "there are no shapes that could say it: `--repair inertia=nearest`"
+    notes = [
+        Note(message=f"`{link.name}` is fixed to it{', and has none that a solid has either' if link in worst else ''}", span=link.where)
+        for link in members if link is not first and link.weight is not None
+    ][:5]
+    report.add(Code.SOURCE_INERTIA, f"link `{body}` moves, and cannot: {fault}", where, help=help, notes=notes)
+
+
+def _with(one: Repaired) -> SourceLink:
+    where = one.link.where if one.link.weight is None else one.link.weight.where
+    return replace(one.link, weight=Weight(properties=one.new, where=where))
+
+
+def _mended(link: SourceLink, how: Repair | None) -> Repaired | None:
+    """A link that a solid of its mass can be; None where nothing says how."""
+    old = MassProperties(mass=0.0) if link.weight is None else link.weight.properties
+    if how is None:
+        return None
+    if how == "shapes":
+        solid = _solid(link.shapes)
+        return None if solid is None or old.mass <= 0.0 else Repaired(link=link, new=solid.with_mass(old.mass), how=how)
+    mass = old.mass if old.mass > LEAST_MASS else LEAST
+    return Repaired(link=link, new=replace(old, mass=mass, inertia=nearest(old.inertia, mass)), how=how)
+
+
+def nearest(inertia: Matrix, mass: float) -> Matrix:
+    """The nearest inertia [kg m^2] about the centre that a solid of that mass [kg] has, with a radius of gyration of 1 mm at least."""
+    moments, axes = principal_axes(inertia)
+    half = sum(moments) / 2.0
+    second = [max(half - moment, mass * LEAST) for moment in moments]
+    whole = math.fsum(second)
+    a, b, c = (whole - one for one in second)
+    return multiply(multiply(axes, ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))), transpose(axes))
+
+
+def _solid(shapes: Sequence[SourceShape]) -> MassProperties | None:
+    """Of shapes of density 1, those that touch if there are any; None without shapes whose volume is known."""
+    chosen = [shape for shape in shapes if shape.use == "collision"] or list(shapes)
+    bodies = [_volume(shape) for shape in chosen if shape.kind != "mesh"]
+    return total(bodies) if bodies and len(bodies) == len(chosen) else None
+
+
+def _volume(shape: SourceShape) -> MassProperties:
+    """A primitive of density 1, in the frame of its link."""
+    match shape.kind:
+        case "box":
+            x, y, z = shape.size if len(shape.size) == 3 else (0.0, 0.0, 0.0)
+            mass, squares = x * y * z, (x * x / 12.0, y * y / 12.0, z * z / 12.0)
+        case "sphere":
+            r = shape.size[0]
+            mass, squares = 4.0 / 3.0 * math.pi * r**3, (r * r / 5.0, r * r / 5.0, r * r / 5.0)
+        case _:
+            r, h = shape.size[0], shape.size[-1]
+            mass, squares = math.pi * r * r * h, (r * r / 4.0, r * r / 4.0, h * h / 12.0)
+    a, b, c = (mass * (sum(squares) - one) for one in squares)
+    return MassProperties(mass=mass, inertia=((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))).seen_from(shape.pose)
+
+
+_MIRRORED = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"))
+_ALIKE = 0.01
+
+
+def warn_of_mirror_pairs(robot: SourceRobot, report: Report) -> None:
+    """A warning for each two links that are called left and right, and differ by more than 1 % in mass or moments of inertia."""
+    links = {link.name: link for link in robot.links}
+    for link in robot.links:
+        for left, right in _MIRRORED:
+            other = links.get(link.name.replace(left, right)) if left in link.name else None
+            if other is None or link.weight is None or other.weight is None:
+                continue
+            ours, theirs = link.weight.properties, other.weight.properties
+            what = "masses" if _differ([ours.mass], [theirs.mass]) else "moments of inertia" if _differ(
+                principal_moments(ours.inertia), principal_moments(theirs.inertia),
+            ) else None
+            if what is not None:
+                report.warn(
+                    Code.SOURCE_DOUBT, f"`{link.name}` and `{other.name}` have different {what}", other.weight.where,
+                    notes=[Note(message=f"`{link.name}` is here", span=link.weight.where)],
+                    help="mend one of them, if they are mirror images",
+                )
+
+
+def _differ(ours: Sequence[float], theirs: Sequence[float]) -> bool:
+    scale = max(map(abs, [*ours, *theirs]))
+    return any(abs(a - b) > _ALIKE * scale for a, b in zip(ours, theirs, strict=True))

@@ -1,0 +1,154 @@
+"""Links that cannot move: judged with all that is fixed to them, repaired by name, and mirror pairs that differ."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy
+import pytest
+
+import thingc
+from thingc.cli.main import main
+from thingc.diagnostics import Report
+from thingc.importing import Imported, import_robot
+from thingc.importing.inertias import nearest
+
+WRONG = Path(__file__).parent / "wrong" / "inertias.urdf"
+LINK = """<link name="{name}"><inertial><mass value="{mass}"/>
+<inertia ixx="{ixx}" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>"""
+
+
+def written(tmp_path: Path, links: str, joints: str) -> Path:
+    path = tmp_path / "robot.urdf"
+    path.write_text(f'<robot name="robot">{links}{joints}</robot>')
+    return path
+
+
+def repaired(path: Path, how: str) -> tuple[Imported | None, list[str]]:
+    report = Report()
+    imported = import_robot(str(path), report, repair=how)
+    return imported, [d.message for d in report.ordered()]
+
+
+def test_the_nearest_is_repaired_and_said(tmp_path: Path) -> None:
+    imported, said = repaired(WRONG, "nearest")
+    assert imported is not None and said == []
+    record = json.loads(imported.files["import.json"])["repaired"]
+    assert [(one["link"], one["line"]) for one in record] == [("arm", 3), ("label", 6), ("hand", 9), ("ghost", 13)]
+    arm = record[0]
+    assert arm["old"] == {"mass": 1.0, "com": [0, 0, 0], "inertia": [[0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.03]]}
+    # second moments 0.015 0.015 -0.005, of which the last becomes 1e-6
+    assert numpy.allclose(arm["new"]["inertia"], numpy.diag([0.015001, 0.015001, 0.03]), rtol=1e-12)
+    assert record[3]["old"] is None and record[3]["new"]["mass"] == 1e-6
+    text = imported.files["inertias.yaml"].decode()
+    assert text.count("# repaired (nearest): what the source says is in import.json") == 4
+    (tmp_path / "inertias.yaml").write_text(text)
+    assert thingc.compile(tmp_path / "inertias.yaml").modes["source"].model().nv == 3
+
+
+def test_shapes_repair_what_has_shapes() -> None:
+    imported, said = repaired(WRONG, "shapes")
+    assert imported is None and len(said) == 2
+    assert "`arm` moves, and cannot" in said[0] and said[1] == "link `ghost` moves, and cannot: it weighs nothing"
+
+
+@pytest.mark.parametrize(("shape", "moments"), [
+    ('<box size="0.1 0.2 0.3"/>', [0.13, 0.10, 0.05]), ('<sphere radius="0.1"/>', [0.048, 0.048, 0.048]),
+    ('<cylinder radius="0.1" length="0.3"/>', [0.12, 0.12, 0.06]),
+])
+def test_of_primitives_it_is_the_textbooks(tmp_path: Path, shape: str, moments: list[float]) -> None:
+    """12 kg: m/12 (b^2 + c^2); 2/5 m r^2; m (3 r^2 + h^2)/12 and m/2 r^2."""
+    body = f'<link name="b"><inertial><mass value="12"/></inertial><visual><geometry>{shape}</geometry></visual></link><link name="a"/>'
+    joint = '<joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint>'
+    imported, said = repaired(written(tmp_path, body, joint), "shapes")
+    assert imported is not None and said == []
+    assert numpy.allclose(json.loads(imported.files["import.json"])["repaired"][0]["new"]["inertia"], numpy.diag(moments))
+
+
+def test_what_is_fixed_to_a_sound_link_stays(tmp_path: Path) -> None:
+    label = LINK.format(name="label", mass=0.1, ixx=0.0021).replace("0.01", "0.001")
+    links = LINK.format(name="arm", mass=1, ixx=0.01) + label + '<link name="a"/>'
+    joints = """<joint name="j" type="continuous"><parent link="a"/><child link="arm"/></joint>
+        <joint name="k" type="fixed"><parent link="arm"/><child link="label"/></joint>"""
+    report = Report()
+    imported = import_robot(str(written(tmp_path, links, joints)), report)
+    assert imported is not None and report.diagnostics == [] and imported.repaired == ()
+    (tmp_path / "robot.yaml").write_bytes(imported.files["robot.yaml"])
+    assert thingc.compile(tmp_path / "robot.yaml").diagnostics == ()
+
+
+def test_a_root_that_is_another_one_moves_the_old_one(tmp_path: Path) -> None:
+    links = LINK.format(name="arm", mass=1, ixx=0.01) + '<link name="a"/>'
+    path = written(tmp_path, links, '<joint name="j" type="continuous"><parent link="a"/><child link="arm"/></joint>')
+    for roots, said in (([], []), (["arm"], ["link `a` moves, and cannot: it weighs nothing"])):
+        report = Report()
+        import_robot(str(path), report, roots=roots)
+        assert [d.message for d in report.ordered()] == said
+
+
+def test_the_nearest_is_nearest() -> None:
+    """No other inertia that a solid has is nearer, of a thousand beside it; one that is sound stays."""
+    random = numpy.random.default_rng(3)
+    turn, _ = numpy.linalg.qr(random.normal(size=(3, 3)))
+    wrong = turn @ numpy.diag([0.01, 0.02, 0.05]) @ turn.T
+    best = numpy.array(nearest(tuple(map(tuple, wrong)), 1e-6))
+
+    def second(inertia: numpy.ndarray) -> numpy.ndarray:
+        return numpy.trace(inertia) / 2.0 * numpy.eye(3) - inertia
+
+    distance = numpy.linalg.norm(second(best) - second(wrong))
+    for _ in range(1000):
+        near = second(best) + random.normal(scale=0.003, size=(3, 3))
+        near = (near + near.T) / 2.0
+        if numpy.linalg.eigvalsh(near)[0] >= 0.0:
+            assert numpy.linalg.norm(near - second(wrong)) >= distance - 1e-9
+    sound = ((0.01, 0.0, 0.0), (0.0, 0.02, 0.0), (0.0, 0.0, 0.025))
+    assert numpy.allclose(nearest(sound, 1.0), sound, atol=1e-15)
+
+
+def test_mirror_pairs_that_differ(tmp_path: Path) -> None:
+    links = "".join(LINK.format(name=name, mass=mass, ixx=ixx) for name, mass, ixx in (
+        ("base", 1, 0.01), ("left_arm", 1, 0.01), ("right_arm", 1.02, 0.01), ("leg_left", 1, 0.012), ("leg_right", 1.001, 0.0121),
+        ("LeftEye", 1, 0.01), ("RightEye", 1, 0.0102),
+    ))
+    names = ("left_arm", "right_arm", "leg_left", "leg_right", "LeftEye", "RightEye")
+    joints = "".join(f'<joint name="{name}" type="fixed"><parent link="base"/><child link="{name}"/></joint>' for name in names)
+    report = Report()
+    assert import_robot(str(written(tmp_path, links, joints)), report) is not None
+    assert [(d.code.code, d.message) for d in report.ordered()] == [
+        ("TC955", "`left_arm` and `right_arm` have different masses"),
+        ("TC955", "`LeftEye` and `RightEye` have different moments of inertia"),
+    ]
+
+
+def test_a_repair_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["import", str(WRONG), "--repair", "mass=nearest"]) == 2
+    assert "expected `inertia=nearest` or `inertia=shapes`, found `mass=nearest`" in capsys.readouterr().err
+
+
+def test_a_robot_without_a_name_is_called_like_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "crane.urdf"
+    path.write_text('<robot><link name="a"/></robot>')
+    imported = import_robot(str(path), Report())
+    assert imported is not None and imported.name == "crane" and [loss.what for loss in imported.losses] == ["`name` of `<robot>`"]
+
+
+def test_joints_that_cannot_be_at_zero_start_in_the_middle(tmp_path: Path) -> None:
+    links = "".join(LINK.format(name=name, mass=1, ixx=0.01) for name in ("a", "b"))
+    limit = '<limit lower="0.5" upper="1" effort="1" velocity="1"/>'
+    joint = f'<joint name="j" type="revolute"><parent link="a"/><child link="b"/>{limit}</joint>'
+    imported = import_robot(str(written(tmp_path, links, joint)), Report(), roots=["b"])
+    assert imported is not None
+    text = imported.files["robot.yaml"].decode()
+    assert "  start: {j: 0.75 rad}  # 0 is outside of their limits" in text
+    assert "  source: {root: a, base: fixed, pose: start}" in text and "  b: {root: b, base: held, pose: start}" in text
+
+
+def test_axes_that_are_nearly_along_an_axis_stay_so(tmp_path: Path) -> None:
+    """1e-6 rad off is not rounding; 1e-13 is."""
+    links = "".join(LINK.format(name=name, mass=1, ixx=0.01) for name in ("a", "b"))
+    for axis, plain in (("0 1e-6 1", False), ("0 1e-13 1", True)):
+        joint = f'<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="{axis}"/></joint>'
+        imported = import_robot(str(written(tmp_path, links, joint)), Report())
+        assert imported is not None and ("mounts:\n      j: {}" in imported.files["robot.yaml"].decode()) is plain
