@@ -35,6 +35,10 @@ class Memo:
         self.keep(place, inputs, answer)
         return answer
 
+    def apart(self) -> Memo:
+        """An empty one, for answers that hold in one run alone."""
+        return Memo()
+
     def last(self, place: Hashable, inputs: tuple[Any, ...]) -> Any | None:
         """The answer at this place if its inputs were equal to these, else None; for answers that `keep` notes."""
         known = self._kept.get(place)

@@ -240,7 +240,7 @@ def _passes(
         resolve_materials(sources, report)
     if documents.root.kind != "assembly":
         return compilation
-    model = resolve(sources, settings, report, of_text)
+    model = resolve(sources, settings, report, of_text or memo.apart())
     if model is None:
         return compilation
     if not report.failed:

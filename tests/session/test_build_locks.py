@@ -14,9 +14,14 @@ from typing import Any
 
 import pytest
 
+from thingc.diagnostics import Report
+from thingc.realize.client import ABSENT, NoWorkers
+from thingc.realize.record import PartDefinition, PartFailure
+from thingc.realize.service import GeometryService
 from thingc.realize.store import build_locks
 from thingc.realize.store.build_locks import BuildLocks
 from thingc.realize.store.local import Store
+from thingc.workspace import Workspace
 
 PARTS = """
     import time
@@ -184,3 +189,23 @@ def test_a_claim_is_of_one_process(tmp_path: Path) -> None:
     assert own.wait(one, 0.0)
     own.close()
     assert other_takes(one) == "True"
+
+
+def test_who_models_nothing_waits_for_nobody(folder: Path) -> None:
+    """Without workers it is said at once that a part is not in the store, though another process models it."""
+    (folder / "store").mkdir(exist_ok=True)
+    program = "import fcntl, sys; f = open(sys.argv[1], 'w'); fcntl.lockf(f, fcntl.LOCK_EX); print('ready', flush=True); input()"
+    holding = subprocess.Popen(
+        [sys.executable, "-c", program, str(folder / "store" / build_locks.FILE)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    )
+    assert holding.stdout is not None and holding.stdout.readline() == "ready\n"
+    block = PartDefinition(reference="blocks:Block", kind="code", parameters=(("width", 0.02),), text="b", label="b")
+    (folder / "robot.yaml").write_text("")
+    workspace = Workspace.find(str(folder / "robot.yaml"), Report())
+    assert workspace is not None
+    began = time.monotonic()
+    with GeometryService(workspace, Store(str(folder / "store")), 1, 60.0, workers=NoWorkers()) as service:
+        answer = service.realize([block])["b"]
+    assert isinstance(answer, PartFailure) and answer.kind == ABSENT
+    assert time.monotonic() - began < 20.0
+    holding.communicate("\n")

@@ -36,7 +36,8 @@ PAUSE = 0.1
 HEAD = 70_000
 """Characters of a file in which the key `thingc` is looked for."""
 IMPATIENT = 0.2
-"""How long [s] an analysis goes on whatever is typed: after that a change has it begun anew."""
+"""How long [s] the analysis of the document that is typed in goes on whatever is typed: after that a change has it begun anew. Those of
+other documents are begun anew at once."""
 
 
 class Superseded(Exception):
@@ -58,6 +59,7 @@ class OpenDocuments:
         self._publish, self._refused, self._wake = publish, refused, wake
         self._lock = threading.RLock()
         self._texts: Mapping[str, OpenText] = {}
+        self._recent = ""
         self._changes = 0
         self._analyses: dict[str, Analysis] = {}
         self._memos: dict[str, _SupersededMemo] = {}
@@ -76,7 +78,7 @@ class OpenDocuments:
     def put(self, path: str, text: OpenText) -> None:
         """A file was opened, or has another text now."""
         with self._lock:
-            self._texts = {**self._texts, path: text}
+            self._texts, self._recent = {**self._texts, path: text}, path
             self._note(path)
 
     def take_away(self, path: str) -> None:
@@ -131,8 +133,8 @@ class OpenDocuments:
             texts, changes = self._texts, self._changes
             self._outdated.pop(path, None)
         memo = self._memos.setdefault(path, _SupersededMemo())
-        impatient = time.monotonic() + IMPATIENT
-        memo.until(lambda: self._changes != changes and time.monotonic() > impatient)
+        patient = time.monotonic() + (IMPATIENT if path == self._recent else 0.0)
+        memo.until(lambda: self._changes != changes and time.monotonic() > patient)
         try:
             analysis = self._analysed(path, texts, memo, known)
         except Superseded:
@@ -272,3 +274,9 @@ class _SupersededMemo(Memo):
         if self._superseded():
             raise Superseded
         return super().last(place, inputs)
+
+    def apart(self) -> Memo:
+        """See `Memo`; it ends the analysis, too."""
+        memo = _SupersededMemo()
+        memo.until(self._superseded)
+        return memo

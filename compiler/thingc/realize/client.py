@@ -54,8 +54,10 @@ class Workers:
     """Worker processes for requests of one service: one that forks, where the system can, else one per job.
 
     Nothing is started before it is needed. `close` ends them all, and so does the end of this process. `seed` is that of Python's
-    hashes in them, which the order of sets of texts follows.
+    hashes in them, which the order of sets of texts follows. `there`: there are some.
     """
+
+    there = True
 
     def __init__(self, jobs: int, *, forking: bool = CAN_FORK, seed: int = 0) -> None:
         self.jobs = max(1, jobs)
@@ -252,6 +254,8 @@ class Workers:
 
 class NoWorkers(Workers):
     """None at all: what is not in the store is `ABSENT`."""
+
+    there = False
 
     def __init__(self) -> None:
         super().__init__(1)

@@ -323,7 +323,9 @@ class GeometryService:
 
         def own() -> Iterator[dict[str, Any]]:
             for task in tasks:
-                if not self._build_locks.take(task.build_key.key):
+                if self._workers is not None and not self._workers.there:  # it will not be modelled: nobody else is waited for
+                    yield task.request
+                elif not self._build_locks.take(task.build_key.key):
                     elsewhere.append(task)
                 elif not reuse(task):
                     yield task.request
