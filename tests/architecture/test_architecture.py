@@ -106,7 +106,7 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
         "spec": {"REFERENCE_PATTERN", "Specs", "json_schema", "part_references", "validate"},
     },
     "lsp": {
-        "editor": {"Facts", "facts_of"},
+        "editor": {"Facts", "Schemas", "facts_of"},
         "environment": {"Environment", "Lend", "Options", "geometry_of"},
         "pipeline": {"*"},
         "dependencies": {"*"},

@@ -3,5 +3,6 @@
 from __future__ import annotations
 
 from thingc.editor.facts import Facts, facts_of
+from thingc.editor.refresh import Schemas
 
-__all__ = ["Facts", "facts_of"]
+__all__ = ["Facts", "Schemas", "facts_of"]

@@ -297,15 +297,20 @@ class _Narrowing:
         self._offer("SensorSpec", "joint", [(name, joint.what) for name, joint in self.facts.joints.items()])
 
     def _tests(self) -> None:
-        """The `tests:` block: what takes a reference is offered mounts and components, or, in a list, components; every kind of test
-        names poses, modes and joints under the same keys."""
+        """The `tests:` block: what takes a reference is offered components where its words speak of one, or in a list, else mounts; every
+        kind of test names poses, modes and joints under the same keys."""
         joints = [(name, joint.what) for name, joint in self.facts.joints.items()]
-        choices = {"pose": self.facts.poses.items(), "mode": self.facts.modes.items(), "drive": joints}
+        choices: dict[str, list[tuple[str, str]]] = {
+            "pose": [*self.facts.poses.items(), ("all", "Every keyframe of the mode.")], "mode": list(self.facts.modes.items()),
+            "drive": [*joints, ("*", "Every drive.")],
+        }
+        self.definitions["shown"] = one_of({**self.facts.exports, **self.facts.mounts}.items(), title="Mount")
         for name in [name for name in self.definitions if name.endswith("Test") or name == "AllowSpec"]:
             fields = self.definitions[name]["properties"]
             for key, written in list(fields.items()):
                 if written.get("pattern") == REFERENCE_PATTERN:
-                    self._put(name, key, _ref("frame"))
+                    component = str(written.get("description", "")).startswith("A component")
+                    self._put(name, key, _ref("component" if component else "shown"))
                 elif written.get("items", {}).get("pattern") == REFERENCE_PATTERN:
                     written["items"] = _ref("component")
             for key in [key for key in choices if key in fields]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from thingc.diagnostics import Report
 from thingc.editor.facts import Names, Records, usual_mounts
@@ -29,11 +29,31 @@ class Missing:
         return bool(self.references or self.definitions)
 
 
+class PartsInReach(Protocol):
+    """Who answers for parts, and can say which there are: a geometry service, or what stands before one."""
+
+    @property
+    def inputs(self) -> frozenset[str]:
+        """Absolute paths of everything that decided about answers, there or not."""
+
+    def catalogue(self) -> list[str]:
+        """`module:Class` of every public class in reach."""
+
+    def not_python(self) -> list[PartFailure]:
+        """The files of parts that cannot be parsed now."""
+
+    def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
+        """What each `module:Class` takes, by reference."""
+
+    def realize(self, definitions: Sequence[PartDefinition]) -> Mapping[str, PartRecord | PartFailure]:
+        """The record of each definition, by text."""
+
+
 @dataclass(slots=True)
 class Parts:
     """The answers of one geometry service, as long as no file that they depend on changes."""
 
-    service: GeometryService
+    service: PartsInReach
     schemas: dict[str, PartSchema | PartFailure] = field(default_factory=dict)
     records: dict[str, PartRecord | PartFailure] = field(default_factory=dict)
     unreadable: frozenset[str] = frozenset()

@@ -8,20 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Report
 from thingc.editor import folder
-from thingc.editor.facts import Facts, facts_of
+from thingc.editor.facts import Facts, Records, facts_of
 from thingc.editor.narrowing import Surroundings, narrowed, remembered
-from thingc.editor.parts import Missing, Parts
+from thingc.editor.parts import Missing, Parts, PartsInReach
 from thingc.editor.reading import KINDS, Reading, read
-from thingc.editor.symbols import DocumentSymbols, near, of_variants, read_symbols
+from thingc.editor.symbols import DocumentSymbols, near, of_variants, read_symbols, symbols_of
 from thingc.frozen import dataclass
 from thingc.load import documents_in, packaged_documents
-from thingc.realize.record import PartDefinition
-from thingc.source import ScalarNode
+from thingc.realize.record import PartDefinition, PartFailure, PartSchema
+from thingc.source import MappingNode, ScalarNode
 from thingc.watching import Stat, Watched, stat_of
 from thingc.workspace import OWN_FILE, Workspace
 
 if TYPE_CHECKING:
-    from thingc.realize import GeometryService
     from thingc.resolve.model import AssemblyDefinition
 
 MAX_OTHERS = 100
@@ -45,9 +44,10 @@ class Schemas:
     """The schemas of one workspace; `geometry` is asked for parts, and `only` these documents (absolute paths) are looked at
     (None: all that there are)."""
 
-    def __init__(self, workspace: Workspace, geometry: GeometryService, only: Collection[str] | None = None) -> None:
+    def __init__(self, workspace: Workspace, geometry: PartsInReach, only: Collection[str] | None = None) -> None:
         self.workspace = workspace
         self.only = None if only is None else frozenset(workspace.relative(path) for path in only)
+        self.geometry = geometry
         self._parts = Parts(geometry)
         self._general: dict[str, dict[str, Any]] = {}
         self._seen: dict[str, Stat] = {}
@@ -69,8 +69,9 @@ class Schemas:
         """Whether a file that parts depend on has changed: then `renew` comes before the next refresh."""
         return not self._parts.current()
 
-    def renew(self, geometry: GeometryService) -> None:
+    def renew(self, geometry: PartsInReach) -> None:
         """Ask another service, which has seen nothing yet."""
+        self.geometry = geometry
         self._parts = Parts(geometry)
         self._models.clear()
         self._done.clear()
@@ -114,8 +115,42 @@ class Schemas:
             missing=self._parts.missing(wanted),
         )
 
-    def _read(self, relatives: Mapping[str, str], before: Mapping[str, Stat]) -> None:
-        anything = before != self._seen
+    def general(self, kind: str) -> dict[str, Any] | None:
+        """What every document of a kind may say; None where there is no such kind."""
+        return self._schema(kind)
+
+    def schema_of(
+        self, path: str, tree: MappingNode, model: AssemblyDefinition | None, records: Records,
+        known: Mapping[str, PartSchema | PartFailure],
+    ) -> dict[str, Any] | None:
+        """The schema of a document (absolute path) as it is being written, with what the workspace's other files say now; None for what
+        is no document. `model` and `records` are of the sound rest of its `tree`, `known` is what the parts take that it names. Nothing
+        is written."""
+        before, self._seen = self._seen, self._scan()
+        self._read_symbols({one: self.workspace.relative(one) for one in self._seen}, before)
+        kind = symbols_of(tree).kind
+        general, name = self._schema(kind), self.workspace.relative(path)
+        if general is None or kind not in ("assembly", "variants"):
+            return general
+        if kind == "variants":
+            return self._of_variants(name, general, tree)
+        schemas = {**self._parts.describe(()), **known}
+        self._parts.realize(self._parts.defaults().values())
+        around = self._around(name, self._parts.usual(()), {})
+        return narrowed(general, facts_of(tree, model, records, schemas, around.usual), around)
+
+    def _of_variants(self, name: str, general: dict[str, Any], tree: MappingNode) -> dict[str, Any]:
+        others = self._others(name, "assembly")
+        assembly = tree.entries.get("assembly")
+        return of_variants(general, others.get(str(assembly.value)) if isinstance(assembly, ScalarNode) else None, others)
+
+    def _around(self, name: str, usual: Mapping[str, Any], lost: dict[str, Any]) -> Surroundings:
+        return Surroundings(
+            parts=self._parts.things(), usual=dict(usual), assemblies=self._others(name, "assembly"),
+            materials={**self._others(name, "materials"), **self._packaged()}, lost=lost,
+        )
+
+    def _read_symbols(self, relatives: Mapping[str, str], before: Mapping[str, Stat]) -> None:
         gone = set(self._symbols) - set(relatives.values())
         for name in gone:
             del self._symbols[name]
@@ -124,6 +159,11 @@ class Schemas:
                 symbols = read_symbols(path)
                 if symbols.whole or name not in self._symbols:
                     self._symbols[name] = symbols
+
+    def _read(self, relatives: Mapping[str, str], before: Mapping[str, Stat]) -> None:
+        anything = before != self._seen
+        self._read_symbols(relatives, before)
+        for path, name in relatives.items():
             known = self._readings.get(name)
             if name in self._readings and known is not None and known.current() and not (known.waiting and anything):
                 continue
@@ -151,10 +191,7 @@ class Schemas:
         if general is None:
             return False
         if kind == "variants" and reading is not None:
-            others = self._others(name, "assembly")
-            assembly = reading.documents.root.tree.entries.get("assembly")
-            named = others.get(str(assembly.value)) if isinstance(assembly, ScalarNode) else None
-            return folder.write(self.workspace.root, name, of_variants(general, named, others))
+            return folder.write(self.workspace.root, name, self._of_variants(name, general, reading.documents.root.tree))
         if kind != "assembly":
             return folder.write(self.workspace.root, name, general)
         references = tuple(reading.references) if reading is not None else ()
@@ -164,10 +201,7 @@ class Schemas:
             last = last if last is not None else folder.read(self.workspace.root, name)
             lost, mounts = remembered(last, unsure)
             usual = {**mounts, **usual}
-        around = Surroundings(
-            parts=self._parts.things(), usual=dict(usual), assemblies=self._others(name, "assembly"),
-            materials={**self._others(name, "materials"), **self._packaged()}, lost=lost,
-        )
+        around = self._around(name, usual, lost)
         made = (reading, self._models.get(name), dict(self._parts.records) if reading is not None else None)
         done = self._done.get(name)
         there = os.path.exists(os.path.join(self.workspace.root, folder.schema_path(name)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,7 @@ from thingc.workspace import OWN_FILE
 if TYPE_CHECKING:
     from thingc.graph.types import Assembly
     from thingc.load import Documents
+    from thingc.lsp.in_reach import InReach
     from thingc.realize.record import PartFailure, PartRecord, PartSchema
     from thingc.resolve.model import AssemblyDefinition
     from thingc.robot.types import Robot
@@ -51,7 +52,7 @@ class Analysis:
     too broken for one; `schemas` is what their parts take, by reference; `model`, `records` (by definition text), `assembly` and `robots`
     are what each pass has made of sound input. Of parts that workers have yet to answer for nothing is there. `findings` are what `check`
     says of the text, in its order. `whole`: the text is a well-formed document, so that no name is missing because of a slip in another
-    line; `last` is the last analysis of this document that was, if this one is not.
+    line; `last` is the last analysis of this document that was, if this one is not. `in_reach` knows what else its workspace has to name.
 
     A file that is no document (a part's Python) has its text alone.
     """
@@ -69,6 +70,7 @@ class Analysis:
     whole: bool = True
     last: Analysis | None = None
     looked_at: frozenset[str] = frozenset()
+    in_reach: InReach | None = None
     _kept: dict[str, Any] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     @property
@@ -121,6 +123,12 @@ class Analysis:
     def uri(self, path: str) -> str:
         """A file as the editor calls it."""
         return self.open[path].uri if path in self.open else uri_of(path)
+
+    def once(self, name: str, make: Callable[[], Any]) -> Any:
+        """What is made of this analysis when it is asked for first."""
+        if name not in self._kept:
+            self._kept[name] = make()
+        return self._kept[name]
 
     @property
     def facts(self) -> Facts:

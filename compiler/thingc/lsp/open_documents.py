@@ -6,6 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Diagnostic, Report
@@ -13,6 +14,7 @@ from thingc.environment import Options, geometry_of
 from thingc.load import has_header
 from thingc.lsp.analysis import Analysis, OpenText, analyse, is_document_path
 from thingc.lsp.at_hand import AtHand, Unanswered
+from thingc.lsp.in_reach import InReach
 from thingc.lsp.publishing import by_file
 from thingc.lsp.workers import WorkersBeside
 from thingc.memo import Memo
@@ -67,6 +69,7 @@ class OpenDocuments:
         self._unsaid: dict[str, None] = {}
         self._published: dict[str, list[dict[str, Any]]] = {}
         self._at_hand: dict[str, AtHand] = {}
+        self._reach: dict[str, InReach] = {}
         self._unanswered: dict[str, tuple[str, Unanswered]] = {}
         self._workers: dict[str, WorkersBeside] = {}
         self._ended = threading.Event()
@@ -150,7 +153,8 @@ class OpenDocuments:
         if not self._ours(path, texts, known):
             return Analysis(path=path, open=texts)
         try:
-            return analyse(path, texts, self.options, self._lend(path) if self.options.code else None, memo, known)
+            analysis = analyse(path, texts, self.options, self._lend(path) if self.options.code else None, memo, known)
+            return analysis if analysis.workspace is None else replace(analysis, in_reach=self._reach_of(analysis.workspace))
         except Superseded:
             raise
         except Exception as fault:  # whatever it is, the next change may mend it
@@ -207,6 +211,14 @@ class OpenDocuments:
             return at_hand
 
         return lend
+
+    def _reach_of(self, workspace: Workspace) -> InReach:
+        """What documents of a workspace can name besides what they hold."""
+        at_hand = self._at_hand.get(workspace.root)
+        known = self._reach.get(workspace.root)
+        if known is None or known.workspace != workspace or known.at_hand is not at_hand:
+            known = self._reach[workspace.root] = InReach(workspace, at_hand)
+        return known
 
     def _ask_workers(self) -> None:
         """Have workers find out what was asked in vain."""

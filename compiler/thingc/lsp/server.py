@@ -48,7 +48,12 @@ class Feature:
 
 FEATURES: dict[str, Feature] = {
     "textDocument/codeAction": Feature(answer="actions:actions", options={"codeActionKinds": ["quickfix"]}),
+    "textDocument/completion": Feature(
+        answer="completion:completion", options={"triggerCharacters": [".", ":", " ", "=", "{", "[", ",", '"', "/", "$"]},
+    ),
     "textDocument/formatting": Feature(answer="formatting:formatted"),
+    "textDocument/hover": Feature(answer="hover:hover"),
+    "textDocument/inlayHint": Feature(answer="hints:hints"),
 }
 """Requests of the protocol and who answers them."""
 

@@ -1,0 +1,124 @@
+"""What is said of the thing under the cursor, and what stands behind expressions; and both, with completion, through a real client."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lsprotocol import types
+
+from live.documents import ROBOT, write
+from lsp.documents import Documents
+from lsp.editor import Editor
+from thingc.lsp.analysis import Analysis
+from thingc.lsp.hints import hints
+from thingc.lsp.hover import hover
+from thingc.lsp.positions import TextPlace
+
+CHANGED = ROBOT.replace("count: 2", "count: 2\n  half: =reach / 2")
+WHOLE = {"start": {"line": 0, "character": 0}, "end": {"line": 999, "character": 0}}
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write(tmp_path_factory.mktemp("robot"))
+
+
+@pytest.fixture(scope="module")
+def documents(shared_store: str) -> Documents:
+    return Documents(shared_store)
+
+
+@pytest.fixture(scope="module")
+def analysis(robot: Path, documents: Documents) -> Analysis:
+    return documents.analysis(robot, CHANGED)
+
+
+def said(analysis: Analysis, text: str, marked: str) -> str:
+    """What is said at `│` in a stretch of the text that stands once in it."""
+    found = marked.replace("│", "")
+    assert text.count(found) == 1, found
+    before = text[: text.index(found) + marked.index("│")]
+    answer = hover(analysis, text, TextPlace(line=before.count("\n") + 1, column=len(before) - before.rfind("\n")), {})
+    return "" if answer is None else str(answer["contents"]["value"])
+
+
+@pytest.mark.parametrize(("marked", "words"), [
+    ("par│ameters:\n", "What a variant or a parent assembly may set."),
+    ("re│ach: {value", "**reach** = 120 mm; at least `50 mm`"),
+    ("half: =re│ach / 2", "`=reach / 2` = **60 mm**\n\n**reach** = 120 mm; at least `50 mm`"),
+    ("120│ deg}", "`120 deg` = 2.0944 rad"),
+    ("=(i + 1) * 5│0 g", "`=(i + 1) * 50 g` = **50 g ... 100 g**"),
+    ("ba│se: {frame: true", "**base**: A frame: a component without geometry.\n\nMass 1 kg (stated).\n\nThe base; link `base`."),
+    ("fin│ger:\n", "**finger**: `finger.yaml`\n\n2 of them, `finger_0` to `finger_1`.\n\nMass 60 g (stated), 2 parts."),
+    ("parent: base.to│p, child", "**base.top**: Added to `base`.\n\nAt (0, 0, 0) mm, z along +z of its component."),
+    ("palm.se│at", "**palm.seat**: Shown by `palm.yaml`: `plate.seat`.\n\nAt (0, 0, 0) mm, z along +z of `palm.plate`."),
+    ("li│ft: {type", "**lift**: Fixed, from `base.top` to `palm.seat`."),
+    ("out: {ya│w_0", "**yaw_0**: Revolute, from `base.top` to `finger_0.seat`; -90 deg to 120 deg.\n\n"
+     "Turns about z of the parent mount.\n\nNothing drives it."),
+    ("ou│t: {yaw_0", "**out**: yaw_0 30 deg; all other joints at 0.\n\nModes that begin in it: `bench`."),
+    ("pose: o│ut", "**out**: yaw_0 30 deg; all other joints at 0.\n\nModes that begin in it: `bench`."),
+    ("be│nch: {root", "**bench**: `base` is the root, fixed to the world; begins in pose `out`."),
+    ("# a com│ment", ""),
+])
+def test_what_is_said(analysis: Analysis, marked: str, words: str) -> None:
+    assert said(analysis, CHANGED + "# a comment", marked) == words
+
+
+def test_a_code_is_explained(documents: Documents, robot: Path) -> None:
+    text = CHANGED.replace("palm: {assembly: palm.yaml}", "palm: {assembly: palm.yaml, allow: {TC519: so}}")
+    assert said(documents.analysis(robot, text), text, "TC5│19").startswith("**TC519**: actuator that drives nothing\n\nCure: ")
+
+
+def test_values_stand_behind_expressions_in_the_range_that_is_asked_for(analysis: Analysis) -> None:
+    place = TextPlace(line=1, column=1)
+    assert [one["label"] for one in hints(analysis, CHANGED, place, {"range": WHOLE})] == ["= 60 mm", "= 2", "= 50 g ... 100 g", "= 2"]
+    first = hints(analysis, CHANGED, place, {"range": {"start": {"line": 5, "character": 0}, "end": {"line": 5, "character": 0}}})
+    assert first == [{"position": {"line": 5, "character": 18}, "label": "= 60 mm", "kind": 1, "paddingLeft": True}]
+
+
+def test_broken_text_keeps_the_last_answers_where_its_lines_are_as_they_were(robot: Path, shared_store: str) -> None:
+    documents = Documents(shared_store)
+    documents.analysis(robot, CHANGED)
+    broken = CHANGED.replace("reach / 2", "reach / 4").replace("count: =count, as: i}\n    assembly", "count: =count, as: i\n    assembly")
+    analysis = documents.analysis(robot, broken)
+    assert not analysis.whole
+    assert said(analysis, broken, "pose: o│ut").startswith("**out**: yaw_0 30 deg")
+    labels = [one["label"] for one in hints(analysis, broken, TextPlace(line=1, column=1), {"range": WHOLE})]
+    assert labels == ["= 50 g ... 100 g", "= 2"]  # not of the two lines that have changed
+
+
+# --- a real client -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def editor(shared_store: str) -> Iterator[Editor]:
+    editor = Editor(shared_store)
+    yield editor
+    assert editor.leave() == 0
+
+
+def _place(text: str, offset: int) -> dict[str, int]:
+    before = text[:offset]
+    return {"line": before.count("\n"), "character": len(before) - before.rfind("\n") - 1}
+
+
+def test_over_the_protocol(editor: Editor, robot: Path) -> None:
+    told = editor.told.capabilities
+    assert told.completion_provider is not None and "." in (told.completion_provider.trigger_characters or [])
+    document = {"uri": robot.as_uri()}
+    assert editor.open(robot, CHANGED) == []
+    answer: Any = editor.request("textDocument/inlayHint", {"textDocument": document, "range": WHOLE})
+    assert [one.label for one in answer][:1] == ["= 60 mm"]
+    place = _place(CHANGED, CHANGED.index("pose: out") + 7)
+    answer = editor.request("textDocument/hover", {"textDocument": document, "position": place})
+    assert answer.contents.value.startswith("**out**: yaw_0 30 deg")
+    text = CHANGED.replace("child: palm.seat", "child: palm.")
+    editor.type(robot, text)
+    place = _place(text, text.index("child: palm.") + 12)
+    answer = editor.request("textDocument/completion", {"textDocument": document, "position": place})
+    first = answer.items[0]
+    assert (first.label, first.sort_text, first.documentation.value) == ("seat", "0000", "Shown by `palm.yaml`: `plate.seat`.")
+    assert first.text_edit == types.TextEdit(types.Range(types.Position(**place), types.Position(**place)), "seat")
