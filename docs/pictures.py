@@ -147,6 +147,7 @@ def hero(path: Path) -> None:
 STEPS = {
     "rover": {"start_left.png": "mode=on_left&pose=lean_left"}, "rover_longer": {"start_longer.png": "mode=walking"},
     "rover_hat": {"start_hat.png": "mode=walking", "start_margin.png": "mode=on_left&pose=lean_left&colour=torque+margin"},
+    "rover_six": {"start_six.png": "mode=on_three"},
 }
 """Pictures of the tutorial: the viewer of a step, and where in it."""
 

@@ -63,6 +63,8 @@ _TOKENS = re.compile(
     re.MULTILINE | re.DOTALL | re.VERBOSE,
 )
 """What of a page is not plain words; what begins first has what is in it."""
+_SHOWN = re.compile(r"```\w+\n(?P<text># (?P<file>[\w/]+\.(?:py|yaml))\n.*)```", re.DOTALL)
+"""A block that is a file, whose first line names it."""
 _ITEM = re.compile(r"( *)(?:[-*]|\d+\.) +(?=\S)")
 
 
@@ -74,12 +76,14 @@ def robots() -> dict[str, Path]:
 
 def steps(text: str) -> Iterator[tuple[str, str, list[list[str]]]]:
     """The viewers of a page that show what its own commands have made up to there: the name of each, the document, and what has been
-    typed since the one before, as words: `cd`, and what of `thingc` writes files (`WRITES`)."""
+    typed since the one before, as words: `cd`, what of `thingc` writes files (`WRITES`), and `file NAME TEXT` for a file that is shown."""
     typed: list[list[str]] = []
     for found in _TOKENS.finditer(text):
         if found["document"]:
             yield found["robot"], found["document"], typed
             typed = []
+        elif found["fence"] and (shown := _SHOWN.match(found["fence"])):
+            typed.append(["file", shown["file"], shown["text"]])
         elif found["fence"] and found["fence"].startswith("```console\n"):
             lines = (shlex.split(line[2:]) for line in found["fence"].splitlines() if line.startswith("$ "))
             typed += [words for words in lines if words[0] == "cd" or words[0] == "thingc" and words[1] in WRITES]
@@ -91,6 +95,8 @@ def made(text: str, folder: Path) -> Iterator[tuple[str, Path]]:
         for words in typed:
             if words[0] == "cd":
                 folder = folder / words[1]
+            elif words[0] == "file":
+                (folder / words[1]).write_text(words[2], encoding="utf-8")
             else:  # one that shows what is said of a slip ends with another code than 0
                 subprocess.run([sys.executable, "-m", *words], cwd=folder, check=False, capture_output=True)
         yield name, folder / document

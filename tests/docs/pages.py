@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 import os
 import re
 import runpy
@@ -90,7 +91,7 @@ def anchors(page: Path) -> set[str]:
 
 
 def unpack(page: Path, folder: Path) -> Path:
-    """The files that the page shows, in a folder that has the repository's documents and its `arm.py`, too."""
+    """The files that the page shows before it leaves, in a folder that has the repository's documents and its `arm.py`, too."""
     shutil.copytree(ROOT / "assemblies", folder / "assemblies")
     if any(" gallery/" in command for command, _ in commands(page)):
         shutil.copytree(ROOT / "gallery", folder / "gallery", ignore=shutil.ignore_patterns("build", "__pycache__"))
@@ -98,7 +99,7 @@ def unpack(page: Path, folder: Path) -> Path:
     shutil.copy(ROOT / "parts" / "arm.py", folder / "parts")
     shutil.copy(ROOT / "thingc.toml", folder)
     for block in blocks(page):
-        if block.file is not None:
+        if block.file is not None and block.line < leaves(page):
             (folder / block.file).parent.mkdir(parents=True, exist_ok=True)
             (folder / block.file).write_text(block.text)
     return folder
@@ -106,13 +107,20 @@ def unpack(page: Path, folder: Path) -> Path:
 
 def commands(page: Path) -> list[tuple[str, str]]:
     """What `console` blocks type after `$ `, each with the output that they show."""
-    found: list[tuple[str, str]] = []
-    for block in blocks(page):
-        if block.language == "console":
-            for piece in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]:
-                command, _, output = piece.partition("\n")
-                found.append((command, output))
-    return found
+    return [one for block in blocks(page) for one in typed(block)]
+
+
+def typed(block: Block) -> list[tuple[str, str]]:
+    """The same of one block, which may be of another language."""
+    if block.language != "console":
+        return []
+    pieces = (piece.partition("\n") for piece in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:])
+    return [(command, output) for command, _, output in pieces]
+
+
+def leaves(page: Path) -> float:
+    """The line of the block with the first `cd`: files that are shown below lie where it leads."""
+    return next((block.line for block in blocks(page) if any(command.startswith("cd ") for command, _ in typed(block))), math.inf)
 
 
 def run(command: str) -> str:
@@ -126,11 +134,15 @@ def run(command: str) -> str:
             os.chdir(words[1])
         else:
             assert words[0] == "python", command
-            before = sys.path[:]
+            before, modules = sys.path[:], set(sys.modules)
             try:
+                sys.path.insert(0, os.getcwd())
                 runpy.run_path(os.path.abspath(words[1]), run_name="__main__")
             finally:
                 sys.path[:] = before
+                for name in set(sys.modules) - modules:
+                    if (getattr(sys.modules[name], "__file__", None) or "").startswith(os.getcwd() + os.sep):
+                        del sys.modules[name]
     return out.getvalue() + _PROGRESS.sub("", err.getvalue())
 
 
