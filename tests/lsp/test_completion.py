@@ -166,6 +166,39 @@ def test_a_document_that_was_never_well_formed_has_the_keys_of_its_kind(robot: P
     assert offered[:1] == ["components"] and "joints" in offered and "name" not in offered
 
 
+def test_codes_that_were_found_come_first(robot: Path, shared_store: str) -> None:
+    long = ROBOT.replace("upper: 120 deg", "upper: 120000 deg")
+    analysis = analysed(shared_store, robot, long)
+    assert {one.code.code for one in analysis.findings} == {"TC515"}
+    text, offset = at(long, "joints:\n  lift: {", "joints:\n  lift: {allow: {│}, ")
+    offered = [one.shown for one in items(analysis, text, offset)]
+    assert offered[:2] == ["TC515", "TC306"]
+
+
+def test_variants(robot: Path, shared_store: str) -> None:
+    path = robot.with_name("sizes.yaml")
+    text = "thingc: variants/1\nname: sizes\nassembly: robot.yaml\nparameters:\n  count: [1, 2]\n"
+    analysis = analysed(shared_store, path, text)
+    cut, offset = at(text, "assembly: robot.yaml", "assembly: │")
+    assert [one.shown for one in items(analysis, cut, offset)] == ["finger.yaml", "palm.yaml", "robot.yaml"]
+    cut, offset = at(text, "  count: [1, 2]", "  count: [1, 2]\n  │")
+    assert [one.shown for one in items(analysis, cut, offset)] == ["reach"]
+
+
+def test_whatever_is_typed_edits_stay_on_one_line_around_the_cursor(sound: dict[str, Analysis]) -> None:
+    chance = random.Random(3)
+    offered = 0
+    for _ in range(250):
+        begin = chance.randrange(len(ROBOT))
+        typed = "".join(chance.choice(":{}[],'\"#-=. \n$&*|>ab1") for _ in range(chance.choice([0, 1, 1, 2, 3])))
+        text = ROBOT[:begin] + typed + ROBOT[begin + chance.choice([0, 0, 1, 5, 40]) :]
+        offset = begin + len(typed)
+        for one in items(sound[ROBOT], text, offset):
+            offered += 1
+            assert one.start <= offset <= one.end and "\n" not in text[one.start : one.end], text[begin - 30 : begin + 30]
+    assert offered > 300
+
+
 def test_details_say_where_a_mount_is_and_what_a_parameter_comes_to(robot: Path, shared_store: str) -> None:
     moved = FINGER.replace("mounts: {seat: {}}", "mounts: {seat: {xyz: 0 10 0 mm, rpy: 90 0 0 deg}}")
     changed = moved.replace("mass: 50 g", "mass: =25 g * 2")

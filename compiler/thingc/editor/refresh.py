@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,9 @@ from thingc.workspace import OWN_FILE, Workspace
 
 if TYPE_CHECKING:
     from thingc.resolve.model import AssemblyDefinition
+
+LOOK = 1.0
+"""How old [s] what is known of other documents may be for somebody who types."""
 
 MAX_OTHERS = 100
 """Documents of a workspace that are offered to each other, the nearest first."""
@@ -55,6 +59,8 @@ class Schemas:
         self._models: dict[str, AssemblyDefinition | None] = {}
         self._symbols: dict[str, DocumentSymbols] = {}
         self._done: dict[str, tuple[object, Surroundings]] = {}
+        self._narrowed: dict[str, tuple[tuple[Facts, Surroundings], dict[str, Any]]] = {}
+        self._looked = float("-inf")
         self._settings = Watched(workspace.inputs)
 
     def changed(self) -> bool:
@@ -126,8 +132,10 @@ class Schemas:
         """The schema of a document (absolute path) as it is being written, with what the workspace's other files say now; None for what
         is no document. `model` and `records` are of the sound rest of its `tree`, `known` is what the parts take that it names. Nothing
         is written."""
-        before, self._seen = self._seen, self._scan()
-        self._read_symbols({one: self.workspace.relative(one) for one in self._seen}, before)
+        if time.monotonic() - self._looked > LOOK:
+            before, self._seen = self._seen, self._scan()
+            self._read_symbols({one: self.workspace.relative(one) for one in self._seen}, before)
+            self._looked = time.monotonic()
         kind = symbols_of(tree).kind
         general, name = self._schema(kind), self.workspace.relative(path)
         if general is None or kind not in ("assembly", "variants"):
@@ -137,7 +145,10 @@ class Schemas:
         schemas = {**self._parts.describe(()), **known}
         self._parts.realize(self._parts.defaults().values())
         around = self._around(name, self._parts.usual(()), {})
-        return narrowed(general, facts_of(tree, model, records, schemas, around.usual), around)
+        made = (facts_of(tree, model, records, schemas, around.usual), around)
+        if name not in self._narrowed or self._narrowed[name][0] != made:
+            self._narrowed[name] = (made, narrowed(general, *made))
+        return self._narrowed[name][1]
 
     def _of_variants(self, name: str, general: dict[str, Any], tree: MappingNode) -> dict[str, Any]:
         others = self._others(name, "assembly")

@@ -105,6 +105,7 @@ class _Asked:
         self.offset = offset
         self.cursor = cursor
         self.walk = walk
+        self.found = {finding.code.code for finding in analysis.findings}
 
     # --- keys ---------------------------------------------------------------------------------------------------------
 
@@ -114,7 +115,7 @@ class _Asked:
             if self.cursor.header and not offer.mapping:
                 continue
             full = self.cursor.path[-1:] == ("attach",) and offer.name == "mount"
-            rank = 0 if offer.required else 3000 if full else 1000 if offer.name in _USUAL else 2000
+            rank = 0 if offer.required or offer.name in self.found else 3000 if full else 1000 if offer.name in _USUAL else 2000
             yield self._item(
                 offer.name, self._key_text(offer), _PROPERTY, rank=rank + number,
                 detail="required" if offer.required else "", description=offer.description,
