@@ -88,7 +88,7 @@ def test_numbers_and_meshes_are_those_of_the_other_record() -> None:
     parts = Parts()
     found = exchange(parts).of([0.25])
     assert isinstance(found, Exchanged) and parts.asked == [f"m:Bar(length={0.14 + 0.01!r})", "m:Bar(length=0.26)"]
-    assert found.numbers == (0.26 * 1e-4, -0.005, -0.005, 0.26, 0.005, 0.005, 0.26)
+    assert [one for one in found.numbers if one] == [0.26 * 1e-4, -0.005, -0.005, 0.26, 0.005, 0.005, 0.26]
     (name,) = found.names
     assert name == BAR.definition({"length": 0.26}).stem + "_hull"
     assert found.assets == {f"{name}.obj": Stored(sha256="0.26".ljust(64, "0"), size=100), "m.Other.obj": Stored(sha256="5", size=5)}
@@ -112,6 +112,14 @@ def test_what_is_asked_for_again_is_at_hand() -> None:
 def test_a_plan_is_not_of_records_that_differ_otherwise(made: Callable[[PartRecord], Any]) -> None:
     found = exchange(Parts(made))
     assert found.of([0.15]) is not None and found.of([0.25]) is None
+
+
+def test_that_a_centre_is_0_is_a_chance_and_that_a_mount_is_there_is_none() -> None:
+    centre = Parts(lambda one: replace(one, centre=(0.1, 0.0 if one.volume > 2e-5 else 1e-3, 0.0)))
+    assert exchange(centre).of([0.25]) is not None
+    mount = MountRecord(pose=Pose(translation=(0.1, 1e-3, 0.0)), interface=None)
+    mounts = Parts(lambda one: one if one.volume > 2e-5 else replace(one, mounts={"end": mount}))
+    assert exchange(mounts).of([0.25]) is None
 
 
 def test_a_plan_is_not_of_what_becomes_another_s_part() -> None:

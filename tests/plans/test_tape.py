@@ -22,7 +22,8 @@ def moved(mass: Any, x: Any, angle: Any) -> tuple[Any, ...]:
     turn = turned_about((0.0, 0.6, 0.8), angle)
     return (
         whole.mass, *whole.centre, *(one for row in whole.inertia for one in row), *principal_moments(whole.inertia), *pose.quaternion(),
-        *turn[1], math.dist((x, 0.0), (0.0, mass)), max(x, 0.05), abs(-x) ** 2, x % 0.07,
+        *turn[1], math.dist((x, 0.0), (0.0, mass)), max(x, 0.05), min([mass, x, 0.2]), x if x > 0.05 else 0.05,
+        abs(-x) ** 2, x % 0.07,
     )
 
 
@@ -65,9 +66,18 @@ def test_decisions_are_guards() -> None:
         range(a)  # type: ignore[call-overload]
 
 
+def test_which_is_the_greatest_is_not_decided() -> None:
+    tape = Tape()
+    with tracing():
+        a, b = tape.variable(2.0), tape.variable(3.0)
+        answers = (max(a, b, 1.0), min([a, b]), max((a,)), min(4, 5), max([], default=7), max("ab", "c", key=len))
+    assert answers[2:] == (a, 4, 7, "ab") and tape.guards == []
+    assert compiled(tape, answers)(5.0, 4.0) == (5.0, 4.0, 5.0, 4, 7, "ab")
+
+
 def test_the_functions_of_math_are_given_back() -> None:
-    before = (math.sin, math.fsum, math.dist)
+    before = (math.sin, math.fsum, math.dist, max)
     with pytest.raises(RuntimeError), tracing():
         assert math.sin is not before[0] and math.sin(0.5) == before[0](0.5)
         raise RuntimeError
-    assert (math.sin, math.fsum, math.dist) == before
+    assert (math.sin, math.fsum, math.dist, max) == before

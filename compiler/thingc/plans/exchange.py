@@ -27,6 +27,8 @@ FIRST = (2, 4)
 
 _PLAIN = (0.0, 1.0, -1.0)
 """Numbers that are the same in every record that a plan is of: most of those in rotations, and they decide much."""
+_MEASURED = frozenset(("volume", "area", "centre", "inertia", "box", "fits", "slices"))
+"""Fields of which this is not so: that such a number is 0, or an axis of what fits round a part x, is a chance."""
 _ASIDE = frozenset(("text", "bom", "brep", "code", "slices"))
 """Fields of a record from which nothing follows of a model or of what is said, or that are looked at later."""
 
@@ -233,23 +235,29 @@ class _Walk:
         self._texts = list(texts)
         self._number = number
         self._record = self._mesh = 0
+        self._plain: Collection[float] = _PLAIN
         self.numbers: list[Any] = []
         self.meshes: dict[tuple[int, int], Mesh] = {}
         self.rest: list[Hashable] = []
 
     def slices(self, record: PartRecord) -> Any:
         """What a record holds when it is printed, with other numbers."""
-        return self._of(record.slices)
+        return self._in("slices", record)
 
     def through(self, record: PartRecord) -> PartRecord:
         """A record, with other numbers and meshes, but for what it holds when it is printed."""
         known = {one.name: getattr(record, one.name) for one in fields(record) if one.name in _ASIDE}
-        found = {one.name: self._of(getattr(record, one.name)) for one in fields(record) if one.name not in known}
+        found = {one.name: self._in(one.name, record) for one in fields(record) if one.name not in known}
         self._record, self._mesh = self._record + 1, 0
         return PartRecord(**known, **found)
 
+    def _in(self, name: str, record: PartRecord) -> Any:
+        """A field of a record, with other numbers."""
+        self._plain = () if name in _MEASURED else _PLAIN
+        return self._of(getattr(record, name))
+
     def _of(self, value: Any) -> Any:
-        if type(value) is float and value not in _PLAIN:
+        if type(value) is float and value not in self._plain:
             made = self._number(value)
             self.numbers.append(made)
             return made

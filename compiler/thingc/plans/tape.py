@@ -8,6 +8,7 @@ it is no float, so that whoever needs one (a part's parameters, a count, a text)
 
 from __future__ import annotations
 
+import builtins
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -240,11 +241,12 @@ def shaped(like: Any, numbers: Iterator[Any]) -> Any:
 
 @contextmanager
 def tracing(*others: tuple[Any, str, Any]) -> Iterator[None]:
-    """While numbers may be traced: functions of `math`, and some of ours, take them as well. Of other numbers they give what they always
-    do, also to other threads. `others` stand in for more: a module, the name, and what it is meanwhile."""
+    """While numbers may be traced: functions of `math`, `min` and `max`, and some of ours, take them as well. Of other numbers they give
+    what they always do, also to other threads. `others` stand in for more: a module, the name, and what it is meanwhile."""
     stand_ins = (
         *((math, name, _elementary(name)) for name in _ELEMENTARY), *((math, name, _test(name)) for name in ("isfinite", "isnan", "isinf")),
-        (math, "fsum", _fsum), (math, "dist", _dist), *((module, name, _whole(module, name)) for module, name in WHOLE), *others,
+        (math, "fsum", _fsum), (math, "dist", _dist), *((builtins, name, _extreme(name)) for name in ("min", "max")),
+        *((module, name, _whole(module, name)) for module, name in WHOLE), *others,
     )
     with standing_in(*stand_ins):
         yield
@@ -294,6 +296,22 @@ def _dist(p: Iterable[Number], q: Iterable[Number]) -> Any:
     half = len(points) // 2
     value = _DISTANCE(*(tuple(map(value_of, side)) for side in (points[:half], points[half:])))
     return value if tape is None else tape.apply("math.dist", points, value)
+
+
+def _extreme(name: str) -> Callable[..., Any]:
+    """`min` or `max`, of numbers that may be traced: which of them it is, is not decided."""
+    function = getattr(builtins, name)
+
+    def traced(*arguments: Any, **named: Any) -> Any:
+        if named or not arguments:
+            return function(*arguments, **named)
+        listed = list(arguments[0]) if len(arguments) == 1 else list(arguments)
+        tape = _tape_of(listed)
+        if tape is None or len(listed) == 1 or not all(isinstance(one, (int, float, Traced)) for one in listed):
+            return function(listed)
+        return tape.apply(name, listed, function(map(value_of, listed)))
+
+    return traced
 
 
 def _test(name: str) -> Callable[..., Any]:
