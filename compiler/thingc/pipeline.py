@@ -240,7 +240,7 @@ def _passes(
         resolve_materials(sources, report)
     if documents.root.kind != "assembly":
         return compilation
-    model = resolve(sources, settings, report, of_text or memo.apart())
+    model = resolve(sources, settings, report, of_text or memo.apart(), memo)
     if model is None:
         return compilation
     if not report.failed:

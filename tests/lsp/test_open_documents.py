@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import threading
 import time
 from collections.abc import Iterator
@@ -14,8 +15,9 @@ from live.documents import DOCUMENTS, write
 from thingc.cli.common import of_exception
 from thingc.environment import Options
 from thingc.lsp import open_documents
-from thingc.lsp.analysis import Analysis, OpenText
+from thingc.lsp.analysis import Analysis, OpenText, analyse
 from thingc.lsp.open_documents import OpenDocuments
+from thingc.resolve import assembly
 
 
 class Desk:
@@ -118,3 +120,42 @@ def test_broken_text_keeps_what_was_known(desk: Desk) -> None:
         desk.put("robot.yaml", version, DOCUMENTS["robot.yaml"].replace("joints:", "joints: {"))
         now = desk.opened.analysis(path)
         assert now.known is whole and now.text != whole.text and {joint.name for joint in now.known.model.joints} >= {"lift", "yaw_0"}
+
+
+def test_what_is_remembered_of_nested_documents_changes_nothing(desk: Desk) -> None:
+    """Slips come and go in all documents; after each the analysis is that of somebody who has seen nothing before."""
+    path = str(desk.folder / "robot.yaml")
+    slips = [
+        ("robot.yaml", "base.top", "base.tip"), ("finger.yaml", "{seat: bone.seat}", "{seet: bone.seat}"), ("robot.yaml", "50 g", "-50 g"),
+        ("finger.yaml", "mass: 50 g", "mass: {value: 50 g, max: 60 g}"), ("robot.yaml", "name: robot", "description: d\nname: robot"),
+        ("finger.yaml", "40 mm", "40 deg"), ("palm.yaml", "frame: true", 'part: "nowhere:Palm"'), ("robot.yaml", "palm.seat", "palm.saet"),
+        ("robot.yaml", "  palm:", '  spare: {part: "nowhere:Palm"}\n  palm:'), ("materials.yaml", "700 kg/m^3", "7 kg/m^3"),
+    ]
+    chance = random.Random(3)
+    slipped: set[int] = set()
+    for version in range(24):
+        slipped ^= {chance.randrange(len(slips))}
+        texts = dict(DOCUMENTS)
+        for slip in slipped:
+            name, right, wrong = slips[slip]
+            texts[name] = texts[name].replace(right, wrong, 1)
+        for name, text in texts.items():
+            desk.put(name, version, text)
+        now = desk.opened.analysis(path)
+        fresh = analyse(path, now.open, desk.opened.options)
+        assert now.findings == fresh.findings, slipped
+        assert (now.model is None) == (fresh.model is None) and (now.robots == fresh.robots)
+
+
+def test_nested_documents_that_are_as_they_were_are_not_resolved_again(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    filled: list[str] = []
+    fill = assembly._fill
+    monkeypatch.setattr(assembly, "_fill", lambda *given, **more: (filled.append(given[1].document.relative), fill(*given, **more)))
+    resolved = []
+    for version, name in enumerate(["robot.yaml", "robot.yaml", "robot.yaml", "finger.yaml", "robot.yaml"]):
+        filled.clear()
+        desk.put(name, version, f"# {version}\n" + DOCUMENTS[name])
+        desk.opened.analysis(str(desk.folder / "robot.yaml"))
+        resolved.append(sorted(set(filled)))
+    nested = ["finger.yaml", "palm.yaml", "robot.yaml"]
+    assert resolved == [nested, ["robot.yaml"], ["robot.yaml"], nested, ["robot.yaml"]]

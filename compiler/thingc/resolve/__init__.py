@@ -30,11 +30,14 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-def resolve(sources: Sources, settings: Settings, report: Report, memo: Memo | None = None) -> AssemblyDefinition | None:
+def resolve(
+    sources: Sources, settings: Settings, report: Report, memo: Memo | None = None, of_any_text: Memo | None = None,
+) -> AssemblyDefinition | None:
     """The model of the root document of the `sources`, with these settings; among the sources is what choices name.
 
     Everything wrong is reported; what depends on it is left out of the model.
-    None where the root document is unsound as a whole. What `memo` has of it is taken from there.
+    None where the root document is unsound as a whole. What `memo` has of this text of the documents is taken from there, and from
+    `of_any_text` what it has of nested documents that are as they were.
     """
     from thingc.resolve import choices as choose
     from thingc.resolve.assembly import resolved
@@ -49,7 +52,7 @@ def resolve(sources: Sources, settings: Settings, report: Report, memo: Memo | N
         return None
     context = Context(
         documents=sources.documents, specs=sources.specs, workspace=sources.workspace, schemas=sources.schemas, report=report,
-        memo=memo or Memo(),
+        memo=memo or Memo(), of_any_text=Memo() if of_any_text is None or settings != Settings() else of_any_text,
     )
     context.recall()
     context.nesting.append(root.relative)

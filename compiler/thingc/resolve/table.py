@@ -160,6 +160,7 @@ class Context:
     overfull: bool = False
     recalled: Mapping[tuple[str, tuple[tuple[str, Value], ...]], Table] = field(default_factory=dict)
     memo: Memo = field(default_factory=Memo)
+    of_any_text: Memo = field(default_factory=Memo)
 
     def recall(self) -> None:
         """Take over from the last run what was sound there: nested documents with their parameters, and material documents."""
@@ -168,6 +169,13 @@ class Context:
             self.recalled, declared, materials = known
             self.declared.update(declared)
             self.materials.update(materials)
+        else:
+            self.recalled = self.of_any_text.last(("nested", self.documents.root.relative), self._nested()) or {}
+
+    def _nested(self) -> tuple[object, ...]:
+        """All that nested documents depend on, and what they nest."""
+        root = self.documents.root
+        return {path: one for path, one in self.documents.by_path.items() if one is not root}, self.schemas, self.workspace
 
     def table(self, key: tuple[str, tuple[tuple[str, Value], ...]]) -> Table | None:
         """What has been worked out of a document with these parameters, in this run or the last."""
@@ -214,10 +222,15 @@ class Context:
         return tuple(self.memo.same((what, document, *self.route, one.name), one) for one in made)
 
     def remember(self, top: Table) -> None:
-        """Keep for the next run the nested documents that this one has used, if nothing at all was said."""
-        if self.report.diagnostics:
-            return
+        """Keep for the next run the nested documents that this one has used, if nothing at all was said; for one of another text of the top
+        document alone, if what was said is of that. (Of a part that failed and what was allowed is told only once.)"""
         tables = {table.key: table for table in top.inner()}
+        said = [diagnostic.span for diagnostic in self.report.diagnostics]
+        own = self.documents.root.path
+        if not (self.failed_parts or self.report.allowed) and all(span is not None and span.file == own for span in said):
+            self.of_any_text.keep(("nested", self.documents.root.relative), self._nested(), tables)
+        if said:
+            return
         self.memo.keep("resolve", (self.specs, self.schemas), (tables, self.declared, self.materials))
 
     def from_top(self, path: str) -> str:

@@ -1,0 +1,52 @@
+"""Places of thingc and of the protocol, and edits from one text to another."""
+
+from __future__ import annotations
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from thingc.load import Source
+from thingc.lsp.edits import edits
+from thingc.lsp.positions import TextLines, path_of, uri_of
+
+TEXTS = st.text(st.sampled_from("ab\n\r\t \u00e9\u2028\U0001f916\U0001d11e"), max_size=40)
+
+
+@given(TEXTS, st.data())
+def test_positions_are_in_utf_16(text: str, data: st.DataObject) -> None:
+    """The protocol's characters are units of UTF-16, whatever stands before; there and back is the same place."""
+    start = data.draw(st.integers(0, len(text)))
+    end = data.draw(st.integers(start, len(text)))
+    span = Source("x", text).span(start, end)
+    lines = TextLines(text)
+    found = lines.range(span)
+    begin = text[: start - (span.column - 1)]
+    within = text[len(begin):start]
+    if text[max(0, start - 1):start + 1] != "\r\n":  # nobody stands between them
+        assert found["start"] == {"line": span.line - 1, "character": len(within.encode("utf-16-le")) // 2}
+        place = lines.place(found["start"])
+        assert (place.line, place.column) == (span.line, span.column) and lines.index(place) == start
+
+
+@given(TEXTS, st.integers(-3, 60), st.integers(-3, 2**31))
+def test_any_position_is_a_place(text: str, line: int, character: int) -> None:
+    lines = TextLines(text)
+    assert 0 <= lines.index(lines.place({"line": line, "character": character})) <= len(text)
+
+
+@settings(max_examples=60)
+@given(TEXTS, TEXTS)
+def test_edits_make_one_text_of_another(before: str, after: str) -> None:
+    lines = TextLines(before)
+    made = before
+    for edit in reversed(edits(lines, after)):
+        start, end = (lines.index(lines.place(edit["range"][side])) for side in ("start", "end"))
+        made = made[:start] + edit["newText"] + made[end:]
+    assert made == after
+
+
+def test_uris_are_files() -> None:
+    for path in ("/a/b c.yaml", "/\u00e9/\U0001f916#?%.yaml"):
+        assert path_of(uri_of(path)) == path
+    assert path_of("file:///a/%62.yaml") == "/a/b.yaml"
+    assert [path_of(one) for one in ("untitled:x", "file://host/x", "http://x/y", "file:///a%00", "file://[x", "")] == [None] * 6
