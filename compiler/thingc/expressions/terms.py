@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Union
 
 from thingc.frozen import dataclass
-from thingc.units import Quantity
+from thingc.units import Quantity, scan_number
 
 
 class ExpressionError(ValueError):
@@ -120,6 +120,22 @@ def _terms(tree: Term) -> Iterator[Term]:
             waiting.extend((term.right, term.left))
         elif isinstance(term, Call):
             waiting.extend(reversed(term.arguments))
+
+
+def words_in(expression: Expression) -> Iterator[tuple[int, int, str]]:
+    """Each word of an expression: from where to where, and whether it is a `name`, a `function`, a `number` or a `unit`."""
+    for term in _terms(expression.tree):
+        if isinstance(term, NameUse):
+            yield term.offset, term.end, "name"
+        elif isinstance(term, Call):
+            yield term.offset, term.offset + len(term.function), "function"
+        elif isinstance(term, Literal):
+            scanned = scan_number(expression.text, term.offset)
+            number = term.end if scanned is None else scanned[1]
+            yield term.offset, number, "number"
+            unit = expression.text[number : term.end].lstrip()
+            if unit:
+                yield term.end - len(unit), term.end, "unit"
 
 
 def zero_literal(expression: Expression) -> bool:

@@ -78,6 +78,11 @@ class OpenDocuments:
 
     # --- texts ---------------------------------------------------------------------------------------------------
 
+    @property
+    def texts(self) -> Mapping[str, OpenText]:
+        """All that is open now, by absolute path."""
+        return self._texts
+
     def put(self, path: str, text: OpenText) -> None:
         """A file was opened, or has another text now."""
         with self._lock:

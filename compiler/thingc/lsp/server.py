@@ -39,21 +39,35 @@ INTERNAL_ERROR = -32603
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Feature:
     """Who answers a request (`module:function` of this room), and the options that the editor is told, if any. Where it answers by
-    something else than a document (symbols of a workspace), `document` is false, and the analysis is of the document looked at last."""
+    something else than a document (symbols of a workspace), `document` is false, and the analysis is of the document looked at last. One
+    that looks `everywhere` has in `analysis.open` all texts as they are now, those that the document does not depend on as well."""
 
     answer: str
     options: Any = None
     document: bool = True
+    everywhere: bool = False
 
+
+LEGEND = {"tokenTypes": ["parameter", "variable", "function", "number", "keyword"], "tokenModifiers": []}
+"""What the words of an expression are to an editor (`outline.TOKENS`): a unit is a keyword."""
 
 FEATURES: dict[str, Feature] = {
     "textDocument/codeAction": Feature(answer="actions:actions", options={"codeActionKinds": ["quickfix"]}),
     "textDocument/completion": Feature(
         answer="completion:completion", options={"triggerCharacters": [".", ":", " ", "=", "{", "[", ",", '"', "/", "$"]},
     ),
+    "textDocument/definition": Feature(answer="navigation:definition"),
+    "textDocument/documentHighlight": Feature(answer="navigation:highlights"),
+    "textDocument/documentSymbol": Feature(answer="outline:symbols"),
+    "textDocument/foldingRange": Feature(answer="outline:folds"),
     "textDocument/formatting": Feature(answer="formatting:formatted"),
     "textDocument/hover": Feature(answer="hover:hover"),
     "textDocument/inlayHint": Feature(answer="hints:hints"),
+    "textDocument/prepareRename": Feature(answer="navigation:prepare_rename", everywhere=True),
+    "textDocument/references": Feature(answer="navigation:references", everywhere=True),
+    "textDocument/rename": Feature(answer="navigation:rename", options={"prepareProvider": True}, everywhere=True),
+    "textDocument/semanticTokens/full": Feature(answer="outline:tokens", options=LEGEND),
+    "workspace/symbol": Feature(answer="navigation:workspace_symbols", document=False, everywhere=True),
 }
 """Requests of the protocol and who answers them."""
 
@@ -169,6 +183,8 @@ def serve(
         module, _, name = feature.answer.partition(":")
         answer: Callable[..., Any] = getattr(import_module(f"thingc.lsp.{module}"), name)
         analysis = latest(path)
+        if feature.everywhere:
+            analysis = replace(analysis, open=opened[0].texts)
         place = analysis.lines().place(params["position"]) if "position" in params else TextPlace(line=1, column=1)
         try:
             return answer(analysis, analysis.text, place, params)

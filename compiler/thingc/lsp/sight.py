@@ -49,22 +49,24 @@ class Sight:
         }, read, self.relative, self.folders)
 
 
-def sight_of(workspace: Workspace, texts: Mapping[str, str], last: Iterable[Document] = ()) -> Sight:
-    """What there is in a workspace. `texts` are those of open files by absolute path, `last` are documents as they were when they could be
-    read, for those that cannot be now."""
+def sight_of(
+    workspace: Workspace, texts: Mapping[str, str], last: Iterable[Document] = (), only: Iterable[str] | None = None,
+) -> Sight:
+    """What there is in a workspace, or of it in `only` these documents (absolute paths). `texts` are those of open files by absolute path,
+    `last` are documents as they were when they could be read, for those that cannot be now."""
     def read(path: str) -> str | None:
         return texts[path] if path in texts else _on_disk(path)
 
     documents: dict[str, WrittenDocument] = {}
     broken: dict[str, str] = {}
     known = {one.path: WrittenDocument(one) for one in last}
-    for path in dict.fromkeys((*documents_in(workspace.root, workspace), *known)):
+    for path in dict.fromkeys((*(documents_in(workspace.root, workspace) if only is None else only), *known)):
         text = read(path)
-        document = read_document(path, workspace.relative(path), text) if text is not None else None
-        if document is None and text is not None:
-            broken[path], document = text, known.get(path)
-        if document is not None:
-            documents[path] = document
+        written = read_document(path, workspace.relative(path), text) if text is not None else None
+        if written is None and text is not None:
+            broken[path], written = text, known.get(path)
+        if written is not None:
+            documents[path] = written
     return _seen(documents, broken, read, workspace.relative, tuple(workspace.parts))
 
 

@@ -14,7 +14,7 @@ from thingc.resolve.repeats import check_names
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Node
 from thingc.source import Path
-from thingc.spec.assembly import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
+from thingc.spec.stated_masses import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
 from thingc.typos import did_you_mean
 from thingc.units import INERTIA, LENGTH, MASS, NUMBER
 

@@ -20,7 +20,6 @@ from thingc.spec.fields import (
     EffortField,
     FrictionField,
     Index,
-    InertiaField,
     JointValueField,
     LengthField,
     MassField,
@@ -64,10 +63,8 @@ from thingc.spec.named import (
 )
 from thingc.spec.raw_fields import RawField
 from thingc.spec.sensors import SensorSpec
+from thingc.spec.stated_masses import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
 from thingc.spec.tests import TestSpec
-
-Source = Literal["measured", "vendor", "estimated"]
-
 
 UNIT_OF_ITS_OWN = "STEP, 3MF and glTF files carry the unit of their numbers"
 
@@ -83,50 +80,6 @@ class ParameterSpec(Model):
     """The largest value allowed, in the same dimension."""
     doc: str = Field(default="", examples=["servo axis to servo axis"])
     """One line for the people who set it."""
-
-
-class StatedMass(Model):
-    """A mass and where it is from."""
-
-    value: MassField
-    """The mass."""
-    source: Source
-    """`measured`, `vendor` or `estimated`."""
-
-
-class StatedCentre(Model):
-    """A centre of mass and where it is from."""
-
-    value: Vector3Length
-    """The centre of mass."""
-    source: Source
-    """`measured`, `vendor` or `estimated`."""
-
-
-class InertiaMatrix(Model):
-    """Inertia about the centre of mass, component axes. Products default to 0."""
-
-    ixx: InertiaField
-    """Moment about x."""
-    iyy: InertiaField
-    """Moment about y."""
-    izz: InertiaField
-    """Moment about z."""
-    ixy: InertiaField | Literal[0] = Field(default=0, examples=["1e-6 kg*m^2", 0])
-    """Product of x and y."""
-    ixz: InertiaField | Literal[0] = Field(default=0, examples=["1e-6 kg*m^2", 0])
-    """Product of x and z."""
-    iyz: InertiaField | Literal[0] = Field(default=0, examples=["1e-6 kg*m^2", 0])
-    """Product of y and z."""
-
-
-class StatedInertia(Model):
-    """An inertia and where it is from."""
-
-    value: InertiaMatrix = Field(examples=[{"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"}])
-    """The inertia."""
-    source: Source
-    """`measured`, `vendor` or `estimated`."""
 
 
 class MountSpec(Model):

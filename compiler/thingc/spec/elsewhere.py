@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 from pydantic import BaseModel
 
-from thingc.spec import assembly, listed, materials, modes, sensors, variants, workspace
+from thingc.spec import assembly, listed, materials, modes, sensors, stated_masses, variants, workspace
 from thingc.spec.shapes import model_keys, one_of
 from thingc.typos import Hint
 from thingc.units import shortened
@@ -203,7 +203,7 @@ FLOATING = frozenset({"floating", "float", "free", "freejoint", "6dof", "floatin
 WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
     assembly.LimitSpec: ("lower", "upper"), modes.WorldAtSpec: ("xyz",), modes.HoldSpec: ("xyz",), assembly.MountSpec: ("xyz",),
     assembly.MimicSpec: ("joint",), assembly.RepeatSpec: ("count",), assembly.AtSpec: ("in",), modes.ModeSpec: ("root",),
-    assembly.InertiaMatrix: ("ixx", "iyy", "izz"), assembly.DriveSpec: ("kind",), assembly.DynamicsSpec: ("damping",),
+    stated_masses.InertiaMatrix: ("ixx", "iyy", "izz"), assembly.DriveSpec: ("kind",), assembly.DynamicsSpec: ("damping",),
     materials.MaterialSpec: ("density",), materials.FrictionSpec: ("slide",), materials.ProcessSpec: ("kind",),
     sensors.SensorSpec: ("type",), modes.ContactsSpec: ("exclude",),
 }

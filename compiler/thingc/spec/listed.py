@@ -8,6 +8,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from thingc.spec.base import Model, rule
 from thingc.spec.fields import ColorField, LengthField, Vector3Angle, Vector3Length
+from thingc.spec.named import MaterialField
 
 ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "ellipsoid", "plane"]
 KINDS: tuple[ShapeKind, ...] = get_args(ShapeKind)
@@ -66,7 +67,7 @@ class ShapeSpec(Model):
     for_: Literal["visual", "collision", "both"] = Field(
         default="both", alias="for", description="Whether it is drawn, touches, or both; both unless written.",
     )
-    material: str | None = Field(default=None, examples=["rubber"])
+    material: MaterialField | None = Field(default=None, examples=["rubber"])
     """A material in scope; that of the link unless written."""
     color: ColorField | None = None
     """Its own colour; that of its material unless written."""
