@@ -11,10 +11,14 @@ from thingc.lsp.open_documents import OpenDocuments
 
 
 class Documents:
-    """Texts of a trusted workspace, of whose parts what is in a store is known."""
+    """Texts of a trusted workspace, of whose parts what is in a store is known. `woken` is how often workers were to be asked."""
 
     def __init__(self, store: str) -> None:
-        self._opened = OpenDocuments(Options(store=store, lock=True, code=True), lambda *_: None, _raise, lambda: None)
+        self.woken = 0
+        self._opened = OpenDocuments(Options(store=store, lock=True, code=True), lambda *_: None, _raise, self._wake)
+
+    def _wake(self) -> None:
+        self.woken += 1
 
     def analysis(self, path: Path, text: str) -> Analysis:
         """The analysis of a document with this text."""

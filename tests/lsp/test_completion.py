@@ -212,6 +212,16 @@ def test_details_say_where_a_mount_is_and_what_a_parameter_comes_to(robot: Path,
     assert [(one.shown, one.detail) for one in items(documents.analysis(path, text), text, offset)] == [("=mass", "50 g")]
 
 
+def test_workers_are_asked_for_parts_that_are_not_known(tmp_path: Path) -> None:
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["parts"]\n')
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "frame.py").write_text("from thingc.things import Thing\n\nclass Bar(Thing):\n    pass\n")
+    documents = Documents(str(tmp_path / "store"))
+    text, offset = at("thingc: assembly/1\nname: a\ncomponents:\n  a: {frame: true}\n", "frame: true", "part: │")
+    assert items(documents.analysis(tmp_path / "a.yaml", text), text, offset) == []
+    assert documents.woken == 1
+
+
 # --- the two robots ----------------------------------------------------------------------------------------------------
 
 
@@ -296,6 +306,10 @@ def test_a_part_comes_with_what_it_takes(parts: str) -> None:
     cut, offset = at(text, "part: arm:BasePlate", "part: │")
     brace = next(one for one in items(analysis, cut, offset) if one.shown == "arm:RotorBrace")
     assert brace.detail == "length, thickness"
+    modules = [one.shown.partition(":")[0] for one in items(analysis, cut, offset)]
+    used = {"arm", "thingc_stock.dynamixel", "thingc_stock.fasteners"}
+    first = [module for module in modules if module in used]
+    assert modules[: len(first)] == first  # modules that the document has parts of already
     assert brace.description.startswith("One of the two sides of a link")
     cut, offset = at(text, "parent: yaw_servo.rotor", "parent: yaw_servo.│")
     rotor = next(one for one in items(analysis, cut, offset) if one.shown == "rotor")

@@ -178,6 +178,9 @@ class _Asked:
         kind, detail, text = _VALUE, "", self._quoted(word)
         if self.cursor.path[-1:] == ("part",):
             kind, detail = _CLASS, ", ".join(self.walk.parameters_of(word))
+            module = f"{word.partition(':')[0]}:"
+            if any(path[-1:] == ("part",) and one.startswith(module) for path, one in self.cursor.scalars.items()):
+                rank -= 1000  # a module that the document has parts of already
             text += self._params(word)
         elif "." in word and (frame := frame_words(self.analysis, word)):
             kind, detail = _REFERENCE, frame

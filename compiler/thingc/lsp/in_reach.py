@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from thingc.editor import Schemas
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 class InReach:
     """The surroundings of the documents of one workspace. `at_hand` answers for parts; None where nothing of the workspace may run: then
-    none are known but those that a document names."""
+    none are known but those that a document names. `wake` is called where workers are to be asked for more."""
 
-    def __init__(self, workspace: Workspace, at_hand: AtHand | None) -> None:
+    def __init__(self, workspace: Workspace, at_hand: AtHand | None, wake: Callable[[], None]) -> None:
         self.workspace = workspace
         self.at_hand = at_hand
-        self._schemas = Schemas(workspace, _Parts(at_hand))
+        self._schemas = Schemas(workspace, _Parts(at_hand, wake))
 
     def schema_of(self, analysis: Analysis, scalars: Mapping[Path, str]) -> dict[str, Any] | None:
         """The schema of a document as it is being written; of one that was never well-formed what every document of its kind may say, by
@@ -39,8 +39,9 @@ class InReach:
 class _Parts:
     """Parts in reach, as far as they are known at once. What their classes take is asked of workers, too; nothing is modelled for it."""
 
-    def __init__(self, at_hand: AtHand | None) -> None:
+    def __init__(self, at_hand: AtHand | None, wake: Callable[[], None]) -> None:
         self._at_hand = at_hand
+        self._wake = wake
 
     @property
     def inputs(self) -> frozenset[str]:
@@ -58,7 +59,10 @@ class _Parts:
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
         """See `PartsInReach`. Those that are waited for are left out."""
         answers = {} if self._at_hand is None else self._at_hand.describe(references)
-        return {name: one for name, one in answers.items() if not isinstance(one, PartFailure) or one.kind != WAITED_FOR}
+        known = {name: one for name, one in answers.items() if not isinstance(one, PartFailure) or one.kind != WAITED_FOR}
+        if len(known) < len(answers):
+            self._wake()
+        return known
 
     def realize(self, definitions: Sequence[PartDefinition]) -> Mapping[str, PartRecord | PartFailure]:
         """See `PartsInReach`."""

@@ -222,7 +222,7 @@ class OpenDocuments:
         at_hand = self._at_hand.get(workspace.root)
         known = self._reach.get(workspace.root)
         if known is None or known.workspace != workspace or known.at_hand is not at_hand:
-            known = self._reach[workspace.root] = InReach(workspace, at_hand)
+            known = self._reach[workspace.root] = InReach(workspace, at_hand, self._wake)
         return known
 
     def _ask_workers(self) -> None:
