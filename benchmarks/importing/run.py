@@ -123,9 +123,10 @@ def compared(
 
 
 def pose(data: mujoco.MjData, word: str) -> numpy.ndarray:
-    """4 x 4, of the site of that name."""
-    found, site = numpy.eye(4), data.site(word)
-    found[:3, :3], found[:3, 3] = site.xmat.reshape(3, 3), site.xpos
+    """4 x 4, of the site of that name, else the body."""
+    is_site = mujoco.mj_name2id(data.model, mujoco.mjtObj.mjOBJ_SITE, word) >= 0
+    found, one = numpy.eye(4), data.site(word) if is_site else data.body(word)
+    found[:3, :3], found[:3, 3] = one.xmat.reshape(3, 3), one.xpos
     return found
 
 

@@ -66,3 +66,22 @@ def test_what_is_said_at_the_end(capsys: pytest.CaptureFixture[str], monkeypatch
     (tmp_path / "constructs" / "constructs.yaml").write_text("edited")
     assert main(["import", str(HERE / "robots" / "constructs.urdf")]) == 2
     assert (tmp_path / "constructs" / "constructs.yaml").read_text() == "edited"
+
+
+def test_check_writes_nothing_and_says_what_would_be_lost(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["import", str(HERE / "robots" / "shapes.urdf"), "--check"]) == 0
+    assert capsys.readouterr().out == (
+        "3 links and 1 joint of shapes.urdf would be kept\nshapes.urdf:9: lost: a `<sphere>`: it has no volume\n"
+    )
+    assert main(["import", str(HERE / "wrong" / "inertias.urdf"), "--check", "--repair", "inertia=nearest"]) == 0
+    assert "inertias.urdf:3: repaired: the weight of link `arm` (nearest)\n" in capsys.readouterr().out
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("word", ["arm", "=.", "arm=nowhere"])
+def test_packages_are_folders(word: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["import", str(HERE / "robots" / "shapes.urdf"), "--package", word]) == 2
+    assert f"--package: expected NAME=DIR with a folder, found `{word}`" in capsys.readouterr().err

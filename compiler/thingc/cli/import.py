@@ -33,6 +33,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="a robot: .urdf")
     parser.add_argument("-o", "--output", metavar="DIR", help="the folder that is made (default: called like the robot)")
     parser.add_argument(
+        "--package", metavar="NAME=DIR", action="append", default=[],
+        help="where `package://NAME/...` is (may be repeated; else folders above the file, ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
+    )
+    parser.add_argument("--no-meshes", action="store_true", help="leave meshes out, each of which is listed then")
+    parser.add_argument("--check", action="store_true", help="write nothing: say what would be kept, repaired and lost")
+    parser.add_argument(
         "--repair", metavar="inertia=HOW", type=_repair,
         help="change links that cannot move: inertia=nearest (to the nearest inertia that a solid has), or inertia=shapes",
     )
@@ -46,8 +52,17 @@ def run(arguments: argparse.Namespace) -> int:
     from thingc.importing import import_robot
 
     report = Report()
-    imported = import_robot(arguments.file, report, roots=arguments.root, repair=arguments.repair)
-    if imported is not None:
+    try:
+        packages = dict(_package(word) for word in arguments.package)
+    except common.WrongCommandLine as fault:
+        common.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
+        return common.USAGE
+    imported = import_robot(
+        arguments.file, report, roots=arguments.root, repair=arguments.repair, packages=packages, meshes=not arguments.no_meshes,
+    )
+    if imported is not None and arguments.check:
+        common.say(*_would(arguments, imported))
+    elif imported is not None:
         try:
             folder = write_new(arguments.output or imported.name, imported.files, lambda _: None)
             common.say(*_told(arguments, imported, folder))
@@ -65,11 +80,36 @@ def _repair(text: str) -> str:
     return how
 
 
+def _package(word: str) -> tuple[str, str]:
+    """`NAME=DIR`. Raises `WrongCommandLine`."""
+    name, _, folder = word.partition("=")
+    if not name or not os.path.isdir(folder):
+        raise common.WrongCommandLine(f"--package: expected NAME=DIR with a folder, found `{word}`", "write --package my_robot=../my_robot")
+    return name, folder
+
+
+def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:
+    """What would become of the robot: what is kept, what was repaired, and every loss at its line."""
+    source = os.path.basename(arguments.file)
+    said = [f"{_read(arguments, imported)} would be kept"]
+    said += [f"{source}:{one.link.where.line}: repaired: the weight of link `{one.link.name}` ({one.how})" for one in imported.repaired]
+    return said + [f"{source}:{one.where.line}: lost: {one.what}: {one.why}" for one in imported.losses]
+
+
+def _read(arguments: argparse.Namespace, imported: Imported) -> str:
+    robot = imported.robot
+    joints = [joint for one in robot.hangings for joint in one.joints]
+    meshes = len([name for name in imported.files if name.startswith("meshes/")])
+    things = [counted(len(robot.links), "link"), counted(len(joints), "joint")]
+    if meshes:
+        things.append(f"{meshes} {'mesh' if meshes == 1 else 'meshes'}")
+    return f"{', '.join(things[:-1])} and {things[-1]} of {os.path.basename(arguments.file)}"
+
+
 def _told(arguments: argparse.Namespace, imported: Imported, folder: str) -> list[str]:
     """What was read, what became of it, and what to type next."""
     robot, here = imported.robot, shown_path(folder)
-    joints = [joint for one in robot.hangings for joint in one.joints]
-    said = [f"{here}: {counted(len(robot.links), 'link')} and {counted(len(joints), 'joint')} of {os.path.basename(arguments.file)}"]
+    said = [f"{here}: {_read(arguments, imported)}"]
     if imported.renamed:
         are = "is another" if len(imported.renamed) == 1 else "are others"
         said.append(f"{counted(len(imported.renamed), 'name')} {are} now: see import.json")

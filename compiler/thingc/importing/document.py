@@ -1,8 +1,9 @@
 """The document of a robot that was read: short, in the order of the tree, in canonical layout.
 
-A link is a `frame` component of its name. One that weighs nothing, shows nothing and carries nothing is a mount of the component that it is
-fixed to, exported by its name, so that a document around this one can put something there. A joint stands between two mounts of its name:
-the parent's z is its axis, and the child's is turned so that frame lies on frame (`MATE`).
+A link is a component of its name: a `link` with its shapes, or a `frame` where it has none. One that weighs nothing, shows nothing and
+carries nothing is a mount of the component that it is fixed to, exported by its name, so that a document around this one can put something
+there. A joint stands between two mounts of its name: the parent's z is its axis, and the child's is turned so that frame lies on frame
+(`MATE`).
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.diagnostics import Report
 from thingc.frozen import dataclass
-from thingc.importing.model import Hanging, SourceJoint, SourceLink, SourceLoss, SourceRobot
+from thingc.importing.model import Hanging, SourceJoint, SourceLink, SourceLoss, SourceRobot, SourceShape
 from thingc.importing.naming import distinct, plain_name
 from thingc.importing.quantities import angle, angles, ends, length, lengths, mass, quantity
 from thingc.layout import format_document
@@ -20,6 +21,9 @@ from thingc.pose import IDENTITY, MATE, Matrix, Pose, Vector, along, rpy_of, shi
 
 TURNS = ("revolute", "continuous")
 _ALIGNED = 1e-12
+SAY_THEIR_UNIT = (".dae", ".glb", ".gltf")
+UNITS: dict[tuple[float, ...], str] = {(1.0, 1.0, 1.0): "m", (0.01, 0.01, 0.01): "cm", (0.001, 0.001, 0.001): "mm"}
+"""Scales of a mesh, whose numbers a source takes for metres, that are a unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,15 +38,20 @@ class Draft:
     losses: tuple[SourceLoss, ...]
 
 
-def document_of(robot: SourceRobot, roots: Sequence[str], origin: str, repaired: Mapping[str, str]) -> Draft:
+def document_of(
+    robot: SourceRobot, roots: Sequence[str], origin: str, repaired: Mapping[str, str], meshes: Mapping[str, str],
+) -> Draft:
     """The document of a robot, with a mode `source` and one for each link of `roots`, which are links of it; `origin` says where it is
-    from, in its first line, and `repaired` how the weight of some links was changed."""
-    return _Document(robot, roots, origin, repaired).written()
+    from, in its first line, `repaired` how the weight of some links was changed, and `meshes` where the files are that shapes name: those
+    that are not there are left out."""
+    return _Document(robot, roots, origin, repaired, meshes).written()
 
 
 class _Document:
-    def __init__(self, robot: SourceRobot, roots: Sequence[str], origin: str, repaired: Mapping[str, str]) -> None:
-        self.robot, self.roots, self.origin, self.repaired = robot, roots, origin, repaired
+    def __init__(
+        self, robot: SourceRobot, roots: Sequence[str], origin: str, repaired: Mapping[str, str], meshes: Mapping[str, str],
+    ) -> None:
+        self.robot, self.roots, self.origin, self.repaired, self.meshes = robot, roots, origin, repaired, meshes
         self.name = plain_name(robot.name, "robot")
         self.link_of = {link.name: link for link in robot.links}
         self.below: dict[str, list[Hanging]] = {}
@@ -54,6 +63,13 @@ class _Document:
         names = distinct([robot.root, *(one.child for one in self.order)], "link")
         self.links = {name: word for name, word in names.items() if name not in mounts}
         self.frames = {name: names[name] for name in mounts}
+        points = [
+            link.name for link in robot.links
+            if link.weight is not None and not any(map(any, link.weight.properties.inertia)) and any(map(self._is_shown, link.shapes))
+        ]
+        self.points = {
+            name: distinct([f"{self.links[name]}_mass"], "link", taken=names.values())[f"{self.links[name]}_mass"] for name in points
+        }
         moving = [joint.name for one in self.order for joint in one.joints]
         self.joints = distinct(moving, "joint")
         # Mounts of joints lie beside those that are shown, and may not be called like one of them.
@@ -80,13 +96,8 @@ class _Document:
         report = Report()
         formatted = format_document(f"{self.name}.yaml", text.encode(), report)
         assert formatted is not None, report.diagnostics
-        losses = tuple(
-            SourceLoss(what=f"{len(link.shapes)} shapes of link `{link.name}`", why="shapes are not imported yet", where=link.where)
-            for link in self.robot.links if link.shapes
-        )
         return Draft(
-            name=self.name, text=formatted.decode(), links=self.links, frames=self.frames, joints=self.joints,
-            losses=(*self.robot.losses, *losses),
+            name=self.name, text=formatted.decode(), links=self.links, frames=self.frames, joints=self.joints, losses=self.robot.losses,
         )
 
     def _components(self) -> Iterator[str]:
@@ -94,29 +105,74 @@ class _Document:
         for name in self.links:
             link, above = self.link_of[name], self.above.get(name)
             yield f"  {self.links[name]}:{_was(self.links[name], name)}"
-            yield "    frame: true"
-            yield from self._weight(link)
+            shapes = [*self._shapes(link)]
+            yield "    link: true" if shapes else "    frame: true"
+            if name not in self.points:
+                yield from self._weight(link, shapes=bool(shapes))
+            if shapes:
+                yield "    shapes:"
+                yield from shapes
             if above is not None and not above.joints:
                 yield f"    at: {{in: {self.links[above.parent]}.origin{_pose(above.pose, above.rpy, before=', ')}}}"
             mounts = [*self._mounts(name)]
             if mounts:
                 yield "    mounts:"
                 yield from (f"      {word}: {{{pose}}}{comment}" for word, pose, comment in mounts)
+            if name in self.points:  # a mass alone would be spread over the shapes
+                yield f"  {self.points[name]}:  # the mass of the link, which has no inertia in the source"
+                yield "    frame: true"
+                yield from self._weight(link)
+                yield f"    at: {{in: {self.links[name]}.origin}}"
 
-    def _weight(self, link: SourceLink) -> Iterator[str]:
+    def _weight(self, link: SourceLink, *, shapes: bool = False) -> Iterator[str]:
+        """What a link weighs; the centre of one with shapes is that of the shapes unless it is written."""
         if link.weight is None:
             return
         of = link.weight.properties
         if link.name in self.repaired:
             yield f"    # repaired ({self.repaired[link.name]}): what the source says is in import.json"
         yield f"    mass: {mass(of.mass)}"
-        if any(of.centre):
+        if shapes or any(of.centre):
             yield f"    com: {lengths(of.centre)}"
         i = of.inertia
         if any(map(any, i)):
             products = {"ixy": i[0][1], "ixz": i[0][2], "iyz": i[1][2]}
             moments = {"ixx": i[0][0], "iyy": i[1][1], "izz": i[2][2], **{key: value for key, value in products.items() if value}}
             yield from _mapping("inertia", {key: quantity(value, "kg*m^2") for key, value in moments.items()})
+
+    def _shapes(self, link: SourceLink) -> Iterator[str]:
+        """The items of a list; one that is drawn and touches alike stands there once."""
+        shown = [shape for shape in link.shapes if self._is_shown(shape)]
+        seen = {_form(shape): shape for shape in shown if shape.use == "visual"}
+        touching = {_form(shape) for shape in shown if shape.use == "collision"}
+        for shape in shown:
+            form = _form(shape)
+            if shape.use == "collision" and form in seen:
+                continue
+            said = [self._geometry(shape), *([f"at: {{{pose}}}"] if (pose := _pose(shape.pose, shape.rpy)) else [])]
+            said += [] if shape.use == "visual" and form in touching else [f"for: {shape.use}"]
+            if shape.color is not None:
+                said.append('color: "#{:02x}{:02x}{:02x}"'.format(*(round(255.0 * min(max(one, 0.0), 1.0)) for one in shape.color[:3])))
+            yield f"      - {{{', '.join(said)}}}"
+
+    def _is_shown(self, shape: SourceShape) -> bool:
+        return shape.mesh is None or shape.mesh in self.meshes
+
+    def _geometry(self, shape: SourceShape) -> str:
+        match shape.kind:
+            case "box":
+                return f"box: {lengths(shape.size)}"
+            case "sphere":
+                return f"sphere: {{radius: {length(shape.size[0])}}}"
+            case "cylinder":
+                return f"cylinder: {{radius: {length(shape.size[0])}, length: {length(shape.size[-1])}}}"
+            case _:
+                path = self.meshes[shape.mesh or ""]
+                unit = None if path.endswith(SAY_THEIR_UNIT) else UNITS.get(shape.size)
+                if unit is None:
+                    factors = "" if shape.size == (1.0, 1.0, 1.0) else f", scale: [{', '.join(quantity(one, '') for one in shape.size)}]"
+                    return f"mesh: {path}{'' if path.endswith(SAY_THEIR_UNIT) else ', unit: m'}{factors}"
+                return f"mesh: {path}, unit: {unit}"
 
     def _mounts(self, name: str) -> Iterator[tuple[str, str, str]]:
         """Of a link, each with its place and a comment: the mount of the joint that it hangs on, those of joints behind it, and links
@@ -211,6 +267,11 @@ def _was(word: str, name: str) -> str:
 def _mapping(key: str, values: Mapping[str, str]) -> Iterator[str]:
     if values:
         yield f"    {key}: {{{', '.join(f'{name}: {value}' for name, value in values.items())}}}"
+
+
+def _form(shape: SourceShape) -> tuple[object, ...]:
+    """What of a shape has to be the same, for it to be drawn and touched alike."""
+    return shape.kind, shape.size, shape.pose, shape.mesh
 
 
 def _pose(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> str:

@@ -6,15 +6,19 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from thingc.diagnostics import Code, Report
 from thingc.frozen import dataclass
 from thingc.importing.document import Draft, document_of
 from thingc.importing.inertias import Repair, Repaired, repaired, warn_of_mirror_pairs
+from thingc.importing.meshes import gathered
 from thingc.importing.model import SourceLoss, SourceRobot
+from thingc.importing.packages import Packages
 from thingc.importing.urdf import read_urdf
 from thingc.importing.xml_source import MOST_BYTES
 from thingc.inertia import MassProperties
+from thingc.spec.listed import KINDS
 from thingc.typos import did_you_mean
 
 READERS = {".urdf": read_urdf}
@@ -33,9 +37,13 @@ class Imported:
     repaired: tuple[Repaired, ...]
 
 
-def import_robot(path: str, report: Report, *, roots: Sequence[str] = (), repair: Repair | None = None) -> Imported | None:
+def import_robot(
+    path: str, report: Report, *, roots: Sequence[str] = (), repair: Repair | None = None, packages: Mapping[str, str] | None = None,
+    meshes: bool = True,
+) -> Imported | None:
     """Read the file at `path`, and write down what it says; `roots` are links of it, each of which gets a mode, and `repair` says what to
-    do about links that cannot move. None where it cannot be, which has been reported."""
+    do about links that cannot move. `packages` are folders of packages by name; without `meshes` these are left out. None where it cannot
+    be, which has been reported."""
     reader = READERS.get(os.path.splitext(path)[1].lower())
     if reader is None:
         known = ", ".join(f"`{one}`" for one in READERS)
@@ -62,16 +70,20 @@ def import_robot(path: str, report: Report, *, roots: Sequence[str] = (), repair
     if report.failed:
         return None
     warn_of_mirror_pairs(robot, report)
-    written = document_of(robot, list(dict.fromkeys(roots)), os.path.basename(path), {one.link.name: one.how for one in mended})
-    record = _record(robot, written, mended, path, data)
+    found, files, left_out = gathered(robot, Packages(path, packages or {}, os.environ) if meshes and "mesh" in KINDS else None, report)
+    if report.failed:
+        return None
+    written = document_of(robot, list(dict.fromkeys(roots)), os.path.basename(path), {one.link.name: one.how for one in mended}, found)
+    written = replace(written, losses=(*written.losses, *left_out))
+    record = _record(robot, written, mended, path, data, files)
     renamed = {name: word for names in (written.links, written.frames, written.joints) for name, word in names.items() if name != word}
     return Imported(
-        name=written.name, robot=robot, files={f"{written.name}.yaml": written.text.encode(), RECORD: record}, losses=written.losses,
-        renamed=renamed, repaired=mended,
+        name=written.name, robot=robot, files={f"{written.name}.yaml": written.text.encode(), RECORD: record, **files},
+        losses=written.losses, renamed=renamed, repaired=mended,
     )
 
 
-def _record(robot: SourceRobot, written: Draft, mended: Sequence[Repaired], path: str, data: bytes) -> bytes:
+def _record(robot: SourceRobot, written: Draft, mended: Sequence[Repaired], path: str, data: bytes, files: Mapping[str, bytes]) -> bytes:
     """`import.json`: what was read, what everything is called now, and what is not in the document, with its line in the source."""
     losses = [
         {"what": one.what, "why": one.why, "file": os.path.basename(one.where.file), "line": one.where.line} for one in written.losses
@@ -80,6 +92,7 @@ def _record(robot: SourceRobot, written: Draft, mended: Sequence[Repaired], path
         "import": 1,
         "source": {"file": os.path.basename(path), "sha256": hashlib.sha256(data).hexdigest(), "robot": robot.name},
         "document": {"file": f"{written.name}.yaml", "sha256": hashlib.sha256(written.text.encode()).hexdigest()},
+        "meshes": {name: hashlib.sha256(content).hexdigest() for name, content in files.items()},
         "names": {"links": written.links, "frames": written.frames, "joints": written.joints},
         "repaired": [
             {

@@ -29,13 +29,15 @@ class Weight:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceShape:
     """What is drawn, or touches: `size` as its kind has it [m] (box: the three sides; sphere: radius; cylinder: radius, length; of a mesh
-    the scale), `pose` in the link. `mesh` is as the source names the file; `color` red, green, blue, alpha from 0 to 1."""
+    the scale), `pose` in the link, with the angles `rpy` [rad] that the source states it with. `mesh` is as the source names the file;
+    `color` red, green, blue, alpha from 0 to 1."""
 
     kind: Literal["box", "sphere", "cylinder", "mesh"]
     use: Literal["visual", "collision"]
     size: Vector | tuple[float, float] | tuple[float]
     pose: Pose
     where: Span
+    rpy: Vector | None = None
     mesh: str | None = None
     color: tuple[float, float, float, float] | None = None
 

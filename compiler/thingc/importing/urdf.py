@@ -125,7 +125,7 @@ class _Urdf:
         return Weight(properties=properties, where=inertial.where)
 
     def _shape(self, element: SourceElement) -> SourceShape | None:
-        (pose, _), geometry = self.values.origin(element), self.values.one(element, "geometry")
+        (pose, rpy), geometry = self.values.origin(element), self.values.one(element, "geometry")
         forms = [] if geometry is None else [one for one in geometry.children if one.tag in INSIDE["geometry"]]
         if geometry is None or not geometry.children:
             help = 'write <geometry><box size="..."/></geometry>'
@@ -138,17 +138,20 @@ class _Urdf:
             case "box":
                 size = self.values.numbers(form, "size", 3) or (None,)
             case "sphere":
-                size = (self.values.above_zero(form, "radius"),)
+                size = (self.values.above_zero(form, "radius", zero=True),)
             case "cylinder":
-                size = (self.values.above_zero(form, "radius"), self.values.above_zero(form, "length"))
+                size = (self.values.above_zero(form, "radius", zero=True), self.values.above_zero(form, "length", zero=True))
             case _:
                 size = self.values.numbers(form, "scale", 3, (1.0, 1.0, 1.0)) or (None,)
         mesh = self.values.word(form, "filename") if form.tag == "mesh" else None
         if None in size or form.tag == "mesh" and mesh is None:
             return None
+        if 0.0 in size:
+            self._lose(f"a `<{form.tag}>`", "it has no volume", form)
+            return None
         material = self.values.one(element, "material")
         color = None if material is None else self._color(material) or self.colors.get(material.attributes.get("name", ""))
-        return SourceShape(kind=form.tag, use=use, size=size, pose=pose, where=form.where, mesh=mesh, color=color)  # type: ignore[arg-type]
+        return SourceShape(kind=form.tag, use=use, size=size, pose=pose, rpy=rpy, where=form.where, mesh=mesh, color=color)  # type: ignore[arg-type]
 
     def _color(self, material: SourceElement) -> tuple[float, float, float, float] | None:
         color = self.values.one(material, "color")
@@ -270,7 +273,9 @@ class _Urdf:
         for child in element.children:
             if child.tag in INSIDE.get(element.tag, ()):
                 self._unread(child)
-            elif child.tag != "joint" or element.tag not in DRIVEN_BY:
+            elif child.tag in DRIVEN_BY:
+                self._lose(f"`<{child.tag}>`, but for which joints it drives", "it is not read", child)
+            else:
                 self._lose(f"`<{child.tag}>` of `<{element.tag}>`", "it is not read", child)
 
     def _lose(self, what: str, why: str, element: SourceElement) -> None:

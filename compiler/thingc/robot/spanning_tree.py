@@ -59,11 +59,16 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
 
 
 def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[Site]:
-    """Exported mounts at every level, frames, the roots, holds and feet of every mode, and where sensors sit, each name once."""
+    """Exported mounts at every level, frames, links that are part of another, the roots, holds and feet of every mode, and where sensors
+    sit, each name once."""
     placed = in_link(assembly)
     named: set[str] = set()
     wanted = [(mount.path, mount.occurrence, mount.mount, mount.origin) for mount in assembly.exported]
-    wanted += [(o.path, o.index, "origin", o.origin) for o in assembly.occurrences if o.component.frame]
+    named_by = {link.frame for link in assembly.links}  # links of shapes that are bodies have their name already
+    wanted += [
+        (o.path, o.index, "origin", o.origin) for o in assembly.occurrences
+        if o.component.frame or o.listed is not None and o.index not in named_by
+    ]
     wanted += [(m.root.path, m.root.occurrence, m.root.mount or "origin", m.origin) for m in assembly.modes]
     wanted += [
         (h.mount.path, h.mount.occurrence, h.mount.mount or "origin", h.origin) for m in assembly.modes for h in m.holds

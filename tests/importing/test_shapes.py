@@ -1,0 +1,65 @@
+"""What is drawn and what touches is what the source draws and lets touch, against MuJoCo's own reading of the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy
+import pytest
+
+import thingc
+from thingc.diagnostics import Report
+from thingc.importing import Imported, import_robot
+
+SOURCE = Path(__file__).parent / "robots" / "shapes.urdf"
+ALL = '<mujoco><compiler fusestatic="false" discardvisual="false"/></mujoco></robot>'
+
+
+@pytest.fixture(scope="module")
+def imported() -> Imported:
+    report = Report()
+    found = import_robot(str(SOURCE), report)
+    assert found is not None and report.diagnostics == []
+    return found
+
+
+def geoms(model: mujoco.MjModel) -> list[tuple[int, bool, list[float]]]:
+    """Of every geom: its kind, whether it touches, size, colour and pose at q = 0."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    found = []
+    for k in range(model.ngeom):
+        numbers = [round(float(one), 9) + 0.0 for one in (*model.geom_size[k], *data.geom_xpos[k], *data.geom_xmat[k])]
+        found.append((int(model.geom_type[k]), bool(model.geom_contype[k]), numbers))
+    return sorted(found)
+
+
+def test_the_same_shapes_are_there(imported: Imported, tmp_path: Path) -> None:
+    (tmp_path / "shapes.yaml").write_bytes(imported.files["shapes.yaml"])
+    compiled = thingc.compile(tmp_path / "shapes.yaml")
+    assert compiled.diagnostics == ()
+    model = compiled.modes["source"].model()
+    without = SOURCE.read_text().replace('<visual><geometry><sphere radius="0"/></geometry></visual>', "")
+    theirs = mujoco.MjModel.from_xml_string(without.replace("</robot>", ALL))
+    assert geoms(model) == geoms(theirs)
+    for ours, other in ((model.body("base"), theirs.body("base")), (model.body("pole"), theirs.body("pole"))):
+        lead = theirs.body("lead") if other.name == "pole" else None
+        assert ours.mass[0] == pytest.approx(other.mass[0] + (lead.mass[0] if lead is not None else 0.0))
+        centre = other.ipos if lead is None else (other.mass * other.ipos + lead.mass * (lead.pos + lead.ipos)) / (other.mass + lead.mass)
+        assert ours.ipos == pytest.approx(centre)
+    # two points of 1 kg with its inertia and 0.4 kg with none, d apart: m1 m2 / (m1 + m2) d^2 about each axis across it
+    d = numpy.array([0.01, 0.02, 0.6])
+    added = 0.4 / 1.4 * (d @ d * numpy.eye(3) - numpy.outer(d, d))
+    assert sorted(model.body("pole").inertia) == pytest.approx(sorted(numpy.linalg.eigvalsh(0.02 * numpy.eye(3) + added)))
+    assert model.site("lead").pos == pytest.approx([0.0, 0.0, 0.6])
+    drawn = {tuple(numpy.round(model.geom_rgba[k], 2)) for k in range(model.ngeom) if not model.geom_contype[k]}
+    materials = {tuple(numpy.round(model.mat_rgba[k], 2)) for k in range(model.nmat)}
+    assert {(1.0, 0.5, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0)} <= drawn | materials
+
+
+def test_what_is_drawn_and_touches_alike_is_written_once(imported: Imported) -> None:
+    text = imported.files["shapes.yaml"].decode()
+    assert '- {box: 200 300 400 mm, at: {xyz: 100 200 300 mm, rpy: 0.4 -0.3 0.2 rad}, color: "#ff8000"}' in text
+    assert text.count("box:") == 1 and "- {sphere: {radius: 70 mm}, at: {xyz: 0 0 500 mm}, for: collision}" in text
+    assert [(loss.what, loss.where.line) for loss in imported.losses] == [("a `<sphere>`", 9)]
