@@ -17,7 +17,9 @@ and by hand, a mass in each, which stays where it is:
 - `template`: a text with another mass in it, which MuJoCo compiles with its meshes handed over once;
 - `edited`: an `MjSpec` whose body has another mass, compiled anew;
 - `patched`: `body_mass` of one model, and `mj_setConst`; nothing else is what a compilation would give;
-- `copied`: a copy of one model.
+- `copied`: a copy of one model;
+- `kernel`: the part of `a part` made by its class, measured and meshed, in another process that does nothing else (`kernel.py`): what
+  modelling it takes, whoever asks.
 
 They take turns, in rounds; the median is given, and the worst and the best. `--scale N` lends models of numbers to 1000, 10 000, ... N
 variants, one after the other from one family, and says how processor time per variant and memory grow.
@@ -26,10 +28,13 @@ variants, one after the other from one family, and says how processor time per v
 from __future__ import annotations
 
 import argparse
+import contextlib
 import copy
 import itertools
 import re
 import statistics
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -129,13 +134,32 @@ def spent(family: thingc.RobotFamily, models: ModelsOfMode, indices: Iterator[in
     }
 
 
+@contextlib.contextmanager
+def kernel(parts: Path) -> Iterator[Callable[[int], None]]:
+    """The lane of `kernel.py`."""
+    command = [sys.executable, str(Path(__file__).with_name("kernel.py")), str(parts)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdin is not None and process.stdout is not None
+        asked, answers = process.stdin, process.stdout
+
+        def make(count: int) -> None:
+            print(count, file=asked, flush=True)
+            if not answers.readline():
+                raise SystemExit("kernel.py has ended")
+
+        yield make
+        asked.close()
+
+
 def check(found: list[Any]) -> None:
     """All are sound."""
     assert all(one.sound for one in found)
 
 
-SLOW = {"a mesh": 0.05, "a part": 0.001, "template": 0.05, "edited": 0.1, "own": 0.3, "copied": 0.3}
+SLOW = {"a mesh": 0.05, "a part": 0.001, "kernel": 0.001, "template": 0.05, "edited": 0.1, "own": 0.3, "copied": 0.3}
 """Of how many of the variants the slower lanes are."""
+ELSEWHERE = ("a part", "kernel")
+"""Lanes whose work is done by another process."""
 
 
 def main() -> None:
@@ -149,13 +173,14 @@ def main() -> None:
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="thingc-memory-") as name:
         document = workspace(Path(name))
-        with thingc.family(document, store=arguments.store, mode=MODE, verify=arguments.verify) as family:
-            lanes = spent(family, family._of(MODE, False), itertools.count())
+        with thingc.family(document, store=arguments.store, mode=MODE, verify=arguments.verify) as family, \
+                kernel(Path(name) / "parts") as alone:
+            lanes = {**spent(family, family._of(MODE, False), itertools.count()), "kernel": alone}
             rates: dict[str, list[float]] = {label: [] for label in lanes}
             for turn in range(-1, arguments.rounds):
                 for label, make in lanes.items():
-                    count = max(int(arguments.count * SLOW.get(label, 1.0)), 1 if label == "a part" else 16)
-                    clock = processor if label == "a part" else time.process_time
+                    count = max(int(arguments.count * SLOW.get(label, 1.0)), 1 if label in ELSEWHERE else 16)
+                    clock = processor if label in ELSEWHERE else time.process_time
                     begun = clock()
                     make(count)
                     if turn >= 0:
