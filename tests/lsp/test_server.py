@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import random
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pygls.exceptions import JsonRpcException
@@ -118,6 +122,39 @@ def test_the_settings_of_a_workspace_count_unsaved(editor: Editor, robot: Path) 
     assert editor.open(settings) == []
     assert lines(editor.type(settings, 'thingc = "workspace/1"\npart_timeout = "5 mm"\n')) != []
     assert editor.type(settings, 'thingc = "workspace/1"\n') == []
+
+
+def test_messages_that_are_none_are_answered_or_passed_over(shared_store: str) -> None:
+    """Nothing that is sent ends the server or makes it print; every request has its answer."""
+    hover = {"textDocument": {"uri": "file:///x.yaml"}, "position": {"line": 0, "character": 0}}
+    sent: list[Any] = [
+        {"id": 1, "method": "textDocument/hover", "params": hover}, {"method": "textDocument/didOpen", "params": {}},
+        {"id": 2, "method": "initialize", "params": {"capabilities": {}}}, b"{nonsense", b"[" * 100_000,
+        {"id": 3, "method": "textDocument/hover", "params": {"textDocument": 3}}, {"method": "$/cancelRequest", "params": {"id": 99}},
+        {"method": "textDocument/didClose", "params": {"textDocument": {"uri": "file:///never_opened.yaml"}}},
+        {"id": 4, "method": "textDocument/hover", "params": hover}, {"id": 5, "method": "thingc/unknown", "params": {}},
+    ]
+    ending = [{"id": 6, "method": "shutdown"}, {"method": "exit"}]
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-m", "thingc", "lsp", "--store", shared_store], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    assert process.stdin is not None and process.stdout is not None and process.stderr is not None
+    answers: dict[int, Any] = {}
+    for messages, wanted in ((sent, 5), (ending, 6)):
+        for one in messages:
+            body = one if isinstance(one, bytes) else json.dumps({"jsonrpc": "2.0", **one}).encode()
+            process.stdin.write(b"Content-Length: %d\r\n\r\n%s" % (len(body), body))
+        process.stdin.flush()
+        while len(answers) < wanted:
+            length = 0
+            while line := process.stdout.readline().strip():
+                length = int(line.partition(b": ")[2]) if line.startswith(b"Content-Length") else length
+            answer = json.loads(process.stdout.read(length))
+            if "id" in answer:
+                answers[answer["id"]] = answer.get("error", {}).get("code")
+    assert answers == {1: -32002, 2: None, 3: -32602, 4: None, 5: -32601, 6: None}
+    assert process.wait(20.0) == 0 and process.stderr.read() == b""
 
 
 def test_a_server_says_so_where_its_extra_is_missing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -27,7 +27,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0 when the editor has left; 2 where the extra is not installed."""
+    """Exit code 0 when the editor has left, 1 where it went without a word; 2 where the extra is not installed."""
     from importlib.util import find_spec
 
     if find_spec("pygls") is None:
@@ -44,5 +44,4 @@ def run(arguments: argparse.Namespace) -> int:
 
     protocol = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # whatever is printed is no message of the protocol
-    serve(options, __version__, common.of_exception, sys.stdin.buffer, protocol)
-    return 0
+    return 0 if serve(options, __version__, common.of_exception, sys.stdin.buffer, protocol) else 1

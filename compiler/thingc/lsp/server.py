@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 REQUEST_FAILED = -32803
 INTERNAL_ERROR = -32603
+NOT_INITIALIZED = -32002
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,9 +75,9 @@ FEATURES: dict[str, Feature] = {
 
 def serve(
     options: Options, version: str, refused: Callable[[Exception], Diagnostic], stdin: BinaryIO, stdout: BinaryIO,
-) -> None:
-    """Answer an editor until it leaves. `options` say where the store is; whether code may run is said by the editor. `refused` puts an
-    exception into words."""
+) -> bool:
+    """Answer an editor until it leaves; whether it has said so before. `options` say where the store is; whether code may run is said by
+    the editor. `refused` puts an exception into words."""
     from lsprotocol import types
     from pygls.exceptions import JsonRpcException
     from pygls.lsp import get_method_options_type
@@ -92,6 +93,15 @@ def serve(
         def get_result_type(self, method: str) -> Any:  # type: ignore[override]
             """The type of an answer; None: as it is."""
             return None if method in FEATURES else super().get_result_type(method)
+
+        def structure_message(self, data: dict[str, Any]) -> Any:
+            """What was sent, as the protocol's type; a request that is none is answered, too."""
+            try:
+                return super().structure_message(data)
+            except JsonRpcException as fault:
+                if "id" in data and "method" in data:
+                    self._send_response(data["id"], error=fault.to_response_error())
+                raise
 
     class Quiet(LanguageServer):
         """Says nothing of its own faults to the person: they cannot mend them."""
@@ -124,7 +134,8 @@ def serve(
         loop = asyncio.get_running_loop()
         given = params.initialization_options
         trusted = isinstance(given, dict) and given.get("trusted") is True
-        opened.append(OpenDocuments(replace(options, lock=True, code=trusted), publish, refused, wake))
+        if not opened:
+            opened.append(OpenDocuments(replace(options, lock=True, code=trusted), publish, refused, wake))
 
     def wake() -> None:
         with contextlib.suppress(RuntimeError):  # the server is leaving
@@ -176,6 +187,8 @@ def serve(
         wake()
 
     def answered(feature: Feature, params: dict[str, Any]) -> Any:
+        if not opened:
+            raise JsonRpcException("`initialize` comes first", code=NOT_INITIALIZED)
         uri = params.get("textDocument", {}).get("uri", "") if feature.document else None
         path = recent[0] if uri is None else path_of(uri)
         if not path:
@@ -210,3 +223,4 @@ def serve(
         analysing.shutdown(wait=False, cancel_futures=True)
         for one in opened:
             one.close()
+    return server.protocol._shutdown
