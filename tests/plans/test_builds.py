@@ -66,7 +66,10 @@ def given(k: int) -> Settings:
 
 
 def test_builds_are_those_of_every_pass(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    own = made(session, measured=lambda compilation: {"mass": compilation.robots[0].assembly.links[1].properties.mass, "name": "x"})
+    own = made(
+        session, measured=lambda compilation: {"mass": compilation.robots[0].assembly.links[1].properties.mass, "name": "x"},
+        targets=("mjcf", "urdf", "sdf", "bom"),
+    )
     assert own.planned(given(0)) is None
     assert own.planned(given(1)) is not None  # the second that no plan is of
     monkeypatch.setattr(Session, "compile", None)

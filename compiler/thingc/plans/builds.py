@@ -30,8 +30,8 @@ from thingc.resolve import Settings
 from thingc.session import Session
 from thingc.shown import json_text
 
-FOLLOWED = frozenset(("mjcf", "bom"))
-"""The targets in whose files every number that differs is known by a token."""
+FOLLOWED = frozenset(("mjcf", "stl", "urdf", "sdf", "bom"))
+"""The targets whose files hold no number that differs but in text, where it is known by a token."""
 
 
 PATIENCE = 16
