@@ -223,7 +223,7 @@ def _passes(
 ) -> Compilation:
     """From what was read to the robots. `of_text` has answers that hold as long as the documents stand as they are, line by line; those of
     the environment hold for all."""
-    from thingc.graph import link, slicings_of, with_own_images
+    from thingc.graph import link, mesh_records, slicings_of, with_own_images
     from thingc.resolve import decomposed, part_definitions, resolve, resolve_materials
     from thingc.robot import root, stand
 
@@ -251,7 +251,9 @@ def _passes(
     records = parts.slice(definitions, records, slicings_of(model, records))
     environment.say_gaps(report)
     compilation = replace(compilation, decisions=parts.decisions, model=model, records=records)
-    linked = link(model, records, report, memo)
+    store = environment.store if environment.options.code else None
+    meshes = mesh_records(model, store, report, memo, drawn=not environment.options.lock)
+    linked = link(model, records, report, memo, meshes)
     if linked is None:
         return compilation
     assembly = stand(linked, _corners(environment), report, memo)

@@ -13,7 +13,7 @@ from thingc.diagnostics import Code, Note, Report
 from thingc.emit.artifact import Loss, Stored
 from thingc.frozen import dataclass
 from thingc.graph.types import Assembly, Occurrence, Surface
-from thingc.pose import NO_POSE, Pose
+from thingc.pose import NO_POSE, Pose, Vector
 from thingc.primitives import Primitive, PrimitiveShape
 from thingc.realize.record import Mesh, PartDefinition
 from thingc.resolve.model import Material
@@ -38,22 +38,25 @@ Takes = Callable[[Occurrence, Mesh | Primitive], bool]
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeshAsset:
     """A mesh with a file of its own: its name, the mesh in the store (OBJ) [m], the `volume` [m^3] of the part that it is of, and
-    the origin of the occurrence that it was first met at."""
+    the origin of the occurrence that it was first met at. `own` are the bytes of the mesh file that it was read from, whose numbers are
+    metres by the factors `scale`, for MuJoCo."""
 
     name: str
     mesh: Mesh
     volume: float
     origin: Origin
+    own: Stored | None = None
+    scale: Vector | None = None
 
     @property
     def file(self) -> str:
         """What its file is called."""
-        return f"{self.name}.obj"
+        return f"{self.name}.obj" if self.own is None else self.name
 
     @property
     def stored(self) -> Stored:
         """Where its bytes lie."""
-        return Stored(sha256=self.mesh.sha256, size=self.mesh.size)
+        return self.own or Stored(sha256=self.mesh.sha256, size=self.mesh.size)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,10 +146,10 @@ def inputs_of(assembly: Assembly) -> tuple[object, ...]:
     )
 
 
-def geometry(assembly: Assembly, folder: str, takes: Takes, report: Report) -> Geometry:
-    """The geometry of every occurrence, as far as a target `takes` it. Two definitions whose meshes would have one name in the target's
-    `folder`, and a shape to collide with that there is not, are errors."""
-    return _Collector(folder, takes, report).collect(assembly)
+def geometry(assembly: Assembly, folder: str, takes: Takes, report: Report, *, own: bool = False) -> Geometry:
+    """The geometry of every occurrence, as far as a target `takes` it; with `own` mesh files are their own bytes where those are known.
+    Two definitions whose meshes would have one name in the target's `folder`, and a shape to collide with that there is not, are errors."""
+    return _Collector(folder, takes, report, own).collect(assembly)
 
 
 def solid_geometry(assembly: Assembly, target: str, folder: str, report: Report) -> tuple[Geometry, list[Loss]]:
@@ -164,8 +167,9 @@ def solid_geometry(assembly: Assembly, target: str, folder: str, report: Report)
 
 
 class _Collector:
-    def __init__(self, folder: str, takes: Takes, report: Report) -> None:
+    def __init__(self, folder: str, takes: Takes, report: Report, own: bool) -> None:
         self.folder = folder
+        self.own = own
         self.takes = takes
         self.report = report
         self.meshes: dict[str, MeshAsset] = {}
@@ -180,8 +184,9 @@ class _Collector:
         drawn: list[Shape | None] = []
         touching: tuple[Shape, ...] = ()
         if occurrence.listed is not None:
-            drawn = [self.shape(occurrence, surface, "") for surface in occurrence.drawn]
-            taken = [self.shape(occurrence, surface, "") for surface in occurrence.touching if self.takes(occurrence, surface.solid)]
+            drawn = [self.shape(occurrence, surface, surface.name) for surface in occurrence.drawn]
+            felt = (surface for surface in occurrence.touching if self.takes(occurrence, surface.solid))
+            taken = [self.shape(occurrence, surface, surface.name) for surface in felt]
             touching = tuple(shape for shape in taken if shape is not None)
         elif record is not None and record.meshes and isinstance(definition, PartDefinition):
             drawn = [self.shape(occurrence, surface, definition.stem) for surface in occurrence.drawn]
@@ -215,7 +220,7 @@ class _Collector:
             return Shape(kind=mesh.shape, size=mesh.size, pose=mesh.pose, material=surface.material, color=surface.color)
         name = stem + suffix
         owner = self.owners.setdefault(name.casefold(), occurrence)
-        if owner.definition != occurrence.definition:
+        if owner.definition != occurrence.definition and not (self.meshes.get(name) is not None and self.meshes[name].mesh == mesh):
             self.report.add(
                 Code.SAME_FILE,
                 f"`{occurrence.definition.label}` and `{owner.definition.label}` would both be written as `{self.folder}/{stem}.obj`",
@@ -225,8 +230,10 @@ class _Collector:
                 notes=[Note(message=f"`{owner.definition.label}` is used here", span=next(iter(owner.origin), None))],
             )
             return None
+        own = Stored(sha256=surface.own[0], size=surface.own[1]) if self.own and surface.own is not None else None
         self.meshes.setdefault(name, MeshAsset(
-            name=name, mesh=mesh, volume=occurrence.record.volume if occurrence.record is not None else 0.0, origin=occurrence.origin,
+            name=name, mesh=mesh, volume=occurrence.record.volume if occurrence.record is not None else surface.volume,
+            origin=occurrence.origin, own=own, scale=surface.scale,
         ))
         return Shape(kind="mesh", mesh=name, pose=surface.pose, material=surface.material, color=surface.color)
 

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from thingc.graph.kinematics import balls, coordinates, in_cones, joints_of, leaders, on_loops, poses
 from thingc.graph.linking import link
+from thingc.graph.mesh_records import mesh_records
 from thingc.graph.own_images import with_own_images
 from thingc.graph.prints import slicings_of
 
-__all__ = ["balls", "coordinates", "in_cones", "joints_of", "leaders", "link", "on_loops", "poses", "slicings_of", "with_own_images"]
+__all__ = [
+    "balls", "coordinates", "in_cones", "joints_of", "leaders", "link", "mesh_records", "on_loops", "poses", "slicings_of",
+    "with_own_images",
+]

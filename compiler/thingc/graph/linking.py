@@ -9,6 +9,7 @@ from thingc.graph.expectations import check_expectations
 from thingc.graph.findings import Findings
 from thingc.graph.kinematics import forward_kinematics, neighbourhood, on_loops
 from thingc.graph.links import connected_components, links_of
+from thingc.graph.listed import Meshes
 from thingc.graph.mates import check_loops, loops_in, mates_of, stated_joints
 from thingc.graph.modes import adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of
 from thingc.graph.part_instances import PartInstances
@@ -25,17 +26,18 @@ from thingc.resolve.model import AssemblyDefinition
 
 def link(
     model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure], report: Report, memo: Memo | None = None,
-    *, unmodelled: bool = False,
+    meshes: Meshes | None = None, *, unmodelled: bool = False,
 ) -> Assembly | None:
     """The linked assembly, or None where something is wrong (it is in `report`).
 
     `records` answers every part definition of `model` by its text; of one that is `unmodelled` nothing is there, and nothing comes of
-    it but what is wrong with documents alone. What depends on something that is wrong is left out
-    without a word of its own. The work is linear in the occurrences. What `memo` has of it is taken from there.
+    it but what is wrong with documents alone. `meshes` are the records of the mesh files that links list, as far as they are known. What
+    depends on something that is wrong is left out without a word of its own. The work is linear in the occurrences. What `memo` has of it
+    is taken from there.
     """
     memo = memo or Memo()
     findings = Findings(report)
-    leaves = PartInstances(records, findings, memo)
+    leaves = PartInstances(records, meshes or {}, findings, memo)
     tree = Tree(model, leaves, findings)
     leaves.report_failures()
     leaves.report_materials()

@@ -121,14 +121,17 @@ def weigh(record: PartRecord | None, density: Density | None, process: Process |
     return Weighed(properties=_said(MassProperties(mass=mass, centre=centre, inertia=inertia), overrides), source=source, estimate=estimate)
 
 
-def weigh_link(matter: MassProperties, weight: MassProperties | None, overrides: Overrides) -> Weighed:
-    """The mass properties of a link: what the document states, else `weight`, what its shapes weigh by their densities. A mass alone is
-    spread over its shapes, as `matter` (at density 1) is. With neither it weighs nothing."""
-    known, source = weight if weight is not None else replace(NOTHING, centre=matter.centre), "derived"
-    if overrides.mass is not None:
-        spread = known if known.mass > 0.0 else matter
-        known, source = spread.with_mass(overrides.mass.value[0]), overrides.mass.source
-    return Weighed(properties=_said(known, overrides), source=source)
+def weigh_link(matter: MassProperties, overrides: Overrides) -> Weighed:
+    """The mass properties of a link: what the document states, else what its shapes weigh, which `matter` is then. A mass alone is spread
+    over them, as `matter` is."""
+    if overrides.mass is None:
+        return Weighed(properties=_said(matter, overrides), source="derived")
+    return Weighed(properties=_said(matter.with_mass(overrides.mass.value[0]), overrides), source=overrides.mass.source)
+
+
+def said_whole(overrides: Overrides) -> bool:
+    """Whether a document says all of a mass: how large it is, where it is, and how it is spread."""
+    return overrides.mass is not None and overrides.com is not None and overrides.inertia is not None
 
 
 def _said(properties: MassProperties, overrides: Overrides) -> MassProperties:

@@ -11,7 +11,7 @@ from thingc.diagnostics import Code, Note, allow_hint
 from thingc.frozen import dataclass
 from thingc.graph.findings import Findings, line_of, noted, written_at
 from thingc.graph.hag import FRAME, Definition
-from thingc.graph.listed import listed, matter_of, weight_of
+from thingc.graph.listed import Meshes, Unweighed, listed, weigh_shapes
 from thingc.graph.mass import (
     NOTHING,
     Density,
@@ -22,7 +22,6 @@ from thingc.graph.mass import (
     slicing_of,
     unsaid_keys,
     weigh,
-    weigh_link,
 )
 from thingc.graph.prints import material_of, process_of
 from thingc.graph.types import Listed, MountFrame
@@ -32,7 +31,7 @@ from thingc.mirror import Mirror
 from thingc.pose import NO_POSE
 from thingc.realize.record import Outside, PartDefinition, PartFailure, PartRecord, PartWarning
 from thingc.realize.slices import Unsliced
-from thingc.resolve.link_definition import LinkDefinition
+from thingc.resolve.link_definition import LinkDefinition, mesh_files_of
 from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Material, Process
 from thingc.resolve.plausible import density_cure, density_doubt, mass_doubt, mass_words, said_by_file
 from thingc.source import Origin
@@ -91,8 +90,9 @@ class PartInstances:
     `unknown`: a part was met of which nobody may know more (see `PartRecord.exact`); the caller has said so.
     """
 
-    def __init__(self, records: Mapping[str, PartRecord | PartFailure], findings: Findings, memo: Memo) -> None:
+    def __init__(self, records: Mapping[str, PartRecord | PartFailure], meshes: Meshes, findings: Findings, memo: Memo) -> None:
         self._memo = memo
+        self._meshes = meshes
         self._records = records
         self._findings = findings
         self._known: dict[int, PartInstance | None] = {}
@@ -113,7 +113,8 @@ class PartInstances:
         """The leaf as it was worked out last, if nothing at all was to be said then, or was allowed."""
         record = self._records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
         material = scope.materials.get(record.material) if isinstance(record, PartRecord) and record.material else None
-        inputs = (component, record, material, scope.materials_known)
+        files = mesh_files_of(component.definition)
+        inputs = (component, record, material, scope.materials_known, tuple(self._meshes.get(file) for file in files))
         instance: PartInstance | None = self._memo.last(("leaf", path), inputs)
         if instance is None:
             report, allowed = self._findings.report, self._findings.report.allowed
@@ -210,7 +211,7 @@ class PartInstances:
             estimate=weighed.estimate if weighed is not None else None,
             mounts=self._mounts(component, record, path, origin),
             sound=sound,
-            listed=listed(component.definition, material) if isinstance(component.definition, LinkDefinition) else None,
+            listed=listed(component.definition, material, self._meshes) if isinstance(component.definition, LinkDefinition) else None,
         )
 
     def _warn(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:
@@ -325,14 +326,19 @@ class PartInstances:
 
     def _weigh_link(
         self, component: Component, definition: LinkDefinition, material: Material | None, path: str, origin: Origin,
-    ) -> Weighed:
-        weight = weight_of(definition, material)
-        if weight is None and component.overrides.mass is None:
+    ) -> Weighed | None:
+        try:
+            return weigh_shapes(definition, material, self._meshes, component.overrides)
+        except Unweighed as why:
+            if not str(why):  # nobody has read the file, or what is wrong with it has been said
+                self._findings.leave_out()
+                self.unknown = True
+                return None
             self._findings.error(
-                Code.NO_MATERIAL, f"`{component.name}` weighs by the densities of its shapes, and some have none", origin, path=path,
-                help="give every shape, or the link, a `material` with a density, or add `mass:`",
+                Code.NO_MATERIAL, f"`{component.name}` {why}", origin, path=path,
+                help="give every shape, or the link, a `material` with a density, or add `mass:`, `com:` and `inertia:`",
             )
-        return weigh_link(matter_of(definition), weight, component.overrides)
+            return None
 
     def _doubt(
         self, component: Component, record: PartRecord, material: Material | None, weighed: Weighed, path: str, origin: Origin,

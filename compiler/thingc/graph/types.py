@@ -44,12 +44,17 @@ class MountFrame(Brief):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surface(Brief):
     """A shape of an occurrence that is drawn or touched: `solid` at `pose` in the occurrence's frame, of what it is made and in which
-    colour (`#rrggbb`, `#rrggbbaa`; None: of its own)."""
+    colour (`#rrggbb`, `#rrggbbaa`; None: of its own). Of a mesh that a link lists `name` is what its file may be called, `volume` [m^3]
+    what it holds, `own` the bytes that it was read from (SHA-256 and size) where MuJoCo reads them with the factors `scale`."""
 
     solid: Mesh | Primitive
     material: Material | None
     color: str | None
     pose: Pose = NO_POSE
+    name: str = ""
+    volume: float = 0.0
+    own: tuple[str, int] | None = None
+    scale: Vector | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

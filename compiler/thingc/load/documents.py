@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from thingc.diagnostics import Code, Note, Report
 from thingc.frozen import dataclass
 from thingc.load.packaged import find_packaged, is_packaged
-from thingc.load.paths import DOCUMENT_SUFFIXES, PART_SUFFIXES, find_file, named, refuse_name
+from thingc.load.paths import DOCUMENT_SUFFIXES, MESH_SUFFIXES, PART_SUFFIXES, find_file, libraries, named, refuse_name
 from thingc.load.text import MAX_ALL_BYTES, MAX_FAULTS, decode
 from thingc.memo import Memo
 from thingc.shown import unseen
@@ -246,6 +246,12 @@ class _Reader:
             if self.enough(where):
                 return
             self.find(text, document, where, PART_SUFFIXES, "a file of a part")
+        for text, where in _meshes(document.tree):
+            if self.enough(where):
+                return
+            path = self.find(text, document, where, MESH_SUFFIXES, "a mesh file")
+            if path is not None:
+                self.files.update(os.path.join(os.path.dirname(path), name) for name in libraries(path))
         for text, where in _assemblies(document.tree):
             if self.enough(where):
                 return
@@ -370,6 +376,16 @@ def _assemblies(tree: MappingNode) -> Iterator[tuple[str, Span]]:
 
 def _files(tree: MappingNode) -> Iterator[tuple[str, Span]]:
     return _components(tree, "file")
+
+
+def _meshes(tree: MappingNode) -> Iterator[tuple[str, Span]]:
+    """The mesh files among the shapes of links."""
+    components = tree.entries.get("components")
+    for component in components.entries.values() if isinstance(components, MappingNode) else ():
+        shapes = component.entries.get("shapes") if isinstance(component, MappingNode) else None
+        for shape in shapes.items if isinstance(shapes, SequenceNode) else ():
+            if isinstance(shape, MappingNode):
+                yield from _texts(shape.entries.get("mesh"))
 
 
 def _materials(tree: MappingNode) -> Iterator[tuple[str, Span]]:

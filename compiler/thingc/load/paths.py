@@ -17,8 +17,13 @@ if TYPE_CHECKING:
 
 DOCUMENT_SUFFIXES = (".yaml", ".yml", ".toml")
 PART_SUFFIXES = (".step", ".stp", ".brep", ".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf")
-SUFFIXES_WITH_UNIT = (".step", ".stp", ".3mf", ".glb", ".gltf")
+MESH_SUFFIXES = (".stl", ".obj", ".dae", ".ply", ".glb")
+"""Of files that a link lists as its shapes."""
+SUFFIXES_WITH_UNIT = (".step", ".stp", ".3mf", ".glb", ".gltf", ".dae")
 """Of these, the files that say in which unit their numbers are."""
+
+_HEAD = 1 << 16
+_LIBRARY = re.compile(rb"^mtllib[ \t]+([^\r\n]+?)[ \t]*\r?$", re.MULTILINE)
 
 _DRIVE = re.compile(r"[A-Za-z]:|\\\\")
 
@@ -80,6 +85,19 @@ def named(text: str, beside: str) -> str | None:
     """The absolute path of what a document at the path `beside` calls `text`, be it there or not; None where nothing can be called
     so."""
     return None if unseen(text) else os.path.normpath(os.path.join(os.path.dirname(beside), text))
+
+
+def libraries(path: str) -> tuple[str, ...]:
+    """The names, in the same folder, of the files that an OBJ file takes its colours from, as its first lines say; of other files none."""
+    if not path.lower().endswith(".obj"):
+        return ()
+    try:
+        with open(path, "rb") as stream:
+            head = stream.read(_HEAD)
+    except OSError:
+        return ()
+    names = {name.decode("utf-8", "replace") for name in _LIBRARY.findall(head)}
+    return tuple(sorted(name for name in names if name.lower().endswith(".mtl") and os.path.basename(name) == name and not unseen(name)))
 
 
 def refuse_name(name: str, where: Span | None, report: Report) -> None:

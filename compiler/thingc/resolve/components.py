@@ -75,7 +75,7 @@ def _define(context: Context, table: Table, node: Node, nest: Nest) -> None:
         if node.definition is None and "file" in node.chosen:
             choose.refuse_file(context, node, spec.file)
     elif spec.link is not None:
-        node.definition = of_link(table, node)
+        node.definition = of_link(context, table, node)
     elif spec.assembly is not None:
         said.refuse_on_assembly(node)
         node.table = _nested(context, table, node, spec.assembly, nest)

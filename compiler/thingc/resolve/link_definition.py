@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 from thingc.brief import Brief, counted
 from thingc.frozen import dataclass
+from thingc.meshes import MeshFile
 from thingc.mirror import Mirror
+from thingc.pose import NO_POSE, Pose
 from thingc.primitives import Primitive
 from thingc.realize.record import with_mirror
+from thingc.source import Origin
 
 if TYPE_CHECKING:
     from thingc.resolve.model import Material
@@ -21,30 +24,34 @@ NAMED = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListedShape(Brief):
-    """A shape of a link, in its frame: whether it is `drawn`, and whether it `touches`. `material` and `color` (`#rrggbb`) are what the
-    shape itself says; None: as its link, and its material, have it."""
+    """A shape of a link, in its frame: whether it is `drawn`, and whether it `touches`. `pose` is that of a mesh file: a primitive has its
+    own. `material` and `color` (`#rrggbb`) are what the shape itself says; None: as its link, and its material, have it."""
 
-    solid: Primitive
+    solid: Primitive | MeshFile
     drawn: bool
     touches: bool
+    pose: Pose = NO_POSE
     material: Material | None = None
     color: str | None = None
+    origin: Origin = field(default=(), compare=False)
 
     @property
     def word(self) -> str:
         """What it is, for people."""
-        return self.solid.shape
+        return self.solid.path if isinstance(self.solid, MeshFile) else self.solid.shape
 
     @property
     def said(self) -> tuple[object, ...]:
         """All that it says, as plain values."""
         solid, material = self.solid, self.material.name if self.material is not None else None
-        return (
-            solid.shape, solid.size, solid.pose.rotation, solid.pose.translation, self.drawn, self.touches, material, self.color,
-        )
+        pose = self.pose if isinstance(solid, MeshFile) else solid.pose
+        shape = (solid.path, *solid.content) if isinstance(solid, MeshFile) else (solid.shape, solid.size)
+        return (*shape, pose.rotation, pose.translation, self.drawn, self.touches, material, self.color)
 
     def mirrored(self, mirror: Mirror) -> ListedShape:
-        """Its mirror image: every primitive is the image of itself, in a frame that is mirrored."""
+        """Its mirror image: every primitive is the image of itself, in a frame that is mirrored, and a mesh file is read mirrored."""
+        if isinstance(self.solid, MeshFile):
+            return replace(self, solid=replace(self.solid, scale=mirror.vector(self.solid.scale)), pose=mirror.frame(self.pose))
         return replace(self, solid=replace(self.solid, pose=mirror.frame(self.solid.pose)))
 
 
@@ -66,6 +73,12 @@ class LinkDefinition(Brief):
             self, shapes=tuple(shape.mirrored(mirror) for shape in self.shapes), text=with_mirror(self.text, axis),
             label=with_mirror(self.label, axis), mirror=axis, plain=self,
         )
+
+
+def mesh_files_of(definition: object) -> tuple[MeshFile, ...]:
+    """The mesh files that a link lists; none of any other definition."""
+    shapes = definition.shapes if isinstance(definition, LinkDefinition) else ()
+    return tuple(dict.fromkeys(shape.solid for shape in shapes if isinstance(shape.solid, MeshFile)))
 
 
 def link_of(shapes: tuple[ListedShape, ...]) -> LinkDefinition:

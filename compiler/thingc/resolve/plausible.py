@@ -6,6 +6,7 @@ from thingc.frozen import dataclass
 from thingc.load.paths import SUFFIXES_WITH_UNIT
 from thingc.pose import Vector
 from thingc.realize.record import FILE_UNIT, PartDefinition
+from thingc.resolve.link_definition import LinkDefinition
 from thingc.units import LENGTH, Quantity, parse_quantity
 
 LIGHTEST, HEAVIEST = 10.0, 25_000.0
@@ -63,6 +64,8 @@ def said_by_file(definition: PartDefinition) -> bool:
 
 def unit_meant(definition: object, size: float) -> str:
     """What to do about a part (its definition) whose size [m] is odd: of a file without a unit, the unit in which it is none."""
+    if isinstance(definition, LinkDefinition):
+        return "lengths of shapes have their units; write `unit: m`, or another one, beside a `mesh` whose numbers are in that"
     if not isinstance(definition, PartDefinition) or definition.kind != "file":
         return "part code is in millimetres, and documents write units: check those of its `params`"
     if said_by_file(definition):

@@ -2,36 +2,93 @@
 
 from __future__ import annotations
 
+import os
+from functools import partial
 from typing import assert_never
 
-from thingc.pose import NO_POSE, Pose
+from thingc.diagnostics import Code
+from thingc.load.paths import MESH_SUFFIXES, SUFFIXES_WITH_UNIT, libraries, named
+from thingc.meshes import LARGEST, MeshFile, mesh_file
+from thingc.pose import NO_POSE, Pose, Vector
 from thingc.primitives import Primitive
+from thingc.realize.record import FILE_UNIT
 from thingc.resolve.layers import Layers
 from thingc.resolve.link_definition import LinkDefinition, ListedShape, link_of
 from thingc.resolve.overrides import material
 from thingc.resolve.scope import Scope
-from thingc.resolve.table import Node, Table
+from thingc.resolve.table import Context, Node, Table
 from thingc.source import Path
 from thingc.spec.listed import ShapeSpec
-from thingc.units import LENGTH
+from thingc.units import LENGTH, NUMBER, parse_quantity, shortened
 
 
-def of_link(table: Table, node: Node) -> LinkDefinition | None:
+def of_link(context: Context, table: Table, node: Node) -> LinkDefinition | None:
     """The definition of a component that is a `link`; None where one of its shapes is wrong (reported)."""
-    shapes = [_shape(table, node.scope, spec, (*node.path, "shapes", index)) for index, spec in enumerate(node.spec.shapes)]
+    shapes = [_shape(context, table, node.scope, spec, (*node.path, "shapes", index)) for index, spec in enumerate(node.spec.shapes)]
     sound = tuple(shape for shape in shapes if shape is not None)
     return link_of(sound) if len(sound) == len(shapes) else None
 
 
-def _shape(table: Table, scope: Scope, spec: ShapeSpec, path: Path) -> ListedShape | None:
+def _shape(context: Context, table: Table, scope: Scope, spec: ShapeSpec, path: Path) -> ListedShape | None:
     pose = NO_POSE if spec.at is None else scope.pose(spec.at.xyz, (*path, "at", "xyz"), spec.at.rpy, (*path, "at", "rpy"))
-    solid = _primitive(scope, spec, path, pose or NO_POSE)
+    solid = _mesh(context, scope, spec, path) if spec.mesh is not None else _primitive(scope, spec, path, pose or NO_POSE)
     if solid is None or pose is None:
         return None
     return ListedShape(
-        solid=solid, drawn=spec.for_ != "collision", touches=spec.for_ != "visual", color=spec.color,
+        solid=solid, pose=NO_POSE if isinstance(solid, Primitive) else pose, drawn=spec.for_ != "collision", touches=spec.for_ != "visual",
+        color=spec.color, origin=scope.origin((*path, spec.kind)),
         material=material(scope, Layers(((spec, path),)), table.materials, unreadable=table.materials_unreadable),
     )
+
+
+def _mesh(context: Context, scope: Scope, spec: ShapeSpec, path: Path) -> MeshFile | None:
+    """A mesh file, and its scale; None where that is wrong (reported), or the file cannot be used (which `load` has reported)."""
+    scale = _scale(scope, spec, path)
+    absolute, workspace = named(spec.mesh or "", scope.document.path), context.workspace
+    if scale is None or absolute is None or os.path.isabs(spec.mesh or "") or not workspace.contains(absolute):
+        return None
+    if not absolute.lower().endswith(MESH_SUFFIXES):
+        return None
+    try:
+        stat = os.stat(absolute)
+        if stat.st_size > LARGEST:
+            scope.error(
+                Code.TOO_LARGE, f"`{shortened(spec.mesh or '')}` is {stat.st_size // 1_000_000} MB large, and mesh files are read up to "
+                f"{LARGEST // 1_000_000} MB", (*path, "mesh"), help="simplify the mesh: nobody sees more than some ten thousand triangles",
+            )
+            return None
+        own = (absolute, *((stat.st_ino, stat.st_size, stat.st_mtime_ns)))
+        beside = tuple(os.path.join(os.path.dirname(absolute), name) for name in libraries(absolute))
+        times = tuple(os.stat(one).st_mtime_ns if os.path.isfile(one) else 0 for one in beside)
+        return context.memo(("mesh", absolute, scale), partial(_file, scale), *own, times, workspace.relative(absolute))
+    except OSError:
+        return None
+
+
+def _file(scale: Vector, absolute: str, _inode: int, _size: int, _changed: int, _times: object, path: str) -> MeshFile:
+    """The file, of which the memo compares the times."""
+    return mesh_file(absolute, path, scale)
+
+
+def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:
+    """The factors to metres; None where one is wrong (reported)."""
+    at: Path = (*path, "scale")
+    if isinstance(spec.scale, list):
+        factors = [scope.number(factor, (*at, k), NUMBER, "a factor of `scale`") for k, factor in enumerate(spec.scale)]
+    else:
+        factors = [1.0 if spec.scale is None else scope.number(spec.scale, at, NUMBER, "`scale`")] * 3
+    x, y, z = factors
+    if x is None or y is None or z is None:
+        return None
+    if not x * y * z:
+        scope.error(
+            Code.OUT_OF_RANGE, "a factor of `scale` is 0, which leaves nothing of the mesh", at,
+            help="write for example `scale: [1, 1, -1]`",
+        )
+        return None
+    said = spec.mesh is not None and spec.mesh.lower().endswith(SUFFIXES_WITH_UNIT)
+    unit = 1.0 if said else parse_quantity(f"1 {spec.unit or FILE_UNIT}").value
+    return x * unit, y * unit, z * unit
 
 
 def _primitive(scope: Scope, spec: ShapeSpec, path: Path, pose: Pose) -> Primitive | None:
@@ -48,6 +105,8 @@ def _primitive(scope: Scope, spec: ShapeSpec, path: Path, pose: Pose) -> Primiti
             sides = [scope.number(written.radius, (*at, "radius"), LENGTH, "`radius`", above=0.0)]
         case "cylinder" | "capsule":
             sides = [scope.number(getattr(written, key), (*at, key), LENGTH, f"`{key}`", above=0.0) for key in ("radius", "length")]
+        case "mesh":
+            return None
         case _:
             assert_never(spec.kind)
     whole = [side for side in sides if side is not None]

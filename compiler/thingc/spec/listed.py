@@ -6,11 +6,12 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import ConfigDict, Field, model_validator
 
+from thingc.load.paths import SUFFIXES_WITH_UNIT
 from thingc.spec.base import Model, rule
-from thingc.spec.fields import ColorField, LengthField, Vector3Angle, Vector3Length
+from thingc.spec.fields import ColorField, LengthField, NumberField, Vector3Angle, Vector3Length
 from thingc.spec.named import MaterialField
 
-ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "ellipsoid", "plane"]
+ShapeKind = Literal["mesh", "box", "sphere", "cylinder", "capsule", "ellipsoid", "plane"]
 KINDS: tuple[ShapeKind, ...] = get_args(ShapeKind)
 """What a shape is exactly one of."""
 
@@ -43,13 +44,22 @@ class LongSpec(Model):
 def _shape_rules(schema: dict[str, Any]) -> None:
     """What `ShapeSpec` checks beyond its fields, for editors."""
     schema["oneOf"] = [{"required": [kind]} for kind in KINDS]
+    schema["dependentSchemas"] = {key: {"required": ["mesh"]} for key in ("unit", "scale")}
 
 
 class ShapeSpec(Model):
-    """A shape of a link: exactly one of `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`, `plane`."""
+    """A shape of a link: exactly one of `mesh`, `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`, `plane`."""
 
     model_config = ConfigDict(json_schema_extra=_shape_rules)
 
+    mesh: str | None = Field(default=None, examples=["meshes/trunk.stl"])
+    """A mesh file: STL, OBJ, COLLADA (`.dae`), PLY or glTF (`.glb`), relative to this document."""
+    unit: Literal["um", "mm", "cm", "m", "in", "ft"] | None = None
+    """The unit of the numbers in an STL, OBJ or PLY `mesh`, which does not say it; mm unless written."""
+    scale: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | NumberField | None = Field(
+        default=None, examples=[[1, 1, -1], 0.5],
+    )
+    """Factors for a `mesh`, along x, y and z or one for all; a negative one mirrors it."""
     box: Vector3Length | None = Field(default=None, examples=["380 90 110 mm"])
     """Its whole lengths along x, y and z."""
     sphere: RoundSpec | None = Field(default=None, examples=[{"radius": "20 mm"}])
@@ -86,4 +96,9 @@ class ShapeSpec(Model):
                 f"a shape is exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}; {these}",
                 "write each in an item of its own: `- {...}`" if kinds else "write for example `box: 40 40 20 mm`",
             )
+        for key in ("unit", "scale"):
+            if getattr(self, key) is not None and self.mesh is None:
+                raise rule(f"`{key}` belongs to a `mesh`", "take it out: lengths of other shapes have their units", key)
+        if self.unit is not None and self.mesh is not None and self.mesh.lower().endswith(SUFFIXES_WITH_UNIT):
+            raise rule(f"`{self.mesh}` says its unit itself: COLLADA and glTF files do", "take `unit` out; `scale` may be there", "unit")
         return self

@@ -33,13 +33,15 @@ def made(make: Callable[..., tuple[Element, ...]], *inputs: Any) -> tuple[tuple[
 
 def meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
     """The assets of meshes."""
-    return tuple(
-        Element(
-            tag="mesh", attributes={"name": mesh.name, "file": mesh.file, **({"inertia": "shell"} if is_shell(mesh) else {})},
-            origin=mesh.origin,
-        )
-        for mesh in meshes
-    )
+    elements: list[Element] = []
+    for mesh in meshes:
+        attributes = {"name": mesh.name, "file": mesh.file}
+        if mesh.own is not None and mesh.scale not in (None, (1.0, 1.0, 1.0)):
+            attributes["scale"] = numbers(mesh.scale)
+        if is_shell(mesh):
+            attributes["inertia"] = "shell"
+        elements.append(Element(tag="mesh", attributes=attributes, origin=mesh.origin))
+    return tuple(elements)
 
 
 def materials(shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:

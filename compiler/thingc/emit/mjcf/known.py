@@ -85,7 +85,8 @@ class Known:
 
     def _mesh_key(self, mesh: MeshAsset) -> str:
         extension = mesh.file.rpartition(".")[2]
-        return f"{self.version} {mesh.stored.sha256} {extension} {'shell' if is_shell(mesh) else 'solid'}"
+        scale = f" {mesh.scale}" if mesh.own is not None else ""
+        return f"{self.version} {mesh.stored.sha256} {extension} {'shell' if is_shell(mesh) else 'solid'}{scale}"
 
     def _model_key(self, texts: Iterable[str], meshes: Iterable[MeshAsset]) -> str:
         content: list[object] = [self.version, list(texts), {mesh.file: mesh.stored.sha256 for mesh in meshes}]

@@ -32,7 +32,7 @@ def is_shell(mesh: MeshAsset) -> bool:
 
 def _collected(assembly: Assembly) -> tuple[Geometry, tuple[Loss, ...], Report]:
     limits = _Limits()
-    shapes = geometry(assembly, FOLDER, limits.takes, limits.report)
+    shapes = geometry(assembly, FOLDER, limits.takes, limits.report, own=True)
     return shapes, tuple(limits.losses), limits.report
 
 

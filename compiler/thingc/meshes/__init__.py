@@ -1,0 +1,9 @@
+"""Mesh files that links list: what is known of them, read by trimesh and kept by content. The CAD kernel never sees one."""
+
+from __future__ import annotations
+
+from thingc.meshes.files import LARGEST, MeshFile, mesh_file
+from thingc.meshes.kept import measured
+from thingc.meshes.record import BadMesh, MeshPiece, MeshRecord
+
+__all__ = ["LARGEST", "BadMesh", "MeshFile", "MeshPiece", "MeshRecord", "measured", "mesh_file"]

@@ -1,0 +1,249 @@
+"""Mesh files of links: what MuJoCo makes of the same files in a model by hand, and what is said of files that are none."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+
+from thingc import pipeline
+from thingc.diagnostics import Code
+from thingc.emit.artifact import Artifacts, Stored
+from thingc.environment import Environment, Options
+from thingc.pipeline import Compilation
+from thingc.realize.service import GeometryService
+
+GIVEN = "mass: 1 kg, com: 0 0 0 mm, inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}"
+HEAD = "thingc: assembly/1\nname: meshed\nmaterials: {steel: {density: 7800 kg/m^3, color: gray}}\ncomponents:\n"
+
+
+def wedge() -> trimesh.Trimesh:
+    """A solid [m] that is like itself from no side."""
+    corners = [(0, 0, 0), (0.3, 0, 0), (0, 0.2, 0), (0.02, 0.03, 0.1), (0.2, 0.02, 0.05)]
+    made = trimesh.convex.convex_hull(np.array(corners, dtype=float))
+    made.apply_translation((0.1, 0.05, 0.02))
+    return made
+
+
+def workspace(folder: Path) -> Path:
+    """Files of the wedge: in metres but for `mm.stl`, and as its formats say."""
+    folder.joinpath("thingc.toml").write_text('thingc = "workspace/1"\n')
+    meshes = folder / "meshes"
+    meshes.mkdir()
+    solid = wedge()
+    solid.export(meshes / "m.stl")
+    solid.copy().apply_scale(1000.0).export(meshes / "mm.stl")
+    solid.export(meshes / "m.obj")
+    solid.export(meshes / "m.ply")
+    turned = solid.copy()
+    turned.apply_transform([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # y up
+    turned.export(meshes / "y_up.glb")
+    text = trimesh.exchange.dae.export_collada(solid.copy().apply_scale(10.0)).decode()
+    text = text.replace("<up_axis>Y_UP</up_axis>", "<up_axis>Z_UP</up_axis>")
+    unit = '<unit name="decimetre" meter="0.1"/>'
+    text = text.replace("<up_axis>", unit + "<up_axis>") if "<unit" not in text else text
+    (meshes / "dm.dae").write_text(text)
+    open_ = trimesh.Trimesh(solid.vertices, solid.faces[:-2], process=False)
+    open_.export(meshes / "open.stl")
+    faces = [f"f {' '.join(str(k + 1) for k in face)}" for face in solid.faces]
+    points = [f"v {x} {y} {z}" for x, y, z in solid.vertices]
+    half = len(faces) // 2
+    (meshes / "colours.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0 1\n")
+    lines = ["mtllib colours.mtl", *points, "usemtl red", *faces[:half], "usemtl blue", *faces[half:]]
+    (meshes / "colours.obj").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def compiled(folder: Path, components: str, targets: list[str], **options: object) -> tuple[Compilation, dict[str, Artifacts]]:
+    (folder / "meshed.yaml").write_text(HEAD + components)
+    with Environment(str(folder / "meshed.yaml"), Options(store=str(folder / "store"), **options)) as environment:  # type: ignore[arg-type]
+        compilation = pipeline.compile(environment)
+        made = {} if compilation.report.failed or not targets else pipeline.build(environment, compilation, targets)
+        return compilation, made
+
+
+@pytest.fixture(scope="module")
+def here(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return workspace(tmp_path_factory.mktemp("meshes"))
+
+
+@pytest.fixture(autouse=True)
+def no_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(GeometryService, "warm", lambda self: pytest.fail("the kernel was begun"))
+
+
+FILES = {
+    "m.stl": "unit: m", "mm.stl": "unit: mm", "m.obj": "unit: m", "m.ply": "unit: m", "y_up.glb": "", "dm.dae": "",
+    "colours.obj": "unit: m",
+}
+
+
+def test_every_format_is_the_same_solid_in_its_unit_and_up_axis(here: Path) -> None:
+    """Mass, centre and inertia summed from the file, against trimesh's of the wedge."""
+    shapes = "".join(
+        f"  c{k}: {{link: true, material: steel, {'at: {in: c0.origin}, ' if k else ''}shapes: [{{mesh: meshes/{name}"
+        f"{', ' + unit if unit else ''}}}]}}\n" for k, (name, unit) in enumerate(FILES.items())
+    )
+    compilation, _ = compiled(here, shapes, [])
+    assert compilation.report.diagnostics == [] and compilation.assembly is not None
+    solid = wedge()
+    solid.density = 7800.0
+    for one, name in zip(compilation.assembly.occurrences, FILES, strict=True):
+        assert one.properties.mass == pytest.approx(solid.mass, rel=1e-5), name
+        assert one.properties.centre == pytest.approx(solid.center_mass, rel=1e-5), name
+        assert np.array(one.properties.inertia) == pytest.approx(solid.moment_inertia, rel=1e-4, abs=1e-6), name
+        assert one.box is not None and np.array(one.box) == pytest.approx(solid.bounds, abs=1e-6), name
+
+
+def test_muJoCo_has_the_file_itself_with_its_scale(here: Path) -> None:
+    """Geoms of a mirrored and a turned file, against a model by hand over the very same file."""
+    shapes = (
+        f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/mm.stl, scale: [1, 1, -1], at: {{xyz: 10 20 30 mm, rpy: 0 0 90 deg}}}}, "
+        "{mesh: meshes/m.obj, unit: m, scale: 0.5, for: collision}]}\n"
+    )
+    compilation, made = compiled(here, shapes, ["mjcf"])
+    assert compilation.report.diagnostics == []
+    files = made["mjcf"].files
+    assets = {path.removeprefix("mjcf/assets/"): content for path, content in files.items() if path.startswith("mjcf/assets/")}
+    store = here / "store" / "blobs"
+    assert all(isinstance(content, Stored) for content in assets.values())
+    data = {name: (store / stored.sha256[:2] / stored.sha256[2:]).read_bytes() for name, stored in assets.items()}  # type: ignore[union-attr]
+    assert (here / "meshes" / "mm.stl").read_bytes() in data.values() and (here / "meshes" / "m.obj").read_bytes() in data.values()
+    ours = mujoco.MjModel.from_xml_string(files["mjcf/meshed_default.xml"].decode(), data)  # type: ignore[union-attr]
+    by_hand = mujoco.MjModel.from_xml_string(
+        """<mujoco><compiler angle="degree"/><asset><mesh name="a" file="mm.stl" scale="0.001 0.001 -0.001"/>
+        <mesh name="b" file="m.obj" scale="0.5 0.5 0.5"/></asset><worldbody><body>
+        <geom type="mesh" mesh="a" pos="0.01 0.02 0.03" euler="0 0 90"/><geom type="mesh" mesh="b"/></body></worldbody></mujoco>""",
+        {name: (here / "meshes" / name).read_bytes() for name in ("mm.stl", "m.obj")},
+    )
+    mine = [k for k in range(ours.ngeom) if ours.geom_contype[k]]
+    assert len(mine) == by_hand.ngeom == 2
+    for one, other in zip(mine, range(2), strict=True):
+        assert ours.geom_pos[one] == pytest.approx(by_hand.geom_pos[other], abs=1e-7)
+        assert points_in_body(ours, one) == pytest.approx(points_in_body(by_hand, other), abs=1e-7)
+    image = wedge().vertices * (1, 1, -1)
+    expected = np.column_stack([-image[:, 1], image[:, 0], image[:, 2]]) + (0.01, 0.02, 0.03)
+    assert points_in_body(ours, mine[0]) == pytest.approx(sorted_rows(expected), abs=1e-6)
+
+
+def points_in_body(model: mujoco.MjModel, geom: int) -> np.ndarray:
+    mesh = model.geom_dataid[geom]
+    first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
+    return sorted_rows(model.mesh_vert[first : first + count] @ turn.reshape(3, 3).T + model.geom_pos[geom])
+
+
+def sorted_rows(points: np.ndarray) -> np.ndarray:
+    rounded = np.unique(np.round(points, 6), axis=0)
+    return rounded[np.lexsort(rounded.T)]
+
+
+def test_groups_keep_their_colours_and_another_colour_is_another_record(here: Path) -> None:
+    shapes = f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/colours.obj, unit: m, for: visual}}]}}\n"
+    compilation, made = compiled(here, shapes, ["mjcf", "html", "glb", "urdf", "sdf", "usd"])
+    assert compilation.report.diagnostics == [] and compilation.assembly is not None
+    assert [surface.color for surface in compilation.assembly.occurrences[0].drawn] == ["#0000ff", "#ff0000"]
+    library = here / "meshes" / "colours.mtl"
+    before = library.read_text()
+    library.write_text(before.replace("Kd 1 0 0", "Kd 0 1 0"))
+    again, _ = compiled(here, shapes, [])
+    library.write_text(before)
+    assert again.assembly is not None and again.documents is not None
+    assert str(here / "meshes" / "colours.obj") in again.documents.files
+    assert [surface.color for surface in again.assembly.occurrences[0].drawn] == ["#0000ff", "#00ff00"]
+    assert str(library) in again.documents.files, "what a build depends on"
+
+
+def test_the_mirror_image_of_a_link_is_that_of_its_meshes(here: Path) -> None:
+    shapes = (
+        "  left: {link: true, material: steel, shapes: [{mesh: meshes/m.stl, unit: m, at: {xyz: 0 40 0 mm, rpy: 20 0 30 deg}}]}\n"
+        "  right: {link: true, mirror: y, at: {in: left.origin}, material: steel, shapes: [{mesh: meshes/m.stl, unit: m, "
+        "at: {xyz: 0 40 0 mm, rpy: 20 0 30 deg}}]}\n"
+    )
+    compilation, _ = compiled(here, shapes, [])
+    assert compilation.report.diagnostics == [] and compilation.assembly is not None
+    left, right = compilation.assembly.occurrences
+    signs = np.diag([1.0, -1.0, 1.0])
+    assert right.properties.mass == pytest.approx(left.properties.mass, rel=1e-9)
+    assert right.properties.centre == pytest.approx(signs @ left.properties.centre, abs=1e-9)
+    assert np.array(right.properties.inertia) == pytest.approx(signs @ np.array(left.properties.inertia) @ signs, abs=1e-9)
+
+
+def test_a_check_of_given_masses_reads_no_mesh_and_imports_nothing_for_them(here: Path) -> None:
+    (here / "given.yaml").write_text(HEAD + f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/open.stl, unit: m}}]}}\n")
+    program = (
+        "import sys; from thingc.cli.main import main; code = main(['check', sys.argv[1], '--store', sys.argv[2]]);"
+        "print(code, sorted({'numpy', 'trimesh', 'mujoco', 'networkx'} & set(sys.modules)))"
+    )
+    store = str(here / "empty-store")
+    ran = subprocess.run([sys.executable, "-c", program, str(here / "given.yaml"), store], capture_output=True, text=True, check=True)
+    assert ran.stdout.splitlines()[-1] == "0 []", ran.stdout
+
+
+def test_what_was_read_is_kept_by_content(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shapes = "  base: {link: true, material: steel, shapes: [{mesh: meshes/m.ply, unit: m}]}\n"
+    first, _ = compiled(here, shapes, [])
+    monkeypatch.setattr("thingc.meshes.reading.read_mesh", lambda *_: pytest.fail("it was read again"))
+    again, _ = compiled(here, shapes, [])
+    assert first.assembly is not None and again.assembly is not None
+    assert again.assembly.occurrences[0].properties == first.assembly.occurrences[0].properties
+
+
+BAD = {
+    "cut.stl": (lambda data: data[:-7], "says that it has 6 triangles, and there are bytes for 5.86"),
+    "words.stl": (lambda data: b"solid nothing\nendsolid", "holds no triangles"),
+    "words.obj": (lambda data: b"v 0 0\nf 1 2 3\n", "is no OBJ that trimesh can read"),
+    "nan.stl": (lambda data: data[:96] + b"\xff\xff\xff\xff" + data[100:], "has a coordinate that is not finite"),
+    "bomb.stl": (lambda data: data[:80] + (6_000_000).to_bytes(4, "little") + data[84:], "says that it has 6000000 triangles"),
+    "bomb.ply": (lambda data: b"ply\nformat ascii 1.0\nelement vertex 3\nelement face 9000000\nend_header\n", "has 9000000 triangles"),
+    "text.glb": (lambda data: b"no glTF", "is no GLB that trimesh can read"),
+    "text.dae": (lambda data: b"<COLLADA><oops></COLLADA>", "is no DAE that trimesh can read"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_no_mesh_is_said_at_its_line(here: Path, name: str) -> None:
+    change, said = BAD[name]
+    (here / "meshes" / name).write_bytes(change((here / "meshes" / "m.stl").read_bytes()))
+    compilation, _ = compiled(here, f"  base: {{link: true, {GIVEN}, shapes: [\n    {{mesh: meshes/{name}}}]}}\n", [])
+    (fault,) = compilation.report.diagnostics
+    assert fault.code is Code.PART_INVALID and fault.message.startswith(f"`meshes/{name}` ") and said in fault.message
+    assert fault.span is not None and (fault.span.line, fault.span.column) == (6, 12)
+
+
+def test_an_open_mesh_is_drawn_and_touches_but_weighs_nothing(here: Path) -> None:
+    link = "  base: {{link: true, {0}, shapes: [{{mesh: meshes/open.stl, unit: m}}]}}\n"
+    compilation, made = compiled(here, link.format(GIVEN), ["mjcf"])
+    assert compilation.report.diagnostics == []
+    assert b'inertia="shell"' in made["mjcf"].files["mjcf/meshed_default.xml"]  # type: ignore[operator]
+    for said in ("material: steel", "mass: 1 kg"):
+        compilation, _ = compiled(here, link.format(said), [])
+        (fault,) = compilation.report.diagnostics
+        assert fault.code is Code.NO_MATERIAL and "the surface of `meshes/open.stl` is not closed" in fault.message
+
+
+@pytest.mark.parametrize(("unit", "words"), [("mm", "under 1 mm long"), ("m", None)])
+def test_a_unit_that_cannot_be_is_a_warning(here: Path, unit: str, words: str | None) -> None:
+    compilation, _ = compiled(here, f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/m.stl, unit: {unit}}}]}}\n", [])
+    said = [one for one in compilation.report.diagnostics if one.code is Code.SIZE]
+    assert [words in one.message for one in said] == ([True] if words is not None else [])
+    assert all("unit: m" in (one.help or "") for one in said)
+    compilation, _ = compiled(here, f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/mm.stl, unit: m}}]}}\n", [])
+    assert any(one.code is Code.SIZE and "over 10 m long" in one.message for one in compilation.report.diagnostics)
+
+
+def test_hidden_texts_of_a_library_are_not_read(here: Path) -> None:
+    """An OBJ may name colours beside it, and nothing else."""
+    outside = here.parent / "secret.mtl"
+    outside.write_text("newmtl red\nKd 1 0 0\n")
+    text = (here / "meshes" / "colours.obj").read_text().replace("mtllib colours.mtl", f"mtllib ../../{outside.name}")
+    (here / "meshes" / "sly.obj").write_text(text)
+    compilation, _ = compiled(here, f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/sly.obj, unit: m}}]}}\n", [])
+    assert compilation.assembly is not None
+    assert {surface.color for surface in compilation.assembly.occurrences[0].drawn} == {None}
