@@ -110,3 +110,29 @@ def test_every_name_of_the_walker_is_exchanged_and_back(walker: Sight, tmp_path:
     again, refused = exchanged(after, "x_", "")
     assert refused == {}
     assert {path: again.read(path) for path in again.documents} == {path: walker.read(path) for path in walker.documents}
+
+
+def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    from thingc.cli.main import main
+
+    write(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "leg.yaml").write_bytes(b"\xef\xbb\xbf" + (tmp_path / "leg.yaml").read_bytes().replace(b"\n", b"\r\n"))
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    assert main(["rename", "leg.yaml", "mounts.socket", "cup", "--diff"]) == 0
+    assert "+mounts: {cup: thigh.up, sole: shin.foot}" in capsys.readouterr().out
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+    assert main(["rename", "leg.yaml", "mounts.socket", "cup"]) == 0
+    assert capsys.readouterr().out == "leg.yaml: socket -> cup (1)\nwalker.yaml: socket -> cup (1)\n"
+    assert (tmp_path / "leg.yaml").read_bytes() == before[tmp_path / "leg.yaml"].replace(b"socket", b"cup")
+    assert main(["rename", "leg.yaml", "mounts.cup", "socket"]) == 0
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+    capsys.readouterr()
+    for words, said in {
+        ("joints.kne", "x"): "`leg.yaml` has no `joints.kne`\n  help: did you mean `knee`?",
+        ("joints.knee.limit", "x"): "`joints.knee.limit` is no name",
+        ("joints.knee", "origin"): "`origin` is reserved and cannot name a joint",
+    }.items():
+        assert main(["rename", "leg.yaml", *words]) == 2
+        assert said in capsys.readouterr().out
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before

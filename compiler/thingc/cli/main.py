@@ -22,6 +22,7 @@ COMMANDS = {
     "check": "say everything that is wrong with documents, and write nothing",
     "add": "put a part, assembly, mode, joint or test where it belongs, to begin with; comments and layout stay",
     "set": "write values into a document, at their paths; comments and layout stay",
+    "rename": "give something another name in all documents that use it, and in the Python of parts",
     "fmt": "write documents in canonical layout; comments stay",
     "test": "run the tests that a document states of its robot",
     "diff": "what a change of documents does to a robot: its parts, masses, joints, tests, prints",

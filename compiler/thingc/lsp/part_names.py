@@ -191,7 +191,7 @@ class PartNames:
                     span = module.span_of(node, name.text) if isinstance(node, ast.Attribute) else None
                     if span is None or (span.file, span.line, span.column) not in own:
                         inside = _class_around(module, node)
-                        other = isinstance(node, ast.Attribute) and _of_self(node) and inside is not None
+                        other = isinstance(node, ast.Attribute) and (_of_self(node) or _parameter_of_self(node)) and inside is not None
                         if not other or (module.file, inside) in family:
                             return module.file, getattr(node, "lineno", 1)
         return None

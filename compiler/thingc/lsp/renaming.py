@@ -92,7 +92,7 @@ def with_spans(sight: Sight, spans: Iterable[Span], new: str) -> dict[str, str]:
         line = lines[span.file][number]
         at = 1 if number == 0 and line.startswith("\ufeff") else 0
         lines[span.file][number] = line[: at + span.column - 1] + new + line[at + span.end_column - 1 :]
-    return {path: "".join(pieces) for path, pieces in lines.items()}
+    return {path: "".join(lines[path]) for path in sorted(lines)}
 
 
 def _check(sight: Sight, name: Name, new: str) -> None:

@@ -1,0 +1,113 @@
+"""`thingc rename`: gives something in a document another name, wherever it is written."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import difflib
+import os
+import sys
+from collections.abc import Mapping
+
+from thingc.cli import common
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
+
+EPILOG = """\
+What is renamed is named by its path. Documents that use it, tests, variants, and the Python of parts follow; where something would
+mean something else then, nothing is written.
+
+  thingc rename assemblies/arm.yaml components.hand gripper
+  thingc rename assemblies/arm.yaml joints.yaw turn --diff      show it, and write nothing
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `rename`."""
+    parser.epilog = EPILOG
+    parser.add_argument("document", metavar="DOC", help="an assembly or materials document (YAML or TOML)")
+    parser.add_argument("path", metavar="PATH", help="what is renamed: components.hand, joints.yaw, components.hand.mounts.tip")
+    parser.add_argument("name", metavar="NAME", help="what it is called then")
+    parser.add_argument("--diff", action="store_true", help="write nothing, show what would change")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 where it is renamed (with `--diff`: could be)."""
+    from thingc.lsp.analysis import RequestRefused
+    from thingc.lsp.renaming import renamed
+    from thingc.lsp.sight import sight_of
+    from thingc.source import node_at
+    from thingc.typos import did_you_mean
+    from thingc.workspace import Workspace
+
+    report = Report()
+    try:
+        common.require_document(arguments.document)
+        path, keys = os.path.abspath(arguments.document), tuple(arguments.path.split("."))
+        workspace = Workspace.find(path, report)
+        if workspace is None:
+            common.print_text(report.ordered(), stream=sys.stdout, debug=False)
+            return common.exit_code(report.diagnostics)
+        sight = sight_of(workspace, {})
+        written = sight.documents.get(path)
+        if written is None:
+            raise common.WrongCommandLine(f"`{arguments.document}` cannot be read", f"`thingc check {arguments.document}` says why")
+        around = node_at(written.document.tree, keys[:-1])
+        names = getattr(around, "entries", {})
+        if keys[-1] not in names:
+            raise common.WrongCommandLine(
+                f"`{arguments.document}` has no `{arguments.path}`", did_you_mean(keys[-1], names, what="names") if names else "",
+            )
+        span = written.document.span(keys, key=True)
+        place = sight.index.at(path, span.line, span.column + 1)
+        if place is None or not span.holds(place.span) or place.role != "declared":
+            raise common.WrongCommandLine(f"`{arguments.path}` is no name", "name for example `components.NAME` or `joints.NAME`")
+    except common.WrongCommandLine as fault:
+        common.print_text([fault.diagnostic], stream=sys.stdout, debug=False)
+        return common.USAGE
+    try:
+        done = renamed(sight, place.name, arguments.name)
+    except RequestRefused as fault:
+        return _refuse(str(fault))
+    before = {file: sight.read(file) or "" for file in done.texts}
+    for file, text in done.texts.items():
+        if arguments.diff:
+            name = shown_path(file)
+            common.say_lines_of_documents(
+                difflib.unified_diff(before[file].splitlines(), text.splitlines(), name, name, lineterm="")
+            )
+    if not arguments.diff:
+        wrong = _write(done.texts, before)
+        if wrong is not None:
+            return _refuse(wrong)
+        for file in done.texts:
+            count = sum(span.file == file for span in done.places)
+            common.say(f"{shown_path(file)}: {place.name.text} -> {arguments.name} ({count})")
+    return 0
+
+
+def _write(texts: Mapping[str, str], before: Mapping[str, str]) -> str | None:
+    """Write the texts of files; why not, where one cannot be written: then all are as they were."""
+    from thingc.layout import write_in_place
+
+    done: list[tuple[str, bytes]] = []
+    for path, text in texts.items():
+        try:
+            with open(path, "rb") as stream:
+                old = stream.read()
+            mark = b"\xef\xbb\xbf" if old.startswith(b"\xef\xbb\xbf") else b""
+            if old != mark + before[path].encode():
+                raise OSError(None, "it has changed meanwhile")
+            write_in_place(path, mark + text.encode())
+        except OSError as fault:
+            for other, content in done:
+                with contextlib.suppress(OSError):
+                    write_in_place(other, content)
+            return f"cannot write `{shown_path(path)}`: {(fault.strerror or str(fault)).lower()}; nothing is renamed"
+        done.append((path, old))
+    return None
+
+
+def _refuse(message: str) -> int:
+    found = [Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=message)]
+    common.print_text(found, stream=sys.stdout, debug=False)
+    return common.exit_code(found)
