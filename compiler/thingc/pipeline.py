@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from thingc.robot.types import Robot
 
 
-PASSES = ("thingc.resolve", "thingc.graph", "thingc.robot")
-"""The rooms behind `describe`, imported while the kernel loads, where it does."""
+PASSES = ("thingc.resolve.choices", "thingc.resolve.assembly", "thingc.graph", "thingc.robot")
+"""What comes behind `describe`, imported while the kernel loads, where it does."""
 
 
 _LEADS_TO_PARTS = re.compile(rb"\b(?:part|file|assembly)[\"']?\s*[:=]")
@@ -141,22 +141,24 @@ def build(
 def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, modelling: bool = False) -> Sources | None:
     """`load` and `validate`, and what the parts that are named take. None where there is no document to go on with. With `modelling`, parts
     are wanted next: the kernel begins to load at once where they are likely to be new."""
-    from thingc.load import load
-    from thingc.spec import part_references, validate
-
     workspace, report = environment.workspace, environment.report
     if workspace is None:
         return None
+    # before anything else is imported: nothing takes as long
     kernel_loads = modelling and _may_name_parts(environment) and environment.parts.anticipate()
+    from thingc.load import load
+    from thingc.spec import part_references, validate
+
     documents = load(environment.document, workspace, report, kinds=kinds, texts=environment.options.texts, memo=environment.memo)
     if documents is None:
         return None
     specs = validate(documents, report, environment.memo)
     named = part_references(specs, documents) if documents.root.kind == "assembly" else ()
-    if kernel_loads:
-        for module in (*PASSES, *environment.options.ahead):
-            import_module(module)
-    schemas = environment.parts.describe([reference for reference, _ in named]) if named else {}
+    references = [reference for reference, _ in named]
+    if kernel_loads and references:
+        schemas = environment.geometry.describe(references, lambda: [*map(import_module, (*PASSES, *environment.options.ahead))])
+    else:
+        schemas = environment.parts.describe(references) if references else {}
     from thingc.resolve import Sources
 
     return Sources(workspace=workspace, documents=documents, specs=specs, schemas=schemas)
@@ -223,7 +225,7 @@ def _passes(
 ) -> Compilation:
     """From what was read to the robots. `of_text` has answers that hold as long as the documents stand as they are, line by line; those of
     the environment hold for all."""
-    from thingc.graph import link, mesh_records, slicings_of, with_own_images
+    from thingc.graph import likely_slicings, link, mesh_records, slicings_of, with_own_images
     from thingc.resolve import decomposed, part_definitions, resolve, resolve_materials
     from thingc.robot import root, stand
 
@@ -246,7 +248,7 @@ def _passes(
     if not report.failed:
         _require_modes(modes, model, documents)
     definitions = part_definitions(model)
-    records = parts.realize(definitions, convex=decomposed(model))
+    records = parts.realize(definitions, decomposed(model), partial(likely_slicings, model, sources.schemas))
     model = with_own_images(model, records)
     records = parts.slice(definitions, records, slicings_of(model, records))
     environment.say_gaps(report)

@@ -14,6 +14,7 @@ from importlib import resources
 from math import sqrt
 from typing import Annotated, Literal
 
+import bd_warehouse
 from build123d import Axis, Face, Location, Plane, Pos, RegularPolygon, Solid, Wire, extrude
 
 from thingc import Length, MountPoint, Range, Thing
@@ -121,7 +122,7 @@ def threaded_hole(mouth: Location, size: Size, depth: float) -> Hole:
 @cache
 def _table(name: str) -> dict[str, dict[str, str]]:
     """A table of bd_warehouse: its first column to the others by heading."""
-    with resources.files("bd_warehouse").joinpath("data", name).open(encoding="utf-8") as stream:
+    with resources.files(bd_warehouse).joinpath("data", name).open(encoding="utf-8") as stream:
         rows = csv.reader(stream)
         _, *headings = next(rows)
         return {key: dict(zip((heading.strip() for heading in headings), values)) for key, *values in rows}

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import pytest
@@ -289,12 +290,18 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     from thingc.emit.mjcf import check
 
     counted: list[int] = []
-    true = check.attempt
+    sizes: list[int] = []
+    true, in_memory = check.attempt, check.in_memory
 
-    def counting(text: str, files: dict[str, bytes]) -> check.Verdict:
-        counted.append(sum(len(data) for name, data in files.items() if not name.endswith(".xml")))
+    def sized(data: dict[str, bytes]) -> Any:
+        sizes.append(sum(map(len, data.values())))
+        return in_memory(data)
+
+    def counting(text: str, files: Any) -> check.Verdict:
+        counted.append(sizes[-1])
         return true(text, files)
 
+    monkeypatch.setattr(check, "in_memory", sized)
     monkeypatch.setattr(check, "attempt", counting)
     return counted
 

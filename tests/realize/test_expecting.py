@@ -121,3 +121,43 @@ def test_an_answer_that_has_come_before_it_is_asked_for_is_given(place: Any, sen
         place.service().describe([f"others_{number}:Block"])
     sent.clear()
     assert isinstance(made(service), PartRecord) and sent == []
+
+
+def test_the_workers_are_asked_before_what_is_done_meanwhile(place: Any, sent: list[str]) -> None:
+    """More than they take at once, too."""
+    references = [f"blocks_{number}:Block" for number in range(6)]
+    for reference in references:
+        place.write(f"parts/{reference.partition(':')[0]}.py", BLOCK)
+    meanwhile: list[list[str]] = []
+    found = place.service().describe(references, lambda: meanwhile.append([*sent]))
+    assert all(isinstance(found[reference], PartSchema) for reference in references)
+    assert meanwhile == [["describe"] * 6] and sent == ["describe"] * 6
+    place.service().describe(references, lambda: meanwhile.append([]))
+    assert meanwhile[1:] == [[]], "it is done where nothing has to be asked, too"
+
+
+def test_nothing_waits_for_the_end_of_what_has_answered(place: Any, define: Any) -> None:
+    """What a part leaves behind has a second to end."""
+    place.write("parts/leaving.py", """
+        import subprocess, time
+        from build123d import Box
+        from thingc import Thing
+
+        class Leaves(Thing):
+            def result(self):
+                subprocess.Popen(["sleep", "600"], start_new_session=True)
+                return Box(10, 10, 10)
+
+        class Takes(Thing):
+            def result(self):
+                time.sleep(0.3)
+                return Box(10, 10, 11)
+
+        class Follows(Thing):
+            def result(self):
+                return Box(10, 10, 12)
+    """)
+    place.workers._spans.clear()
+    place.service().realize([define(f"leaving:{name}") for name in ("Leaves", "Takes", "Follows")])
+    *first, (begun, _) = sorted(place.workers._spans)
+    assert begun - min(end for _, end in first) < 0.9

@@ -258,6 +258,22 @@ def test_the_worker_is_started_early_only_when_there_is_something_new(place: Any
             workers.close()
 
 
+def test_the_worker_is_started_before_anything_else_is_imported(place: Any) -> None:
+    place.write("thingc.toml", 'thingc = "workspace/1"\nparts = ["parts"]\n')
+    document = place.write("robot.yaml", "thingc: assembly/1\nname: robot\ncomponents: {block: {part: parts_:Block}}\n")
+    program = (
+        "import sys; sys.path[:0] = sys.argv[3:]\n"
+        "from thingc.environment import Environment, Options\n"
+        "from thingc.pipeline import compile\n"
+        "from thingc.realize import GeometryService\n"
+        "heavy = {'pydantic', 'yaml', 'thingc.spec', 'thingc.resolve'}\n"
+        "GeometryService.anticipate = lambda self: sys.exit(str(sorted(heavy & set(sys.modules))))\n"
+        "compile(Environment(sys.argv[1], Options(store=sys.argv[2])))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program, str(document), place.store.root, *sys.path], capture_output=True, text=True)
+    assert done.stderr.splitlines()[-1:] == ["[]"]
+
+
 def test_progress(place: Any, define: Callable[..., Any]) -> None:
     place.write("parts/parts_.py", PARTS)
     heard: list[tuple[str, int, int]] = []

@@ -76,12 +76,15 @@ def layers_too_high(process: Process) -> bool:
 
 def slicing_of(process: Process | None, overrides: Overrides, record: PartRecord) -> Slicing | None:
     """How a part is cut into layers, where its mass comes from them; None where it does not, or the process cannot say how."""
-    if process is None or record.volume <= 0.0 or estimate_of(process) != "layers" or missing_keys(process):
-        return None
-    if layers_too_high(process):
+    return layers_of(process, overrides.up or record.up) if record.volume > 0.0 else None
+
+
+def layers_of(process: Process | None, up: Vector | None) -> Slicing | None:
+    """How a process cuts whatever lies on the printer this way `up`; None as above."""
+    if process is None or estimate_of(process) != "layers" or missing_keys(process) or layers_too_high(process):
         return None
     return Slicing(
-        up=overrides.up or record.up or UPRIGHT, layer=process.layer or 0.0, line_width=process.line_width or 0.0,
+        up=up or UPRIGHT, layer=process.layer or 0.0, line_width=process.line_width or 0.0,
         walls=process.walls or 0, top=process.top or 0, bottom=process.bottom or 0,
         overlap=OVERLAP if process.overlap is None else process.overlap, bridge_flow=process.bridge_flow or BRIDGE_FLOW,
     )

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
-from thingc.graph.mass import merged, slicing_of
-from thingc.realize.record import PartDefinition, PartFailure, PartRecord
-from thingc.realize.slices import Slicing
+from thingc.graph.mass import layers_of, merged, slicing_of
+from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.realize.slices import LikelySlicing, Slicing
 from thingc.resolve.model import AssemblyDefinition, Component, Material, Process
 
 
@@ -28,6 +28,32 @@ def slicings_of(
     """The ways in which parts of a model are cut into layers, by the text of their definition. Equal copies of a part are one;
     a part that is printed in two ways has two."""
     slicings: dict[str, set[Slicing]] = {}
+    for definition, component, scope in _parts(model):
+        record = records.get(definition.text)
+        if not isinstance(record, PartRecord):
+            continue
+        process = process_of(component, material_of(component, record, scope))
+        slicing = slicing_of(process, component.overrides, record)
+        if slicing is not None:
+            slicings.setdefault(definition.text, set()).add(slicing)
+    return slicings
+
+
+def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema | PartFailure]) -> dict[str, set[LikelySlicing]]:
+    """What `slicings_of` will come to, as far as that can be said before parts are modelled: where a class says what they are made of."""
+    likely: dict[str, set[LikelySlicing]] = {}
+    for definition, component, scope in _parts(model):
+        schema, material, up = schemas.get(definition.reference), component.material, component.overrides.up
+        if material is None and isinstance(schema, PartSchema):
+            material = scope.materials.get(schema.material or "")
+        slicing = layers_of(process_of(component, material), up)
+        if slicing is not None:
+            likely.setdefault(definition.text, set()).add((slicing, up is None))
+    return likely
+
+
+def _parts(model: AssemblyDefinition) -> Iterator[tuple[PartDefinition, Component, AssemblyDefinition]]:
+    """Every component that is a part, once for each assembly that it is written in."""
     waiting, met = [model], {id(model)}
     while waiting:
         scope = waiting.pop()
@@ -38,11 +64,4 @@ def slicings_of(
                     met.add(id(definition))
                     waiting.append(definition)
             elif isinstance(definition, PartDefinition):
-                record = records.get(definition.text)
-                if not isinstance(record, PartRecord):
-                    continue
-                process = process_of(component, material_of(component, record, scope))
-                slicing = slicing_of(process, component.overrides, record)
-                if slicing is not None:
-                    slicings.setdefault(definition.text, set()).add(slicing)
-    return slicings
+                yield definition, component, scope

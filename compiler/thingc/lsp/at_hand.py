@@ -89,7 +89,9 @@ class AtHand:
         """The modules in reach of `module:Class` that hide others of their name."""
         return self.service.hiding(reference)
 
-    def realize(self, definitions: Sequence[PartDefinition], convex: Collection[str] = ()) -> dict[str, PartRecord | PartFailure]:
+    def realize(
+        self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None,
+    ) -> dict[str, PartRecord | PartFailure]:
         """The record of each definition, by text."""
         answers = _answers(self.service.realize(definitions, convex), self.failed)
         waited_for = [one for one in definitions if _waited_for(answers.get(one.text))]

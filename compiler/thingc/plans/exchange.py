@@ -62,8 +62,8 @@ class TracedParts:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._parts, name)
 
-    def realize(self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), **named: Any) -> Any:
-        """As a geometry service does; once."""
+    def realize(self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None, **named: Any) -> Any:
+        """As a geometry service does; once. Nobody is told how parts will be sliced: that may go by traced numbers."""
         traced = [one for one in definitions if _numbers_of(one)]
         for one in traced:
             for number in _numbers_of(one):

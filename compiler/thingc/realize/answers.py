@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 from thingc.diagnostics import Code, Note, Report, Severity, allow_hint
 from thingc.realize.lock.lock import LOCK_FILE, REMAKE, lock_path, report_bad, top_of
 from thingc.realize.lock.values import BadLock
+from thingc.realize.part_requests import Likely
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.realize.slices import Slicing
 from thingc.source import Span
@@ -49,8 +50,11 @@ class PartAnswers(Protocol):
     def hiding(self, reference: str) -> tuple[Module, ...]:
         """The modules in reach of `module:Class` that hide others of their name."""
 
-    def realize(self, definitions: Sequence[PartDefinition], convex: Collection[str] = ()) -> Mapping[str, PartRecord | PartFailure]:
-        """The record of each definition, by text; one that nobody may know is absent."""
+    def realize(
+        self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: Likely = None,
+    ) -> Mapping[str, PartRecord | PartFailure]:
+        """The record of each definition, by text; one that nobody may know is absent. `likely` is how parts will be sliced, for who
+        models them."""
 
     def slice(
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],

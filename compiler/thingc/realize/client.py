@@ -98,12 +98,12 @@ class Workers:
             self._processes.append(self._start(flags, self.jobs if self.forking else 1))
 
     def begin(self, requests: Iterable[Mapping[str, Any]]) -> None:
-        """Ask as many of these as are done at once, without waiting: `run` has the answers sooner where it is asked for the same. Only
-        workers that fork begin with anything; where none can be had, `run` says so."""
+        """Ask these without waiting: `run` has the answers sooner where it is asked for the same. Only workers that fork begin with
+        anything; where none can be had, `run` says so."""
         if self.forking:
             with contextlib.suppress(WorkerBroken):
                 self.ensure()
-                for request in islice(requests, self.jobs):
+                for request in requests:
                     self._begun[_text(request)] = self._send(self._processes[0], request)
 
     def forget(self, but: Iterable[Mapping[str, Any]] = ()) -> None:
@@ -154,7 +154,7 @@ class Workers:
     def _hand_out(self, waiting: deque[Mapping[str, Any]], source: Iterator[Mapping[str, Any]], under_way: set[int]) -> None:
         """Ask each worker for as much as it can take, first of what is `waiting`, then of the `source`."""
         for worker in self._processes:
-            limit = (2 if self.forking else 1) * worker.capacity - len(worker.asked)
+            limit = (2 if self.forking else 1) * worker.capacity - (len(worker.asked) - len(self._begun))
             waiting.extend(islice(source, max(0, limit - len(waiting))))
             for _ in range(min(limit, len(waiting))):
                 request = waiting.popleft()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +13,15 @@ from thingc.realize.key.part_code import PartCode, file_state
 from thingc.realize.key.results import Results
 from thingc.realize.key.versions import OF_FILES, versions_of
 from thingc.realize.record import PartDefinition, PartFailure, PartSchema, Value
-from thingc.realize.slices import Slicing
+from thingc.realize.slices import LikelySlicing
 from thingc.realize.store.local import Store
 
 if TYPE_CHECKING:
     from thingc.workspace import Workspace
+
+
+Likely = Callable[[], Mapping[str, Collection[LikelySlicing]]] | None
+"""How parts will likely be sliced, by text, asked for when one has to be modelled."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,12 +35,12 @@ class PartRequest:
 
 class PartRequests:
     """Requests for the parts of one workspace, each to be done within `timeout` [s]. `schemas` are what classes take, by reference, as far
-    as they have been described, and `slicings` how parts of them were sliced last: once they are modelled, it is done at once."""
+    as they have been described, and `slicings` how parts of them will be sliced: once they are modelled, it is done at once."""
 
     def __init__(self, workspace: Workspace, store: Store, timeout: float, parts: PartCode, results: Results) -> None:
         self._workspace, self._store, self._timeout, self._parts, self._results = workspace, store, timeout, parts, results
         self.schemas: dict[str, PartSchema] = {}
-        self.slicings: dict[str, set[Slicing]] = {}
+        self.slicings: dict[str, set[LikelySlicing]] = {}
 
     def around(self, code: CodeIngredients | None) -> dict[str, Any]:
         """What every request says about where it runs."""
@@ -48,11 +52,21 @@ class PartRequests:
         own = {parameter.name: parameter.default for parameter in schema.parameters} if schema is not None else {}
         return {name: value for name, value in definition.parameters if repr(value) != repr(own.get(name))}
 
-    def expect_slicings(self, definitions: Sequence[PartDefinition], wanted: Mapping[str, Collection[Slicing]]) -> None:
-        """Note how parts are sliced now, `wanted` by the text of their definition."""
+    def expect_slicings(self, definitions: Sequence[PartDefinition], wanted: Mapping[str, Collection[LikelySlicing]]) -> None:
+        """Note how parts are sliced now, or will likely be, `wanted` by the text of their definition."""
         self.slicings.update((definition.reference, set()) for definition in definitions)
         for definition in definitions:
             self.slicings[definition.reference].update(wanted.get(definition.text, ()))
+
+    def suppose(self, definitions: Sequence[PartDefinition], likely: Likely) -> None:
+        """Note how parts of classes that were not sliced yet are likely to be."""
+        if likely is not None and (fresh := [one for one in definitions if one.reference not in self.slicings]):
+            self.expect_slicings(fresh, likely())
+
+    def modelling(self, definition: PartDefinition, prepared: PartRequest) -> dict[str, Any]:
+        """The request for a definition that is modelled now."""
+        slicings = sorted(self.slicings.get(definition.reference, ()), key=repr)
+        return {**prepared.request, "slicings": [[asdict(one), own_up] for one, own_up in slicings]}
 
     def prepared(self, definition: PartDefinition, given: Mapping[str, Value] | None = None) -> PartRequest | PartFailure:
         """The request for a definition, which says of its parameters only those that are `given` (None: as `given` says)."""
@@ -79,7 +93,6 @@ class PartRequests:
                 "parameters": self.given(definition) if given is None else dict(given),
                 "placed": code is not None and code.place is not None,
             },
-            "slicings": [asdict(one) for one in sorted(self.slicings.get(definition.reference, ()), key=repr)],
             "tessellations": {"fine": asdict(workspace.mesh), "simulation": asdict(workspace.simulation)},
             **self.around(code),
         }

@@ -11,6 +11,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from thingc.frozen import dataclass
+from thingc.realize.convex_answers import ConvexAnswers
 from thingc.realize.decisions import Decision, Recent, unchanged, why
 from thingc.realize.kept_records import KeptRecords
 from thingc.realize.key.build_key import BuildKey, schema_key
@@ -21,9 +22,9 @@ from thingc.realize.key.results import Kept, Results
 from thingc.realize.key.versions import versions_of
 from thingc.realize.lock.lock import LOCK_FILE, Lock
 from thingc.realize.lock.locked import LockBeside
-from thingc.realize.part_requests import PartRequests
+from thingc.realize.part_requests import Likely, PartRequest, PartRequests
 from thingc.realize.record import AssemblyFailed, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
-from thingc.realize.record_json import failure_from_json, mesh_from_json, record_from_json, schema_from_json, with_left
+from thingc.realize.record_json import failure_from_json, record_from_json, schema_from_json, with_left
 from thingc.realize.slices import Slicing
 from thingc.realize.store.build_locks import BuildLocks
 from thingc.realize.store.local import Store, StoreUnusable
@@ -86,6 +87,7 @@ class GeometryService:
         self._requests = PartRequests(workspace, store, timeout, self._parts, self._results)
         self._build_locks = BuildLocks(store)
         self._slices = SliceAnswers(store, lambda: self._parts.versions(None))
+        self._convex = ConvexAnswers(store, lambda: versions_of(["coacd", "manifold3d"], self._parts.file_of, store))
         self._recent = Recent()
         self._expected: dict[str, Kept] = {}
         self._locked = LockBeside(lock, workspace, self._parts)
@@ -141,9 +143,9 @@ class GeometryService:
             if kept is not None:
                 self._expected[prepared.build_key.key] = kept
             else:
-                requests.append(prepared.request)
+                requests.append(self._requests.modelling(definition, prepared))
         if requests:
-            self._worker_pool().begin(requests)
+            self._worker_pool().begin(requests[: self._jobs])
 
     def close(self) -> None:
         """End the workers; nothing of them is alive afterwards."""
@@ -187,8 +189,10 @@ class GeometryService:
 
     # --- describe ------------------------------------------------------------------------------------------------
 
-    def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
-        """What each `module:Class` takes, by reference."""
+    def describe(
+        self, references: Sequence[str], meanwhile: Callable[[], object] | None = None,
+    ) -> dict[str, PartSchema | PartFailure]:
+        """What each `module:Class` takes, by reference. Something to do `meanwhile` is done when the workers have been asked."""
         answers: dict[str, PartSchema | PartFailure] = {}
         tasks: dict[str, list[_Task]] = {}
         for reference in dict.fromkeys(references):
@@ -208,20 +212,24 @@ class GeometryService:
                 continue
             request = {"op": "describe", "references": [reference], **self._requests.around(code)}
             tasks.setdefault(reference.partition(":")[0], []).append(_Task(subject=reference, build_key=build_key, request=request))
-        # one child per module: what the classes of a file share is loaded once
-        self._describe_in_workers(list(tasks.values()), answers)
+        groups = list(tasks.values())  # one child per module: what the classes of a file share is loaded once
+        if meanwhile is not None:
+            self._worker_pool().begin(self._describing(groups))
+            meanwhile()
+        self._describe_in_workers(groups, answers)
         return answers
+
+    def _describing(self, groups: list[list[_Task]]) -> Iterator[dict[str, Any]]:
+        for index, group in enumerate(groups):
+            references = [task.subject for task in group]
+            placed = [one for one in references if (code := self.code(one)) is not None and code.place is not None]
+            yield {**group[0].request, "references": references, "placed": placed, "group": index}
 
     def _describe_in_workers(self, groups: list[list[_Task]], found: dict[str, PartSchema | PartFailure]) -> None:
         if not groups:
             return
-        requests = []
-        for index, group in enumerate(groups):
-            references = [task.subject for task in group]
-            placed = [one for one in references if (code := self.code(one)) is not None and code.place is not None]
-            requests.append({**group[0].request, "references": references, "placed": placed, "group": index})
         alone: list[list[_Task]] = []
-        for request, answer in self._run(requests):
+        for request, answer in self._run(list(self._describing(groups))):
             group = groups[request["group"]]
             if "failed" in answer:
                 if len(group) > 1:  # one of them: ask for each by itself
@@ -254,14 +262,14 @@ class GeometryService:
     # --- realize -------------------------------------------------------------------------------------------------
 
     def realize(
-        self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), *, locked: bool = True,
+        self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: Likely = None, *, locked: bool = True,
     ) -> dict[str, PartRecord | PartFailure]:
         """The record of each definition, by text; with convex pieces for the texts in `convex`. Unless it may be `locked`, it has
-        its meshes."""
+        its meshes. As it is `likely` to be sliced, it is where it is modelled."""
         self.decisions = {}
         self.wanted = tuple(definitions)
         answers: dict[str, PartRecord | PartFailure] = {}
-        tasks: list[_Task] = []
+        unmade: list[tuple[PartDefinition, PartRequest]] = []
         unique = {definition.text: definition for definition in definitions}
         build_keys: dict[str, BuildKey] = {}
         for text, definition in unique.items():
@@ -286,8 +294,8 @@ class GeometryService:
                 answers[text] = held
                 del build_keys[text]  # nothing was modelled, which is what `thingc why` would say of it
             else:
-                reason = why(definition, build_key, self._results)
-                tasks.append(_Task(subject=text, build_key=build_key, request=prepared.request, reason=reason))
+                unmade.append((definition, prepared))
+        tasks = self._tasks(unmade, likely)
         if self._workers is not None:
             self._workers.forget([task.request for task in tasks])
         with self._build_locks.given_back():
@@ -299,10 +307,22 @@ class GeometryService:
         if build_keys:
             self._results.note_files({**self._parts.files(), **self._results.met})
         new = {text: record for text, record in answers.items() if self._recent.get(unique[text], text in convex) is None}
-        self._decompose(new, convex)
+        self._convex.add(new, convex, self._run, self.timeout, self._broken)
         answers |= new
         self._recent.keep(unique, answers, convex, self.decisions)
         return {text: answers[text] for text in unique}
+
+    def _tasks(self, parts: Sequence[tuple[PartDefinition, PartRequest]], likely: Likely) -> list[_Task]:
+        """Parts that will be sliced come first: they take longest, and the others fill up what is left at the end."""
+        self._requests.suppose([definition for definition, _ in parts], likely)
+        tasks = [
+            _Task(
+                subject=definition.text, build_key=prepared.build_key, request=self._requests.modelling(definition, prepared),
+                reason=why(definition, prepared.build_key, self._results),
+            )
+            for definition, prepared in parts
+        ]
+        return sorted(tasks, key=lambda task: not task.request["slicings"])
 
     def _model(
         self, tasks: Sequence[_Task], definitions: Mapping[str, PartDefinition], found: dict[str, PartRecord | PartFailure],
@@ -371,35 +391,6 @@ class GeometryService:
     def _decide(self, text: str, reused: bool, reason: str) -> None:
         self.decisions[text] = Decision(text=text, reused=reused, reason=reason)
 
-    def _decompose(self, found: dict[str, PartRecord | PartFailure], convex: Collection[str]) -> None:
-        """Convex pieces, kept by the mesh they are made of: asking for them models nothing anew."""
-        wanted: dict[str, list[str]] = {}
-        for text in sorted(convex):
-            record = found.get(text)
-            if isinstance(record, PartRecord) and record.simulated is not None:
-                wanted.setdefault(record.simulated.sha256, []).append(text)
-        version = "".join(versions_of(["coacd", "manifold3d"], self._parts.file_of, self.store).values()) if wanted else ""
-        pieces: dict[str, Any] = {}
-        requests = []
-        for mesh in wanted:
-            kept = self.store.get_json("convex", f"{version} {mesh}")
-            if kept is not None and all(self.store.has(piece[0], piece[1]) for piece in kept):
-                pieces[mesh] = kept
-            else:
-                requests.append({"op": "decompose", "mesh": mesh, "store": self.store.root, "timeout": self.timeout})
-        for request, answer in self._run(requests, "decomposing"):
-            if "failed" in answer:
-                for text in wanted[request["mesh"]]:
-                    found[text] = self._broken(text, answer)
-                continue
-            pieces[request["mesh"]] = answer["answer"]["pieces"]
-            self.store.put_json("convex", f"{version} {request['mesh']}", pieces[request["mesh"]])
-        for mesh, made in pieces.items():
-            for text in wanted[mesh]:
-                record = found[text]
-                if isinstance(record, PartRecord):
-                    found[text] = replace(record, convex=tuple(mesh_from_json(piece) for piece in made))
-
     def slice(
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
@@ -410,7 +401,7 @@ class GeometryService:
             decisions = self.decisions
             records = {**records, **self.realize(modelled, locked=False)}
             self.decisions = {**decisions, **self.decisions}
-        self._requests.expect_slicings(definitions, wanted)
+        self._requests.expect_slicings(definitions, {text: [(one, False) for one in slicings] for text, slicings in wanted.items()})
         return self._slices.added(records, wanted, self._run, self.timeout, self._broken)
 
     # --- assemble ------------------------------------------------------------------------------------------------
@@ -448,8 +439,7 @@ class GeometryService:
     # --- workers -----------------------------------------------------------------------------------
 
     def _code_of_definition(self, definition: PartDefinition) -> CodeIngredients | None:
-        code = self._parts.code(definition.reference) if definition.kind != "file" else None
-        return code if isinstance(code, CodeIngredients) else None
+        return self.code(definition.reference) if definition.kind != "file" else None
 
     def _worker_pool(self) -> Workers:
         if self._workers is None:

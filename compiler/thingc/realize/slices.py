@@ -41,6 +41,10 @@ class Slicing:
     bridge_flow: float = BRIDGE_FLOW
 
 
+LikelySlicing = tuple[Slicing, bool]
+"""How a part that is not modelled yet will be cut, and whether the way up that it may know itself goes before that of the slicing."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moments(Brief):
     """Of some matter, about the origin of the part's frame: `volume` [m^3], `first` the integrals of x, y, z [m^4], `second` those of

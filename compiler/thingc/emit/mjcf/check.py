@@ -65,13 +65,15 @@ def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: S
     if not waiting:
         return
     fresh = {one.mode for one in waiting if starts and not known.start(start.key(one.model.text), meshes)}
-    data = known.data([candidate.root for candidate in waiting], meshes, whole=bool(fresh))
+    files = in_memory(known.data([candidate.root for candidate in waiting], meshes, whole=bool(fresh)))
     instants: list[start.Start] = []
     for candidate in waiting:
         # The scene holds all that the model holds, so one compilation serves both files.
-        verdict = attempt(candidate.scene.text, {**data, candidate.file: candidate.model.text.encode()})
+        text = candidate.model.text if candidate is waiting[0] else _without_threads(candidate.model.text)
+        files[candidate.file] = text.encode()
+        verdict = attempt(candidate.scene.text, files)
         if verdict.error is not None:
-            _explain(candidate, data, report, scene_error=verdict.error)
+            _explain(candidate, files, report, scene_error=verdict.error)
             continue
         if candidate.mode in fresh:
             instants.append(start.look(verdict.model, candidate.robot))
@@ -139,10 +141,8 @@ def doubtful(
     import mujoco
 
     def accepted(candidate: Candidate) -> bool:
-        # threads for the meshes cost more than they save where every mesh is a tetrahedron
-        text = candidate.model.text.replace("<compiler ", '<compiler usethread="false" ', 1)
         try:
-            mujoco.MjModel.from_xml_string(text, vfs=files)
+            mujoco.MjModel.from_xml_string(_without_threads(candidate.model.text), vfs=files)
         except (ValueError, mujoco.FatalError):
             return False
         return True
@@ -164,24 +164,35 @@ def _known_files(meshes: Sequence[MeshAsset], store: Store, memo: Memo) -> Any |
 
 def _files(meshes: Sequence[MeshAsset], store: Store) -> Any | None:
     """MuJoCo's file system with a tetrahedron for every mesh, or None where one of them is not known."""
-    import mujoco
-
     known = Known(store, mujoco_version())
     if not all(known.mesh(mesh) for mesh in meshes):
         return None
+    return in_memory({mesh.file: tetrahedron(mesh.file) for mesh in meshes})
+
+
+def in_memory(data: Mapping[str, bytes]) -> Any:
+    """Files for MuJoCo, by name (an `mujoco.MjVfs`)."""
+    import mujoco
+
     files = mujoco.MjVfs()
-    for mesh in meshes:
-        files[mesh.file] = tetrahedron(mesh.file)
+    for name, content in data.items():
+        files[name] = content
     return files
 
 
-def attempt(text: str, files: Mapping[str, bytes]) -> Verdict:
-    """Compile one text, with the files that it names in memory."""
+def _without_threads(text: str) -> str:
+    """A model that reads its meshes one after the other: threads take longer where MuJoCo has read them already, or each is a
+    tetrahedron."""
+    return text if " usethread=" in text else text.replace("<compiler ", '<compiler usethread="false" ', 1)
+
+
+def attempt(text: str, files: Any) -> Verdict:
+    """Compile one text, with the files that it names (see `in_memory`)."""
     import mujoco
 
     with heard() as warnings:
         try:
-            model = mujoco.MjModel.from_xml_string(text, dict(files))
+            model = mujoco.MjModel.from_xml_string(text, vfs=files)
         except (ValueError, mujoco.FatalError) as fault:
             return Verdict(error=str(fault), warnings=tuple(warnings))
     return Verdict(error=None, warnings=tuple(warnings), model=model)
@@ -201,18 +212,18 @@ def heard() -> Iterator[list[str]]:
         mujoco.set_mju_user_warning(before)
 
 
-def _explain(candidate: Candidate, data: Mapping[str, bytes], report: Report, *, scene_error: str) -> None:
+def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: str) -> None:
     """Report why a model is refused: every raw attribute that is to blame, and one cause beyond them.
 
     MuJoCo stops at its first error, so a raw attribute that is to blame is lifted and the rest tried again.
     """
     written = candidate.model
     while True:
-        error = attempt(written.text, data).error
+        error = attempt(written.text, files).error
         if error is None:
             break
         place = _place(error, written)
-        blamed = _blame(error, place, candidate, data)
+        blamed = _blame(error, place, candidate, files)
         if blamed is None:
             _say(Code.MJCF_REFUSED, "refuses", error, candidate, written, report)
             return
@@ -237,7 +248,7 @@ def _of_document(element: Element) -> bool:
 
 
 def _blame(
-    error: str, place: Element | None, candidate: Candidate, data: Mapping[str, bytes]
+    error: str, place: Element | None, candidate: Candidate, files: Any
 ) -> tuple[Element, str, RawValue] | None:
     """The raw attribute that an error comes from, lifted, or None when all of them are innocent.
 
@@ -249,7 +260,7 @@ def _blame(
     others = [(element, name) for element in candidate.root.walk() if element is not place for name in element.raw]
     for element, name in (*sorted(owned, key=lambda pair: pair[1] not in quoted), *others):
         value = element.lift(name)
-        if attempt(write(candidate.root, candidate.heading).text, data).error != error:
+        if attempt(write(candidate.root, candidate.heading).text, files).error != error:
             return element, name, value
         element.lay(name, value.attribute)
     return None

@@ -224,7 +224,7 @@ class LockedGeometry:
         return self._parts.hiding(reference)
 
     def realize(
-        self, definitions: Sequence[PartDefinition], convex: Collection[str] = (),
+        self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None,
     ) -> dict[str, PartRecord | PartFailure]:
         """The record of each definition, by text. Of a definition that the lock does not hold only the names of its mounts are
         answered, where they are sure, else nothing."""

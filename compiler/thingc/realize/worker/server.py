@@ -181,19 +181,22 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
     from thingc.workspace import Tessellation
 
     asked = {name: Tessellation(**values) for name, values in request["tessellations"].items()}
+    until = time.monotonic() + request["timeout"] / 2
     answer = model(request["definition"], Tessellations(**asked), around, store)
-    return {**answer, "slices": _sliced(answer, request["slicings"], store)}
+    return {**answer, "slices": _sliced(answer, request["slicings"], store) if time.monotonic() < until else []}
 
 
-def _sliced(answer: Mapping[str, Any], slicings: Iterable[Mapping[str, Any]], store: Store) -> list[Any]:
-    """Of a part that was modelled just now, each of the slicings that will likely be asked for, with what comes of it. What goes wrong is
-    left for who asks for it."""
+def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any], bool]], store: Store) -> list[Any]:
+    """Of a part that was modelled just now, each of the slicings that will likely be asked for (`LikelySlicing`), with what comes of it.
+    What goes wrong is left for who asks for it."""
     from thingc.realize.slices import Slicing
     from thingc.realize.worker.kernel.slicing import slice_stored
 
-    mesh = answer.get("record", {}).get("meshes", {}).get("print")
+    record = answer.get("record", {})
+    mesh = record.get("meshes", {}).get("print")
     found: list[Any] = []
-    for slicing in slicings if mesh is not None else ():
+    for one, own_up in likely if mesh is not None else ():
+        slicing = {**one, "up": own_up and record["up"] or one["up"]}
         with contextlib.suppress(Exception):
             found.append([slicing, slice_stored(mesh[0], Slicing(**slicing), store)])
     return found
@@ -220,7 +223,15 @@ def _serve(answers: int, jobs: int, scratch: Scratch) -> None:
         running[child.pipe] = child
         selector.register(child.pipe, selectors.EVENT_READ)
 
+    def begin_waiting(done: Child | None = None) -> None:
+        for describes, asked in waiting.items():
+            free = jobs - sum((child.request["op"] == "describe") == describes for child in running.values() if child is not done)
+            for _ in range(min(free, len(asked))):
+                begin(asked.popleft())
+
     def end(child: Child, over: str | None) -> dict[str, Any]:
+        if child.answered:  # to end it takes the system as long as to fork, and another core can do that
+            begin_waiting(child)
         selector.unregister(child.pipe)
         del running[child.pipe]
         return child.end(over, {other.process for other in running.values()})
@@ -240,10 +251,7 @@ def _serve(answers: int, jobs: int, scratch: Scratch) -> None:
 
     try:
         while True:
-            for describes, asked in waiting.items():
-                free = jobs - sum((child.request["op"] == "describe") == describes for child in running.values())
-                for _ in range(min(free, len(asked))):
-                    begin(asked.popleft())
+            begin_waiting()
             for key, _ in selector.select(WATCH if running else None):
                 if key.fd == 0:
                     data = os.read(0, 1 << 20)

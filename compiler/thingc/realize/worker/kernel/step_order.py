@@ -15,14 +15,19 @@ import re
 
 _ENTITY = re.compile(rb"#(\d+)\s*=\s*((?:'(?:[^']|'')*'|[^';])*);", re.DOTALL)
 _REFERENCE = re.compile(rb"'(?:[^']|'')*'|#(\d+)")
-_NOISE = re.compile(rb"'(?:[^']|'')*'|-?\d\.\d*E-(?:1[5-9]|[2-9]\d|\d{3})\b")
+_NOISE = re.compile(rb"E-(?:1[5-9]|[2-9]\d|\d{3})\b")
 _STYLES = b"MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION"
 _LIST = re.compile(rb"\(((?:#\d+,?\s*)+)\)")
 
 
 def without_noise(data: bytes) -> bytes:
     """The same STEP file with 0 for every number below 1e-14 [mm, or the part of a direction]."""
-    return _NOISE.sub(lambda match: match[0] if match[0].startswith(b"'") else b"0.", data)
+    texts = data.split(b"'")
+    for index in range(0, len(texts), 2):  # what is quoted stands between: a quote within it is two
+        *before, rest = _NOISE.split(texts[index])
+        if before:
+            texts[index] = b"".join(number.rstrip(b".0123456789").removesuffix(b"-") + b"0." for number in before) + rest
+    return b"'".join(texts)
 
 
 def settled(data: bytes) -> bytes:
