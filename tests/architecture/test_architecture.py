@@ -54,7 +54,7 @@ ROOMS: dict[str, set[str]] = {
     "render": {"frozen", "pose"},
     "reporting": {"frozen", "shown", "source", "diagnostics"},
     "templates": set(),
-    "importing": BASE | {"load", "spec", "layout"},
+    "importing": BASE | {"load", "layout"},
     "layout": BASE | {"load", "spec"},
     "editor": BASE | {"load", "spec", "realize", "resolve", "environment", "watching"},
     "lsp": BASE | {"environment", "pipeline", "dependencies", "stamp", "watching", "load", "spec", "layout", "realize", "resolve", "graph",

@@ -18,7 +18,6 @@ from thingc.importing.packages import Packages
 from thingc.importing.urdf import read_urdf
 from thingc.importing.xml_source import MOST_BYTES
 from thingc.inertia import MassProperties
-from thingc.spec.listed import KINDS
 from thingc.typos import did_you_mean
 
 READERS = {".urdf": read_urdf}
@@ -70,7 +69,7 @@ def import_robot(
     if report.failed:
         return None
     warn_of_mirror_pairs(robot, report)
-    found, files, left_out = gathered(robot, Packages(path, packages or {}, os.environ) if meshes and "mesh" in KINDS else None, report)
+    found, files, left_out = gathered(robot, Packages(path, packages or {}, os.environ) if meshes else None, report)
     if report.failed:
         return None
     written = document_of(robot, list(dict.fromkeys(roots)), os.path.basename(path), {one.link.name: one.how for one in mended}, found)

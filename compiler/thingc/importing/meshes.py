@@ -18,15 +18,13 @@ FOLDER = "meshes"
 def gathered(robot: SourceRobot, packages: Packages | None, report: Report) -> tuple[Mapping[str, str], dict[str, bytes], list[SourceLoss]]:
     """The path in the workspace of every mesh that shapes of the robot name, and the files by it. What cannot be found is reported at its
     first place; without `packages` all meshes are losses."""
-    shapes = {shape.mesh: shape for link in robot.links for shape in reversed(link.shapes) if shape.mesh is not None}
+    named = [(shape.mesh, shape) for link in robot.links for shape in link.shapes if shape.mesh is not None]
     if packages is None:
-        losses = [
-            SourceLoss(what=f"mesh `{shape.mesh}`", why="meshes are left out", where=shape.where)
-            for link in robot.links for shape in link.shapes if shape.mesh is not None
-        ]
-        return {}, {}, losses
+        return {}, {}, [SourceLoss(what=f"mesh `{uri}`", why="meshes are left out", where=shape.where) for uri, shape in named]
     contents: dict[str, bytes] = {}
-    for uri, shape in shapes.items():
+    first_places = dict(reversed(named))
+    for uri in dict.fromkeys(uri for uri, _ in named):
+        shape = first_places[uri]
         try:
             if os.path.splitext(uri)[1].lower() not in READ:
                 raise NotFound(f"`{uri}` is no mesh that is read: {', '.join(f'`{one}`' for one in READ)}", "`--no-meshes` leaves it out")

@@ -1,0 +1,97 @@
+"""Meshes come along as they are: the same file, unit and scale as MuJoCo reads them, gathered by content."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import mujoco
+import numpy
+import pytest
+import trimesh
+
+import thingc
+from thingc.diagnostics import Report
+from thingc.importing import import_robot
+
+ROBOT = """<robot name="meshes">
+  <link name="base">
+    <inertial><mass value="2"/><inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial>
+    <visual><origin xyz="0.1 0 0" rpy="0.3 0.2 0.1"/><geometry><mesh filename="package://bot/meshes/a/part.stl"/></geometry></visual>
+    <collision><geometry><mesh filename="package://bot/meshes/b/part.stl" scale="0.001 0.001 0.001"/></geometry></collision>
+    <visual><origin xyz="0 0.5 0"/><geometry><mesh filename="../meshes/c/copy.stl" scale="1 -2 3"/></geometry></visual>
+  </link>
+</robot>"""
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    """Wedges, of which none is its own mirror image: two of one name, and two of one content."""
+    corners = numpy.array([[0, 0, 0], [0.3, 0, 0], [0, 0.2, 0], [0.05, 0.02, 0.1]])
+    wedge = trimesh.convex.convex_hull(corners)
+    for name, scale in (("a/part", 1.0), ("b/part", 500.0), ("c/copy", 1.0)):
+        path = tmp_path / "bot" / "meshes" / f"{name}.stl"
+        path.parent.mkdir(parents=True)
+        path.write_bytes(trimesh.exchange.stl.export_stl(wedge.copy().apply_scale(scale)))
+    path = tmp_path / "bot" / "urdf" / "meshes.urdf"
+    path.parent.mkdir()
+    path.write_text(ROBOT)
+    return path
+
+
+def boxes(model: mujoco.MjModel) -> list[tuple[bool, list[list[float]], list[float]]]:
+    """Of every geom of a mesh: whether it touches, the corners of the box around it in the world, and its middle vertex."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    found = []
+    for k in range(model.ngeom):
+        mesh = model.geom_dataid[k]
+        at, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        points = model.mesh_vert[at : at + count] @ data.geom_xmat[k].reshape(3, 3).T + data.geom_xpos[k]
+        box = numpy.round([points.min(0), points.max(0)], 6).tolist()
+        found.append((bool(model.geom_contype[k]), box, points.mean(0).round(6).tolist()))
+    return sorted(found)
+
+
+def test_they_lie_where_they_lay(robot: Path, tmp_path: Path) -> None:
+    report = Report()
+    imported = import_robot(str(robot), report)
+    assert imported is not None and report.diagnostics == [] and imported.losses == ()
+    assert [name for name in imported.files if name.startswith("meshes/")] == ["meshes/part.stl", "meshes/part_2.stl"]
+    assert sorted(json.loads(imported.files["import.json"])["meshes"]) == ["meshes/part.stl", "meshes/part_2.stl"]
+    assert imported.files["meshes/part.stl"] == (robot.parents[1] / "meshes" / "a" / "part.stl").read_bytes()
+    text = imported.files["meshes.yaml"].decode()
+    assert "- {mesh: meshes/part.stl, unit: m, at: {xyz: 100 0 0 mm, rpy: 0.3 0.2 0.1 rad}, for: visual}" in text
+    assert "- {mesh: meshes/part_2.stl, unit: mm, for: collision}" in text
+    assert "- {mesh: meshes/part.stl, unit: m, scale: [1, -2, 3], at: {xyz: 0 500 0 mm}, for: visual}" in text
+    out = tmp_path / "out"
+    for name, content in imported.files.items():
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).write_bytes(content)
+    ours = thingc.compile(out / "meshes.yaml").modes["source"].model()
+    folder = robot.parents[1] / "meshes"
+    given = {f"{name.replace('/', '_')}.stl": (folder / f"{name}.stl").read_bytes() for name in ("a/part", "b/part", "c/copy")}
+    plain = re.sub(r'filename="[^"]*/(\w)/(\w+).stl"', r'filename="\1_\2.stl"', ROBOT)
+    extension = '<mujoco><compiler fusestatic="false" discardvisual="false" strippath="false"/></mujoco></robot>'
+    theirs = mujoco.MjModel.from_xml_string(plain.replace("</robot>", extension), given)
+    for one, other in zip(boxes(ours), boxes(theirs), strict=True):
+        assert one[0] == other[0]
+        assert numpy.allclose(one[1], other[1], atol=1e-5) and numpy.allclose(one[2], other[2], atol=1e-5)
+
+
+def test_those_that_are_not_there_are_said_or_left_out(robot: Path) -> None:
+    (robot.parents[1] / "meshes" / "c" / "copy.stl").unlink()
+    robot.write_text(robot.read_text().replace("package://bot/meshes/b/part.stl", "package://lamp/part.abc"))
+    report = Report()
+    assert import_robot(str(robot), report) is None
+    assert [(d.code.code, d.span.line, d.message.partition(";")[0]) for d in report.ordered() if d.span is not None] == [
+        ("TC956", 5, "`package://lamp/part.abc` is no mesh that is read: `.stl`, `.obj`, `.dae`, `.ply`, `.glb`, `.gltf`"),
+        ("TC956", 6, "there is no file `../meshes/c/copy.stl`"),
+    ]
+    report = Report()
+    imported = import_robot(str(robot), report, meshes=False)
+    assert imported is not None and [(loss.what, loss.where.line) for loss in imported.losses] == [
+        ("mesh `package://bot/meshes/a/part.stl`", 4), ("mesh `package://lamp/part.abc`", 5), ("mesh `../meshes/c/copy.stl`", 6),
+    ]
+    assert "frame: true" in imported.files["meshes.yaml"].decode()
