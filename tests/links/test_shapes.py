@@ -50,7 +50,8 @@ components:
     link: true
     shapes:
       - {sphere: {radius: 30 mm}, at: {xyz: 0 0 -60 mm}, material: rubber}
-      - {capsule: {radius: 15 mm, length: 120 mm}, at: {xyz: 0 0 60 mm, rpy: 10 20 30 deg}, material: steel}
+      - {capsule: {radius: 15 mm, length: 120 mm}, at: {xyz: 0 0 60 mm, rpy: 10 20 30 deg}, material: steel,
+         friction: {slide: 0.3, torsion: 0.01}}
     mounts:
       eye: {rpy: 180 0 -90 deg}
 joints:
@@ -194,6 +195,7 @@ def test_colours_are_those_of_shapes_then_of_materials(ours: mujoco.MjModel) -> 
     seen = {ours.geom(k).name: tuple(ours.mat_rgba[ours.geom_matid[k]]) for k in range(ours.ngeom) if ours.geom_matid[k] >= 0}
     assert seen["foot"] == (1, 0, 0, 1) and seen["boom_1"] == (0, 1, 0, 1) and seen["hook"] == (0, 0, 0, 1)
     assert ours.geom("hook:collision").friction[0] == 0.7
+    assert tuple(ours.geom("hook:collision_1").friction[:2]) == (0.3, 0.01), "its own goes before that of the steel"
 
 
 def test_other_formats_have_primitives_or_say_what_they_lose(crane: Crane) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from thingc.graph.mass import NOTHING, Weighed, said_whole, weigh_link
 from thingc.graph.types import Listed, Surface
@@ -50,11 +51,26 @@ def _drawn(shape: ListedShape, material: Material | None, meshes: Meshes) -> Ite
 
 
 def _touching(shape: ListedShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
-    own, solid = shape.material or material, shape.solid
+    own, solid = _rubbing(shape, shape.material or material), shape.solid
     if not isinstance(solid, MeshFile):
         yield Surface(solid=solid, material=own, color=None)
     elif (record := meshes.get(solid)) is not None:
         yield _whole(shape, solid, record, own, None)
+
+
+def _rubbing(shape: ListedShape, material: Material | None) -> Material | None:
+    """The material of a shape with the friction that the shape itself says."""
+    slide, torsion, roll = shape.friction
+    if shape.friction == (None, None, None):
+        return material
+    if material is None:
+        return Material(
+            name="friction", density=None, color=None, slide=slide, torsion=torsion, roll=roll, process=None, origin=shape.origin,
+        )
+    return replace(
+        material, slide=material.slide if slide is None else slide, torsion=material.torsion if torsion is None else torsion,
+        roll=material.roll if roll is None else roll,
+    )
 
 
 def _whole(shape: ListedShape, file: MeshFile, record: MeshRecord, material: Material | None, color: str | None) -> Surface:

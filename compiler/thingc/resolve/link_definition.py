@@ -25,7 +25,8 @@ NAMED = 3
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListedShape(Brief):
     """A shape of a link, in its frame: whether it is `drawn`, and whether it `touches`. `pose` is that of a mesh file: a primitive has its
-    own. `material` and `color` (`#rrggbb`) are what the shape itself says; None: as its link, and its material, have it."""
+    own. `material`, `color` (`#rrggbb`) and `friction` (sliding, torsional, rolling) are what the shape itself says; None: as its
+    link, and its material, have it."""
 
     solid: Primitive | MeshFile
     drawn: bool
@@ -33,6 +34,7 @@ class ListedShape(Brief):
     pose: Pose = NO_POSE
     material: Material | None = None
     color: str | None = None
+    friction: tuple[float | None, float | None, float | None] = (None, None, None)
     origin: Origin = field(default=(), compare=False)
 
     @property
@@ -46,7 +48,7 @@ class ListedShape(Brief):
         solid, material = self.solid, self.material.name if self.material is not None else None
         pose = self.pose if isinstance(solid, MeshFile) else solid.pose
         shape = (solid.path, *solid.content) if isinstance(solid, MeshFile) else (solid.shape, solid.size)
-        return (*shape, pose.rotation, pose.translation, self.drawn, self.touches, material, self.color)
+        return (*shape, pose.rotation, pose.translation, self.drawn, self.touches, material, self.color, self.friction)
 
     def mirrored(self, mirror: Mirror) -> ListedShape:
         """Its mirror image: every primitive is the image of itself, in a frame that is mirrored, and a mesh file is read mirrored."""

@@ -13,7 +13,7 @@ from thingc.resolve.scope import Scope
 from thingc.resolve.table import Context
 from thingc.source import Document, Origin, Path
 from thingc.spec.assembly import AssemblySpec
-from thingc.spec.materials import MaterialSpec, MaterialsSpec
+from thingc.spec.materials import FrictionSpec, MaterialSpec, MaterialsSpec
 from thingc.typos import did_you_mean
 from thingc.units import DENSITY, LENGTH, NUMBER, shortened
 
@@ -102,15 +102,7 @@ def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Materia
     if spec.density is not None:
         density = scope.number(spec.density, (*path, "density"), DENSITY, f"the density of `{name}`", above=0.0)
         wrong = density is None
-    friction = spec.friction
-    slide = torsion = roll = None
-    if friction is not None:
-        at = (*path, "friction")
-        slide = scope.number(friction.slide, (*at, "slide"), NUMBER, "sliding friction", least=0.0)
-        if friction.torsion is not None:
-            torsion = scope.number(friction.torsion, (*at, "torsion"), (LENGTH, NUMBER), "torsional friction", least=0.0)
-        if friction.roll is not None:
-            roll = scope.number(friction.roll, (*at, "roll"), (LENGTH, NUMBER), "rolling friction", least=0.0)
+    slide, torsion, roll = friction(scope, spec.friction, (*path, "friction"))
     made = process(scope, Layers(((spec.process, (*path, "process")),))) if spec.process is not None else None
     return Material(
         name=name, density=_STAND_IN if wrong and density is None else density, color=spec.color or base_color, slide=slide,
@@ -118,6 +110,18 @@ def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Materia
         process_origin=scope.origin((*path, "process")) if made is not None else (),
         density_origin=scope.origin((*path, "density" if spec.density is not None else "base")) if density is not None else (),
     )
+
+
+def friction(scope: Scope, spec: FrictionSpec | None, path: Path) -> tuple[float | None, float | None, float | None]:
+    """Sliding, torsional and rolling friction; None of what is not said, or wrong (reported)."""
+    if spec is None:
+        return None, None, None
+    slide = scope.number(spec.slide, (*path, "slide"), NUMBER, "sliding friction", least=0.0)
+    torsion, roll = (
+        None if value is None else scope.number(value, (*path, key), (LENGTH, NUMBER), f"{word} friction", least=0.0)
+        for key, value, word in (("torsion", spec.torsion, "torsional"), ("roll", spec.roll, "rolling"))
+    )
+    return slide, torsion, roll
 
 
 def process(scope: Scope, layers: Layers) -> Process:

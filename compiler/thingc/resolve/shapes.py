@@ -14,6 +14,7 @@ from thingc.primitives import Primitive
 from thingc.realize.record import FILE_UNIT
 from thingc.resolve.layers import Layers
 from thingc.resolve.link_definition import LinkDefinition, ListedShape, link_of
+from thingc.resolve.materials import friction
 from thingc.resolve.overrides import material
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Context, Node, Table
@@ -36,7 +37,7 @@ def _shape(context: Context, table: Table, scope: Scope, spec: ShapeSpec, path: 
         return None
     return ListedShape(
         solid=solid, pose=NO_POSE if isinstance(solid, Primitive) else pose, drawn=spec.for_ != "collision", touches=spec.for_ != "visual",
-        color=spec.color, origin=scope.origin((*path, spec.kind)),
+        color=spec.color, friction=friction(scope, spec.friction, (*path, "friction")), origin=scope.origin((*path, spec.kind)),
         material=material(scope, Layers(((spec, path),)), table.materials, unreadable=table.materials_unreadable),
     )
 

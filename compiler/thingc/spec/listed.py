@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field, model_validator
 from thingc.load.paths import SUFFIXES_WITH_UNIT
 from thingc.spec.base import Model, rule
 from thingc.spec.fields import ColorField, LengthField, NumberField, Vector3Angle, Vector3Length
+from thingc.spec.materials import FrictionSpec
 from thingc.spec.named import MaterialField
 
 ShapeKind = Literal["mesh", "box", "sphere", "cylinder", "capsule", "ellipsoid", "plane"]
@@ -81,6 +82,8 @@ class ShapeSpec(Model):
     """A material in scope; that of the link unless written."""
     color: ColorField | None = None
     """Its own colour; that of its material unless written."""
+    friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 0.6}])
+    """Its own friction, over that of its material."""
 
     @property
     def kind(self) -> ShapeKind:
