@@ -341,9 +341,11 @@ def _continues(text: str, at: int) -> bool:
     return at < len(text) and (text[at] in "_(." or text[at].isdigit())
 
 
-def unknown_unit(word: str, at: int) -> UnitError:
-    """The error for a word that is no unit, with the one that was meant."""
-    close = _MEANT.get(word) or nearest(word, UNITS)
+def unknown_unit(word: str, at: int, wanted: tuple[Dimension, ...] = ()) -> UnitError:
+    """The error for a word that is no unit, with the one that was meant: one of a dimension that is `wanted`, if another second letter
+    makes one of it (`mn` where there should be a length)."""
+    other = (unit for unit, (_, _, of) in UNITS.items() if of in wanted and len(unit) == len(word) == 2 and unit[0] == word[0])
+    close = _MEANT.get(word) or next(other, None) or nearest(word, UNITS)
     hint = f"; did you mean `{close}`?" if close else ""
     sure = close is not None and (word in _MEANT or (meant(word, UNITS) == close and not _other_prefix(word, close)))
     message = Hint(f"unknown unit `{shortened(word)}`{hint}", (word, close) if sure and close else None)

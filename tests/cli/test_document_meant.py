@@ -41,7 +41,7 @@ def test_several_or_none_are_said(workspace: Path, capsys: Said) -> None:
     assert main(["build"]) == 2
     assert capsys.readouterr().err == (
         "error[TC801]: missing: DOC, and there are 2 robots here\n"
-        "  help: known documents: `again.yaml`, `finger.yaml`, `palm.yaml`, `robot.yaml`\n\n1 error\n"
+        "  help: known robots: `again.yaml`, `robot.yaml`\n\n1 error\n"
     )
     for path in workspace.glob("*.yaml"):
         path.unlink()
@@ -49,6 +49,26 @@ def test_several_or_none_are_said(workspace: Path, capsys: Said) -> None:
     assert capsys.readouterr().err == (
         "error[TC801]: missing: DOC, and there are no robots here\n  help: `thingc new NAME` makes a workspace with a robot\n\n1 error\n"
     )
+
+
+def test_robots_of_workspaces_below_are_said_before_those_outside(
+    workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said,
+) -> None:
+    for name in ("one", "two"):
+        inner = workspace / "robots" / name
+        inner.mkdir(parents=True)
+        write(inner)
+        (inner / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    monkeypatch.chdir(workspace / "robots")
+    assert main(["info"]) == 2
+    assert "there are 2 robots here\n  help: known robots: `one/robot.yaml`, `two/robot.yaml`\n" in capsys.readouterr().err
+
+
+def test_what_a_broken_document_nests_is_no_robot(workspace: Path, capsys: Said) -> None:
+    document = workspace / "robot.yaml"
+    document.write_text(document.read_text() + "  bad: [\n")
+    assert main(["info"]) == 1
+    assert capsys.readouterr().err.startswith("taking robot.yaml, the only robot here\nerror[TC103]")
 
 
 def test_check_looks_at_all_of_the_folder(capsys: Said) -> None:

@@ -110,6 +110,14 @@ modes: {standing: {root: base}}
 """
 
 
+def test_a_number_stands_for_a_mass_that_says_its_source_as_well(tmp_path: Path) -> None:
+    (tmp_path / "r.yaml").write_text(
+        "thingc: assembly/1\nname: r\ncomponents: {a: {frame: true, mass: {value: 1 g, source: estimated}}}\nmodes: {m: {root: a}}\n"
+    )
+    with thingc.family(tmp_path / "r.yaml") as family:
+        assert [family.evaluate({"components.a.mass": mass}).results["mass"] for mass in (0.5, "2 g")] == [0.5, 0.002]
+
+
 def test_what_is_adopted_is_what_the_document_says_then(tmp_path: Path) -> None:
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "crane.yaml").write_text(ADOPTED)

@@ -265,7 +265,8 @@ def test_default_material_that_is_not_in_scope_and_not_needed() -> None:
         (
             "UNKNOWN_MATERIAL",
             "`humerus` (`p:Box`) is made of `abs` by default, which is not among the materials of `a`",
-            "known materials: `petg`; list a document that has it under `materials:`, or write `material:` here",
+            "known materials: `petg`; list a document that has it under `materials:` (`thingc_stock.materials` has the usual ones), "
+            "or write `material:` here",
             7,
         )
     ]

@@ -17,7 +17,9 @@ import pytest
 
 from reporting.test_github import parsed
 from reporting.test_sarif import checked
+from thingc.cli.common import of_exception
 from thingc.cli.main import main
+from thingc.diagnostics import Code
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 FORMS = ("text", "json", "github", "sarif")
@@ -142,3 +144,13 @@ def test_colour_is_for_terminals(folder: Path) -> None:
 def test_no_machine_gets_colours(form: str, folder: Path) -> None:
     environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"}
     assert "\x1b[1;31m" not in printed_on_terminal(["check", "codes/resolve/TC302.yaml", "--format", form], environment)
+
+
+@pytest.mark.parametrize(("fault", "help"), [
+    (FileExistsError(17, "File exists", "build"), "move away what is in its place"),
+    (PermissionError(13, "Permission denied", "build"), "allow it to be written, or choose another place"),
+    (OSError(28, "No space left on device", "build"), "make room, or choose another place"),
+])
+def test_what_the_system_refuses_has_a_hint(fault: OSError, help: str) -> None:
+    said = of_exception(fault)
+    assert (said.code, said.message, said.help) == (Code.OUTPUT, f"`build`: {fault.strerror}", help)

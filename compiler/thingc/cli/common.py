@@ -7,16 +7,13 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, TextIO
+from typing import TextIO
 
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.environment import Options
 from thingc.printing import as_json, as_text, summary
 from thingc.shown import json_text, shown, shown_line
 from thingc.typos import did_you_mean, file_meant, nearest
-
-if TYPE_CHECKING:
-    from thingc.workspace import Workspace
 
 USAGE = 2
 FINDINGS = ("text", "json", "github", "sarif")
@@ -39,30 +36,41 @@ def add_document(parser: argparse.ArgumentParser, *, what: str = "an assembly do
 def document_meant() -> str:
     """The document of a command line that names none: the only assembly below the working folder, else of its workspace, that no other
     nests. Raises `WrongCommandLine` with those that there are."""
-    from thingc.load import assemblies_in
+    from thingc.load import assemblies_in, documents_near, is_document
     from thingc.workspace import Workspace
 
     here = os.getcwd()
     workspace = Workspace.find(os.path.join(here, "document"), Report())
     assemblies, robots = list[str](), list[str]()
     if workspace is not None:
-        assemblies = assemblies_in(here, workspace) or assemblies_in(workspace.root, workspace)
-        robots = _unnested(assemblies, workspace)
+        assemblies = (
+            assemblies_in(here, workspace)
+            or [path for path in documents_near(here, None) if is_document(path, "assembly/")]  # in workspaces of their own
+            or assemblies_in(workspace.root, workspace)
+        )
+        robots = _unnested(assemblies)
     if len(robots) == 1:
         return shown_path(robots[0])
-    hint = did_you_mean("", map(shown_path, assemblies), what="documents") if robots else "`thingc new NAME` makes a workspace with a robot"
+    hint = did_you_mean("", map(shown_path, robots), what="robots") if robots else "`thingc new NAME` makes a workspace with a robot"
     raise WrongCommandLine(f"missing: DOC, and there are {len(robots) or 'no'} robots here", hint)
 
 
-def _unnested(assemblies: Sequence[str], workspace: Workspace) -> list[str]:
-    """Those of the assembly documents that none of the others nests. Where documents nest each other in a circle all count."""
+def _unnested(assemblies: Sequence[str]) -> list[str]:
+    """Those of the assembly documents that none of the others nests, of one that cannot be read as far as its text tells. Where documents
+    nest each other in a circle all count."""
     from thingc.load import load
+    from thingc.workspace import Workspace
 
     nested: set[str] = set()
     for path in assemblies if len(assemblies) > 1 else ():
-        documents = load(path, workspace, Report())
+        workspace = Workspace.find(path, Report())
+        documents = None if workspace is None else load(path, workspace, Report())
         if documents is not None and not documents.broken:
             nested.update(os.path.realpath(one.path) for one in documents.by_path.values() if one is not documents.root)
+        else:
+            with open(path, encoding="utf-8", errors="replace") as stream:
+                named = re.findall(r"""\bassembly["']?\s*[:=]\s*["']?([^\s"',{}]+)""", stream.read())
+            nested.update(os.path.realpath(os.path.join(os.path.dirname(path), one)) for one in named)
     return [path for path in assemblies if os.path.realpath(path) not in nested]
 
 
@@ -390,6 +398,7 @@ def of_exception(fault: Exception) -> Diagnostic:
     if isinstance(fault, OSError) and fault.filename is not None:
         return Diagnostic(
             code=Code.OUTPUT, severity=Severity.ERROR, message=f"`{fault.filename}`: {fault.strerror or fault}",
+            help=_CURES.get(type(fault), "make room, or choose another place"),
         )
     import traceback
 
@@ -399,6 +408,13 @@ def of_exception(fault: Exception) -> Diagnostic:
         help="this is a defect of thingc, not of your document; please report it with what --debug shows",
         detail="".join(traceback.format_exception(fault)),
     )
+
+
+_CURES: Mapping[type[OSError], str] = {
+    FileExistsError: "move away what is in its place", NotADirectoryError: "move away the file that is where a folder is needed",
+    IsADirectoryError: "move away the folder that is in its place", PermissionError: "allow it to be written, or choose another place",
+    FileNotFoundError: "somebody has moved or deleted it meanwhile: run the command again",
+}
 
 
 def _working_folder() -> str | None:

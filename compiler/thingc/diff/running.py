@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from thingc import pipeline
+from thingc.brief import counted
 from thingc.diagnostics import Diagnostic, Severity
 from thingc.diff.portrait import Portrait, TestOutcome
 from thingc.diff.reading import portrait
@@ -29,7 +30,7 @@ class Broken(Exception):
     """A document that does not compile. `diagnostics` say why."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
-        super().__init__(f"{len(diagnostics)} errors")
+        super().__init__(counted(len(diagnostics), "error"))
         self.diagnostics = tuple(diagnostics)
 
 

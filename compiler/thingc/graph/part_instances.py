@@ -131,7 +131,8 @@ class PartInstances:
             hint = did_you_mean(name, scope.materials, what="materials")
             near = nearest(name, scope.materials)
             if near is None:
-                hint += "; list a document that has it under `materials:`, or write `material:` here"
+                hint += "; list a document that has it under `materials:` (`thingc_stock.materials` has the usual ones)"
+                hint += ", or write `material:` here"
             notes = list(noted(f"`{near}` is written here", scope.materials[near].origin)) if near is not None else []
             notes += written_at(f"`{component.label}`", record.code)
             places = {place: other for other, _, _, _, place in reversed(users[1:]) if place[:1] != origin[:1]}

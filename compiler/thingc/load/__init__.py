@@ -9,18 +9,18 @@ from thingc.load.paths import find_assembly, named
 from thingc.load.text import Source
 
 if TYPE_CHECKING:
-    from thingc.load.finding import assemblies_in, documents_in, has_header, is_document
+    from thingc.load.finding import assemblies_in, documents_in, documents_near, has_header, is_document
     from thingc.load.packaged import packaged_documents
 
 __all__ = [
-    "Documents", "Source", "assemblies_in", "documents_in", "find_assembly", "has_header", "is_document", "load", "load_more", "named",
-    "packaged_documents", "read_tree",
+    "Documents", "Source", "assemblies_in", "documents_in", "documents_near", "find_assembly", "has_header", "is_document", "load",
+    "load_more", "named", "packaged_documents", "read_tree",
 ]
 
 
 def __getattr__(name: str) -> Any:
     """What only commands for whole folders need, imported when it is asked for."""
-    if name in ("assemblies_in", "documents_in", "has_header", "is_document"):
+    if name in ("assemblies_in", "documents_in", "documents_near", "has_header", "is_document"):
         from thingc.load import finding
 
         return getattr(finding, name)

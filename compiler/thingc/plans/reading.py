@@ -48,7 +48,8 @@ class SettingsReader:
     def _stated(self, path: str) -> Found | None:
         section, _, rest = path.partition(".")
         by_default = f"defaults.{section[:-1]}.{rest.partition('.')[2]}"
-        for place in (path, by_default) if section in ("joints", "components") else (path,):
+        places = (path, by_default) if section in ("joints", "components") else (path,)
+        for place in (one + inner for inner in ("", ".value") for one in places):  # a mass may say its source as well
             stated = stated_value(self._documents, place)
             if isinstance(stated, Expression):
                 try:

@@ -361,11 +361,20 @@ def _report_component(
             notes=[Note(message=f"`{name}` is repeated here", span=inner.scope.span(("components", name, "repeat")))],
         )
         return
+    known = [*inner.nodes, *(prefix[:-1] for prefix in inner.unbuilt if prefix)]
+    help = suggested(name, known, what="components")
+    if nearest(name, islice(known, MAX_SUGGESTED)) is None and len(parts) == depth + 2:
+        having = [f"`{'.'.join((*parts[:depth], one.name, parts[-1]))}`" for one in inner.nodes.values() if _shows(one, parts[-1])]
+        help = f"did you mean {' or '.join(having)}?" if 0 < len(having) <= 3 else help
     scope.error(
-        Code.UNKNOWN_COMPONENT, f"{what} has no component `{name}`", path,
-        help=suggested(name, [*inner.nodes, *(prefix[:-1] for prefix in inner.unbuilt if prefix)], what="components"), key=key,
+        Code.UNKNOWN_COMPONENT, f"{what} has no component `{name}`", path, help=help, key=key,
         notes=[*([] if inner is table and depth == 0 else defined(inner)), *_repeated(scope, path, key)],
     )
+
+
+def _shows(node: Node, mount: str) -> bool:
+    """Whether a component has a mount of that name, as far as documents tell: those of parts are their own."""
+    return mount in node.mounts or (node.table is not None and mount in node.table.exports)
 
 
 def _report_leaf(node: Node, scope: Scope, parts: tuple[str, ...], depth: int, path: Path, key: bool) -> None:

@@ -75,9 +75,12 @@ def _report_empty(document: Document, empty: Mapping[Path, ScalarNode], report: 
         named = next((f"`{shortened(step)}`" for step in reversed(path) if isinstance(step, str)), "the document")
         help: str = "write a value after the colon, or remove the key"
         key = document.span(path, key=True)
-        comment = re.match(r":?\s+(#[0-9a-fA-F]{3,8})\b", document.line(key.end_line)[key.end_column - 1 :])
+        behind = document.line(key.end_line)[key.end_column - 1 :]
+        comment = re.match(r":?\s+(#[0-9a-fA-F]{3,8})\b", behind)
         if comment is not None:
             help = f'a `#` begins a comment: write `"{comment.group(1)}"`'
+        elif re.match(r"\s*[,}]", behind):
+            help = "in braces a comma ends a value: put quotes around a text that has one"
         message = f"an item of {named} has no value" if path and isinstance(path[-1], int) else f"{named} has no value"
         where = document.span(path, key=True) if node.text == "" else node.span
         code, cut = Code.NO_VALUE, _decimal_comma(document, path)

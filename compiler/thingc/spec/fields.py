@@ -46,6 +46,7 @@ from thingc.units import (
     scan_number,
     shortened,
     suggested_units,
+    unknown_unit,
 )
 
 if TYPE_CHECKING:
@@ -143,13 +144,19 @@ def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, exampl
         try:
             return checked(_quantity_in(value, words, example), dimensions, value)
         except UnitError as error:
-            raise _of_unit(error) from None
+            raise _of_unit(_meant(error, value, dimensions)) from None
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         try:
             return checked(_bare(value), dimensions, repr(value))
         except UnitError as error:
             raise _of_unit(error) from None
     raise fault("type", f"expected {words} (such as `{example}`), found {found(value)}")
+
+
+def _meant(error: UnitError, text: str, wanted: tuple[Dimension, ...]) -> UnitError:
+    """The error about a unit that there is not, with that of the wanted dimensions which may have been meant."""
+    unknown = error.message.startswith("unknown unit")
+    return unknown_unit(text[error.offset : error.end], error.offset or 0, wanted) if unknown else error
 
 
 def _quantity_in(text: str, words: str, example: str) -> Quantity:
@@ -283,7 +290,7 @@ def _vector(dimension: Dimension) -> Any:
                 if error.kind == "unit" and error.offset is None:
                     meant = f"{' '.join(value.split())} {suggested_units(dimension, value)[0]}"
                     error = UnitError(error.message, kind="unit", help=f"write for example `{meant}`")
-                raise _of_unit(error) from None
+                raise _of_unit(_meant(error, value, (dimension,))) from None
             return x, y, z
         if not isinstance(value, (list, tuple)):
             raise fault("type", f"expected {words}, found {found(value)}", help=f"write for example `{short}` or `{listed}`")

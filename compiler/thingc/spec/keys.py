@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from thingc.source import Document, MappingNode, Path, ScalarNode, node_at
+from thingc.source import Document, MappingNode, Node, Path, ScalarNode, node_at
 from thingc.spec.base import Model
 from thingc.spec.elsewhere import key_for
 from thingc.spec.pruning import Fault
@@ -34,7 +34,7 @@ class Unknown:
         if told is not None:
             self.help = self._called(told)
             return
-        place = None if meant(self.key, absent) is not None else self._place(root)
+        place = None if meant(self.key, absent) is not None else self._mate() or self._place(root)
         if place is not None:
             self.help = place
             return
@@ -57,15 +57,25 @@ class Unknown:
         self.instead = told
         return Hint(f"here it is called `{told}`", (self.key, told))
 
+    def _mate(self) -> str | None:
+        """How the mate of an `attach` is written beside a `turn` or a `gap`, where it is written as it is without."""
+        if not {"mount", "to"} <= set(self.known) - self.present:
+            return None
+        return f"in full it is `mount: {shortened(self.key, 40)}, to: {_shown(node_at(self.document.tree, self.path))}`"
+
     def _place(self, root: type[Model]) -> str | None:
         """Where a key belongs that another mapping has: one inside of this, one around it, or a section of the document."""
         value = node_at(self.document.tree, self.path)
         if "parameters" in self.known and "part" not in self.known and len(self.path) > 1 and isinstance(value, ScalarNode):
             return f"a parameter is set by `parameters: {{{shortened(self.key, 40)}: {shortened(value.text, 40)}}}`"
-        shown = shortened(value.text, 40) if isinstance(value, ScalarNode) else "..."
+        shown = _shown(value)
         inside = [key for key in self.known if any(self.key in model_keys(one) for one in _models(self.model, key))]
         if inside:
             here = [key for key in inside if key in self.present]
+            short = node_at(self.document.tree, (*self.path[:-1], "attach")) if here == ["attach"] else None
+            if isinstance(short, MappingNode) and len(short.entries) == 1 and "mount" not in short.entries:
+                ((mount, to),) = short.entries.items()
+                return f"write it inside, in full: `attach: {{mount: {shortened(mount, 40)}, to: {_shown(to)}, {self.key}: {shown}}}`"
             if here:
                 return f"it is a key of {one_of(here)}: write it inside"
             return "it is a key of " + one_of(inside) + f": `{inside[0]}: {{{self.key}: {shown}}}`"
@@ -101,6 +111,10 @@ class Unknown:
             if {of, key} <= set(self.known) and of in self.present and shown != "..." and nearest(self.key, self.known) is None:
                 return f"a parameter of the {of} is set by `{key}: {{{shortened(self.key, 40)}: {shown}}}`"
         return None
+
+
+def _shown(value: Node | None) -> str:
+    return shortened(value.text, 40) if isinstance(value, ScalarNode) else "..."
 
 
 def sections(root: type[Model]) -> Iterator[tuple[str, AnnotationShape]]:
