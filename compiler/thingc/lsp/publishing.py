@@ -16,6 +16,11 @@ _TOP = {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 0}
 def by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
     """What an analysis found, as the protocol has it, by absolute path of the file that it is about; of what has no place in a file that is
     there (a lock that is missing), the analysed document. That one is there also where nothing was found."""
+    said: dict[str, list[dict[str, Any]]] = analysis.once("said", lambda: _by_file(analysis))
+    return said
+
+
+def _by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
     said: dict[str, list[dict[str, Any]]] = {analysis.path: []}
     for one in analysis.findings:
         span = one.span if one.span is not None and (one.span.file in analysis.open or os.path.isfile(one.span.file)) else None
