@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
-from thingc.diagnostics import Code, Report
+from thingc.diagnostics import Code, Note, Report
 from thingc.source import Span
 
 MOST_BYTES = 50_000_000
@@ -72,6 +72,7 @@ def read_xml(path: str, data: bytes, report: Report) -> SourceElement | None:
         report.add(
             Code.SOURCE_XML, f"this is no well-formed XML: {why}", _point(path, line, column),
             help="mend the place shown; `xmllint FILE` says more where it is installed",
+            notes=[Note(message=f"`<{one.tag}>` is open here", span=one.where) for one in reading.open[-1:]],
         )
         return None
     return reading.root
