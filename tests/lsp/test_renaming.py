@@ -3,8 +3,10 @@ bytes."""
 
 from __future__ import annotations
 
+import random
 import re
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -78,7 +80,7 @@ def exchanged(sight: Sight, old: str, new: str) -> tuple[Sight, dict[str, str]]:
             assert (one.what, one.text) in (("sensor", "wag"), ("sensor", "x_wag"))
             continue
         try:
-            sight = sight.with_texts(renamed(sight, name, new + name.text.removeprefix(old)).texts)
+            sight = renamed(sight, name, new + name.text.removeprefix(old)).after
         except RequestRefused as fault:
             refused[f"{name.what} {name.text}"] = str(fault)
     return sight, refused
@@ -136,3 +138,14 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
         assert main(["rename", "leg.yaml", *words]) == 2
         assert said in capsys.readouterr().out
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_names_of_both_robots_are_exchanged_and_back() -> None:
+    """Some of them, others with another seed; each means the same afterwards, or `renamed` would have refused it."""
+    sight = seen(ROOT)
+    assert [name for name in sight.index.by_name if sight.index.declared(name) is None and name.what != "document"] == []
+    names = [name for name in sight.index.by_name if name.what in ("component", "joint", "parameter", "pose", "mode", "export", "test")]
+    for name in random.Random(15).sample(names, 6):
+        done = renamed(sight, name, f"x_{name.text}")
+        again = renamed(done.after, replace(name, text=f"x_{name.text}"), name.text)
+        assert done.texts and again.texts == {path: sight.read(path) for path in done.texts}

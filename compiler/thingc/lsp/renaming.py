@@ -36,10 +36,12 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Renaming:
-    """What is written anew: `texts` whole by absolute path, and each place, the last of a file first, for who edits."""
+    """What is written anew: `texts` whole by absolute path, and each place, the last of a file first, for who edits; what there is `after`
+    it."""
 
     places: tuple[Span, ...]
     texts: Mapping[str, str]
+    after: Sight
 
 
 def renamable(sight: Sight, name: Name) -> None:
@@ -79,7 +81,7 @@ def renamed(sight: Sight, name: Name, new: str) -> Renaming:
     texts = with_spans(sight, spans, new)
     after = sight.with_texts(texts)
     _compare(sight, after, name, new, spans)
-    return Renaming(places=tuple(sorted(spans, key=lambda one: (one.file, -one.line, -one.column))), texts=texts)
+    return Renaming(places=tuple(sorted(spans, key=lambda one: (one.file, -one.line, -one.column))), texts=texts, after=after)
 
 
 def with_spans(sight: Sight, spans: Iterable[Span], new: str) -> dict[str, str]:
