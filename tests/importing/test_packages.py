@@ -32,6 +32,7 @@ def packages(ground: Path, given: dict[str, str] | None = None) -> Packages:
 @pytest.mark.parametrize(("uri", "found"), [
     ("../meshes/link.stl", "arm/meshes/link.stl"),
     ("package://arm/meshes/link.stl", "arm/meshes/link.stl"),
+    ("package:///arm/meshes/link.stl", "arm/meshes/link.stl"),
     ("package://the_arm/meshes/link.stl", "arm/meshes/link.stl"),
     ("model://hand_description/meshes/hand.stl", "hand_description/meshes/hand.stl"),
     ("package://gripper/a.stl", "ros/gripper/a.stl"),

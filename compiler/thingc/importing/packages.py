@@ -42,7 +42,7 @@ class Packages:
             return _file(os.path.normpath(unquote(rest)), uri)
         if scheme not in ("package", "model"):
             raise NotFound(f"`{uri}` is no file of this machine", "write `package://NAME/...`, or a path beside the robot's file")
-        name, _, inside = rest.partition("/")
+        name, _, inside = rest.lstrip("/").partition("/")  # some files have three slashes
         looked = [*dict.fromkeys(self._places(name))]
         there = [place for place in looked if os.path.isdir(place)]
         if not there:
