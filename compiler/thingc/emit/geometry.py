@@ -220,7 +220,9 @@ class _Collector:
             return Shape(kind=mesh.shape, size=mesh.size, pose=mesh.pose, material=surface.material, color=surface.color)
         name = stem + suffix
         owner = self.owners.setdefault(name.casefold(), occurrence)
-        if owner.definition != occurrence.definition and not (self.meshes.get(name) is not None and self.meshes[name].mesh == mesh):
+        known = self.meshes.get(name)
+        listed = occurrence.listed is not None and known is not None and known.mesh == mesh  # a mesh file that several links list
+        if owner.definition != occurrence.definition and not listed:
             self.report.add(
                 Code.SAME_FILE,
                 f"`{occurrence.definition.label}` and `{owner.definition.label}` would both be written as `{self.folder}/{stem}.obj`",
