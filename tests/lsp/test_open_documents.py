@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import random
 import threading
 import time
@@ -16,7 +17,7 @@ from thingc.cli.common import of_exception
 from thingc.environment import Options
 from thingc.lsp import open_documents
 from thingc.lsp.analysis import Analysis, OpenText, analyse
-from thingc.lsp.open_documents import OpenDocuments
+from thingc.lsp.open_documents import OpenDocuments, Superseded
 from thingc.resolve import assembly
 
 
@@ -64,6 +65,26 @@ def test_the_document_that_is_typed_in_is_first_and_its_parents_follow(desk: Des
     assert desk.said() == [("robot.yaml", 2, [])], "nobody depends on it"
 
 
+def test_who_types_on_does_not_wait_for_documents_that_have_waited_longer(desk: Desk) -> None:
+    for name in ("robot.yaml", "palm.yaml", "finger.yaml"):
+        desk.put(name, 1)
+    desk.said()
+    for version in (2, 3):
+        desk.put("finger.yaml", version)
+        assert desk.opened.next()
+        assert desk.published[-1] == ("finger.yaml", version, []), "robot.yaml still waits"
+
+
+def test_what_stays_while_a_document_is_open_is_not_looked_through_for_cycles_again_and_again(desk: Desk) -> None:
+    frozen = [gc.get_freeze_count()]
+    for version in (1, 2):
+        desk.put("robot.yaml", version)
+        desk.said()
+        frozen.append(gc.get_freeze_count())
+    gc.unfreeze()
+    assert frozen[0] < frozen[1] >= frozen[2], "once, lest what is replaced is kept"
+
+
 def test_a_document_that_is_not_open_is_shown_where_it_is_wrong(desk: Desk) -> None:
     (desk.folder / "palm.yaml").write_text(DOCUMENTS["palm.yaml"].replace("frame: true", "frame: tru"))
     desk.put("robot.yaml", 1)
@@ -92,7 +113,9 @@ def test_a_change_supersedes_what_takes_long(desk: Desk, monkeypatch: pytest.Mon
     assert desk.opened.next() and desk.published == [] and time.monotonic() - started >= open_documents.IMPATIENT
     desk.put("palm.yaml", 1)
     threading.Timer(0.05, desk.put, ["palm.yaml", 1]).start()
-    assert desk.opened.next() and desk.published == [] and begun == [str(desk.folder / "robot.yaml")] * 2
+    with pytest.raises(Superseded):
+        desk.opened.analysis(str(desk.folder / "robot.yaml"))
+    assert desk.published == [] and begun == [str(desk.folder / "robot.yaml")] * 2
     assert desk.said() == [("palm.yaml", 1, []), ("robot.yaml", 2, [])]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import threading
 import time
@@ -115,9 +116,10 @@ class OpenDocuments:
     # --- analyses ------------------------------------------------------------------------------------------------
 
     def next(self) -> bool:
-        """Analyse one document for which something has changed, and publish what was found; whether there was one."""
+        """Analyse one document for which something has changed, that which is typed in before the others, and publish what was found;
+        whether there was one."""
         with self._lock:
-            path = next(iter(self._outdated), None)
+            path = self._recent if self._recent in self._outdated else next(iter(self._outdated), None)
             if path is not None and path not in self._texts:
                 del self._outdated[path]
                 self._forget(path)
@@ -152,6 +154,8 @@ class OpenDocuments:
         with self._lock:
             self._analyses[path] = analysis
             self._watched.note(analysis.looked_at)
+        if known is None:
+            gc.freeze()  # most of it stays as long as the document is open: to look all of it through for cycles takes several keystrokes
         return analysis
 
     def _analysed(self, path: str, texts: Mapping[str, OpenText], memo: Memo, known: Analysis | None) -> Analysis:
