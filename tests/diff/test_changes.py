@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from diff.cranes import CRANE, drawn, made, sound, write
-from thingc.diff import Portrait, compare
+from thingc.diff import Change, Comparison, Portrait, compare
+from thingc.diff.telling import following
 
 Made = set[tuple[str, str, str, str | None]]
 
@@ -124,3 +125,20 @@ def test_what_means_the_same_is_no_change(name: str, crane: Portrait, tmp_path: 
     document = write(tmp_path)
     document.write_text(text)
     assert compare(crane, drawn(document, shared_store)).changes == ()
+
+
+def test_what_tests_measure_has_units_and_is_told_once() -> None:
+    """Equal numbers of several poses are one line; an outcome is told of each, and before all else."""
+    def change(field: str, old: object, new: object) -> Change:
+        return Change(what="test", change="changed", path="stays", field=field, old=old, new=new, because=("boom",))  # type: ignore[arg-type]
+
+    found = (
+        change("measured.mass [stand, up]", 2.0, 2.5), change("measured.mass [stand, out]", 2.0, 2.5), change("reach.min", 0.3, 0.4),
+        change("measured.rest [stand, up]", 0.5, 0.25), change("measured.moved [stand, up]", 0.002, None),
+        change("passed [stand, up]", True, False), change("measured.margin", 2.0, 3.0),
+    )
+    assert [line.words for line in following(Comparison(name="crane", changes=found))] == [
+        " [stand, up]: FAILS now", ": measured.mass 2 kg -> 2.5 kg (+25 %)", ": reach.min 300 mm -> 400 mm (+33.3 %)",
+        ": measured.rest [stand, up] 0.5 s -> 0.25 s (-50 %)", ": measured.moved [stand, up] 2 mm -> nothing",
+        ": measured.margin 2 -> 3 (+50 %)",
+    ]

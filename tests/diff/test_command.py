@@ -103,7 +103,8 @@ def test_a_comment(tmp_path: Path, capsys: pytest.CaptureFixture[str], shared_st
     old, new = str(write(tmp_path / "old")), str(write(tmp_path / "new", ("value: 120 g", "value: 320 g")))
     text = said(capsys, old, new, "--store", shared_store, "--format", "markdown")
     assert "- component `hook` `mass.value 120 g -> 320 g (+167 %)`\n" in text
-    assert re.search(r"<details><summary>tests \(\d\)</summary>\n\n- test `light` `FAILS now` — because of `hook`\n", text)
+    assert text.index("- test `light` `FAILS now` — because of `hook`\n") < text.index("<details>")  # not folded away
+    assert re.search(r"<details><summary>tests \(\d\)</summary>\n\n- test `light` `measured", text)
     assert text.count("<details>") == text.count("</details>") >= 2
 
 

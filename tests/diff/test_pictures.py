@@ -58,11 +58,13 @@ def test_what_is_gone_stands_in_the_picture_where_it_was() -> None:
 
 
 def test_a_page_with_a_slider() -> None:
-    comparison = Comparison(name="crane", changes=CHANGES, pictures=PICTURES)
+    fails = Change(what="test", change="changed", path="light", field="passed", old=True, new=False, because=("hook",))
+    comparison = Comparison(name="crane", changes=(*CHANGES, fails), pictures=PICTURES)
     page = as_html(Differences(old="main", new="<HEAD>", documents=(("crane.yaml", comparison),)))
     assert "<h1>main → &lt;HEAD&gt;</h1>" in page and "the same &lt;definition&gt;" in page
     assert page.count('src="data:image/png;base64,') == 3 and page.count('<input type="range"') == 1
     assert "http" not in page.replace("https", "http").partition("<body>")[2]
+    assert page.index("<code>light</code>: FAILS now") < page.index("<details")  # not folded away
     assert "<summary>geometry (1)</summary>" in page and page.count("<details") == page.count("</details>")
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from html import escape
 
 from thingc.diff.answer import Differences
-from thingc.diff.telling import NOTHING, TITLES, Sentence, following, made
+from thingc.diff.telling import NOTHING, TITLES, Sentence, made, outcomes_and_more
 from thingc.shown import shown
 
 STYLE = """
@@ -51,20 +51,20 @@ def _body(differences: Differences) -> Iterator[str]:
                 "oninput=\"this.parentNode.style.setProperty('--at', this.value + '%')\"></div>"
             )
         yield from _list(made(comparison))
-        kinds: dict[str, list[Sentence]] = {}
-        for sentence in following(comparison):
-            kinds.setdefault(TITLES[sentence.what], []).append(sentence)
+        outcomes, kinds = outcomes_and_more(comparison)
+        if outcomes:
+            yield from _list(outcomes)
         if comparison.pictures:
             yield "<details open><summary>what is new (green), other now (orange), elsewhere (blue)</summary>"
             yield f'<img class="overlay" src="{overlay}" alt="what changed, in colours"></details>'
-        for title, sentences in kinds.items():
-            yield f"<details><summary>{title} ({sum(len(one.paths) for one in sentences)})</summary>"
-            yield from _list(iter(sentences))
+        for what, sentences in kinds.items():
+            yield f"<details><summary>{TITLES[what]} ({sum(len(one.paths) for one in sentences)})</summary>"
+            yield from _list(sentences)
             yield "</details>"
         yield from (f"<p>Not compared: {_text(unknown)}.</p>" for unknown in comparison.unknown)
 
 
-def _list(sentences: Iterator[Sentence]) -> Iterator[str]:
+def _list(sentences: Iterable[Sentence]) -> Iterator[str]:
     yield "<ul>"
     for one in sentences:
         causes = ", ".join(path or "robot" for path in one.because)

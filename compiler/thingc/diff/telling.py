@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 
 from thingc.brief import counted
 from thingc.diff.answer import Differences
@@ -23,8 +24,8 @@ LARGEST = 60_000
 """Bytes of a comment."""
 
 _RANK: dict[What, int] = {
-    "test": 0, "mass": 1, "bom": 2, "file": 3, "joint": 4, "mode": 5, "pose": 6, "component": 7, "geometry": 8, "mate": 9, "parameter": 10,
-    "mount": 11, "material": 12, "sensor": 13,
+    "mass": 1, "bom": 2, "file": 3, "test": 4, "joint": 5, "mode": 6, "pose": 7, "component": 8, "geometry": 9, "mate": 10, "parameter": 11,
+    "mount": 12, "material": 13, "sensor": 14,
 }
 """What follows, the most important first."""
 _SIGNS = {"added": "+", "removed": "-", "renamed": "~", "moved": "~", "changed": " "}
@@ -34,19 +35,22 @@ TITLES: dict[What, str] = {
     "material": "materials", "sensor": "sensors",
 }
 _LENGTHS = ("xyz", "place", "centre", "box", "surface", "gap", "lead")
+_TESTED = ("reach", "point", "clearance", "ground_clearance", "overlap", "drift", "moved", "penetration")
+"""Lengths of tests, as they are written and measured."""
 _ANGLES = ("rpy", "turn", "fovy", "cone")
 _VOLUME, _AREA = Dimension(length=3), Dimension(length=2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sentence:
-    """Changes that say the same of several things: `paths` and what is said of them, `words`."""
+    """Changes that say the same of several things: `paths` and what is said of them, `words`. `decides`: a test has another outcome."""
 
     what: What
     sign: str
     paths: tuple[str, ...]
     words: str
     because: tuple[str, ...]
+    decides: bool = False
 
     @property
     def named(self) -> str:
@@ -80,8 +84,8 @@ def as_text(answer: Differences) -> Iterator[str]:
 
 
 def as_markdown(answer: Differences, pictures: Callable[[str, str], str] | None = None) -> str:
-    """Markdown for a comment: what somebody changed, then what follows, folded by kind; at most `LARGEST` bytes. `pictures` gives the
-    address of a picture, by the document's name and `before`, `after` or `overlay`."""
+    """Markdown for a comment: what somebody changed, what fails now, then what else follows, folded by kind; at most `LARGEST` bytes.
+    `pictures` gives the address of a picture, by the document's name and `before`, `after` or `overlay`."""
     for most in (10_000, 200, 50, 20, 5, 1):
         text = "\n".join(_markdown(answer, most, pictures)) + "\n"
         if len(text.encode()) <= LARGEST:
@@ -103,9 +107,10 @@ def _markdown(answer: Differences, most: int, pictures: Callable[[str, str], str
             yield from (f"![{_plain(name)}, {key}]({pictures(name, key)})" for key in comparison.pictures)
             yield ""
         yield from _items(list(made(comparison)), most)
-        kinds: dict[What, list[Sentence]] = {}
-        for line in following(comparison):
-            kinds.setdefault(line.what, []).append(line)
+        outcomes, kinds = outcomes_and_more(comparison)
+        if outcomes:
+            yield ""
+            yield from _items(outcomes, most)
         for what, lines in kinds.items():
             yield f"\n<details><summary>{TITLES[what]} ({sum(len(line.paths) for line in lines)})</summary>\n"
             yield from _items(lines, most)
@@ -143,10 +148,35 @@ def made(comparison: Comparison) -> Iterator[Sentence]:
 
 
 def following(comparison: Comparison) -> Iterator[Sentence]:
-    """What follows, the most important first: what fails now, the whole robot before its parts."""
+    """What follows, the most important first: what fails now, the whole robot before its parts; what tests have measured behind what
+    is to be printed and bought."""
     found = [change for change in comparison.changes if change.caused and not _of_a_part(change)]
-    found.sort(key=lambda c: (_RANK[c.what], not (c.field or "").startswith("passed"), c.path != ""))
+    found.sort(key=lambda c: (0 if _decides(c) else _RANK[c.what], c.path != ""))
     return _lines(found)
+
+
+def _is_measured(change: Change) -> bool:
+    """Whether it is a number that a test found; equal ones of several poses are told once."""
+    return change.what == "test" and (change.field or "").startswith("measured.")
+
+
+def _field(change: Change) -> str:
+    """The field, without the mode and the pose that are behind it."""
+    return (change.field or "").partition(" [")[0]
+
+
+def outcomes_and_more(comparison: Comparison) -> tuple[list[Sentence], dict[What, list[Sentence]]]:
+    """What follows: the tests that pass or fail now, which are not folded away, and the rest by kind."""
+    follows = list(following(comparison))
+    kinds: dict[What, list[Sentence]] = {}
+    for line in follows:
+        if not line.decides:
+            kinds.setdefault(line.what, []).append(line)
+    return [line for line in follows if line.decides], kinds
+
+
+def _decides(change: Change) -> bool:
+    return change.what == "test" and (change.field or "").startswith("passed")
 
 
 def _of_a_part(change: Change) -> bool:
@@ -157,13 +187,16 @@ def _of_a_part(change: Change) -> bool:
 def _lines(changes: Iterable[Change]) -> Iterator[Sentence]:
     grouped: dict[tuple[What, str, str], list[Change]] = {}
     for change in changes:
-        grouped.setdefault((change.what, _SIGNS[change.change], _words(change)), []).append(change)
+        everywhere = replace(change, field=_field(change)) if _is_measured(change) else change
+        grouped.setdefault((change.what, _SIGNS[change.change], _words(everywhere)), []).append(change)
     for (what, sign, words), ones in grouped.items():
+        if len({one.field for one in ones}) == 1:
+            words = _words(ones[0])
         if words == MOVED:
             words = f": moved by up to {Quantity(max(_distance(one) for one in ones), LENGTH).shown(3)}"
         paths = dict.fromkeys(one.path for one in ones)
         causes = dict.fromkeys(word for one in ones for word in one.because if word != PERHAPS)
-        yield Sentence(what=what, sign=sign, paths=tuple(paths), words=words, because=tuple(causes))
+        yield Sentence(what=what, sign=sign, paths=tuple(paths), words=words, because=tuple(causes), decides=_decides(ones[0]))
 
 
 def _distance(change: Change) -> float:
@@ -212,13 +245,18 @@ def _value(field: str, value: Told) -> str:
         return "[" + ", ".join(_value(field, one) for one in value) + "]"
     if isinstance(value, str):
         return value
-    last = field.partition(" [")[0].rpartition(".")[2]
+    words = field.partition(" [")[0].split(".")
+    first, last = words[0], words[-1]
+    if last in ("min", "max") and len(words) == 2:  # `reach.min` of a test
+        last = first
     if last in ("mass", "value") and "mass" in field:
         return str(Quantity(value, MASS))
-    if last == "value" and "com" in field or last in _LENGTHS:
+    if last == "value" and "com" in field or last in _LENGTHS or last in _TESTED and first != "params":
         return str(Quantity(value if abs(value) >= 1e-12 else 0.0, LENGTH))
     if last in _ANGLES:
         return str(Quantity(value, ANGLE))
+    if last == "rest" and first == "measured":
+        return f"{value:.6g} s"
     if last == "volume":
         return f"{value * 1e6:.4g} cm^3"
     if last == "area":
