@@ -62,7 +62,8 @@ def _of_value(analysis: Analysis, cursor: Cursor, written: str) -> str:
         word = re.match(r"[A-Za-z]\w*|", written[at.start() if at is not None else 0 :])
         own = _of_parameter(analysis, word.group()) if word is not None and written != f"={word.group()}" else ""
         return "\n\n".join((f"`{written}` = **{shown(found)}**", *([own] if own else [])))
-    return f"`{written}` = {' '.join(_si(one) for one in found if isinstance(one, Quantity))}"
+    value = " ".join(_si(one) for one in found if isinstance(one, Quantity))
+    return "" if value == written.strip() else f"`{written}` = {value}"
 
 
 def _si(quantity: Quantity) -> str:
@@ -94,6 +95,9 @@ def _referred(analysis: Analysis, path: Path, written: str) -> str:
         return _of_mode(analysis, written)
     if key == "joint":
         return _of_joint(analysis, written)
+    if written.count("$") == 1:  # inside a repeat: the first that is meant
+        items = re.compile(re.sub(r"\\\$[A-Za-z]\w*", r"\\w+", re.escape(written)))
+        written = next(filter(items.fullmatch, analysis.facts.mounts), written)
     return _of_mount(analysis, written) or _of_component(analysis, written) or (_of_joint(analysis, written) if key == "drive" else "")
 
 
