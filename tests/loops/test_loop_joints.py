@@ -11,6 +11,10 @@ import pytest
 
 from loops.robots import BALL, Built, at_key, compiled, equality_residual, pose_of
 from thingc.cli.info import as_text, mode_data
+from thingc.diagnostics import Report
+from thingc.memo import Memo
+from thingc.robot import root
+from thingc.robot.loop_solver import Loops
 
 A, B, C, D = 0.06, 0.18, 0.12, 0.2
 """Crank, coupler, rocker and ground [m]: by Grashof's rule the crank goes round."""
@@ -127,6 +131,16 @@ def test_a_pose_has_the_same_q_in_every_mode(fourbar: Built) -> None:
     for mode in MODES:
         assert [(frame.name, frame.q) for frame in fourbar.robot(mode).keyframes] == expected
         assert fourbar.modes[mode]["poses"] == dict(expected)
+
+
+def test_loops_are_closed_once_for_all_modes_and_not_again_while_nothing_changes(fourbar: Built, monkeypatch: pytest.MonkeyPatch) -> None:
+    assembly, memo, asked = fourbar.compilation.assembly, Memo(), []
+    assert assembly is not None
+    close = Loops.close
+    monkeypatch.setattr(Loops, "close", lambda *given, **more: (asked.append(given[1]), close(*given, **more))[1])
+    for _ in range(2):
+        assert tuple(root(assembly, mode, Report(), memo) for mode in assembly.modes) == fourbar.compilation.robots
+        assert len(asked) == len(ANGLES)
 
 
 @pytest.mark.parametrize("mode", MODES)

@@ -10,6 +10,7 @@ from thingc.diagnostics import Code, Note, Report
 from thingc.graph import coordinates, joints_of, on_loops
 from thingc.graph.types import Assembly, LinkedHold, LinkedMode
 from thingc.joints.bases import stays
+from thingc.memo import Memo
 from thingc.pose import MATE, NO_POSE, Pose
 from thingc.resolve.model import NamedPose
 from thingc.robot.cuts import closing
@@ -36,9 +37,10 @@ Taken = Collection[int]
 
 
 def closures_of(
-    assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], taken: Taken, report: Report,
+    assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], taken: Taken, report: Report, memo: Memo,
 ) -> tuple[Closure, ...] | None:
-    """The mode's holds, then the joints that its tree does not cross. None where one is wrong (said in `report`)."""
+    """The mode's holds, then the joints that its tree does not cross. None where one is wrong (said in `report`). What `memo` has of it
+    is taken from there."""
     sound = _check_cuts(assembly, mode, taken, report)
     cut = cut_closures(assembly, bodies, taken)
     held: list[Closure] = []
@@ -58,7 +60,7 @@ def closures_of(
             continue
         X_LM = placed[choice.occurrence] @ assembly.occurrences[choice.occurrence].mounts[choice.mount or "origin"].pose
         if hold.pose is None and where is None:
-            where = _at_own_pose(assembly, mode, bodies)
+            where = _at_own_pose(assembly, mode, bodies, memo)
         held.append(Closure(
             path=choice.path, hold=True, turns=hold.turns, parent=None, child=body_of[link],
             X_PA=_target(hold, where, body_of[link], X_LM), X_CB=X_LM, joints=(), twists=(), origin=hold.origin,
@@ -97,35 +99,39 @@ def _target(hold: LinkedHold, where: Mapping[int, Pose] | None, body: int, X_LM:
     return (where or {})[body] @ X_LM
 
 
-def _at_own_pose(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...]) -> dict[int, Pose]:
+def _at_own_pose(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], memo: Memo) -> dict[int, Pose]:
     """Where the mode's own pose (all joints at 0 where it has none) puts the bodies, its loops of joints closed."""
     pose = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
-    return dict(enumerate(placed_bodies(bodies, closed_coordinates(assembly, pose), bodies[0].X_PL)))
+    return dict(enumerate(placed_bodies(bodies, closed_coordinates(assembly, pose, memo), bodies[0].X_PL)))
 
 
-def closed_coordinates(assembly: Assembly, pose: NamedPose | None) -> dict[str, float]:
-    """q [rad or m] of every joint in a pose (None: all at 0), with the loops of joints closed as well as they close."""
+def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -> dict[str, float]:
+    """q [rad or m] of every joint in a pose (None: all at 0), with the loops of joints closed as well as they close. What `memo` has of
+    it is taken from there."""
     q = coordinates(joints_of(assembly), pose.values if pose is not None else {})
-    loops = _doc_loops(assembly)
-    return q if loops is None else _closed(loops, SolverState(q=q, base=NO_POSE), _named(assembly, pose), base_moves=False).state.q
+    loops = _doc_loops(assembly, memo)
+    if loops is None:
+        return q
+    place = ("closed", None, None if pose is None else pose.name)
+    return memo(place, _closed, loops, SolverState(q=q, base=NO_POSE), _named(pose), False).state.q
 
 
-def _doc_loops(assembly: Assembly) -> Loops | None:
+def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
     """The loops of joints over the tree by which the documents place things: what closes them is the same in every mode."""
     taken = placing(assembly)
     if not any(mate.loop is not None for mate in assembly.mates):
         return None
-    bodies = bodies_from(assembly, assembly.link_of[assembly.base], taken, NO_POSE)
-    return Loops(bodies, cut_closures(assembly, bodies, taken), joints_of(assembly), NO_POSE)
+    bodies = bodies_from(assembly, assembly.link_of[assembly.base], taken, NO_POSE, memo)
+    return memo(("loops", None), Loops, bodies, cut_closures(assembly, bodies, taken), joints_of(assembly), NO_POSE)
 
 
 def keyframes_of(
-    assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], closures: tuple[Closure, ...], report: Report,
+    assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], closures: tuple[Closure, ...], report: Report, memo: Memo,
 ) -> tuple[tuple[Keyframe, ...], tuple[Unclosed, ...]] | None:
     """The mode's poses in its order, q of every joint with the loops closed, and the poses that do not close.
 
     The joints that a pose does not name move first; the others only where that is not enough; a free base before either. None
-    where the mode's own pose does not close, or nothing that was tried does (said in `report`).
+    where the mode's own pose does not close, or nothing that was tried does (said in `report`). What `memo` has of it is taken from there.
     """
     joints = joints_of(assembly)
     by_name = {pose.name: pose for pose in assembly.poses}
@@ -136,7 +142,8 @@ def keyframes_of(
             Keyframe(name=p.name, q=coordinates(joints, p.values), origin=p.origin, base=stands.get(p.name)) for p in poses
         ), ()
     held = any(closure.hold for closure in closures)
-    loops = Loops(bodies, closures, joints, bodies[0].X_PL) if held else _doc_loops(assembly)
+    of_mode = mode.name if held else None
+    loops = memo(("loops", of_mode), Loops, bodies, closures, joints, bodies[0].X_PL) if held else _doc_loops(assembly, memo)
     if loops is None:
         raise ValueError("a tree without holds has closures only where the documents have loops")
     base_moves = held and mode.base == "free"
@@ -146,7 +153,7 @@ def keyframes_of(
     failed: list[Solution] = []
     for pose in poses:
         start = SolverState(q=coordinates(joints, pose.values), base=loops.base)
-        solution = _closed(loops, start, _named(assembly, pose), base_moves=base_moves)
+        solution = memo(("closed", of_mode, pose.name), _closed, loops, start, _named(pose), base_moves)
         closure, residual = _worst(loops, solution)
         moved = _moved(loops, start, solution, following - pose.values.keys())
         if not solution.closed:
@@ -203,7 +210,7 @@ def _report(
     report.add(Code.UNCLOSED, message, closure.origin, path=closure.path, help=help)
 
 
-def _named(assembly: Assembly, pose: NamedPose | None) -> frozenset[str]:
+def _named(pose: NamedPose | None) -> frozenset[str]:
     return frozenset(pose.values) if pose is not None else frozenset()
 
 
@@ -214,7 +221,7 @@ def _moved(loops: Loops, start: SolverState, solution: Solution, following: Coll
     return {path: by for path, by in moved.items() if abs(by) > STILL}
 
 
-def _closed(loops: Loops, start: SolverState, named: Collection[str], *, base_moves: bool) -> Solution:
+def _closed(loops: Loops, start: SolverState, named: Collection[str], base_moves: bool) -> Solution:
     """The loops closed from a pose, with as little moved as it takes; the best of what was tried where they do not close."""
     as_written = Solution(state=start, residuals=loops.residuals(start))
     inside = all(c.lower - STILL <= start.q[c.path] <= c.upper + STILL for c in loops.coordinates)

@@ -33,10 +33,10 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
             path=missing.name, help="place its components on others that do",
         )
         return None
-    closures = closures_of(assembly, mode, bodies, taken, report)
+    closures = closures_of(assembly, mode, bodies, taken, report, memo)
     if closures is None:
         return None
-    closed = keyframes_of(assembly, mode, bodies, closures, report)
+    closed = keyframes_of(assembly, mode, bodies, closures, report, memo)
     if closed is None:
         return None
     body_of = {body.link: index for index, body in enumerate(bodies)}

@@ -74,7 +74,7 @@ def _height(
     """Where z [m] of the mode's `at` has to be in a pose (None: every joint at 0); None where nothing can touch."""
     start = assembly.link_of[mode.root.occurrence]
     bodies = bodies_from(assembly, start, spanning(assembly, mode), root_pose(assembly, _at_zero(mode)), memo)
-    at = dict(zip((body.link for body in bodies), placed_bodies(bodies, closed_coordinates(assembly, pose), bodies[0].X_PL)))
+    at = dict(zip((body.link for body in bodies), placed_bodies(bodies, closed_coordinates(assembly, pose, memo), bodies[0].X_PL)))
     poses = [at[link] @ inner for link, inner in zip(assembly.link_of, in_link(assembly)) if link in at]
     if len(poses) < len(assembly.occurrences):
         return None
