@@ -209,6 +209,9 @@ def test_another_part_that_may_have_the_mount_is_named(editor: Editor, user: Pat
     (user / "parts/others.py").write_text("from brackets import Bracket\n\n\ndef seat_of(bracket):\n    return bracket.seat\n")
     with pytest.raises(JsonRpcException, match="`seat` at parts/others.py:5 may be this mount of a part of `Bracket`, and may be another"):
         ask(editor, "rename", user / "user.yaml", "one.se|at", newName="perch")
+    (user / "parts/others.py").write_text("from brackets import Bracket\n\n\ndef perch_of(other):\n    return other.perch\n")
+    with pytest.raises(JsonRpcException, match="`perch` at parts/others.py:5 could be taken for this mount of a part of `Bracket` then"):
+        ask(editor, "rename", user / "user.yaml", "one.se|at", newName="perch")
     (user / "parts/others.py").write_text("class Other:\n    def result(self):\n        return self.p.width, self.seat\n")  # its own
     assert sorted(applied(ask(editor, "rename", user / "user.yaml", "one.se|at", newName="perch"))) == ["brackets.py", "user.yaml"]
     assert sorted(applied(ask(editor, "rename", user / "user.yaml", "{wi|dth: 12", newName="breadth"))) == ["brackets.py", "user.yaml"]
