@@ -197,6 +197,17 @@ def placed(xyz: Vector, rpy: Vector) -> Pose:
     return Pose(rotation=turned.rotation, translation=xyz)
 
 
+def rotation_of(quaternion: Quaternion) -> Matrix:
+    """The rotation of a quaternion (w, x, y, z) of any length but 0. No root is taken, so that quarter turns about an axis are exact."""
+    w, x, y, z = quaternion
+    squared = w * w + x * x + y * y + z * z
+    return (
+        ((w * w + x * x - y * y - z * z) / squared, 2.0 * (x * y - w * z) / squared, 2.0 * (x * z + w * y) / squared),
+        (2.0 * (x * y + w * z) / squared, (w * w - x * x + y * y - z * z) / squared, 2.0 * (y * z - w * x) / squared),
+        (2.0 * (x * z - w * y) / squared, 2.0 * (y * z + w * x) / squared, (w * w - x * x - y * y + z * z) / squared),
+    )
+
+
 def along(z: Vector, origin: Vector) -> Pose:
     """A frame at a point [m] whose z is a unit vector; its x and y are any that make it proper, those of the axes where z is theirs."""
     least = min(range(3), key=lambda k: abs(z[k]))

@@ -107,11 +107,11 @@ def test_tables_of_keys_have_every_field_and_no_other() -> None:
     from pydantic import BaseModel
 
     from thingc.checks import kinds
-    from thingc.spec import assembly, listed, materials, modes, sensors, stated_masses, tests, variants, workspace
+    from thingc.spec import assembly, listed, materials, modes, poses, sensors, stated_masses, tests, variants, workspace
 
     checks = [sys.modules[kind.model.__module__] for kind in kinds().values()]
     models = {
-        name: value for module in (assembly, listed, materials, modes, sensors, stated_masses, tests, *checks, variants, workspace)
+        name: value for module in (assembly, listed, materials, modes, poses, sensors, stated_masses, tests, *checks, variants, workspace)
         for name, value in vars(module).items()
         if isinstance(value, type) and issubclass(value, BaseModel) and value.__module__ == module.__name__ and not name.startswith("_")
     }

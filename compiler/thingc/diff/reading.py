@@ -400,7 +400,9 @@ def _process(process: Process | None) -> Iterator[tuple[str, Fact]]:
 
 def _pose(pose: Pose) -> Iterator[tuple[str, Value]]:
     yield "xyz", tuple(pose.translation)
-    yield "rpy", tuple(rpy_of(pose.rotation))
+    # without rounding, which at half turns, and of pitch at quarter turns, has one rotation written in two ways come to other angles
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (tuple(round(part, 14) + 0.0 for part in row) for row in pose.rotation)
+    yield "rpy", tuple(rpy_of(((xx, xy, xz), (yx, yy, yz), (zx, zy, zz))))
 
 
 def _sorted(names: Iterator[Named]) -> tuple[Named, ...]:

@@ -8,8 +8,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from thingc.spec.assembly import AssemblySpec, ComponentSpec, JointSpec
-from thingc.spec.modes import ModeSpec
+from thingc.spec.assembly import AssemblySpec, AtSpec, ComponentSpec, JointSpec
+from thingc.spec.modes import HoldSpec, ModeSpec, WorldAtSpec
 from thingc.spec.shapes import AnnotationShape, branch_of, model_keys, shape_of
 from thingc.spec.validation import model_of
 
@@ -21,13 +21,13 @@ FIRST: dict[type[BaseModel], tuple[str, ...]] = {
     JointSpec: (
         "repeat", "type", "parent", "child", "loop", "turn", "gap", "offset", "limit", "dynamics", "mimic", "drive",
     ),
-    ModeSpec: ("extends",),
+    AtSpec: ("in",), WorldAtSpec: ("on",), HoldSpec: ("at",), ModeSpec: ("extends",),
     AssemblySpec: (
         "name", "description", "parameters", "materials", "defaults", "components", "joints", "links", "mounts", "poses", "modes",
         "sensors",
     ),
 }
-"""Models whose keys do not stand as a person reads them (those of defaults come before their own): these keys first, the
+"""Models whose keys do not stand as a person reads them (those of defaults and poses come before their own): these keys first, the
 others behind them in the model's order."""
 
 FREE = ("$schema", "thingc")

@@ -27,7 +27,7 @@ def holds(table: Table, scope: Scope, layers: Layers) -> tuple[Hold, ...]:
         pose, turns = None, False
         if isinstance(said, HoldSpec):
             turns = said.carries == "force"
-            pose = scope.pose(said.xyz, (*path, "xyz"), said.rpy, (*path, "rpy")) if said.at is None else None
+            pose = scope.pose(said, path) if said.at is None else None
             if said.at is None and pose is None:
                 continue
         if reference is not None:

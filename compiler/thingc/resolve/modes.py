@@ -9,7 +9,7 @@ from itertools import product
 
 from thingc.diagnostics import Code, Note
 from thingc.joints.bases import BaseType
-from thingc.pose import NO_POSE, Pose, Vector
+from thingc.pose import IDENTITY, NO_POSE, Pose, Vector
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
 from thingc.resolve.loops import cuts, holds
@@ -154,8 +154,11 @@ def _at(scope: Scope, name: str, layers: Layers) -> tuple[Pose, bool]:
     if not at:
         return NO_POSE, False
     zero = ((0, 0, 0), ())
-    on, xyz, rpy = at.pick("on"), at.pick("xyz") or zero, at.pick("rpy") or zero
-    pose = scope.pose(*xyz, *rpy) or NO_POSE
+    on, xyz = at.pick("on"), at.pick("xyz") or zero
+    turn = next((layer for layer in at.items if layer[0].model_fields_set & {"rpy", "quat"}), None)
+    translation = scope.vector(xyz[0], xyz[1], LENGTH, "`xyz`") or NO_POSE.translation
+    rotation = scope.rotation(*turn) if turn is not None else None  # type: ignore[arg-type]
+    pose = Pose(rotation=rotation or IDENTITY, translation=translation)
     if on is None:
         return pose, False
     x, y, z = pose.translation

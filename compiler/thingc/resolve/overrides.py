@@ -142,6 +142,6 @@ def extra_mounts(node: Node) -> dict[str, ExtraMount]:
         if name == ORIGIN:  # every component has it, as it is
             continue
         at = (*path, name)
-        pose = scope.pose(spec.xyz, (*at, "xyz"), spec.rpy, (*at, "rpy"))
+        pose = scope.pose(spec, at)
         mounts[name] = ExtraMount(pose=pose or NO_POSE, interface=spec.interface, origin=scope.origin(at, key=True))
     return mounts

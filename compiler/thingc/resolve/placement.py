@@ -82,7 +82,7 @@ def _at(table: Table, node: Node) -> At | None:
         return None
     path = (*node.path, "at")
     to = references.mount(table, scope, spec.in_, (*path, "in"))
-    pose = scope.pose(spec.xyz, (*path, "xyz"), spec.rpy, (*path, "rpy"))
+    pose = scope.pose(spec, path)
     if to is None or pose is None:
         table.loose.extend([to] if to is not None else [])
         return None

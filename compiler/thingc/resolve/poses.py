@@ -10,7 +10,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from thingc.diagnostics import Code, Note
-from thingc.pose import turn_of
+from thingc.pose import Pose, turn_of
 from thingc.resolve import references
 from thingc.resolve.layers import numbered
 from thingc.resolve.model import CoordinateName, Joint, NamedPose
@@ -93,8 +93,8 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
         )
         return
     if raw.rpy is not None:
-        turned = scope.pose((0, 0, 0), path, raw.rpy, (*path, "rpy"))
-        quaternion = None if turned is None else turned.quaternion()
+        turned = scope.rotation(raw, path)
+        quaternion = None if turned is None else Pose(rotation=turned).quaternion()
     else:
         place, what = (*path, "quaternion"), f"the quaternion of joint `{key}`"
         w, x, y, z = (scope.number(one, (*place, number), NUMBER, what) for number, one in enumerate(raw.quaternion or ()))

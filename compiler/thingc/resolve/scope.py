@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Set
 from dataclasses import field, replace
 from typing import Any
@@ -9,12 +10,16 @@ from typing import Any
 from thingc.diagnostics import MAX_FAULTS, Code, Note, Report
 from thingc.expressions import Expression, ExpressionError, Found, evaluate, expression_hint, kind_of, words_of
 from thingc.frozen import dataclass
-from thingc.pose import Pose, Vector, placed
+from thingc.pose import Matrix, Pose, Vector, placed, rotation_of
 from thingc.source import Document, Origin, Path, ScalarNode, Span, dotted, node_at, walk
+from thingc.spec.assembly import TurnSpec
 from thingc.spec.doubts import NO_DOUBTS, Doubts
+from thingc.spec.poses import PoseSpec
 from thingc.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity, shortened
 
 NOTHING: frozenset[str] = frozenset()
+UNIT = 1e-3
+"""How far the length of a quaternion that is written may be from 1."""
 
 _EXPRESSION_CODES = {"dimension": Code.DIMENSION, "unit": Code.DIMENSION, "value": Code.OUT_OF_RANGE}
 
@@ -174,11 +179,30 @@ class Scope:
         x, y, z = (self.number(part, (*path, index), dimension, what) for index, part in enumerate(raw))
         return None if x is None or y is None or z is None else (x, y, z)
 
-    def pose(self, xyz: Any, xyz_path: Path, rpy: Any, rpy_path: Path) -> Pose | None:
-        """The pose of `xyz` (lengths) and `rpy` (extrinsic roll, pitch, yaw); None where one was wrong (reported)."""
-        translation = self.vector(xyz, xyz_path, LENGTH, "`xyz`")
-        angles = self.vector(rpy, rpy_path, ANGLE, "`rpy`")
-        return None if translation is None or angles is None else placed(translation, angles)
+    def pose(self, spec: PoseSpec, path: Path) -> Pose | None:
+        """The pose that is written at `path`; None where it was wrong (reported)."""
+        translation = self.vector(spec.xyz, (*path, "xyz"), LENGTH, "`xyz`")
+        rotation = self.rotation(spec, path)
+        return None if translation is None or rotation is None else Pose(rotation=rotation, translation=translation)
+
+    def rotation(self, spec: PoseSpec | TurnSpec, path: Path) -> Matrix | None:
+        """The rotation of the `quat` that is written at `path`, or of the `rpy`; None where it was wrong (reported)."""
+        if isinstance(spec, TurnSpec) or spec.quat is None:
+            angles = self.vector(spec.rpy, (*path, "rpy"), ANGLE, "`rpy`")
+            return None if angles is None else placed((0.0, 0.0, 0.0), angles).rotation
+        place = (*path, "quat")
+        w, x, y, z = (self.number(part, (*place, index), NUMBER, "`quat`") for index, part in enumerate(spec.quat))
+        if w is None or x is None or y is None or z is None:
+            return None
+        length = math.sqrt(w * w + x * x + y * y + z * z)
+        if not abs(length - 1.0) <= UNIT:
+            unit = ", ".join(f"{part / length:.6g}" for part in (w, x, y, z)) if 0.0 < length < math.inf else "1, 0, 0, 0"
+            self.error(
+                Code.OUT_OF_RANGE, f"`quat` is a unit quaternion w, x, y, z, and the length of this one is {length:.6g}", place,
+                help=f"write `[{unit}]`" + (", which turns nothing" if length == 0.0 else ""),
+            )
+            return None
+        return rotation_of((w, x, y, z))
 
     def shown(self, found: Found, path: Path) -> str:
         """A value as messages quote it: as written, in backticks, with its result where it is an expression."""

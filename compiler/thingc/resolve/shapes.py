@@ -31,7 +31,7 @@ def of_link(context: Context, table: Table, node: Node) -> LinkDefinition | None
 
 
 def _shape(context: Context, table: Table, scope: Scope, spec: ShapeSpec, path: Path) -> ListedShape | None:
-    pose = NO_POSE if spec.at is None else scope.pose(spec.at.xyz, (*path, "at", "xyz"), spec.at.rpy, (*path, "at", "rpy"))
+    pose = NO_POSE if spec.at is None else scope.pose(spec.at, (*path, "at"))
     solid = _mesh(context, scope, spec, path) if spec.mesh is not None else _primitive(scope, spec, path, pose or NO_POSE)
     if solid is None or pose is None:
         return None

@@ -61,6 +61,7 @@ from thingc.spec.named import (
     PartParameter,
     PoseValueField,
 )
+from thingc.spec.poses import PoseSpec
 from thingc.spec.raw_fields import RawField
 from thingc.spec.sensors import SensorSpec
 from thingc.spec.stated_masses import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
@@ -82,13 +83,9 @@ class ParameterSpec(Model):
     """One line for the people who set it."""
 
 
-class MountSpec(Model):
-    """A mount added to a component: a frame on it, z pointing out of the material."""
+class MountSpec(PoseSpec):
+    """A mount added to a component: a frame on it, at a pose in the component's frame, z pointing out of the material."""
 
-    xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
-    """Where it is, in the component's frame."""
-    rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
-    """Extrinsic roll, pitch, yaw, as in URDF."""
     interface: str | None = Field(default=None, examples=["x430-horn", "m2.5-clearance"])
     """What fits: `x430-horn`, `m2.5-clearance`."""
 
@@ -113,14 +110,10 @@ class PrintSpec(Model):
     """The direction away from the bed, in the part's axes; `[0, 0, 1]` unless written."""
 
 
-class AtSpec(Model):
+class AtSpec(PoseSpec):
     """Plain placement: my frame at this pose in that frame; no mate, no flip."""
 
     in_: MountField = Field(alias="in", description="The frame: a mount, or a component's `origin`.")
-    xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
-    """Where it is, in that frame."""
-    rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
-    """Extrinsic roll, pitch, yaw, as in URDF."""
 
 
 class AttachSpec(Model):

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 from pydantic import BaseModel
 
-from thingc.spec import assembly, listed, materials, modes, sensors, stated_masses, variants, workspace
+from thingc.spec import assembly, listed, materials, modes, poses, sensors, stated_masses, variants, workspace
 from thingc.spec.shapes import model_keys, one_of
 from thingc.typos import Hint
 from thingc.units import shortened
@@ -21,7 +21,7 @@ _SHAPE = (
     "geometry is a `part` (a class in Python), a `file` (STEP, STL and others), a list of `shapes` (`link: true`), or none: `frame: true`"
 )
 _MATERIAL = "that is of the material: name one in `material`, and write its `density` and `color` under `materials`"
-_RPY = "an orientation is `rpy`, extrinsic roll, pitch and yaw as in URDF: `rpy: 0 0 90 deg`"
+_RPY = "an orientation is `rpy`, extrinsic roll, pitch and yaw as in URDF: `rpy: 0 0 90 deg`, or `quat: [w, x, y, z]`"
 _XYZ = "write the three of them: `xyz: 0 0 10 mm`"
 _MODES = "each of `modes` says it: `modes: {standing: {root: COMPONENT, base: fixed, gravity: floor}}`"
 _DRIVE = "a joint says what moves it: `drive: COMPONENT` with an actuator, or `drive: {kind: position, kp: 20 N*m/rad}`"
@@ -31,7 +31,7 @@ _GEAR = "a drive is what acts at the joint, behind the gear; `gear_ratio` is of 
 _POSE_KEYS = {
     **dict.fromkeys(("pos", "position", "translation", "location", "offset"), "xyz"),
     **dict.fromkeys(("euler", "rotation", "rot", "orientation"), "rpy"),
-    **dict.fromkeys(("quat", "quaternion", "axisangle", "zaxis", "xyaxes", "normal"), _RPY),
+    "quaternion": "quat", **dict.fromkeys(("axisangle", "zaxis", "xyaxes", "normal"), _RPY),
     **dict.fromkeys(("x", "y", "z"), _XYZ),
 }
 
@@ -87,8 +87,7 @@ KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
         **dict.fromkeys(("actuator", "servo", "motor", "drive"), "the joint that it moves names it: `drive: COMPONENT`"),
         "name": "a component is called by its key",
     },
-    assembly.AtSpec: {**_POSE_KEYS, **dict.fromkeys(("frame", "parent", "to", "of", "on", "mount", "component"), "in")},
-    modes.WorldAtSpec: _POSE_KEYS, modes.HoldSpec: _POSE_KEYS, assembly.MountSpec: _POSE_KEYS,
+    poses.PoseSpec: _POSE_KEYS, assembly.AtSpec: dict.fromkeys(("frame", "parent", "to", "of", "on", "mount", "component"), "in"),
     assembly.AttachSpec: {
         **dict.fromkeys(("offset", "distance"), "gap"), **dict.fromkeys(("angle", "rotation", "yaw"), "turn"),
         **dict.fromkeys(("mine", "my", "from", "child"), "mount"), **dict.fromkeys(("on", "target", "parent", "other"), "to"),
@@ -98,7 +97,6 @@ KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
         **dict.fromkeys(("rgba", "colour"), "color"), **dict.fromkeys(("purpose", "use", "kind", "type"), "for"),
         **dict.fromkeys(("size", "geometry"), "each shape has its own key: `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`, `plane`"),
     },
-    listed.ShapeAtSpec: _POSE_KEYS,
     listed.LongSpec: {**dict.fromkeys(("height", "h", "l"), "length"), "r": "radius", "diameter": "write half of it: `radius: 20 mm`"},
     listed.RoundSpec: {"r": "radius", "diameter": "write half of it: `radius: 20 mm`"},
     assembly.ParameterSpec: {

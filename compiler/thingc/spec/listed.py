@@ -8,22 +8,14 @@ from pydantic import ConfigDict, Field, model_validator
 
 from thingc.load.paths import SUFFIXES_WITH_UNIT
 from thingc.spec.base import Model, rule
-from thingc.spec.fields import ColorField, LengthField, NumberField, Vector3Angle, Vector3Length
+from thingc.spec.fields import ColorField, LengthField, NumberField, Vector3Length
 from thingc.spec.materials import FrictionSpec
 from thingc.spec.named import MaterialField
+from thingc.spec.poses import PoseSpec
 
 ShapeKind = Literal["mesh", "box", "sphere", "cylinder", "capsule", "ellipsoid", "plane"]
 KINDS: tuple[ShapeKind, ...] = get_args(ShapeKind)
 """What a shape is exactly one of."""
-
-
-class ShapeAtSpec(Model):
-    """Where a shape is, in the link's frame."""
-
-    xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
-    """Where its centre is."""
-    rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
-    """Extrinsic roll, pitch, yaw, as in URDF."""
 
 
 class RoundSpec(Model):
@@ -73,7 +65,7 @@ class ShapeSpec(Model):
     """Its half axes along x, y and z."""
     plane: Annotated[list[LengthField], Field(min_length=2, max_length=2)] | None = Field(default=None, examples=[[0, 0], ["2 m", "1 m"]])
     """Its whole lengths along x and y, 0 of one without an end; matter is below it, z points out of it."""
-    at: ShapeAtSpec | None = Field(default=None, examples=[{"xyz": "0 0 40 mm", "rpy": "0 90 0 deg"}])
+    at: PoseSpec | None = Field(default=None, examples=[{"xyz": "0 0 40 mm", "rpy": "0 90 0 deg"}])
     """Where it is, in the link's frame; at its origin unless written."""
     for_: Literal["visual", "collision", "both"] = Field(
         default="both", alias="for", description="Whether it is drawn, touches, or both; both unless written.",

@@ -14,10 +14,9 @@ from thingc.spec.fields import (
     NumberField,
     TimeField,
     Vector3Acceleration,
-    Vector3Angle,
-    Vector3Length,
 )
 from thingc.spec.named import ComponentField, JointPattern, ModeField, PoseField, RootField, ShownMountField
+from thingc.spec.poses import PoseSpec
 
 
 class SimulationSpec(Model):
@@ -33,15 +32,11 @@ class SimulationSpec(Model):
     """Ratio of friction to normal impedance; above 1 contacts slip less."""
 
 
-class WorldAtSpec(Model):
-    """The world side of a mode's root."""
+class WorldAtSpec(PoseSpec):
+    """The world side of a mode's root: its pose in the world."""
 
     on: Literal["floor"] | None = None
     """`floor`: as high as it has to be for the robot's lowest point, in the mode's start pose, to touch the plane z = 0."""
-    xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
-    """Where the root is, in the world."""
-    rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
-    """Extrinsic roll, pitch, yaw, as in URDF."""
 
 
 class ContactsSpec(Model):
@@ -55,27 +50,24 @@ class ContactsSpec(Model):
     """Pull-off force per mount."""
 
 
-class HoldSpec(Model):
+class HoldSpec(PoseSpec):
     """Where a further mount is held, the world side as `at` of a root, and what the hold can carry."""
 
     at: Literal["here"] | None = None
     """`here`: where the mode's own pose puts it; else `xyz` and `rpy` say where."""
-    xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
-    """Where the mount is held, in the world."""
-    rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
-    """Extrinsic roll, pitch, yaw, as in URDF."""
     carries: Literal["force", "force and torque"] = "force and torque"
     """`force`: a point that stays, about which the link may turn; `force and torque`: a clamp."""
 
     @model_validator(mode="after")
     def _one_place(self) -> HoldSpec:
-        placed = [key for key in ("xyz", "rpy") if key in self.model_fields_set]
+        placed = [key for key in ("xyz", "rpy", "quat") if key in self.model_fields_set]
         if self.at is not None and placed:
             raise rule(f"a hold is `here` or at a place of its own; here are `at` and `{placed[0]}`", "keep one of them", placed[0])
         if self.at is None and not placed:
             raise rule("a hold says where: `at: here`, or `xyz` and `rpy`", "write for example `at: here`")
-        if self.carries == "force" and "rpy" in placed:
-            raise rule("a hold that carries force alone holds a point: `rpy` turns nothing", "take `rpy` out", "rpy")
+        if self.carries == "force" and placed[-1:] in (["rpy"], ["quat"]):
+            key = placed[-1]
+            raise rule(f"a hold that carries force alone holds a point: `{key}` turns nothing", f"take `{key}` out", key)
         return self
 
 

@@ -1,0 +1,82 @@
+"""`quat` beside `rpy`, wherever a document writes a pose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from resolve.resolving import run
+from thingc.diff.pairing import equal
+from thingc.diff.reading import _pose
+from thingc.pose import Pose, placed, rotation_of
+from thingc.primitives import Primitive
+from thingc.resolve.link_definition import LinkDefinition
+from thingc.resolve.model import At
+
+DOCUMENT = """
+    thingc: assembly/1
+    name: turned
+    parameters: {w: 0.4}
+    components:
+      base: {frame: true, mounts: {tip: {TURN}}}
+      link:
+        link: true
+        mass: 1 kg
+        inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}
+        shapes: [{box: 10 10 10 mm, at: {TURN}}]
+        at: {in: base.tip, TURN}
+    modes:
+      first: {root: base, at: {TURN}, hold: {link.origin: {TURN}}}
+      second: {extends: first}
+      third: {extends: first, at: {OTHER}}
+"""
+QUAT = (0.4, -0.4, 0.2, 0.8)
+"""w, x, y, z, of length 1."""
+EXPECTED = Rotation.from_quat((*QUAT[1:], QUAT[0])).as_matrix()
+
+
+def poses(folder: Path, turn: str, other: str) -> tuple[list[Pose], Pose]:
+    """Every pose that is written as `turn`, and the one that is in place of it in a mode."""
+    outcome = run(folder, DOCUMENT.replace("TURN", turn).replace("OTHER", other))
+    assert outcome.said == []
+    link, first = outcome.component("link"), outcome.mode("first")
+    assert isinstance(link.placement, At) and isinstance(link.definition, LinkDefinition)
+    hold, solid = first.holds[0].pose, link.definition.shapes[0].solid
+    assert hold is not None and isinstance(solid, Primitive)
+    made = [outcome.component("base").mounts["tip"].pose, link.placement.pose, solid.pose, first.at, outcome.mode("second").at, hold]
+    return made, outcome.mode("third").at
+
+
+@pytest.mark.parametrize("written", [
+    "[0.4, -0.4, 0.2, 0.8]", "[-0.4, 0.4, -0.2, -0.8]", "[=w, =-w, =w / 2, =2 * w]", "[0.4002, -0.4002, 0.2001, 0.8004]",
+])
+def test_it_is_the_rotation_that_others_read(tmp_path: Path, written: str) -> None:
+    made, other = poses(tmp_path, f"quat: {written}", "rpy: 0 0 90 deg")
+    for pose in made:
+        assert np.array(pose.rotation) == pytest.approx(EXPECTED, abs=1e-15)
+    assert other == placed((0, 0, 0), (0, 0, np.pi / 2))
+
+
+def test_the_nearest_orientation_counts_however_it_is_written(tmp_path: Path) -> None:
+    made, other = poses(tmp_path, "rpy: 0 0 90 deg", "quat: [0.4, -0.4, 0.2, 0.8]")
+    assert {pose.rotation for pose in made} == {placed((0, 0, 0), (0, 0, np.pi / 2)).rotation}
+    assert np.array(other.rotation) == pytest.approx(EXPECTED, abs=1e-15)
+
+
+def test_quarter_turns_are_exact() -> None:
+    assert rotation_of((0.7071, 0.7071, 0.0, 0.0)) == ((1, 0, 0), (0, 0, -1), (0, 1, 0))
+    assert rotation_of((0.5, 0.5, 0.5, 0.5)) == ((0, 0, 1), (1, 0, 0), (0, 1, 0))
+
+
+@pytest.mark.parametrize("rpy", [
+    (10, 20, 30), (30, 90, 10), (0, 90, 0), (5, -90, 170), (180, 0, 0), (0, 0, 180), (0, 180, 0), (180, 0, 45),
+])
+def test_diff_sees_no_change_where_the_same_turn_is_written_otherwise(rpy: tuple[float, float, float]) -> None:
+    pose = placed((0, 0, 0), tuple(np.radians(rpy).tolist()))
+    x, y, z, w = Rotation.from_euler("xyz", rpy, degrees=True).as_quat()
+    for sign in (1.0, -1.0):
+        other = Pose(rotation=rotation_of((sign * w, sign * x, sign * y, sign * z)))
+        assert equal(tuple(_pose(pose)), tuple(_pose(other)))
