@@ -114,9 +114,9 @@ def _check(sight: Sight, name: Name, new: str) -> None:
             raise RequestRefused(f"`{new}` is a word of Python and cannot name a {what}")
         if new in sight.parts.attributes(PartName(name.what, name.file, name.text, name.owner)):
             raise RequestRefused(f"`{name.owner}` has a `{new}` already")
-        other = sight.parts.elsewhere(PartName(name.what, name.file, new, name.owner))
-        if other is not None:  # nobody could tell them apart any more, nor rename it back
-            where = f"{sight.relative(other[0])}:{other[1]}"
+        alike = sight.parts.elsewhere(PartName(name.what, name.file, new, name.owner))
+        if alike is not None:  # nobody could tell them apart any more, nor rename it back
+            where = f"{sight.relative(alike[0])}:{alike[1]}"
             raise RequestRefused(f"`{new}` at {where} could be taken for this {what} of `{name.owner}` then: choose another name")
         return
     for other, called in _taken(sight, name, new):
