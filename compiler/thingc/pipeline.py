@@ -14,7 +14,6 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Report, Stage, shown_path
@@ -40,6 +39,8 @@ PASSES = ("thingc.resolve.choices", "thingc.resolve.assembly", "thingc.graph", "
 """What comes behind `describe`, imported while the kernel loads, where it does."""
 
 
+_LOOKED_THROUGH = 1 << 20
+"""Bytes of a document that are looked through for parts."""
 _LEADS_TO_PARTS = re.compile(rb"\b(?:part|file|assembly)[\"']?\s*[:=]")
 
 
@@ -165,11 +166,16 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
 
 
 def _may_name_parts(environment: Environment) -> bool:
-    """Whether the text of the document has a key that leads to parts: one that has none needs no kernel."""
-    try:
-        text = environment.options.texts.get(environment.document) or Path(environment.document).read_bytes()
-    except OSError:
+    """Whether code of parts may run, and the beginning of the document has a key that leads to them: else no kernel is needed."""
+    if not environment.options.code:
         return False
+    text = environment.options.texts.get(environment.document)
+    if text is None:
+        try:
+            with open(environment.document, "rb") as stream:
+                text = stream.read(_LOOKED_THROUGH)
+        except (OSError, ValueError):
+            return False
     return _LEADS_TO_PARTS.search(text) is not None
 
 

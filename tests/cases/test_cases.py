@@ -65,7 +65,7 @@ ELSEWHERE = {
     "SOURCE_VALUE": "tests/importing/wrong/values.txt",
     "SOURCE_TREE": "tests/importing/wrong/tree.txt",
     "SOURCE_INERTIA": "tests/importing/wrong/inertias.txt",
-    "SOURCE_FILE": "tests/importing/test_packages.py",
+    "SOURCE_FILE": "tests/importing/test_meshes.py",
     "SOURCE_DOUBT": "tests/importing/test_inertias.py",
 }
 """Codes that no document on a healthy machine brings about, and where they are tested."""

@@ -113,7 +113,7 @@ def test_contacts_are_made_with_it(records: dict[str, PartRecord | PartFailure],
     scan = record(records, "scan.stl(faces=1000)")
     chosen = Overrides(collision="mesh")
     occurrence = builder.occurrence(0, "scan", filed("scan.stl", 1000), scan, overrides=chosen, origin=builder.where(1))
-    assert occurrence.touching == (scan.meshes["simulation"],)
+    assert [surface.solid for surface in occurrence.touching] == [scan.meshes["simulation"]]
     assert scan.convex and sum(piece.faces for piece in scan.convex) < 5120
     assets = {"seen.obj": module_place.store.read(scan.meshes["visual"].sha256)}
     assets["touched.obj"] = module_place.store.read(scan.meshes["simulation"].sha256)
