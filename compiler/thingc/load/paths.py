@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Report
-from thingc.shown import is_text, unseen
+from thingc.shown import is_text, shown, unseen
 from thingc.source import Span
 from thingc.typos import file_meant
 from thingc.units import shortened
@@ -104,7 +104,7 @@ def refuse_name(name: str, where: Span | None, report: Report) -> None:
     """Say that a file has a name that nobody can read, or keep on one line."""
     what = "characters that nobody sees" if is_text(name) else "bytes that are no UTF-8"
     report.add(
-        Code.FILE_NAME, f"the file name `{name}` has {what}: `{unseen(name)}`", where,
+        Code.FILE_NAME, f"the file name `{shown(name)}` has {what}: `{shown(unseen(name))}`", where,
         help="rename the file: letters, digits, spaces and signs that can be seen",
     )
 
