@@ -81,7 +81,7 @@ def test_it_cannot_list_itself(tmp_path: Path) -> None:
 
 
 def test_versions_are_what_importlib_says() -> None:
-    found = versions()
+    found = dict(versions())  # kept for all of the process
     assert found.pop("python") == platform.python_version()
     assert found.pop("thingc") == thingc.__version__
     expected = {}

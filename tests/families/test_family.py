@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 import subprocess
 import sys
@@ -89,6 +90,8 @@ def test_what_is_written_is_a_single_build(workspace: Path, many: thingc.RobotFa
         {path.relative_to(tmp_path / folder).as_posix(): path.read_bytes() for path in (tmp_path / folder).rglob("*") if path.is_file()}
         for folder in ("written", "alone")
     )
+    told = (json.loads(files["everything/manifest.json"]) for files in (own, alone))
+    assert next(told) == next(told)
     assert own.keys() == alone.keys() and [name for name in own if own[name] != alone[name]] == []
     said = many.write({"length": 5.0}, tmp_path / "wrong")
     assert said[0].code.code == "TC803" and not (tmp_path / "wrong").exists()
