@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # Of two cores: many tests wait for processes that they have started.
 JOBS ?= 3
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer conformance bench-weld print-masses walk climb bridge-search codesign mutants slips fuzz kills schemas docs site pictures viewer freeze frozen clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer conformance bench-weld print-masses walk climb bridge-search codesign mutants slips fuzz kills schemas docs site pictures viewer freeze frozen structure clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -85,6 +85,10 @@ freeze: $(VENV)/.thingc-dev
 
 frozen: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/corpus.py compare build/corpus.json --only $(patsubst %,'%',$(ONLY))
+
+# `SINCE=REVISION` puts another state of it beside.
+structure: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/structure/figures.py $(SINCE)
 
 MINUTES ?= 30
 

@@ -3,9 +3,11 @@ anything a defect of its own (TC899) unless a test wants to see just that: `@pyt
 
 from __future__ import annotations
 
+import gc
 import os
 import re
 import subprocess
+import sys
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +15,10 @@ from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+# Where nothing that was compiled is to be kept (in many containers), each of a thousand processes would compile thingc anew.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 from thingc.cli.main import main
 from thingc.diagnostics import Code, Diagnostic
@@ -96,6 +102,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Files with slow tests first, so that no worker is left alone with one at the end (`make test` tells xdist to keep this order)."""
     slow = Counter(item.path for item in items if item.get_closest_marker("slow") is not None)
     items.sort(key=lambda item: -slow[item.path])
+
+
+def pytest_collection_finish() -> None:
+    """What has been imported and collected stays to the end: it is not looked through for garbage again and again."""
+    gc.freeze()
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -20,7 +20,8 @@ from typing import Any
 import mujoco
 
 import thingc
-from thingc.families import NoModel, differing
+from thingc.families import NoModel
+from thingc.patching import differing
 from thingc.source import MappingNode, Node, ScalarNode
 from thingc.units import Quantity
 

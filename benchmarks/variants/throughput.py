@@ -7,16 +7,18 @@ parameters, too. Store warm, one process, a session for each of these:
   are written to the disk, as `thingc batch` and `family.write` make them: by a plan, which is compared with every pass at one in 64;
 - `passed`: the same by every pass, and MuJoCo compiles every model, as a batch lets it do with `--verify all`: with a tetrahedron in the
   place of a mesh that it has taken before;
-- `loaded`: the same as `plain`; when the variants of a round are written, every model of them is read and becomes a `mujoco.MjModel`
-  with all of its meshes;
-- `unseen`: the same without what is only drawn (`model(visual=False)` of `thingc.variants.load`);
+- `loaded`: the same as `plain`; when the variants of a round are written, every model of them is read and becomes a `mujoco.MjModel` of its
+  own with all of its meshes, as `models` of `thingc.variants.load` makes them: of models whose texts differ in nothing but numbers the
+  arrays are written;
+- `compiled`: the same, but MuJoCo compiles every one, without threads (`model` of a variant);
+- `unseen`: the same as `compiled` without what is only drawn (`model(visual=False)`);
 - `by hand`: what a script around the arm's own files does: a mass is replaced in the text of each model, the same files are written, and
   MuJoCo compiles the three models with all of their meshes;
 - `modelled`: the reach differs in each variant, so that one part is modelled for each, and the same files are written.
 
 They take turns, in rounds, because a machine is not always as fast: the median of the rounds is given, and the worst and the best, per
-second of processor time, that of the process which models parts included; and how often the script's rate `loaded` has. `--scale N` runs
-`plain` for 10, 100, ... N variants, and says how time and memory grow with their number.
+second of processor time, that of the process which models parts included; and how often the script's rate `loaded` and `compiled` have.
+`--scale N` runs `plain` for 10, 100, ... N variants, and says how time and memory grow with their number.
 """
 
 from __future__ import annotations
@@ -31,12 +33,13 @@ import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from thingc.emit.artifact import Stored
 from thingc.environment import Options
+from thingc.patching import ModelText, TextModels
 from thingc.plans import Builds, SettingsReader
 from thingc.resolve import Settings
 from thingc.session import Session
@@ -113,26 +116,40 @@ def build(made: Builds, settings: Settings, folder: Path, *, plans: bool = True)
 class Models:
     """MuJoCo's models of what was written. Its meshes, which are the same for all, are handed over once."""
 
-    def __init__(self, session: Session, *, visual: bool) -> None:
+    def __init__(self, session: Session, *, visual: bool, compiled: bool) -> None:
         import mujoco
 
         self.visual = visual
+        self.compiled = compiled
+        self.texts = TextModels()
         self.files = mujoco.MjVfs()
+        self.meshes: dict[str, bytes] = {}
         for name, held in session.emit(session.compile(plain(0)), ["mjcf"])["mjcf"].files.items():
             if isinstance(held, Stored):
-                self.files[name.removeprefix("mjcf/assets/")] = session.environment.store.read(held.sha256)
+                file = name.removeprefix("mjcf/assets/")
+                self.files[file] = self.meshes[file] = session.environment.store.read(held.sha256)
 
-    def load(self, folder: Path) -> list[Any]:
-        """The compiled models of a variant."""
+    def load(self, folders: Iterable[Path]) -> None:
+        """Make the models of variants, each for itself, and forget them."""
+        texts = (path.read_text(encoding="utf-8") for folder in folders for path in sorted((folder / "mjcf").glob("arm_*.xml")))
+        if self.compiled:
+            for text in texts:
+                self.compile(text)
+        else:
+            for _ in self.texts.each(map(self.source, texts), share=False):
+                pass
+
+    def source(self, text: str) -> ModelText:
+        """A text as `thingc.variants.load` hands it on."""
+        return ModelText(text=text, meshes=(), assets=lambda: self.meshes, compiled=lambda: self.compile(text))
+
+    def compile(self, text: str) -> Any:
+        """MuJoCo's model of a text."""
         import mujoco
 
-        found = []
-        for path in sorted((folder / "mjcf").glob("arm_*.xml")):
-            text = path.read_text(encoding="utf-8")
-            if not self.visual:
-                text = text.replace("<compiler ", '<compiler discardvisual="true" ', 1)
-            found.append(mujoco.MjModel.from_xml_string(text, vfs=self.files))
-        return found
+        asked = 'usethread="false"' if self.visual else 'usethread="false" discardvisual="true"'
+        text = text.replace("<compiler ", f"<compiler {asked} ", 1)
+        return mujoco.MjModel.from_xml_string(text, vfs=self.files)
 
 
 class Lane:
@@ -150,8 +167,7 @@ class Lane:
         for index in indices:
             build(self.made, self.settings(index), self.folder / str(index), plans=self.plans)
         if self.models is not None:
-            for index in indices:
-                self.models.load(self.folder / str(index))
+            self.models.load(self.folder / str(index) for index in indices)
 
 
 class ByHand(Lane):
@@ -159,6 +175,8 @@ class ByHand(Lane):
 
     def make(self, indices: range) -> None:
         """So many variants, the mass of the second link another one in each."""
+        import mujoco
+
         texts = {path.name: path.read_text(encoding="utf-8") for path in (self.folder / "first" / "mjcf").iterdir()}
         modes = (self.folder / "first" / "modes.json").read_bytes()
         for index in indices:
@@ -169,7 +187,8 @@ class ByHand(Lane):
                 (target / "mjcf" / name).write_text(edited, encoding="utf-8")
             (target / "modes.json").write_bytes(modes)
             assert self.models is not None
-            self.models.load(target)
+            for path in sorted((target / "mjcf").glob("arm_*.xml")):
+                mujoco.MjModel.from_xml_string(path.read_text(encoding="utf-8"), vfs=self.models.files)
 
 
 def processor() -> float:
@@ -207,10 +226,11 @@ def lanes(document: Path, store: str | None, folder: Path, stack: contextlib.Exi
     """Every lane, warm."""
     for label, settings, plans, load, visual in (
         ("plain", plain, True, False, False), ("passed", plain, False, False, False), ("loaded", plain, True, True, True),
-        ("unseen", plain, True, True, False), ("by hand", plain, True, True, True), ("modelled", modelled, True, False, False),
+        ("compiled", plain, True, True, True), ("unseen", plain, True, True, False), ("by hand", plain, True, True, True),
+        ("modelled", modelled, True, False, False),
     ):
         session = stack.enter_context(Session(str(document), Options(store=store, jobs=1)))
-        models = Models(session, visual=visual) if load else None
+        models = Models(session, visual=visual, compiled=label != "loaded") if load else None
         made = builds(session)
         build(made, settings(-1), folder / label / "first")
         lane = (ByHand if label == "by hand" else Lane)(made, folder / label, settings, plans=plans, models=models)
@@ -251,8 +271,9 @@ def main() -> None:
             for label, found in rates.items():
                 print(f"{label:9}{ROUNDS * sizes[label]:6} variants {statistics.median(found):8.1f}/s of processor time "
                       f"(median of {ROUNDS} rounds; {min(found):.1f} to {max(found):.1f})")
-            ratios = [ours / theirs for ours, theirs in zip(rates["loaded"], rates["by hand"], strict=True)]
-            print(f"loaded, of by hand: {statistics.median(ratios):.2f} ({min(ratios):.2f} to {max(ratios):.2f})")
+            for label in ("loaded", "compiled"):
+                ratios = [ours / theirs for ours, theirs in zip(rates[label], rates["by hand"], strict=True)]
+                print(f"{label}, of by hand: {statistics.median(ratios):.2f} ({min(ratios):.2f} to {max(ratios):.2f})")
         points = []
         for count in scales(arguments.scale):
             wall, cpu, growth = grown(document, arguments.store, folder / f"scale{count}", count)

@@ -5,6 +5,7 @@ Python's `zipfile` writes what it is told of clocks and systems, and compresses 
 
 from __future__ import annotations
 
+import io
 import struct
 import zlib
 from collections.abc import Mapping
@@ -19,6 +20,8 @@ DATE, TIME = 0x21, 0
 
 _DEFLATED, _VERSION, _UNIX, _UTF8 = 8, 20, 3 << 8, 0x800
 _MODE = 0o100644 << 16
+_HEADER = 30
+"""Bytes before the name of an entry."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +49,22 @@ def zipped(entries: Mapping[str, bytes | Deflated]) -> bytes:
     count = len(entries)
     end = b"PK\x05\x06" + struct.pack("<HHHHIIH", 0, 0, count, count, len(directory), len(body), 0)
     return bytes(body + directory + end)
+
+
+def entries(archive: bytes) -> dict[str, Deflated]:
+    """The entries of what `zipped` gave."""
+    from zipfile import ZipFile
+
+    found = {}
+    for one in ZipFile(io.BytesIO(archive)).infolist():
+        begin = one.header_offset + _HEADER + len(one.filename.encode())
+        found[one.filename] = Deflated(data=archive[begin: begin + one.compress_size], crc=one.CRC, size=one.file_size)
+    return found
+
+
+def inflate(entry: Deflated) -> bytes:
+    """What an entry was."""
+    return zlib.decompress(entry.data, -zlib.MAX_WBITS)
 
 
 def deflate(data: bytes) -> Deflated:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from thingc.gaps import Gap
 from thingc.shown import shown
 
 _FORMULA = re.compile(r"\s*[=+\-@\uff0b\uff0d\uff1d\uff20]")
@@ -23,5 +24,7 @@ def cell(value: object) -> str:
         return "true" if value else "false"
     if isinstance(value, float):
         return repr(value)
+    if isinstance(value, Gap):
+        return value.word("csv")
     text = shown(str(value))
     return f"'{text}" if _FORMULA.match(text) and not _NUMBER.fullmatch(text) else text

@@ -231,7 +231,8 @@ def _passes(
 ) -> Compilation:
     """From what was read to the robots. `of_text` has answers that hold as long as the documents stand as they are, line by line; those of
     the environment hold for all."""
-    from thingc.graph import likely_slicings, link, mesh_records, slicings_of, with_own_images
+    from thingc.graph import likely_slicings, link, listed_meshes, slicings_of, with_own_images
+    from thingc.meshes import mesh_records
     from thingc.resolve import decomposed, part_definitions, resolve, resolve_materials
     from thingc.robot import root, stand
 
@@ -259,8 +260,8 @@ def _passes(
     records = parts.slice(definitions, records, slicings_of(model, records))
     environment.say_gaps(report)
     compilation = replace(compilation, decisions=parts.decisions, model=model, records=records)
-    store = environment.store if environment.options.code else None
-    meshes = mesh_records(model, store, report, memo, drawn=not environment.options.lock)
+    listed = listed_meshes(model, drawn=not environment.options.lock) if environment.options.code else {}
+    meshes = mesh_records(listed, environment.store, report, memo) if listed else {}
     linked = link(model, records, report, memo, meshes)
     if linked is None:
         return compilation

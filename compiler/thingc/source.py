@@ -49,7 +49,12 @@ SET = "--set "
 
 def option_span(path: str, text: str) -> Span:
     """The place of a value that `--set` puts at a path of a document."""
-    return Span(file=f"{SET}{path}={text}", line=1, column=1, end_line=1, end_column=1)
+    return line_of(f"{SET}{path}={text}")
+
+
+def line_of(file: str, line: int = 1) -> Span:
+    """The beginning of a line of a file."""
+    return Span(file=file, line=line, column=1, end_line=line, end_column=1)
 
 
 Origin = tuple[Span, ...]
@@ -80,6 +85,13 @@ class ScalarNode:
     def plain(self) -> Plain:
         """The value alone."""
         return self.value
+
+
+def text_of(node: Node | None) -> str:
+    """What a leaf says, as it is written but for quotes; empty for nothing, and for what is no leaf."""
+    if not isinstance(node, ScalarNode) or node.value is None:
+        return ""
+    return node.value if isinstance(node.value, str) else node.text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,7 +17,7 @@ from thingc.frozen import dataclass
 from thingc.installed import dotted_name
 from thingc.packaging import KEYS, About
 from thingc.shown import is_text
-from thingc.source import MappingNode, Path, Span
+from thingc.source import MappingNode, Path, Span, line_of
 from thingc.typos import did_you_mean
 from thingc.units import ANGLE, LENGTH, TIME, Dimension, Quantity, checked, parse_quantity, shortened
 
@@ -215,7 +215,7 @@ def _read(path: str, data: bytes, root: str, inputs: dict[str, str | None], repo
     if len(data) > MAX_BYTES:
         report.add(
             Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes, which is the bound",
-            Span(file=path, line=1, column=1, end_line=1, end_column=1), help="move what is not about thingc elsewhere",
+            line_of(path), help="move what is not about thingc elsewhere",
         )
         return None
     import tomllib
@@ -228,7 +228,7 @@ def _read(path: str, data: bytes, root: str, inputs: dict[str, str | None], repo
         settings = _Settings.plain(table)
     except (ValueError, RecursionError, KeyError, TypeError, OverflowError):
         settings = None
-    span: Span | None = Span(file=path, line=1, column=1, end_line=1, end_column=1)
+    span: Span | None = line_of(path)
     if settings is not None:
         workspace = _workspace(settings, root, span, inputs)
         if workspace is not None:

@@ -67,6 +67,7 @@ ELSEWHERE = {
     "SOURCE_INERTIA": "tests/importing/wrong/inertias.txt",
     "SOURCE_FILE": "tests/importing/test_meshes.py",
     "SOURCE_DOUBT": "tests/importing/test_inertias.py",
+    "SOURCE_CONFLICT": "tests/importing/test_updates.py",
 }
 """Codes that no document on a healthy machine brings about, and where they are tested."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import os
 import subprocess
@@ -12,6 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from thingc.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (sys.executable, "-m", "thingc")
@@ -53,7 +56,18 @@ MEANT = ("TC517", "TC518", "TC519", "TC610")
 
 def build(document: str | Path, *words: str | Path, store: str | Path, cwd: str | Path = ROOT, **options: Any) -> dict[str, Any]:
     """`thingc build`, which must succeed and have nothing to say: its JSON answer."""
-    ran = thingc("build", document, "--format", "json", *words, store=store, cwd=cwd, **options)
+    return _silent(thingc("build", document, "--format", "json", *words, store=store, cwd=cwd, **options))
+
+
+def build_here(document: str | Path, *words: str | Path, store: str | Path, cwd: str | Path) -> dict[str, Any]:
+    """`build` by the command's function in this process, for tests that ask what is made and not what a process does."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.chdir(cwd), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(["build", str(document), "--format", "json", "--store", str(store), *map(str, words)])
+    return _silent(Ran(code=code, out=out.getvalue(), err=err.getvalue()))
+
+
+def _silent(ran: Ran) -> dict[str, Any]:
     assert ran.code == 0, ran.out + ran.err
     assert [found for found in ran.answer["diagnostics"] if found["code"] not in MEANT] == []
     return ran.answer

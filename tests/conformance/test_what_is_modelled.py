@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from conformance import shelf
-from conformance.harness import ROOT, build, replace, thingc, tree
+from conformance.harness import ROOT, build, build_here, replace, thingc, tree
+
+pytestmark = pytest.mark.usefixtures("one_kernel")
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +28,7 @@ def rebuilt(base: Path, folder: Path, edit: Callable[[Path], None]) -> set[str]:
     """What is modelled when an edit has been made to a copy of the workspace in another folder."""
     shutil.copytree(base / "ws", folder / "ws", ignore=shutil.ignore_patterns("build"))
     edit(folder / "ws")
-    answer = build("shelf.yaml", "--emit", "bom", store=base / "store", cwd=folder / "ws")
+    answer = build_here("shelf.yaml", "--emit", "bom", store=base / "store", cwd=folder / "ws")
     assert sorted(answer["modelled"] + answer["reused"]) == sorted(shelf.EVERYTHING), "together every part, each once"
     return set(answer["modelled"])
 
@@ -79,7 +81,7 @@ def test_what_goes_away_again_was_modelled_already(base: Path, tmp_path: Path) -
     """`wish.json` comes and goes: the part without it is still in the store."""
     rebuilt(base, tmp_path, written("parts/wish.json", "13"))
     (tmp_path / "ws" / "parts" / "wish.json").unlink()
-    assert build("shelf.yaml", "--emit", "bom", store=base / "store", cwd=tmp_path / "ws")["modelled"] == []
+    assert build_here("shelf.yaml", "--emit", "bom", store=base / "store", cwd=tmp_path / "ws")["modelled"] == []
 
 
 DOCUMENT = {
@@ -95,11 +97,11 @@ DOCUMENT = {
 def test_an_edit_of_the_document_alone_models_nothing(base: Path, tmp_path: Path) -> None:
     shutil.copytree(base / "ws", tmp_path / "ws", ignore=shutil.ignore_patterns("build"))
     output = tmp_path / "ws" / "build" / "shelf"
-    build("shelf.yaml", "--emit", "bom,mjcf", store=base / "store", cwd=tmp_path / "ws")
+    build_here("shelf.yaml", "--emit", "bom,mjcf", store=base / "store", cwd=tmp_path / "ws")
     for old, new in DOCUMENT.values():
         before = tree(output)
         replace(tmp_path / "ws" / "shelf.yaml", old, new)
-        answer = build("shelf.yaml", "--emit", "bom,mjcf", store=base / "store", cwd=tmp_path / "ws")
+        answer = build_here("shelf.yaml", "--emit", "bom,mjcf", store=base / "store", cwd=tmp_path / "ws")
         assert answer["modelled"] == [] and set(answer["reused"]) == shelf.EVERYTHING
         after = tree(output)
         assert {path for path in after if after[path] != before[path]} >= {"manifest.json", "mjcf/shelf_default.xml"}, (old, new)
@@ -143,5 +145,5 @@ def test_elsewhere_with_other_seeds_and_fewer_jobs_the_arm_has_the_same_bytes(ar
     before, brace, after = source.read_text().partition("class RotorBrace")
     assert "1.5 * thickness" in after
     source.write_text(before + brace + after.replace("1.5 * thickness", "1.4 * thickness", 1))
-    answer = build("assemblies/arm.yaml", store=tmp_path / "store", cwd=home)
+    answer = build_here("assemblies/arm.yaml", store=tmp_path / "store", cwd=home)
     assert answer["modelled"] == ["arm:RotorBrace"] and len(answer["reused"]) == 8

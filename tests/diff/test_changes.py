@@ -22,6 +22,7 @@ def crane(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Portra
 EDITS: dict[str, tuple[list[tuple[str, str]], Made]] = {
     "a limit": ([("upper: 20 deg", "upper: 25 deg")], {("joint", "changed", "luff", "limit.upper")}),
     "an effort, which its drive has, too": ([("effort: 9 N*m", "effort: 8 N*m")], {("joint", "changed", "luff", "limit.effort")}),
+    "an axis": ([("child: boom.heel", "child: boom.heel\n    axis: [0, 1, 0]")], {("joint", "changed", "luff", "axis")}),
     "a gain": ([("kp: 20", "kp: 30")], {("joint", "changed", "luff", "drive.kp")}),
     "a parameter, and what it is used for": ([("value: 400 mm", "value: 450 mm")], {("parameter", "changed", "reach", "value")}),
     "another expression": ([("half: =reach / 2", "half: =reach / 4")], {("parameter", "changed", "half", "value")}),

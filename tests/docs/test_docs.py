@@ -107,11 +107,12 @@ def test_tables_of_keys_have_every_field_and_no_other() -> None:
     from pydantic import BaseModel
 
     from thingc.checks import kinds
-    from thingc.spec import assembly, listed, materials, modes, poses, sensors, stated_masses, tests, variants, workspace
+    from thingc.spec import assembly, drives, listed, materials, modes, poses, sensors, stated_masses, tendons, tests, variants, workspace
 
     checks = [sys.modules[kind.model.__module__] for kind in kinds().values()]
+    rooms = (assembly, drives, listed, materials, modes, poses, sensors, stated_masses, tendons, tests, *checks, variants, workspace)
     models = {
-        name: value for module in (assembly, listed, materials, modes, poses, sensors, stated_masses, tests, *checks, variants, workspace)
+        name: value for module in rooms
         for name, value in vars(module).items()
         if isinstance(value, type) and issubclass(value, BaseModel) and value.__module__ == module.__name__ and not name.startswith("_")
     }
@@ -142,7 +143,7 @@ def test_choices_in_tables_are_those_of_the_models() -> None:
     """Every word of a `Literal` stands in its row, in backquotes (`mirror` and such: `x`, `y` or `z`)."""
     from typing import Literal, get_args, get_origin
 
-    from thingc.spec import assembly, listed, materials, sensors, stated_masses, variants
+    from thingc.spec import assembly, drives, listed, materials, sensors, stated_masses, variants
 
     def words(annotation: object) -> set[str]:
         if get_origin(annotation) is Literal:
@@ -150,7 +151,7 @@ def test_choices_in_tables_are_those_of_the_models() -> None:
         return {word for inner in get_args(annotation) for word in words(inner)}
 
     elsewhere = {("JointSpec", "type"), ("ComponentDefaults", "collision"), ("ModeSpec", "hold"), ("ModeSpec", "base")}
-    for module in (assembly, listed, materials, sensors, stated_masses, variants):
+    for module in (assembly, drives, listed, materials, sensors, stated_masses, variants):
         for marker in re.findall(r"<!-- (keys: [\w ]+) -->", LANGUAGE.read_text()):
             for name in marker.removeprefix("keys: ").split():
                 model = getattr(module, name, None)

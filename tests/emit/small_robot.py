@@ -27,16 +27,8 @@ from thingc.joints import KINDS
 from thingc.pose import NO_POSE, Pose, placed
 from thingc.realize.record import PartDefinition, PartRecord, Value, definition_text
 from thingc.realize.store.local import Store
-from thingc.resolve.model import (
-    BomEntry,
-    CoordinateName,
-    Dynamics,
-    Limit,
-    Material,
-    NamedPose,
-    Overrides,
-    Process,
-)
+from thingc.resolve.coordinates import CoordinateName, Dynamics, Limit
+from thingc.resolve.model import BomEntry, Material, NamedPose, Overrides, Process
 from thingc.robot import root
 from thingc.robot.types import Robot
 from thingc.source import Span

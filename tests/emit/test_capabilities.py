@@ -60,7 +60,8 @@ joints:
   j6: {{type: planar, parent: base.a, child: c6.origin}}
   j7: {{type: screw, parent: base.a, child: c7.origin, lead: 8 mm}}
   j8: {{type: ball, parent: base.a, child: c8.origin, limit: {{cone: 0.5 rad}}}}
-  j9: {{type: revolute, parent: base.a, child: c9.origin, limit: {{lower: -1 rad, upper: 1 rad}}, mimic: {{joint: j1}}}}
+  j9: {{type: revolute, parent: base.a, child: c9.origin, limit: {{lower: -1 rad, upper: 1 rad}},
+    mimic: {{joint: j1, polynomial: [0, 1, 0.1 rad^-1]}}}}
   close: {{type: continuous, parent: c9.b, child: c1.a, loop: true}}
 sensors:
   tilt: {{type: imu, at: c1.a}}
@@ -106,6 +107,7 @@ def test_a_format_without_words_loses_everything(robot: Any) -> None:
         (None, "j3", "its motion"), (None, "j3", "its drive: velocity, kv 3"), (None, "j4", "its motion"), (None, "j5", "its motion"),
         (None, "j6", "its motion"), (None, "j7", "its thread"), (None, "j8", "its motion"), (None, "j8", "its cone of 0.5 rad"),
         (None, "j9", "its motion"), (None, "j9", "that it follows `j1`"),
+        (None, "j9", "the polynomial by which it follows `j1`"),
         ("still", "c1/a", "that it is held where it is"), ("still", "close", "the loop through it"), ("still", "still", "its gravity"),
         ("still", "still", "which links never touch, besides neighbours"), ("carried", "close", "the loop through it"),
         ("carried", "carried", "that its base is held, and can be moved while it is"), ("afloat", "close", "the loop through it"),

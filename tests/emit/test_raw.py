@@ -100,7 +100,8 @@ def test_values_of_sdf_are_elements(tmp_path: Path) -> None:
     ("urdf: {joint: {left.knuckle: {origin: {xyz: 0 0 1}}}}",
      "TC707: `raw` cannot set `origin` of a joint: it would be another robot than in other formats", "write mounts, `attach:` or `at:`"),
     ("sdf: {joint: {left.knuckle: {axis: {xyz: 0 0 1}}}}",
-     "TC707: `raw` cannot set `xyz` of a joint: it would be another robot than in other formats", "write the mounts of the joint"),
+     "TC707: `raw` cannot set `xyz` of a joint: it would be another robot than in other formats",
+     "write the mounts of the joint, or its `axis:`"),
 ])
 def test_what_has_no_place_is_said_at_its_key(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], raw: str, said: str, help: str,

@@ -38,7 +38,8 @@ from thingc.pose import NO_POSE
 from thingc.primitives import Primitive
 from thingc.realize.record import Mesh
 from thingc.realize.store.local import Store
-from thingc.resolve.model import Drive, Dynamics, Joint, Limit
+from thingc.resolve.coordinates import Dynamics, Limit
+from thingc.resolve.model import Drive, Joint
 from thingc.robot import root as rooted
 
 MOUNTS = {"in": MATE, "out": t(0.1, 0.0, 0.0)}

@@ -108,7 +108,7 @@ joints:
     child: c1.b
     offset: 20 deg
     limit: {{lower: -1 rad, upper: 2 rad, effort: 3 N*m, velocity: 4 rad/s}}
-    dynamics: {{damping: 0.1 N*m*s/rad, friction: 0.2 N*m, armature: 0.3 kg*m^2, stiffness: 0.4 N*m/rad}}
+    dynamics: {{damping: 0.1 N*m*s/rad, friction: 0.2 N*m, armature: 0.3 kg*m^2, stiffness: 0.4 N*m/rad, rest: 0.5 rad}}
     drive: {{kind: position, kp: 5 N*m/rad, kv: 0.5 N*m*s/rad}}
   wheel: {{type: continuous, parent: c1.a, child: c2.b, drive: {{kind: velocity, kv: 2 N*m*s/rad}}}}
   push:
@@ -250,8 +250,8 @@ def test_limits_dynamics_and_springs_are_those_of_the_document(every: Compiled) 
     assert axis is not None
     said = {one.tag: one.text for part in ("dynamics", "limit") for one in axis.find(part) or ()}
     assert said == {
-        "damping": "0.1", "friction": "0.2", "spring_reference": "0", "spring_stiffness": "0.4", "lower": "-1", "upper": "2", "effort": "3",
-        "velocity": "4",
+        "damping": "0.1", "friction": "0.2", "spring_reference": "0.5", "spring_stiffness": "0.4", "lower": "-1", "upper": "2",
+        "effort": "3", "velocity": "4",
     }
     efforts = {
         joint.attrib["name"]: limit.findtext("effort") for joint in every.model("fork").model.findall("joint")

@@ -45,7 +45,8 @@ from thingc.emit.urdf.target import emit
 from thingc.graph.types import Assembly
 from thingc.pose import Pose, placed, rpy_of
 from thingc.realize.store.local import Store
-from thingc.resolve.model import Drive, Dynamics, Limit
+from thingc.resolve.coordinates import Dynamics, Limit
+from thingc.resolve.model import Drive
 from thingc.robot import in_link
 from thingc.robot import root as rooted
 

@@ -41,7 +41,7 @@ joints:
     child: wheel.origin
     limit: {{lower: -3 rad, upper: 3 rad}}
     mimic: {{joint: lift, multiplier: =teeth / 3, offset: 0.1 rad}}
-    dynamics: {{armature: 0.001 kg*m^2, stiffness: 0.5 N*m/rad, friction: 0.01 N*m}}
+    dynamics: {{armature: 0.001 kg*m^2, stiffness: 0.5 N*m/rad, rest: 0.2 rad, friction: 0.01 N*m}}
   turn: {{type: continuous, parent: base.origin, child: crank.origin, drive: {{kind: velocity, kv: 2 N*m*s/rad}}}}
   rod: {{type: continuous, parent: crank.pin, child: coupler.origin}}
   swing: {{type: continuous, parent: base.far, child: rocker.origin}}

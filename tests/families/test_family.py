@@ -14,6 +14,7 @@ import pytest
 
 import thingc
 from thingc.families import Space
+from thingc.pipeline import UnknownChoice
 
 NAMES = {"length": 0.35, "load": 0.5, "joints.lift.limit.upper": 1.4}
 
@@ -95,6 +96,12 @@ def test_what_is_written_is_a_single_build(workspace: Path, many: thingc.RobotFa
     assert own.keys() == alone.keys() and [name for name in own if own[name] != alone[name]] == []
     said = many.write({"length": 5.0}, tmp_path / "wrong")
     assert said[0].code.code == "TC803" and not (tmp_path / "wrong").exists()
+    assert many.write(variant, tmp_path / "zipped" / "everything", emit=["mjz"]) == ()
+    zipped = {path.name for path in (tmp_path / "zipped").rglob("*") if path.is_file()}
+    assert zipped == {"manifest.json", *(f"everything_{mode}.mjz" for mode in many.modes)}
+    with pytest.raises(UnknownChoice, match="there is no target `mjzz`") as fault:
+        many.write(variant, tmp_path / "wrong", emit=["mjzz"])
+    assert fault.value.hint == "did you mean `mjz`?"
 
 
 ADOPTED = """\

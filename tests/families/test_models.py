@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import thingc
-from thingc.families import Explanation, NoModel, differing
+from thingc.families import Explanation, NoModel
+from thingc.patching import differing
 from thingc.pipeline import UnknownChoice
 from thingc.variants import apply
 
@@ -115,6 +116,7 @@ def test_one_name_may_mean_many(everything: thingc.RobotFamily) -> None:
 @pytest.mark.parametrize(("name", "way", "words"), [
     ("load", "arrays", "is written into body_inertia, body_ipos, body_iquat, body_mass of one compiled model (mode standing)"),
     ("joints.lift.limit.upper", "arrays", "is written into actuator_ctrlrange, jnt_range of one compiled model (mode standing)"),
+    ("joints.gear.dynamics.rest", "arrays", "is written into qpos_spring of one compiled model (mode standing)"),
     ("simulation.timestep", "passes", "simulation.timestep is compiled anew: it is worked with where the model is written (mode standing)"),
     ("heavy", "passes", "heavy is compiled anew: it is no number in the document (mode standing)"),
 ])

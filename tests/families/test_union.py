@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import thingc
-from thingc.families import differing
+from thingc.patching import differing
 from thingc.variants import apply
 
 LEVERS = """\

@@ -31,21 +31,18 @@ from thingc.realize.record import (
     Stated,
 )
 from thingc.realize.store.local import Store
+from thingc.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
 from thingc.resolve.model import (
     AssemblyDefinition,
     At,
     Attach,
     BomEntry,
     Component,
-    CoordinateName,
     Drive,
-    Dynamics,
     ExtraMount,
     Joint,
-    Limit,
     LinkName,
     Material,
-    Mimic,
     Mode,
     NamedPose,
     Overrides,
@@ -321,8 +318,8 @@ def coordinates_of(name: str, parent: str, child: str, kind: str, **said: Any) -
     return [replace(one, name=one.name.numbered(k), twist=twist) for k, twist in enumerate(twists)]
 
 
-def mimic(leader: str, multiplier: float, offset: float = 0.0) -> Mimic:
-    return Mimic(joint=CoordinateName(leader), multiplier=multiplier, offset=offset, origin=where(1))
+def mimic(leader: str, multiplier: float, offset: float = 0.0, higher: tuple[float, ...] = ()) -> Mimic:
+    return Mimic(joint=CoordinateName(leader), multiplier=multiplier, offset=offset, higher=higher, origin=where(1))
 
 
 def pose(name: str, line: int = 300, **values: float) -> NamedPose:

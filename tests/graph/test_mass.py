@@ -358,7 +358,8 @@ def test_moving_link_without_mass() -> None:
         (
             "MASSLESS",
             "link `dot` moves in mode `bench` and has no mass (components `dot`, `dash`)",
-            "give one of its components `mass:` (and `inertia:` where it has no geometry), or attach it to another link",
+            "give one of its components `mass:` (and `inertia:` where it has no geometry), or attach it to another link; "
+            "without a mass it may only join two joints",
             9,
         )
     ]

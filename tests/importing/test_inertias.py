@@ -145,10 +145,25 @@ def test_joints_that_cannot_be_at_zero_start_in_the_middle(tmp_path: Path) -> No
     assert "  source: {root: a, base: fixed, pose: start}" in text and "  b: {root: b, base: held, pose: start}" in text
 
 
+def test_a_rotation_that_is_worked_out_keeps_its_digits(tmp_path: Path) -> None:
+    """Of a planar joint, whose frame stands on its axis: in degrees where they are round, else as a quaternion."""
+    links = "".join(LINK.format(name=name, mass=1, ixx=0.01) for name in ("a", "b"))
+    for axis, words in (("1 0 0", "rpy: 90 0 90 deg"), ("0.6 0 0.8", "quat: [")):
+        joint = f'<joint name="j" type="planar"><parent link="a"/><child link="b"/><axis xyz="{axis}"/></joint>'
+        imported = import_robot(str(written(tmp_path, links, joint)), Report())
+        assert imported is not None
+        text = imported.files["robot.yaml"].decode()
+        assert words in text, text
+        (tmp_path / "robot.yaml").write_text(text)
+        model = thingc.compile(tmp_path / "robot.yaml").modes["source"].model()
+        axes = model.jnt_axis[:3] @ numpy.array([float(x) for x in axis.split()])
+        assert sorted(numpy.abs(axes)) == pytest.approx([0.0, 0.0, 1.0], abs=1e-14)
+
+
 def test_axes_that_are_nearly_along_an_axis_stay_so(tmp_path: Path) -> None:
     """1e-6 rad off is not rounding; 1e-13 is."""
     links = "".join(LINK.format(name=name, mass=1, ixx=0.01) for name in ("a", "b"))
     for axis, plain in (("0 1e-6 1", False), ("0 1e-13 1", True)):
         joint = f'<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="{axis}"/></joint>'
         imported = import_robot(str(written(tmp_path, links, joint)), Report())
-        assert imported is not None and ("mounts:\n      j: {}" in imported.files["robot.yaml"].decode()) is plain
+        assert imported is not None and ("axis: [0, 0, 1]\n" in imported.files["robot.yaml"].decode()) is plain

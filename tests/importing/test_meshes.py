@@ -95,3 +95,52 @@ def test_those_that_are_not_there_are_said_or_left_out(robot: Path) -> None:
         ("mesh `package://bot/meshes/a/part.stl`", 4), ("mesh `package://lamp/part.abc`", 5), ("mesh `../meshes/c/copy.stl`", 6),
     ]
     assert "frame: true" in imported.files["meshes.yaml"].decode()
+
+
+def stl(scale: float, *, open_: bool = False) -> bytes:
+    """A box of 0.3 x 0.2 x 0.1 m about (0.1, 0, 0), or that without a triangle."""
+    box = trimesh.creation.box((0.3, 0.2, 0.1)).apply_translation((0.1, 0.0, 0.0)).apply_scale(scale)
+    if open_:
+        box.update_faces(numpy.arange(len(box.faces)) > 0)
+    return bytes(trimesh.exchange.stl.export_stl(box))
+
+
+def arm(tmp_path: Path, data: bytes, *, mesh: str = 'filename="part.stl"', inertia: str = "") -> tuple[Path, Report]:
+    (tmp_path / "part.stl").write_bytes(data)
+    path = tmp_path / "arm.urdf"
+    path.write_text(f"""<robot name="arm"><link name="base"/>
+      <link name="arm"><inertial><mass value="6"/>{inertia}</inertial><visual><geometry><sphere radius="1"/></geometry></visual>
+        <collision><origin xyz="0 0 0.5" rpy="0 0 1.5707963267948966"/><geometry><mesh {mesh}/></geometry></collision></link>
+      <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/><origin xyz="0 0 0.1"/></joint></robot>""")
+    return path, Report()
+
+
+def test_meshes_say_what_inertia_a_link_has(tmp_path: Path) -> None:
+    """6 kg of a box, by the textbook: m/12 (b^2 + c^2), turned by a quarter about z."""
+    path, report = arm(tmp_path, stl(1000.0), mesh='filename="part.stl" scale="0.001 0.001 0.001"')
+    imported = import_robot(str(path), report, repair="shapes")
+    assert imported is not None and report.diagnostics == []
+    new = json.loads(imported.files["import.json"])["repaired"][0]["new"]
+    assert new["mass"] == 6.0 and numpy.allclose(new["com"], [0.0, 0.1, 0.5])
+    assert numpy.allclose(new["inertia"], numpy.diag([0.05, 0.025, 0.065]), rtol=1e-6)
+    text = imported.files["arm.yaml"].decode()
+    assert "    mass: 6 kg\n" in text and re.search(r"    inertia: \{value: \{ixx: 0\.0\d+ kg\*m\^2, .*\}, source: repaired\}\n", text)
+    (tmp_path / "arm.yaml").write_text(text)
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "part.stl").write_bytes(stl(1000.0))
+    assert [d.code.code for d in thingc.compile(tmp_path / "arm.yaml").diagnostics] == ["TC610"], "it stands at the floor"
+
+
+def test_an_open_mesh_says_nothing(tmp_path: Path) -> None:
+    path, report = arm(tmp_path, stl(1.0, open_=True))
+    assert import_robot(str(path), report, repair="shapes") is None
+    assert report.diagnostics[0].help == "there are no shapes, closed ones, that could say it: `--repair inertia=nearest`"
+
+
+def test_millimetres_that_are_read_as_metres_are_doubted(tmp_path: Path) -> None:
+    inertia = '<inertia ixx="0.05" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/>'
+    for scale, said in ((1.0, []), (1000.0, ["`part.stl` reaches 250 m, and no joint is more than 0.1 m from the one before it"])):
+        path, report = arm(tmp_path, stl(scale), inertia=inertia)
+        assert import_robot(str(path), report) is not None
+        assert [(d.code.code, d.message) for d in report.diagnostics] == [("TC955", message) for message in said]
+    assert report.diagnostics[0].span is not None and report.diagnostics[0].span.line == 3

@@ -1,40 +1,23 @@
-"""A hundred files with one slip each: no traceback, and what is refused is refused near the slip."""
+"""Files with one slip each: no traceback, and what is refused is refused near the slip. `benchmarks/importing/slips.py` tries others."""
 
 from __future__ import annotations
 
 import random
-import re
+import runpy
 from pathlib import Path
 
-from thingc.diagnostics import Report
-from thingc.importing import import_robot
-
-ROBOTS = sorted((Path(__file__).parent / "robots").glob("*.urdf"))
-SLIPS = (
-    lambda line, _: re.sub(r'"[-\d.e]+', '"nan', line, count=1),
-    lambda line, _: re.sub(r'="[^"]*"', '=""', line, count=1),
-    lambda line, chance: line[: chance.randrange(len(line) + 1)],
-    lambda line, _: re.sub(r'link="\w', 'link="x_', line),
-    lambda line, _: line.replace(">", "", 1),
-    lambda line, _: re.sub(r'type="\w', 'type="q', line),
-)
+ROOT = Path(__file__).resolve().parents[2]
+BENCH = runpy.run_path(str(ROOT / "benchmarks" / "importing" / "slips.py"))
+ROBOTS = BENCH["robots_in"](Path(__file__).parent / "robots")
 
 
-def test_slips_are_said_where_they_are(tmp_path: Path) -> None:
-    chance, path, refused, near = random.Random(5), tmp_path / "mutant.urdf", 0, 0
-    while refused < 100:
-        lines = chance.choice(ROBOTS).read_text().split("\n")
-        number = chance.randrange(len(lines))
-        slipped = chance.choice(SLIPS)(lines[number], chance)
-        if slipped == lines[number]:
-            continue
-        lines[number] = slipped
-        path.write_text("\n".join(lines))
-        report = Report()
-        if import_robot(str(path), report) is None:
-            places = [d.span for d in report.diagnostics] + [note.span for d in report.diagnostics for note in d.notes]
-            refused += 1
-            near += any(place is not None and abs(place.line - number - 1) <= 3 for place in places)
-        else:
-            assert not report.failed
-    assert near >= 90
+def test_slips_are_said_where_they_are() -> None:
+    found, odd = BENCH["tried"](ROBOTS, 200, 5)
+    assert found["raised"] == 0 and found["refused"] > 100, odd
+    assert found["near"] >= 0.95 * found["refused"], odd
+
+
+def test_every_slip_changes_some_line() -> None:
+    lines = [line for robot in ROBOTS for line in robot.read_text().split("\n")]
+    for name, slip in BENCH["SLIPS"].items():
+        assert any(slip(line, random.Random(1)) != line for line in lines), name

@@ -13,7 +13,7 @@ from thingc.diagnostics import Report
 from thingc.importing import import_robot
 
 HERE = Path(__file__).parent
-WRONG = sorted((HERE / "wrong").glob("*.urdf"))
+WRONG = sorted(path for path in (HERE / "wrong").iterdir() if path.suffix in (".urdf", ".xml"))
 
 
 @pytest.mark.parametrize("path", WRONG, ids=lambda path: path.stem)
@@ -45,8 +45,8 @@ def test_files_are_read_within_bounds(tmp_path: Path, text: str, words: str) -> 
 @pytest.mark.parametrize(("words", "said"), [
     (["robots/constructs.urdf", "--root", "uper"], "--root uper: there is no such link\n  help: did you mean `upper`?"),
     (["robots/none.urdf"], "cannot read `robots/none.urdf`: no such file or directory"),
-    (["test_wrong.py"], "`test_wrong.py` is of no kind that is read: `.urdf`"),
-    (["arm.urdf.xacro"], "xacro"),
+    (["test_wrong.py"], "`test_wrong.py` is of no kind that is read: `.urdf`, `.xml`, `.sdf`, `.xacro`"),
+    (["arm.urdf.xacro"], "cannot read `arm.urdf.xacro`: no such file or directory"),
 ])
 def test_wrong_command_lines(words: list[str], said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(HERE)

@@ -22,6 +22,7 @@ from thingc.building import Wish
 from thingc.cli.watch import refused
 from thingc.environment import Options, attempted
 from thingc.live import Live, Round
+from thingc.realize import EndingWorkers
 from thingc.realize.decisions import Decision
 
 WISH = Wish(targets=("mjcf", "bom"))
@@ -72,7 +73,13 @@ class Working:
 
 
 @pytest.fixture
-def working(tmp_path: Path, shared_store: str) -> Iterator[Working]:
+def without_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing of `DOCUMENTS` is modelled: the kernel need not be ready for what may come."""
+    monkeypatch.setattr(EndingWorkers, "warm", lambda _: None)
+
+
+@pytest.fixture
+def working(tmp_path: Path, shared_store: str, without_kernel: None) -> Iterator[Working]:
     made = Working(tmp_path, shared_store)
     with made.live:
         assert made.round().good
@@ -184,7 +191,7 @@ def test_files_that_are_named_and_not_there_yet(working: Working) -> None:
     assert not working.round().good
 
 
-def test_the_workspace_is_watched(tmp_path: Path, shared_store: str) -> None:
+def test_the_workspace_is_watched(tmp_path: Path, shared_store: str, without_kernel: None) -> None:
     """Its own file: what it says counts at once, and a fault in it can be mended. So does one that appears."""
     from thingc.workspace import Workspace
 

@@ -56,6 +56,7 @@ joints:
     mimic: {joint: hip_0, multiplier: -1}
   sway: {type: universal, parent: tail.origin, child: flag.origin, limit: [{lower: -9 deg, upper: 9 deg}, {lower: -9 deg, upper: 9 deg}]}
 
+tendons: {stay: {joints: {hip_0: 10 mm/rad, "sway[0]": 5 mm/rad}, dynamics: {stiffness: 9 N/m}}}
 links: {trunk: body}
 mounts: {crown: body.top, nose: head.face}
 
@@ -76,7 +77,9 @@ modes:
   hang: {extends: bench, pose: twist}
   bench: {root: crown, base: fixed}
 
-raw: {mjcf: {joint: {leg_0/knee: {solreflimit: 0.01 1}, sway_1: {solreflimit: 0.01 1}}, body: {trunk: {gravcomp: 1}}}}
+raw: {mjcf: {joint: {leg_0/knee: {solreflimit: 0.01 1}, sway_1: {solreflimit: 0.01 1}}, body: {trunk: {gravcomp: 1}},
+  add: {tendon: [{fixed: {name: pull, in: [{joint: {joint: leg_0.knee, coef: 1}}]}}],
+    sensor: [{framepos: {objtype: body, objname: trunk}}]}}}
 sensors:
   tilt: {type: imu, at: crown}
   bend: {type: joint, joint: leg_0.knee}

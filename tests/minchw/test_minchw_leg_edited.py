@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from conformance.harness import ROOT, build, replace
+from conformance.harness import ROOT, build, build_here, replace
 
 from .conftest import DOCUMENT
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_kernel")]
 
 EVERYTHING = 13
 """Definitions of MInchW: four prints and the chassis, tray and cell, two servos, the magnet, three sizes of screws."""
@@ -42,10 +42,10 @@ def workspace(tmp_path_factory: pytest.TempPathFactory, shared_store: str, minch
 def test_only_the_parts_that_use_it_are_modelled(workspace: Path, edit: str) -> None:
     old, new, expected = EDITS[edit]
     file = next(path for path in (workspace / "assemblies" / "minchw").glob("*.yaml") if old in path.read_text())
-    before = set(build(DOCUMENT, "--emit", "mjcf", store=workspace / "store", cwd=workspace)["reused"])
+    before = set(build_here(DOCUMENT, "--emit", "mjcf", store=workspace / "store", cwd=workspace)["reused"])
     replace(file, old, new)
     try:
-        answer = build(DOCUMENT, "--emit", "mjcf", store=workspace / "store", cwd=workspace)
+        answer = build_here(DOCUMENT, "--emit", "mjcf", store=workspace / "store", cwd=workspace)
     finally:
         replace(file, new, old)
     after = set(answer["modelled"]) | set(answer["reused"])

@@ -31,16 +31,8 @@ from thingc.pose import NO_POSE
 from thingc.primitives import Primitive
 from thingc.realize.record import PartDefinition, PartRecord
 from thingc.realize.store.local import Store
-from thingc.resolve.model import (
-    CoordinateName,
-    Dynamics,
-    Limit,
-    Material,
-    Mimic,
-    NamedPose,
-    Overrides,
-    RawAttribute,
-)
+from thingc.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
+from thingc.resolve.model import Material, NamedPose, Overrides, RawAttribute
 from thingc.robot.types import Body, CoreJoint, Keyframe, Robot, Site
 from thingc.source import Origin
 

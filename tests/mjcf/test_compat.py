@@ -30,7 +30,8 @@ from thingc.emit.mjcf.compat.touching import pairs
 from thingc.emit.mjcf.limits import taken
 from thingc.emit.request import EmitRequest
 from thingc.realize.store.local import Store
-from thingc.resolve.model import Dynamics, Limit, Overrides
+from thingc.resolve.coordinates import Dynamics, Limit
+from thingc.resolve.model import Overrides
 from thingc.workspace import CONSUMERS as NAMES
 
 

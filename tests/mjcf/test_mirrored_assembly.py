@@ -43,6 +43,7 @@ components:
   sole: {{{BODY}, mounts: {{a: {A}}}}}
   tube: {{{BODY}}}
   bolt: {{{BODY}, mounts: {{a: {A}}}}}
+  vane: {{{BODY}, mounts: {{a: {A}}}}}
 joints:
   hip: {{type: universal, parent: hip.b, child: thigh.a, turn: 15 deg, gap: 3 mm, offset: [3 deg, 4 deg]}}
   knee: {{type: revolute, parent: thigh.b, child: shin.top, turn: -25 deg, limit: {{lower: -1 rad, upper: 2 rad}}, offset: 12 deg,
@@ -53,6 +54,7 @@ joints:
   tube: {{type: cylindrical, parent: thigh.origin, child: tube.origin, turn: 11 deg}}
   slide: {{type: prismatic, parent: foot.inner.end, child: bolt.a, limit: {{lower: -20 mm, upper: 30 mm}},
     mimic: {{joint: knee, multiplier: 4 mm/rad, offset: 1 mm}}}}
+  vane: {{type: cylindrical, parent: thigh.b, child: vane.a, axis: [1, 2, -2], turn: 0.2 rad, gap: 4 mm, offset: {{0: 0.1 rad}}}}
 mounts: {{top: hip.a, tip: sole.a, mid: thigh.origin}}
 poses: {{bent: {{knee: 40 deg, ankle: {{rpy: 10 20 30 deg}}, "flat[0]": 5 mm}}}}
 """
@@ -72,7 +74,7 @@ modes:
 """
 SIGNS = {
     "hip_0": 1, "hip_1": -1, "knee": -1, "ankle_0": 1, "ankle_1": -1, "ankle_2": -1, "thread": -1, "flat_0": -1, "flat_1": 1, "flat_2": -1,
-    "tube_0": -1, "tube_1": 1, "slide": 1,
+    "tube_0": -1, "tube_1": 1, "slide": 1, "vane_0": -1, "vane_1": 1,
 }
 """By which q of a leg that is mirrored by hand is another than that of the mirror image: it counts in frames that stand upright."""
 
@@ -88,6 +90,7 @@ def by_hand(text: str) -> str:
     text = text.replace("child: bolt.a,", "child: bolt.a, turn: 180 deg,").replace("lead: 8 mm", "lead: -8 mm")
     text = text.replace("offset: [3 deg, 4 deg]", "offset: [3 deg, -4 deg]").replace("offset: 12 deg", "offset: -12 deg")
     text = text.replace("lower: -1 rad, upper: 2 rad", "lower: -2 rad, upper: 1 rad").replace("axis: [1, 2, 3]", "axis: [1, -2, -3]")
+    text = text.replace("axis: [1, 2, -2], turn: 0.2 rad", "axis: [1, -2, -2], turn: -0.2 rad").replace("{0: 0.1 rad}", "{0: -0.1 rad}")
     text = text.replace("ankle: {rpy: -10 20 -30 deg}", "ankle: {rpy: 10 -20 -30 deg}")
     return text.replace("4 mm/rad", "-4 mm/rad").replace("knee: 40", "knee: -40").replace("[0]\": 5 mm", "[0]\": -5 mm")
 
@@ -134,7 +137,7 @@ def test_at_equal_q_the_left_leg_is_the_mirror_image_of_the_right_one(mirrored: 
     made = mirrored if axis == "y" else pair(tmp_path / "pair", axis=axis)
     by_path = {one.path: one.properties for one in assembly_of(made).occurrences}
     right = [name.removeprefix("right/") for name in by_path if name.startswith("right/")]
-    assert len(right) == 13
+    assert len(right) == 14
     rng, laid = np.random.default_rng(3), t(0, 0, 0.09) @ rz(np.pi / 2)
     for _ in range(5):
         at = placed(made, stirred(made, rng))

@@ -291,7 +291,7 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
     counted: list[int] = []
     sizes: list[int] = []
-    true, in_memory = check.attempt, check.in_memory
+    true, in_memory = check._tried, check.in_memory
 
     def sized(data: dict[str, bytes]) -> Any:
         sizes.append(sum(map(len, data.values())))
@@ -302,7 +302,7 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         return true(text, files)
 
     monkeypatch.setattr(check, "in_memory", sized)
-    monkeypatch.setattr(check, "attempt", counting)
+    monkeypatch.setattr(check, "_tried", counting)
     return counted
 
 
@@ -318,6 +318,16 @@ def test_a_model_is_compiled_once(store: Store, monkeypatch: pytest.MonkeyPatch)
     assert said(made, store, *modes) == []
     assert len(counted) == 4
     assert counted[2] < counted[0] / 3, "meshes that are known are not read again"
+
+
+def test_models_that_are_compiled_at_once_are_warned_of_one_by_one(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first by itself, the two others together, and again, for one of them was warned of."""
+    counted = compiled(monkeypatch)
+    made = arm(store)
+    made.raw = (raw(102, "statistic meaninertia", "2"),)
+    modes = (("bench", "fixed"), ("adrift", "free"), ("loose", "free"))
+    assert [(code, line) for code, _, line, _ in said(made, store, *modes)] == [("TC703", 102)]
+    assert len(counted) == 5
 
 
 def test_a_new_mesh_is_read(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:

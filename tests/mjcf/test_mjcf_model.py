@@ -35,7 +35,8 @@ from thingc.pose import NO_POSE, Pose
 from thingc.primitives import Primitive
 from thingc.printing import as_json
 from thingc.realize.store.local import Store
-from thingc.resolve.model import CoordinateName, Dynamics, Limit, Mimic, Overrides
+from thingc.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
+from thingc.resolve.model import Overrides
 
 NEAR = 1e-9
 

@@ -16,6 +16,8 @@ from modes.switching_robots import assert_said, bodies, jacobian, mass_matrix
 from thingc.modes import Mode, Modes, State
 
 LINKS = 6
+JOINED = 3
+"""The tree whose links 1 and 2 weigh nothing: three joints, of five coordinates, on one body."""
 LEAD = 0.012
 OTHERS = ["continuous", "universal", "screw", "universal", "cylindrical", "planar", "revolute", "prismatic", "revolute"]
 COORDINATES = {"revolute": "t", "continuous": "t", "prismatic": "s", "screw": "t", "cylindrical": "ts", "universal": "tt", "planar": "sst",
@@ -24,8 +26,8 @@ COORDINATES = {"revolute": "t", "continuous": "t", "prismatic": "s", "screw": "t
 
 @dataclass(frozen=True)
 class Edge:
-    """A joint of a random tree, and its mounts in the links `parent` and `child`. Where there is a coordinate that it `follows`, its last
-    one is at `ratio` times that, and a bit."""
+    """A joint of a random tree, and its mounts in the links `parent` and `child`, which coincide where it has an `axis`. Where there is a
+    coordinate that it `follows`, its last one is at `ratio` times that, and a bit."""
 
     name: str
     kind: str
@@ -35,6 +37,9 @@ class Edge:
     X_CB: Array
     offset: Array
     follows: str | None
+    axis: Array | None
+    turn: float
+    gap: float
 
     @property
     def coordinates(self) -> list[str]:
@@ -51,7 +56,11 @@ class Edge:
 
     def across(self, q: dict[str, float]) -> Array:
         values = np.array([q[name] for name in self.coordinates]) + self.offset
-        return self.X_PA @ motion(self.kind, values) @ MATE @ np.linalg.inv(self.X_CB)
+        still = motion("cylindrical", np.array([self.turn, self.gap])) @ motion(self.kind, values)
+        if self.axis is None:
+            return self.X_PA @ still @ MATE @ np.linalg.inv(self.X_CB)
+        onto = frame(Rotation.align_vectors([self.axis], [[0, 0, 1]])[0])
+        return self.X_PA @ onto @ still @ np.linalg.inv(self.X_CB @ onto)
 
 
 def frame(turn: Rotation, place: Array | tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Array:
@@ -85,7 +94,10 @@ def motion(kind: str, q: Array) -> Array:
 def random_tree(seed: int) -> tuple[str, list[Edge]]:
     """A document, and its joints."""
     rng = np.random.default_rng(seed)
-    kinds = [OTHERS[3 * seed], "ball", *OTHERS[3 * seed + 1 : 3 * seed + 3], "ball"]
+    joined = seed == JOINED
+    kinds = [OTHERS[3 * seed], "ball", *OTHERS[3 * seed + 1 : 3 * seed + 3], "ball"] if not joined else [
+        "universal", "prismatic", "cylindrical", "ball", "revolute",
+    ]
     text = [f"thingc: assembly/1\nname: tree_{seed}\ncomponents:"]
     edges: list[Edge] = []
     mounts: dict[int, list[str]] = {link: [] for link in range(LINKS)}
@@ -97,7 +109,7 @@ def random_tree(seed: int) -> tuple[str, list[Edge]]:
 
     joints = []
     for child in range(1, LINKS):
-        kind, parent = kinds[child - 1], int(rng.integers(child))
+        kind, parent = kinds[child - 1], child - 1 if joined else int(rng.integers(child))
         (here, X_PA), (there, X_CB) = mount(parent), mount(child)
         units = COORDINATES[kind]
         offset = np.zeros(3) if kind == "ball" else rng.uniform(-0.05, 0.05, len(units)).round(3)
@@ -107,9 +119,13 @@ def random_tree(seed: int) -> tuple[str, list[Edge]]:
             if unit == "t" and not (edge.follows is not None and name == edge.follower)
         ]
         follows = turning[-1] if turning and kind != "ball" else None
-        edge = Edge(f"j{child}", kind, parent, child, X_PA, X_CB, offset, follows)
+        axis = rng.uniform(-1, 1, 3).round(2) if kind not in ("ball", "universal", "planar") else None
+        turn, gap = (round(float(one), 2) for one in rng.uniform(-1, 1, 2))
+        edge = Edge(f"j{child}", kind, parent, child, X_PA, X_CB, offset, follows, axis, turn, gap)
         edges.append(edge)
-        written = [f"type: {kind}", f"parent: {here}", f"child: {there}"]
+        written = [f"type: {kind}", f"parent: {here}", f"child: {there}", f"turn: {turn} rad", f"gap: {gap} m"]
+        if axis is not None:
+            written.append(f"axis: {axis.tolist()}")
         if kind == "ball":
             written.append("dynamics: {armature: 1e-5 kg*m^2}")
         else:
@@ -127,11 +143,11 @@ def random_tree(seed: int) -> tuple[str, list[Edge]]:
         joints.append(f"  j{child}: {{{', '.join(written)}}}")
     for link in range(LINKS):
         centre, (a, b, c) = rng.uniform(-50, 50, 3).round(1), rng.uniform(1, 2, 3).round(2)
-        text.append(
-            f"  link_{link}: {{frame: true, mass: {rng.uniform(0.2, 2):.2f} kg, com: {list_of(centre, 'mm')}, "
-            f"inertia: {{ixx: {a}e-3 kg*m^2, iyy: {b}e-3 kg*m^2, izz: {c}e-3 kg*m^2}}, mounts: {{{', '.join(mounts[link])}}}}}"
-        )
-    roots = f"  first: {{root: link_0, base: held}}\n  last: {{root: link_{LINKS - 1}, base: held}}\n  loose: {{root: link_2, base: free}}"
+        weight = f"mass: {rng.uniform(0.2, 2):.2f} kg, com: {list_of(centre, 'mm')}, " \
+            f"inertia: {{ixx: {a}e-3 kg*m^2, iyy: {b}e-3 kg*m^2, izz: {c}e-3 kg*m^2}}, "
+        text.append(f"  link_{link}: {{frame: true, {'' if joined and link in (1, 2) else weight}mounts: {{{', '.join(mounts[link])}}}}}")
+    roots = f"  first: {{root: link_0, base: held}}\n  last: {{root: link_{LINKS - 1}, base: held}}\n  " \
+        f"loose: {{root: link_{3 if joined else 2}, base: free}}"
     return "\n".join([*text, "joints:", *joints, "modes:", roots]), edges
 
 
@@ -142,7 +158,7 @@ def list_of(values: Array, unit: str) -> str:
     return "[" + ", ".join(f"{value} {unit}" for value in values) + "]"
 
 
-@pytest.fixture(scope="module", params=range(3))
+@pytest.fixture(scope="module", params=range(JOINED + 1))
 def tree(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Built, list[Edge], int]:
     text, edges = random_tree(request.param)
     made = compiled(tmp_path_factory.mktemp("tree"), text)
@@ -181,8 +197,9 @@ def test_everything_is_where_the_formulas_say(tree: tuple[Built, list[Edge], int
         state = mode.state(q=q, v={path: 0.3 * k - 1.0 for k, path in enumerate(q)}, base_pose=ELSEWHERE)
         data = at(built, mode, state)
         found = {link: X for link, (X, _) in bodies(data).items()}
-        for link, X in expected.items():
-            assert np.linalg.inv(found["link_0"]) @ found[link] == pytest.approx(X, abs=1e-9)
+        assert (found.keys() == expected.keys() - {"link_1", "link_2"}) if seed == JOINED else (found.keys() == expected.keys())
+        for link, X in found.items():
+            assert np.linalg.inv(found["link_0"]) @ X == pytest.approx(expected[link], abs=1e-9)
         assert_said(mode, state, data)
         read = modes.read(name, data)
         assert read.q == pytest.approx(state.q, abs=1e-12) and read.v == pytest.approx(state.v, abs=1e-12)

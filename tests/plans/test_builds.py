@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,6 +15,9 @@ from families.documents import EVERYTHING, INERTIA, TOOL
 from thingc.emit.artifact import MANIFEST
 from thingc.environment import Options
 from thingc.plans import Builds, SettingsReader, builds
+from thingc.plans.tape import Tape
+from thingc.pose import shifted
+from thingc.realize.record import Placed
 from thingc.resolve import Settings
 from thingc.session import Session
 
@@ -68,7 +73,7 @@ def given(k: int) -> Settings:
 def test_builds_are_those_of_every_pass(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     own = made(
         session, measured=lambda compilation: {"mass": compilation.robots[0].assembly.links[1].properties.mass, "name": "x"},
-        targets=("mjcf", "urdf", "sdf", "bom"),
+        targets=tuple(builds.FOLLOWED),
     )
     assert own.planned(given(0)) is None
     assert own.planned(given(1)) is not None  # the second that no plan is of
@@ -84,6 +89,18 @@ def test_builds_are_those_of_every_pass(session: Session, monkeypatch: pytest.Mo
         assert f'"what": "its velocity limit of {5 + k / 7:.6g} rad/s"' in bytes(files[MANIFEST]).decode()  # type: ignore[arg-type]
     masses = [build.results["mass"] for build in planned.values() if build is not None]
     assert len(set(masses)) == 6 and all(type(mass) is float for mass in masses)
+
+
+def test_the_file_of_the_whole_robot_is_of_the_values_that_it_depends_on() -> None:
+    """No number on a tape gets to the kernel."""
+    tape = Tape()
+    placed = [Placed(path=name, definition="d", brep="b", pose=shifted(0.0, 0.0, 1.0), color=None) for name in ("a", "b")]
+    kernel = builds._Kernel(SimpleNamespace(assemble=lambda name, instances: (name, instances)))
+    assert kernel.assemble("whole", placed) == ("whole", placed)
+    length = tape.variable(3.0)
+    moved = replace(placed[0], pose=replace(placed[0].pose, translation=(0.0, length, 0.0)))
+    kernel = builds._Kernel(None)
+    assert kernel.assemble("whole", [moved, placed[1]]).size == 0 and tape.pinned == [length]
 
 
 def test_pieces_of_equal_mass_are_one_row_again(workspace: Path) -> None:

@@ -40,6 +40,7 @@ STANDS = """
     parameters: {side: [30 mm, 40 mm, 50 mm]}
     emit: [mjcf, step]
 """
+BATCH = ("batch", "stands.yaml", "--jobs", "1", "--pictures", "none")
 
 
 @pytest.fixture
@@ -67,18 +68,18 @@ def machine(folder: Path, url: str) -> tuple[Path, dict[str, str]]:
 def test_a_second_machine_models_nothing(tmp_path: Path, ftp: tuple[str, Path, subprocess.Popen[str]]) -> None:
     url, served, process = ftp
     one, env = machine(tmp_path / "one", url)
-    first = thingc("batch", "stands.yaml", cwd=one, env=env)
+    first = thingc(*BATCH, cwd=one, env=env)
     assert first.returncode == 0 and "3 built; 4 parts modelled" in first.stderr, first.stderr
     blobs = [path for path in (served / "blobs").rglob("*") if path.is_file()]
     assert blobs and all(hashlib.sha256(path.read_bytes()).hexdigest() == path.parent.name + path.name for path in blobs)
     two, env = machine(tmp_path / "two", url)
-    second = thingc("batch", "stands.yaml", cwd=two, env=env)
+    second = thingc(*BATCH, cwd=two, env=env)
     assert second.returncode == 0 and "3 built; 0 parts modelled" in second.stderr, second.stderr
     assert tree(one / "build/stands/variants") == tree(two / "build/stands/variants")
 
     blobs[0].write_bytes(b"damaged")  # it is made anew, and mended there
     three, env = machine(tmp_path / "three", url)
-    third = thingc("batch", "stands.yaml", cwd=three, env=env)
+    third = thingc(*BATCH, cwd=three, env=env)
     assert third.returncode == 0, third.stderr
     assert tree(one / "build/stands/variants") == tree(three / "build/stands/variants")
     if "0 parts modelled" not in third.stderr:  # a blob that a record needs
@@ -88,7 +89,7 @@ def test_a_second_machine_models_nothing(tmp_path: Path, ftp: tuple[str, Path, s
     process.wait()
     four, env = machine(tmp_path / "four", url)
     begun = time.monotonic()
-    gone = thingc("batch", "stands.yaml", cwd=four, env=env)
+    gone = thingc(*BATCH, cwd=four, env=env)
     assert time.monotonic() - begun < 60.0
     assert gone.returncode != 0 and "error[TC805]" in gone.stderr and "ftp://127.0.0.1" in gone.stderr, gone.stderr
     assert "secret" not in gone.stderr and "Traceback" not in gone.stderr

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from resolve.resolving import run
-from thingc.resolve.model import Drive, Dynamics, Limit
+from thingc.resolve.coordinates import Dynamics, Limit
+from thingc.resolve.model import Drive
 
 ROBOT = """
 thingc: assembly/1

@@ -19,6 +19,8 @@ from thingc.pipeline import Compilation, UnknownChoice
 from thingc.resolve import Settings, part_definitions
 from thingc.session import Session
 
+pytestmark = pytest.mark.usefixtures("one_kernel")
+
 TARGETS = ("mjcf", "mjz", "stl", "bom", "hag")
 
 PARTS = """

@@ -169,7 +169,7 @@ def test_one_fault_of_an_assembly(
     ("{part: a:B, mass: {value: 3 mm, source: vendor}}", Code.WRONG_DIMENSION,
      "expected a mass (such as 120 g), found a length (`3 mm`)", None, "3 mm"),
     ("{part: a:B, mass: {value: 3 g}}", Code.MISSING_KEY, "`components.c.mass` needs the key `source`",
-     "`source` takes `measured`, `vendor` or `estimated`", "mass"),
+     "`source` takes `measured`, `vendor`, `estimated` or `repaired`", "mass"),
     ("{part: a:B, mass: [3 g]}", Code.WRONG_TYPE, "expected a mass (such as `120 g`), found a list of 1", None, "[3 g]"),
     ("{part: a:B, inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2}}", Code.MISSING_KEY, "`components.c.inertia` needs the key `izz`",
      "`izz` takes a moment of inertia", "inertia"),

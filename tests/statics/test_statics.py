@@ -44,13 +44,13 @@ components:
   tail: {{frame: true, mass: 0.15 kg, {BALL}, com: [60 mm, 0, 0]}}
 joints:
   swing: {{type: revolute, parent: mast.top, child: boom.low, limit: {{lower: -90 deg, upper: 90 deg}},
-    dynamics: {{stiffness: 0.7 N*m/rad}}, drive: {{kind: position, kp: 50 N*m/rad, effort: 9 N*m}}}}
+    dynamics: {{stiffness: 0.7 N*m/rad, rest: 40 deg}}, drive: {{kind: position, kp: 50 N*m/rad, effort: 9 N*m}}}}
   lift: {{type: prismatic, parent: boom.end, child: hook.eye, limit: {{lower: -50 mm, upper: 200 mm}},
-    dynamics: {{stiffness: 30 N/m}}, drive: {{kind: motor, effort: 40 N}}}}
+    dynamics: {{stiffness: 30 N/m, rest: -60 mm}}, drive: {{kind: motor, effort: 40 N}}}}
   one: {{type: revolute, parent: hook.a, child: claw_a.origin, limit: {{lower: -1 rad, upper: 1 rad}},
     drive: {{kind: position, kp: 5 N*m/rad, effort: 0.5 N*m}}}}
-  two: {{type: revolute, parent: hook.b, child: claw_b.origin, mimic: {{joint: one, multiplier: -0.5}},
-    limit: {{lower: -1 rad, upper: 1 rad}}, dynamics: {{stiffness: 0.2 N*m/rad}},
+  two: {{type: revolute, parent: hook.b, child: claw_b.origin, mimic: {{joint: one, polynomial: [0, -0.5, 0.2 rad^-1, 0.1 rad^-2]}},
+    limit: {{lower: -1 rad, upper: 1 rad}}, dynamics: {{stiffness: 0.2 N*m/rad, rest: 0.5 rad}},
     drive: {{kind: position, kp: 5 N*m/rad, effort: 2 N*m}}}}
   three: {{type: prismatic, parent: hook.c, child: claw_c.origin, mimic: {{joint: two, multiplier: 20 mm/rad, offset: 4 mm}},
     limit: {{lower: -1 m, upper: 1 m}}, drive: {{kind: motor, effort: 15 N}}}}
@@ -169,6 +169,7 @@ def test_variants_and_tests_of_a_document_mean_the_same_margin(tmp_path: Path) -
 
 def test_drives_without_a_limit_have_no_margin_and_those_without_load_an_infinite_one(tmp_path: Path) -> None:
     text = CRANE.replace(", effort: 9 N*m", "").replace(", effort: 40 N", "").replace(", effort: 15 N", "")
+    text = text.replace(", rest: 40 deg", "").replace(", rest: 0.5 rad", "")
     text = text.replace("bench: {root: mast}", "bench: {root: mast}\n  afloat: {root: mast, gravity: [0, 0, 0 m/s^2]}")
     built = compiled(tmp_path, text)
     assert not built.compilation.report.failed, built.said

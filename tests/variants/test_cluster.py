@@ -160,7 +160,7 @@ def test_a_scheduler_that_goes_is_said_and_the_batch_goes_on_here(tmp_path: Path
         assert f"error[{Code.CLUSTER.code}]" in err and two.address in err and "--resume" in err and "Traceback" not in err
         done = len(journal(here))
         assert 4 <= done < 24
-    again = thingc("batch", "faults.yaml", "--pictures", "none", "--resume", cwd=here, env=env)
+    again = thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "1", "--resume", cwd=here, env=env)
     assert again.returncode == 0 and f"24 variants ({done} of them before): 24 built" in again.stderr, again.stderr
     assert_whole(here, 24)
 
@@ -258,7 +258,7 @@ def test_slurm_where_there_is_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
 def test_jobs_of_submitit_write_what_the_local_engine_writes(tmp_path: Path, shared_store: str) -> None:
     here, there = workspace(tmp_path / "here", faults=CHEAP), workspace(tmp_path / "there", faults=CHEAP)
     env = environment(shared_store)
-    assert thingc("batch", "faults.yaml", "--pictures", "none", cwd=here, env=env).returncode == 0
+    assert thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "1", cwd=here, env=env).returncode == 0
     cluster = ("--cluster", "slurm:cluster=local,cpus=2", "--jobs", "2")
     done = thingc("batch", "faults.yaml", "--pictures", "none", *cluster, cwd=there, env=env)
     assert done.returncode == 0 and "24 variants: 18 built, 6 kept out" in done.stderr, done.stderr

@@ -38,6 +38,10 @@ FAULTS = """
 """
 
 
+ALONE = ("--pictures", "none", "--jobs", "1")
+"""One runner does, where runners are not what is asked about: they take longer to start than these variants."""
+
+
 def listed(faults: dict[int, str], count: int = 24) -> str:
     """A document of so many variants, some of them with a fault."""
     entries = "".join(
@@ -164,19 +168,19 @@ def test_what_failed_is_built_again_when_it_is_asked_for(tmp_path: Path, shared_
     here = workspace(tmp_path, faults=listed({3: "kill", 5: "raise", 7: "kill"}, 9))
     path = with_emitter(tmp_path)
     env = environment(shared_store, path)
-    assert thingc("batch", "faults.yaml", "--pictures", "none", cwd=here, env=env).returncode == 1
+    assert thingc("batch", "faults.yaml", *ALONE, cwd=here, env=env).returncode == 1
     emitter = Path(path) / "faulty_target.py"
     emitter.write_text(emitter.read_text().replace('fault == "kill"', 'fault == "never"'))  # what killed runners is mended
-    assert thingc("batch", "faults.yaml", "--pictures", "none", "--resume", cwd=here, env=env).returncode == 1
+    assert thingc("batch", "faults.yaml", *ALONE, "--resume", cwd=here, env=env).returncode == 1
     assert len(journal(here)) == 9  # they stay failed
-    alone = thingc("batch", "faults.yaml", "--pictures", "none", "--retry", cwd=here, env=env)
+    alone = thingc("batch", "faults.yaml", *ALONE, "--retry", cwd=here, env=env)
     assert alone.returncode == 2 and "--retry is about a batch that has been begun" in alone.stderr and "add --resume" in alone.stderr
-    done = thingc("batch", "faults.yaml", "--pictures", "none", "--resume", "--retry", cwd=here, env=env)
+    done = thingc("batch", "faults.yaml", *ALONE, "--resume", "--retry", cwd=here, env=env)
     assert done.returncode == 1
     assert sorted(str(line["index"]) for line in journal(here)[9:]) == ["3", "5", "7"]
     assert [row["status"] for row in table(here)] == ["failed" if k == 5 else "built" for k in range(9)]
     emitter.write_text(emitter.read_text().replace('fault == "raise"', 'fault == "never"'))
-    done = thingc("batch", "faults.yaml", "--pictures", "none", "--resume", "--retry", cwd=here, env=env)
+    done = thingc("batch", "faults.yaml", *ALONE, "--resume", "--retry", cwd=here, env=env)
     assert done.returncode == 0 and [line["index"] for line in journal(here)[12:]] == [5]
     assert {row["status"] for row in table(here)} == {"built"} and "9 variants (8 of them before): 9 built" in done.stderr
     assert {line["id"] for line in journal(here)} == {place.name for place in (here / "build/faults/variants").iterdir()}
@@ -226,12 +230,12 @@ def test_a_part_that_crashed_is_modelled_again_when_it_is_asked_for(tmp_path: Pa
         with (here / "build/moods/results.csv").open() as stream:
             return [(row["status"], row["code"]) for row in csv.DictReader(stream)]
 
-    done = thingc("batch", "family.yaml", "--pictures", "none", cwd=here, env=env)
+    done = thingc("batch", "family.yaml", *ALONE, cwd=here, env=env)
     assert statuses() == [("built", ""), ("refused", Code.PART_CRASHED.code)], done.stderr
-    assert thingc("batch", "family.yaml", "--pictures", "none", "--resume", cwd=here, env=env).returncode == 1
+    assert thingc("batch", "family.yaml", *ALONE, "--resume", cwd=here, env=env).returncode == 1
     assert statuses()[1][0] == "refused"
     mood.unlink()
-    done = thingc("batch", "family.yaml", "--pictures", "none", "--resume", "--retry", cwd=here, env=env)
+    done = thingc("batch", "family.yaml", *ALONE, "--resume", "--retry", cwd=here, env=env)
     assert done.returncode == 0 and statuses() == [("built", ""), ("built", "")], done.stderr
 
 
@@ -251,11 +255,11 @@ def test_a_killed_driver_takes_its_runners_along_and_can_be_resumed(tmp_path: Pa
             with (here / "build/faults/journal.jsonl").open("a") as stream:
                 stream.write('{"index": 2')
         more = ["--resume"]
-    done = thingc("batch", "faults.yaml", "--pictures", "none", "--resume", cwd=here, env=env)
+    done = thingc("batch", "faults.yaml", *ALONE, "--resume", cwd=here, env=env)
     assert done.returncode == 0, done.stderr
     assert_whole(here, 24)
     fresh = workspace(tmp_path / "fresh", faults=FAULTS)
-    assert thingc("batch", "faults.yaml", "--pictures", "none", cwd=fresh, env=env).returncode == 0
+    assert thingc("batch", "faults.yaml", *ALONE, cwd=fresh, env=env).returncode == 0
     assert tree(here / "build/faults/variants") == tree(fresh / "build/faults/variants")
 
 
@@ -264,7 +268,7 @@ def test_the_second_batch_in_a_folder_is_told(tmp_path: Path, shared_store: str)
     env = environment(shared_store, with_emitter(tmp_path))
     process = started(here, env, "--jobs", "1")
     wait_for_lines(here, 1, process)
-    second = thingc("batch", "faults.yaml", "--pictures", "none", "--resume", cwd=here, env=env)
+    second = thingc("batch", "faults.yaml", *ALONE, "--resume", cwd=here, env=env)
     assert second.returncode == 2 and f"error[{Code.BATCH_LOCKED.code}]" in second.stderr
     assert process.wait(120) == 0
     assert_whole(here, 12)
@@ -293,7 +297,7 @@ def test_a_folder_that_cannot_be_written_is_said_in_words(tmp_path: Path, shared
     here = workspace(tmp_path, faults=FAULTS)
     env = environment(shared_store, with_emitter(tmp_path))
     (tmp_path / "file").write_text("")
-    done = thingc("batch", "faults.yaml", "--pictures", "none", "-o", "file/inside", cwd=here, env=env)
+    done = thingc("batch", "faults.yaml", *ALONE, "-o", "file/inside", cwd=here, env=env)
     assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "a file where it needs a folder" in done.stderr
     assert "Traceback" not in done.stderr
 
@@ -314,7 +318,7 @@ def test_a_disk_that_takes_no_more_ends_the_batch_in_words_and_it_goes_on_later(
     assert "Traceback" not in done.stderr and "--resume" in done.stderr
     noted = journal(here)  # every line is whole
     assert 0 < len(noted) < 24
-    again = thingc("batch", "faults.yaml", "--pictures", "none", "--resume", cwd=here, env=env)
+    again = thingc("batch", "faults.yaml", *ALONE, "--resume", cwd=here, env=env)
     assert again.returncode == 0, again.stderr
     assert_whole(here, 24)
 
@@ -334,14 +338,14 @@ def small_disk(tmp_path: Path) -> Path:
 def test_a_full_disk_ends_the_batch_in_words_and_it_goes_on_later(tmp_path: Path, shared_store: str, small_disk: Path) -> None:
     here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]").replace("count: 24", "count: 231"))
     env = environment(shared_store)
-    done = thingc("batch", "faults.yaml", "--pictures", "none", "-o", str(small_disk), cwd=here, env=env)
+    done = thingc("batch", "faults.yaml", *ALONE, "-o", str(small_disk), cwd=here, env=env)
     assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "No space left" in done.stderr, done.stderr
     noted = [json.loads(line) for line in (small_disk / "faults" / "journal.jsonl").read_text().splitlines()]
     assert 0 < len(noted) < 231 and all(line["status"] == "built" for line in noted)
     for line in noted:
         assert (small_disk / "faults" / line["path"] / "manifest.json").exists()
     subprocess.run(["mount", "-o", "remount,size=64m", str(small_disk)], check=True)
-    again = thingc("batch", "faults.yaml", "--pictures", "none", "-o", str(small_disk), "--resume", cwd=here, env=env)
+    again = thingc("batch", "faults.yaml", *ALONE, "-o", str(small_disk), "--resume", cwd=here, env=env)
     assert again.returncode == 0 and f"({len(noted)} of them before)" in again.stderr, again.stderr
 
 
@@ -349,7 +353,7 @@ def test_a_store_that_cannot_be_used_is_said_in_words(tmp_path: Path) -> None:
     here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]").replace("pendulum", "stand").replace("length", "side")
                      .replace("200 mm, to: 430 mm", "20 mm, to: 43 mm"))
     (tmp_path / "file").write_text("")
-    done = thingc("batch", "faults.yaml", "--pictures", "none", cwd=here, env=environment(str(tmp_path / "file" / "store")))
+    done = thingc("batch", "faults.yaml", *ALONE, cwd=here, env=environment(str(tmp_path / "file" / "store")))
     assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "Traceback" not in done.stderr, done.stderr
 
 
@@ -369,9 +373,9 @@ def test_runners_that_do_not_start_end_the_batch_in_words(tmp_path: Path, shared
     (place / "sitecustomize.py").write_text(
         "import os, sys\nif 'thingc.variants.runner' in sys.orig_argv:\n    sys.stderr.write('no room for a runner')\n    os._exit(7)\n",
     )
-    done = thingc("batch", "faults.yaml", "--pictures", "none", cwd=here, env=environment(shared_store, str(place)))
+    done = thingc("batch", "faults.yaml", *ALONE, cwd=here, env=environment(shared_store, str(place)))
     assert done.returncode == 1 and f"error[{Code.RUNNERS.code}]" in done.stderr and "exit code 7" in done.stderr, done.stderr
-    told = thingc("batch", "faults.yaml", "--pictures", "none", "--resume", "--debug", cwd=here, env=environment(shared_store, str(place)))
+    told = thingc("batch", "faults.yaml", *ALONE, "--resume", "--debug", cwd=here, env=environment(shared_store, str(place)))
     assert "no room for a runner" in told.stderr
     assert os.path.exists(here / "build" / "faults" / "batch.json")
 
@@ -426,7 +430,7 @@ def test_a_part_that_fails_costs_its_variant_alone_and_no_runner(tmp_path: Path)
         parameters: {how: [well, crash, raise, hang], side: [10 mm, 30 mm]}
     """)
     env = environment(str(tmp_path / "store"))
-    done = thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "1", "--part-timeout", "3 s", cwd=here, env=env)
+    done = thingc("batch", "faults.yaml", *ALONE, "--part-timeout", "3 s", cwd=here, env=env)
     assert done.returncode == 1, done.stderr
     codes = {"well": "", "crash": Code.PART_CRASHED.code, "raise": Code.PART_RAISED.code, "hang": Code.PART_HUNG.code}
     rows = table(here)

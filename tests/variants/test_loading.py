@@ -11,12 +11,14 @@ import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import pytest
 
 from thingc.modes import Modes
-from thingc.variants import Family, FamilyError, UnknownVariant, load
+from thingc.patching import differing
+from thingc.variants import BuiltVariant, Family, FamilyError, UnknownVariant, load
 from variants.families import arrays, built
 
 
@@ -121,7 +123,7 @@ def test_meshes_in_memory_are_bounded(boards: Path, monkeypatch: pytest.MonkeyPa
     family = load(boards)
     for variant in family:
         assert variant.model().nmesh > 0
-        assert len(family._meshes._kept) == len(list(Path(variant.folder, "mjcf", "assets").iterdir()))
+        assert len(family._batch.meshes._kept) == len(list(Path(variant.folder, "mjcf", "assets").iterdir()))
 
 
 def test_threads_share_a_family(boards: Path) -> None:
@@ -204,3 +206,43 @@ def test_loading_is_light(some: Path) -> None:
     )
     said = subprocess.run([sys.executable, "-c", program, str(some)], capture_output=True, text=True, check=True).stdout
     assert said.splitlines()[1] == "[]" and said.splitlines()[0] == f"{len(load(some))} 9"
+
+
+@pytest.mark.parametrize(("scene", "visual"), [(False, True), (True, False)])
+def test_of_variants_that_differ_in_numbers_few_models_are_compiled(
+    sliders: Path, scene: bool, visual: bool, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    family = load(sliders)
+    drawn = [family[k] for k in (3, 1, *range(8), *reversed(range(8)), 5, 3)]
+    whole = [variant.model(scene=scene, visual=visual) for variant in drawn]
+    compiled: list[str] = []
+    plain = BuiltVariant._compiled
+
+    def counted(variant: BuiltVariant, *given: Any) -> Any:
+        compiled.append(variant.id)
+        return plain(variant, *given)
+
+    monkeypatch.setattr(BuiltVariant, "_compiled", counted)
+    for share in (False, True):
+        for model, other in zip(family.models(drawn, scene=scene, visual=visual, share=share), whole, strict=True):
+            assert not differing(model, other)
+    assert len(compiled) <= 7 < len(drawn)  # one whose arrays are written, and the 1st, 2nd, 4th, 8th, 16th ... which are compared
+    alone = next(family.models(drawn[1:2], scene=scene, visual=visual))  # as episodes have them
+    assert not differing(alone, whole[1])
+
+
+def test_models_of_other_structure_are_each_compiled(some: Path, boards: Path, arms: Path) -> None:
+    for folder in (some, boards, arms):  # joints, meshes; and masses of bodies whose `diaginertia` the compiler takes for something else
+        family = load(folder)
+        for mode in family.mode_names:
+            for _ in range(2):
+                assert [arrays(one) for one in family.models(mode=mode)] == [arrays(variant.model(mode)) for variant in family]
+
+
+def test_where_an_array_is_written_wrongly_models_are_compiled(sliders: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first that comes without a compilation is compared with one."""
+    from thingc.patching import arrays as patched
+
+    family = load(sliders)
+    monkeypatch.setattr(patched.Statistics, "write", lambda self: None)
+    assert [arrays(one) for one in family.models()] == [arrays(variant.model()) for variant in family]

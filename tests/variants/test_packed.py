@@ -8,6 +8,7 @@ import pickle
 import shlex
 import shutil
 import signal
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -91,7 +92,7 @@ def test_a_family_of_a_packed_batch_is_that_of_folders(here: Path, some: Path) -
 def test_an_unpacked_variant_is_the_single_build(here: Path, boards: Path, shared_store: str) -> None:
     """Of parts: meshes are shared, names of files differ from variant to variant."""
     env = environment(shared_store)
-    done = thingc("batch", "boards.yaml", "--layout", "packed", "--pictures", "2", cwd=here, env=env)
+    done = thingc("batch", "boards.yaml", "--layout", "packed", "--pictures", "2", "--jobs", "1", cwd=here, env=env)
     assert done.returncode == 0, done.stderr
     assert "the variants are packed, 1024 to a file; the folder of one: thingc batch boards.yaml --unpack ID" in done.stderr
     out = here / "build" / "boards"
@@ -120,7 +121,7 @@ def test_the_same_batch_gives_the_same_chunks(here: Path, tmp_path: Path, shared
     summary = run(str(other / "some.yaml"), options=options, jobs=1, resume=True)
     assert summary.before == 7 and sealed(other / "build/some") == sealed(here / "build/some")
     before = {path: path.stat().st_mtime_ns for path in (other / "build/some").rglob("results.*")}
-    assert run(str(other / "some.yaml"), options=options, resume=True).before == 12
+    assert run(str(other / "some.yaml"), options=options, jobs=1, resume=True).before == 12
     assert {path: path.stat().st_mtime_ns for path in before} == before  # nothing is new: nothing is written
 
 
@@ -150,7 +151,7 @@ def test_a_kill_while_a_chunk_is_sealed_loses_nothing(here: Path, tmp_path: Path
     assert list(in_order(str(out))) == list(in_order(str(here / "build" / "some")))
     count, some_lines = records.spread(str(out), 4)
     assert count == 12 and list(some_lines) == list(in_order(str(out)))[::3]
-    summary = run(str(other / "some.yaml"), options=Options(store=shared_store), resume=True)
+    summary = run(str(other / "some.yaml"), options=Options(store=shared_store), jobs=1, resume=True)
     assert summary.before == 12 and tree(out / "chunks") == expected
 
 
@@ -163,7 +164,7 @@ def test_what_failed_is_packed_when_it_is_built_later(tmp_path: Path, shared_sto
     assert run(str(here / "faults.yaml"), options=options, jobs=1, layout="packed").statuses == {"built": 5, "failed": 3}
     emitter = Path(path) / "faulty_target.py"
     emitter.write_text(emitter.read_text().replace('fault == "raise"', 'fault == "never"').replace('fault == "kill"', 'fault == "never"'))
-    assert run(str(here / "faults.yaml"), options=options, resume=True).statuses == {"built": 5, "failed": 3}
+    assert run(str(here / "faults.yaml"), options=options, jobs=1, resume=True).statuses == {"built": 5, "failed": 3}
     times = []
     monkeypatch.setattr(chunks, "seal", lambda folder, number: (times.append(number), seal(folder, number)))
     done = run(str(here / "faults.yaml"), options=options, jobs=1, resume=True, retry=True)
@@ -178,12 +179,12 @@ def test_a_killed_driver_of_a_packed_batch_can_be_resumed(tmp_path: Path, shared
     """SIGKILL and SIGTERM at any moment: every variant that is in a journal stays, and the chunk is that of an undisturbed batch."""
     env = environment(shared_store, with_emitter(tmp_path))
     places = [workspace(tmp_path / name, faults=FAULTS + "    layout: packed\n") for name in ("killed", "fresh")]
-    assert thingc("batch", "faults.yaml", "--pictures", "none", cwd=places[1], env=env).returncode == 0
+    assert thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "1", cwd=places[1], env=env).returncode == 0
     here, journal = places[0], places[0] / "build/faults/chunks/000000.jsonl"
     for number, count in ((signal.SIGKILL, 2), (signal.SIGTERM, 8)):
         process = started(here, env, "--jobs", "2", *(["--resume"] if journal.exists() else []))
         while process.poll() is None and (not journal.exists() or journal.read_bytes().count(b"\n") < count):
-            pass
+            time.sleep(0.001)
         running = descendants(process.pid)
         process.send_signal(number)
         process.communicate(timeout=60)
@@ -191,7 +192,7 @@ def test_a_killed_driver_of_a_packed_batch_can_be_resumed(tmp_path: Path, shared
         with journal.open("a") as stream:
             stream.write('{"index": 2')  # a line that the kill has torn
     there = journal.read_bytes().count(b"\n")
-    done = thingc("batch", "faults.yaml", "--pictures", "none", "--resume", cwd=here, env=env)
+    done = thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "1", "--resume", cwd=here, env=env)
     assert done.returncode == 0 and f"({there} of them before): 24 built" in done.stderr and not journal.exists(), done.stderr
     assert sealed(here / "build/faults") == sealed(places[1] / "build/faults")
 

@@ -93,7 +93,7 @@ STANDS = """
 def stands(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Path:
     """The folder of a batch with pictures: 12 variants, some of them kept out."""
     here = workspace(tmp_path_factory.mktemp("page"), stands=STANDS)
-    done = thingc("batch", "stands.yaml", "--pictures", "6", cwd=here, env=environment(shared_store))
+    done = thingc("batch", "stands.yaml", "--pictures", "6", "--jobs", "1", cwd=here, env=environment(shared_store))
     assert done.returncode == 0, done.stderr
     return here / "build" / "stands"
 
@@ -227,11 +227,11 @@ def test_of_very_many_variants_there_are_no_pictures_unless_asked(tmp_path: Path
     many = "thingc: variants/1\nassembly: pendulum.yaml\nname: many\nparameters: {length: {from: 200 mm, to: 400 mm, count: 201}}\n"
     here = workspace(tmp_path, many=many + "keep: [length < 202 mm]\n")
     env = environment(shared_store)
-    done = thingc("batch", "many.yaml", "--verify", "none", cwd=here, env=env)
+    done = thingc("batch", "many.yaml", "--verify", "none", "--jobs", "1", cwd=here, env=env)
     words = "the page of more than 200 variants has no pictures unless they are asked for: "
     words += "thingc batch many.yaml --page-only --pictures 48\n"
     assert done.returncode == 0 and done.stderr.endswith(words), done.stderr
-    assert words not in thingc("batch", "many.yaml", "--verify", "none", "--pictures", "none", cwd=here, env=env).stderr
+    assert words not in thingc("batch", "many.yaml", "--verify", "none", "--jobs", "1", "--pictures", "none", cwd=here, env=env).stderr
 
 
 @browser
@@ -331,7 +331,7 @@ def test_the_run_leaves_no_trace_on_the_page(tmp_path: Path) -> None:
 
 def test_robots_of_frames_have_no_pictures_and_a_page(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
-    done = thingc("batch", "sweep.yaml", cwd=here, env=environment(shared_store))
+    done = thingc("batch", "sweep.yaml", "--jobs", "1", cwd=here, env=environment(shared_store))
     assert done.returncode == 0 and (here / "build/sweep/index.html").is_file() and not (here / "build/sweep/pictures").exists()
     assert "warning" not in done.stderr
 
@@ -353,7 +353,7 @@ def test_a_card_says_what_it_leaves_out(tmp_path: Path, shared_store: str) -> No
     name: several
     list: {listed}
     """)
-    done = thingc("batch", "several.yaml", "--pictures", "2", cwd=here, env=environment(shared_store))
+    done = thingc("batch", "several.yaml", "--pictures", "2", "--jobs", "1", cwd=here, env=environment(shared_store))
     assert done.returncode == 0, done.stdout + done.stderr
     found = seen(here / "build/several/index.html", """
         return { told: [...$("#grid .card dl").querySelectorAll("dt")].map((e) => e.textContent) };
@@ -367,7 +367,7 @@ def test_a_card_says_what_it_leaves_out(tmp_path: Path, shared_store: str) -> No
 def test_where_nothing_can_be_drawn_the_page_says_less(stands: Path, tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, stands=STANDS)
     env = {**environment(shared_store), "MUJOCO_GL": "nonsense"}
-    done = thingc("batch", "stands.yaml", "--verify", "none", cwd=here, env=env)
+    done = thingc("batch", "stands.yaml", "--verify", "none", "--jobs", "1", cwd=here, env=env)
     assert done.returncode == 0 and "warning[TC808]" in done.stderr and "Traceback" not in done.stderr, done.stderr
     assert (here / "build/stands/index.html").is_file() and not os.path.exists(here / "build/stands/pictures")
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import mujoco
 import pytest
 
+from thingc.cli.main import main
 from variants.robots import environment, thingc, tree
 
 pytestmark = pytest.mark.slow
@@ -43,7 +44,8 @@ emit: [mjcf, stl, bom, hag]
 
 @pytest.mark.parametrize(("text", "name", "count"), [(MINCHW, "inchworms", 2), (ARM, "arms", 2)], ids=["minchw", "arm"])
 def test_variants_equal_single_builds(
-    root: Path, tmp_path: Path, shared_store: str, text: str, name: str, count: int,
+    root: Path, tmp_path: Path, shared_store: str, text: str, name: str, count: int, one_kernel: None, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     for folder in ("assemblies", "parts"):
         shutil.copytree(root / folder, tmp_path / folder)
@@ -51,20 +53,24 @@ def test_variants_equal_single_builds(
     (tmp_path / "family.yaml").write_text(text)
     env = environment(shared_store)
     assert thingc("check", "family.yaml", cwd=tmp_path, env=env).stdout == "family.yaml: ok\n"
-    done = thingc("batch", "family.yaml", cwd=tmp_path, env=env)
+    done = thingc("batch", "family.yaml", "--jobs", "1", "--pictures", "none", cwd=tmp_path, env=env)
     assert done.returncode == 0, done.stderr
     out = tmp_path / "build" / name
     with (out / "results.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == count and {row["status"] for row in rows} == {"built"}
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("THINGC_STORE", shared_store)
     for row in rows:
         words = shlex.split(row["command"])[1:]
-        assert thingc(*words, "-o", "single", cwd=tmp_path, env=env).returncode == 0
+        assert main([*words, "-o", "single"]) == 0
         (single,) = (tmp_path / "single").iterdir()
         assert tree(out / row["path"]) == tree(single)
         shutil.rmtree(single)
         settings = [word for flag, word in zip(words, words[1:]) if flag in ("-p", "--set") for word in (flag, word)]
-        info = json.loads(thingc("info", words[1], *settings, "--format", "json", cwd=tmp_path, env=env).stdout)
+        capsys.readouterr()
+        assert main(["info", words[1], *settings, "--format", "json"]) == 0
+        info = json.loads(capsys.readouterr().out)
         assert float(row["mass"]) == pytest.approx(info["mass"], rel=1e-14)
         assert [float(row[f"centre.{axis}"]) for axis in "xyz"] == pytest.approx(info["centre"], abs=1e-15)
         assert float(row["inertia.xx"]) == pytest.approx(info["inertia"][0][0], abs=1e-15)

@@ -163,7 +163,7 @@ def kept(folder: Path) -> tuple[Any, ...]:
 
 def built_here(folder: Path, env: dict[str, str], document: str = "faults.yaml", cwd: Path | None = None) -> tuple[Any, ...]:
     """What the local engine writes; the folder is then as if it had never been built."""
-    done = thingc("batch", document, "--jobs", "2", "--pictures", "none", cwd=cwd or folder, env=env)
+    done = thingc("batch", document, "--jobs", "1", "--pictures", "none", cwd=cwd or folder, env=env)
     assert done.returncode in (0, 1), done.stderr
     found = (*kept(folder), done.returncode, re.sub(r"\d+ parts modelled", "", done.stderr))
     shutil.rmtree(folder / "build")

@@ -15,6 +15,8 @@ import pytest
 from PIL import Image
 
 from emit import small_robot
+from loops.robots import compiled
+from mjcf.test_joined import LEGS, MODES
 from robot.test_spanning_tree_properties import build, robots
 from thingc.emit.html.described import describe
 from thingc.emit.html.packed import Packed
@@ -62,18 +64,20 @@ def test_every_pose_of_every_mode_is_where_mujoco_has_it(browser: Any, pages: Pa
 
 
 def test_random_trees_with_every_kind_of_joint(browser: Any, pages: Pages, tmp_path: Path) -> None:
-    """Where links are, and what joints bear, in the page as in the compiler, at random q, in modes that cross joints backwards."""
+    """Where links are, and what joints bear, in the page as in the compiler, at random q, in modes that cross joints backwards; also of
+    several joints on one body."""
     rng = np.random.default_rng(7)
+    joined = compiled(tmp_path, LEGS + MODES).compilation.assembly
+    assert joined is not None and len(joined.between) == 4
     with opened(browser, address(pages.arm / "html/arm.html")) as page:
-        for seed in range(5):
-            tree = build(seed, 6)
-            made = robots(tree.assembly)
-            told = describe(tree.assembly, list(made.values()), small_robot.WORKSPACE, Packed(Store(str(tmp_path))))
+        for assembly, far in ((joined, 0.5), *((build(seed, 6).assembly, 2.0) for seed in range(4))):
+            made = robots(assembly)
+            told = describe(assembly, list(made.values()), small_robot.WORKSPACE, Packed(Store(str(tmp_path))))
             for one in told["occurrences"]:  # type: ignore[attr-defined]
                 one["visual"], one["collision"] = [], []
             page.evaluate("(told) => thingc.viewer.load(told, [])", json.loads(json.dumps(told)))
             for name, robot in made.items():
-                q = coordinates(joints_of(tree.assembly), {joint.path: float(rng.uniform(-2, 2)) for joint in joints_of(tree.assembly)})
+                q = coordinates(joints_of(assembly), {joint.path: float(rng.uniform(-far, far)) for joint in joints_of(assembly)})
                 there = """([mode, q]) => { thingc.viewer.setMode(mode); thingc.viewer.restore(q);
                   return [thingc.viewer.links(), thingc.viewer.loads()]; }"""
                 found, borne = page.evaluate(there, [name, q])

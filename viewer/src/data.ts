@@ -36,7 +36,7 @@ export interface MountAt { path: string; occurrence: number; mount: string | nul
 export interface Joint extends Place {
   path: string; joint: string; kind: string; turns: boolean; axis: string; parent: number; child: number; lower: number | null; upper: number | null;
   cone: number | null; offset: number; effort: number | null; velocity: number | null;
-  stiffness: number | null; mimic: { joint: string; multiplier: number; offset: number } | null; drive: string | null; drive_axis: Vector | null;
+  stiffness: number | null; rest: number | null; mimic: { joint: string; multiplier: number; offset: number; higher: number[] } | null; drive: string | null; drive_axis: Vector | null;
 }
 
 export interface Moving { path: string; twist: Twist }
@@ -61,7 +61,7 @@ export interface BomRow {
 
 export interface Robot {
   version: number; name: string; mass: number; definitions: Definition[]; links: Link[]; occurrences: Occurrence[];
-  mounts: (MountAt & { mount: string })[]; joints: Joint[]; magnets: MountAt[]; bom: BomRow[]; modes: Mode[];
+  mounts: (MountAt & { mount: string })[]; joints: Joint[]; tendons: number; magnets: MountAt[]; bom: BomRow[]; modes: Mode[];
 }
 
 /** An angle in degrees or a length in millimetres, as people read a coordinate. */

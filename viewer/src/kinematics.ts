@@ -146,6 +146,8 @@ export class Tree {
 export class Couplings {
   private readonly joints: Map<string, Joint>;
   private readonly leaders = new Map<string, { path: string; factor: number; shift: number }>();
+  /** What follows by a polynomial, or what does: its factor is another wherever the leader is. */
+  private readonly bent = new Set<string>();
   private readonly ranges = new Map<string, [number, number]>();
   private readonly cones: { paths: string[]; cone: number }[];
   /** Turns that have no end, and nothing coupled to them. */
@@ -153,8 +155,9 @@ export class Couplings {
 
   constructor(robot: Robot) {
     this.joints = new Map(robot.joints.map((joint) => [joint.path, joint]));
-    for (const path of this.joints.keys()) this.leaders.set(path, this.found(path));
+    for (const path of this.joints.keys()) this.leaders.set(path, this.found(path, null));
     for (const [path, { path: leader, factor, shift }] of this.leaders) {
+      if (this.bent.has(path)) continue;
       const { lower, upper } = this.joints.get(path)!;
       const [low, high] = this.ranges.get(leader) ?? [-Infinity, Infinity];
       const ends = [lower ?? -Infinity, upper ?? Infinity].map((end) => (end - shift) / factor);
@@ -172,22 +175,45 @@ export class Couplings {
     });
   }
 
-  private found(path: string): { path: string; factor: number; shift: number } {
+  private found(path: string, q: Coordinates | null): { path: string; factor: number; shift: number } {
     let here = path, factor = 1, shift = 0;
     for (const met = new Set<string>(); !met.has(here); ) {
       met.add(here);
       const mimic = this.joints.get(here)!.mimic;
       if (mimic === null || !this.joints.has(mimic.joint)) break;
-      shift += factor * mimic.offset;
-      factor *= mimic.multiplier;
+      if (mimic.higher.length > 0) this.bent.add(path);
+      const x = q?.[mimic.joint] ?? 0;
+      const slope = mimic.higher.reduce((sum, c, k) => sum + (k + 2) * c * x ** (k + 1), mimic.multiplier);
+      const value = mimic.higher.reduce((sum, c, k) => sum + c * x ** (k + 2), mimic.multiplier * x + mimic.offset);
+      shift += factor * (mimic.higher.length > 0 ? value - slope * x : mimic.offset);
+      factor *= slope;
       here = mimic.joint;
     }
     return { path: here, factor, shift };
   }
 
-  /** The coordinate that `path` follows in the end (itself where it follows none), q = factor * q(leader) + shift. */
-  leader(path: string): { path: string; factor: number; shift: number } {
-    return this.leaders.get(path)!;
+  /** The coordinate that `path` follows in the end (itself where it follows none), q = factor * q(leader) + shift, of polynomials near `q`. */
+  leader(path: string, q: Coordinates | null = null): { path: string; factor: number; shift: number } {
+    return q !== null && this.bent.has(path) ? this.found(path, q) : this.leaders.get(path)!;
+  }
+
+  /** Where `path` is when the one that it follows in the end is at a value. */
+  private at(path: string, value: number): number {
+    const chain: string[] = [];
+    const { path: leader } = this.leader(path);
+    for (let here = path; here !== leader; here = this.joints.get(here)!.mimic!.joint) chain.unshift(here);
+    const q: Coordinates = { [leader]: value };
+    for (const here of chain) {
+      const { joint, multiplier, offset, higher } = this.joints.get(here)!.mimic!;
+      q[here] = higher.reduce((sum, c, k) => sum + c * q[joint] ** (k + 2), multiplier * q[joint] + offset);
+    }
+    return q[path];
+  }
+
+  /** Values of the leader of `path` over its range (of one without limits a turn or a metre either way), and where `path` is then. */
+  private sampled(path: string): [number, number][] {
+    const [low, high] = this.range(this.leader(path).path).map((end) => Math.max(-Math.PI, Math.min(Math.PI, end)));
+    return Array.from({ length: 201 }, (_, k) => low + ((high - low) * k) / 200).map((x) => [x, this.at(path, x)]);
   }
 
   follows(path: string): boolean {
@@ -196,6 +222,10 @@ export class Couplings {
 
   /** How far a coordinate may go, such that all that is coupled to it stays within its limits. */
   range(path: string): [number, number] {
+    if (this.bent.has(path)) {
+      const reached = this.sampled(path).map(([, value]) => value);
+      return [Math.min(...reached), Math.max(...reached)];
+    }
     const { path: leader, factor, shift } = this.leader(path);
     const ends = (this.ranges.get(leader) ?? [-Infinity, Infinity]).map((end) => factor * end + shift);
     return factor === 0 ? [shift, shift] : [Math.min(...ends), Math.max(...ends)];
@@ -203,6 +233,7 @@ export class Couplings {
 
   /** The coordinate of the leader at which `path` is at a value. */
   led(path: string, value: number): number {
+    if (this.bent.has(path)) return this.sampled(path).reduce((best, one) => (Math.abs(one[1] - value) < Math.abs(best[1] - value) ? one : best))[0];
     const { factor, shift } = this.leader(path);
     return factor === 0 ? 0 : (value - shift) / factor;
   }
@@ -214,7 +245,9 @@ export class Couplings {
       const angle = Math.hypot(...paths.map((path) => q[path]));
       if (angle > cone) for (const path of paths) q[path] *= cone / angle;
     }
-    for (const [path, { path: leader, factor, shift }] of this.leaders) if (path !== leader) q[path] = factor * (q[leader] ?? 0) + shift;
+    for (const [path, { path: leader, factor, shift }] of this.leaders) if (path !== leader) {
+      q[path] = this.bent.has(path) ? this.at(path, q[leader] ?? 0) : factor * (q[leader] ?? 0) + shift;
+    }
     return q;
   }
 

@@ -32,7 +32,7 @@ function sharing(robot: Robot, mode: Mode): { words: string; unknown: boolean } 
   }
   const about = robot.joints.some(({ path, drive_axis: axis }) => axis !== null && mode.driven.includes(path));
   const what = mode.loops.some((loop) => loop.hold) ? "what the mode holds shares" : mode.loops.length > 0 ? "its loops share"
-    : mode.base === "free" ? "its feet share" : about ? "the drives of a ball share" : null;
+    : mode.base === "free" ? "its feet share" : about ? "the drives of a ball share" : robot.tendons > 0 ? "its tendons share" : null;
   return what === null ? null : { words: `how ${what} the load is known of named poses alone${named}`, unknown: false };
 }
 
@@ -42,10 +42,10 @@ function ofTree(robot: Robot, at: Configuration): Held {
   const own = loads(robot, at);
   const { couplings } = at;
   for (const [path, value] of Object.entries(own)) {
-    const { path: leader, factor } = couplings.leader(path);
+    const { path: leader, factor } = couplings.leader(path, at.q);
     load[leader] = (load[leader] ?? 0) + factor * value;
   }
-  const drives = robot.joints.filter(({ path }) => at.mode.driven.includes(path)).map((joint) => ({ joint, ...couplings.leader(joint.path) }));
+  const drives = robot.joints.filter(({ path }) => at.mode.driven.includes(path)).map((joint) => ({ joint, ...couplings.leader(joint.path, at.q) }));
   const weight = (joint: Joint, factor: number): number => (factor * (joint.effort || 1)) ** 2;
   const total: Coordinates = {};
   for (const { joint, path, factor } of drives) total[path] = (total[path] ?? 0) + weight(joint, factor);
@@ -67,7 +67,7 @@ export function loads(robot: Robot, { tree, mode, q, base }: Configuration): Coo
   const placed = tree.place(q, base, tree.fresh());
   const masses = mode.bodies.map((body) => robot.links[body.link].mass);
   const moments = mode.bodies.map((body, index) => new Vector3(...robot.links[body.link].centre).applyMatrix4(placed[index]).multiplyScalar(masses[index]));
-  const stiffness = new Map(robot.joints.map((joint) => [joint.path, joint.stiffness ?? 0]));
+  const sprung = new Map(robot.joints.map(({ path, stiffness, rest }) => [path, (stiffness ?? 0) * ((rest ?? 0) - q[path])]));
   const gravity = new Vector3(...mode.gravity);
   const load: Coordinates = {};
   for (let index = mode.bodies.length - 1; index >= 0; index -= 1) {
@@ -75,7 +75,7 @@ export function loads(robot: Robot, { tree, mode, q, base }: Configuration): Coo
     for (const { path } of joints) {
       const { angular, linear, anchor } = tree.rate(path, q, placed)!;
       const arm = moments[index].clone().addScaledVector(anchor, -masses[index]);
-      load[path] = arm.cross(gravity).dot(angular) + masses[index] * linear.dot(gravity) - stiffness.get(path)! * q[path];
+      load[path] = arm.cross(gravity).dot(angular) + masses[index] * linear.dot(gravity) + sprung.get(path)!;
     }
     if (parent === null) continue;
     masses[parent] += masses[index];

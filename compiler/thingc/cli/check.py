@@ -92,10 +92,7 @@ def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options:
     diagnostics: list[Diagnostic] = []
     good: list[str] = []
     try:
-        if "" in sys.path or os.getcwd() in sys.path and not sys.flags.safe_path:
-            raise common.WrongCommandLine(
-                "Python looks for modules in the working folder, which may be part of the change", "run `thingc`, or `python -I -m thingc`"
-            )
+        common.refuse_modules_of_others()
         seconds = common.time_of("--time-limit", arguments.time_limit)
     except common.WrongCommandLine as fault:
         return [fault.diagnostic], []

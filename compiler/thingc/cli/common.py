@@ -150,6 +150,14 @@ def choices(words: Sequence[str]) -> Mapping[str, str]:
     return texts
 
 
+def refuse_modules_of_others() -> None:
+    """Raises `WrongCommandLine` where Python would look for modules beside documents that nobody trusts."""
+    if "" in sys.path or os.getcwd() in sys.path and not sys.flags.safe_path:
+        raise WrongCommandLine(
+            "Python looks for modules in the working folder, which may be part of the change", "run `thingc`, or `python -I -m thingc`"
+        )
+
+
 def time_of(option: str, text: str) -> float:
     """The time [s] that an option states. Raises `WrongCommandLine`."""
     from thingc.units import TIME, UnitError, parse_quantity

@@ -159,10 +159,7 @@ def _answer(arguments: argparse.Namespace, wanted: Asked, options: Options, stac
     work = partial(compared, options=options, tests=tests, names=names, draw=draw)
     if not arguments.no_code:
         return answered(*names, laid_out(wanted, stack), work)
-    if "" in sys.path or os.getcwd() in sys.path and not sys.flags.safe_path:
-        raise common.WrongCommandLine(
-            "Python looks for modules in the working folder, which may be part of the change", "run `thingc`, or `python -I -m thingc`"
-        )
+    common.refuse_modules_of_others()
     seconds = common.time_of("--time-limit", arguments.time_limit)
     return answered(*names, laid_out(wanted, stack), partial(_apart, work, seconds))
 

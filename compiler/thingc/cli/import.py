@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING
 
 from thingc.brief import counted
 from thingc.cli import common
-from thingc.diagnostics import Report, shown_path
+from thingc.diagnostics import Diagnostic, Report, Severity, shown_path
 from thingc.output import OutputError, write_new
+from thingc.source import dotted
 
 if TYPE_CHECKING:
-    from thingc.importing import Imported
+    from thingc.importing import Earlier, Imported, Update
 
+MOST_SAID = 20
+"""Changes that are printed; `git diff` shows all."""
 EPILOG = """\
 Writes a document of the robot, which is yours from then on, and `import.json`: what everything was called, and what a document cannot say
 of it, with the line of the source.
@@ -24,17 +27,21 @@ of it, with the line of the source.
   thingc import robot.urdf -o robots/arm
   thingc import robot.urdf --repair inertia=nearest
   thingc import robot.urdf --root left_sole      with a mode that is rooted at that link
+  thingc import robot.urdf --update              again: takes over what the file has changed, and leaves what you have
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `import`."""
     parser.epilog = EPILOG
-    parser.add_argument("file", metavar="FILE", help="a robot: .urdf")
+    parser.add_argument("file", metavar="FILE", help="a robot: .urdf, .xacro, .sdf, .xml (MJCF)")
     parser.add_argument("-o", "--output", metavar="DIR", help="the folder that is made (default: called like the robot)")
     parser.add_argument(
         "--package", metavar="NAME=DIR", action="append", default=[],
         help="where `package://NAME/...` is (may be repeated; else folders above the file, ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
+    )
+    parser.add_argument(
+        "--arg", metavar="NAME=VALUE", action="append", default=[], help="of a xacro file: an argument, `$(arg NAME)` (may be repeated)",
     )
     parser.add_argument("--no-meshes", action="store_true", help="leave meshes out, each of which is listed then")
     parser.add_argument("--check", action="store_true", help="write nothing: say what would be kept, repaired and lost")
@@ -45,31 +52,95 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--root", metavar="LINK", action="append", default=[], help="a link that gets a mode of its own, rooted at it (may be repeated)",
     )
+    parser.add_argument(
+        "--update", action="store_true",
+        help="merge into what the last import wrote: what you have changed stays (exit code 1 where the file has changed it, too)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 where the document is written, 1 where the file is at fault, 2 for a wrong command line."""
-    from thingc.importing import import_robot
+    from thingc.importing import earlier_import, import_robot
 
     report = Report()
     try:
         packages = dict(_package(word) for word in arguments.package)
+        given = dict(_argument(word) for word in arguments.arg)
     except common.WrongCommandLine as fault:
         common.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
         return common.USAGE
     imported = import_robot(
-        arguments.file, report, roots=arguments.root, repair=arguments.repair, packages=packages, meshes=not arguments.no_meshes,
+        arguments.file, report, roots=arguments.root, repair=arguments.repair, packages=packages, arguments=given,
+        meshes=not arguments.no_meshes,
+        earlier=lambda name: earlier_import(arguments.output or name), update=arguments.update,
     )
-    if imported is not None and arguments.check:
-        common.say(*_would(arguments, imported))
-    elif imported is not None:
+    texts: dict[str, str] = {}
+    if imported is not None:
         try:
-            folder = write_new(arguments.output or imported.name, imported.files, lambda _: None)
-            common.say(*_told(arguments, imported, folder))
+            if imported.earlier is not None:
+                texts = _again(arguments, imported, imported.earlier, report)
+            elif arguments.check:
+                common.say(*_would(arguments, imported))
+            else:
+                common.say(*_told(arguments, imported, write_new(arguments.output or imported.name, imported.files, lambda _: None), []))
         except OutputError as fault:
             fault.diagnose(report)
-    common.print_text(report.ordered(), stream=sys.stderr, debug=False)
+    common.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)
     return common.exit_code(report.diagnostics)
+
+
+def _again(arguments: argparse.Namespace, imported: Imported, earlier: Earlier, report: Report) -> dict[str, str]:
+    """Import into a folder that has an import already; the text of the document that is spoken of. Raises `OutputError`."""
+    from thingc.importing import put, update
+
+    edited = [f"`{shown_path(os.path.join(earlier.folder, name))}`" for name in earlier.edited()]
+    if edited and not arguments.update and not arguments.check:
+        more = f" and {len(edited) - 6} more" if len(edited) > 6 else ""
+        message = f"what was imported has been changed since, and is left as it is: {', '.join(edited[:6])}{more}"
+        raise OutputError(message, "`--update` merges the two; or choose another folder with -o")
+    now = update(earlier, imported.document, imported.files, report)
+    if now is None:
+        return {}
+    document = os.path.join(earlier.folder, earlier.document)
+    texts = {document: now.merged.text}
+    if arguments.check:
+        common.say(*_would(arguments, imported), *_merged(now))
+        return texts
+    fresh = {name: content for name, content in now.files.items() if not os.path.lexists(os.path.join(earlier.folder, name))}
+    try:
+        put(earlier.folder, fresh)
+        faults = _faults(document, now.merged.text) if edited else []
+        if faults:
+            put(earlier.folder, {}, [*fresh])
+            for fault in faults:
+                report.say(fault)
+            return texts
+        put(earlier.folder, {name: content for name, content in now.files.items() if name not in fresh}, now.gone)
+    except OSError as fault:
+        why = (fault.strerror or str(fault)).lower()
+        raise OutputError(f"`{shown_path(earlier.folder)}` cannot be written: {why}", "mend that, and import again") from fault
+    common.say(*_told(arguments, imported, earlier.folder, _merged(now)))
+    return texts
+
+
+def _faults(document: str, text: str) -> list[Diagnostic]:
+    """What would be wrong with a document of that text."""
+    from thingc.environment import Options
+    from thingc.writing import checked
+
+    return [one for one in checked(document, Options(texts={document: text.encode()}))[1] if one.severity is Severity.ERROR]
+
+
+def _merged(now: Update) -> list[str]:
+    """What the source has changed, and what a person has, value by value."""
+    taken = [f"  {dotted(path)}: {old} -> {new}" for path, old, new in now.merged.taken]
+    kept = [f"  {name}" for name in (*map(dotted, now.merged.kept), *now.kept)]
+    said = [f"taken over: {counted(len(taken), 'change')} of the source", *_some(taken)] if taken else ["the source has changed nothing"]
+    return said + ([f"yours, and left as they are: {len(kept)}", *_some(kept)] if kept else [])
+
+
+def _some(lines: list[str]) -> list[str]:
+    return lines[:MOST_SAID] + ([f"  and {len(lines) - MOST_SAID} more"] if len(lines) > MOST_SAID else [])
 
 
 def _repair(text: str) -> str:
@@ -86,6 +157,14 @@ def _package(word: str) -> tuple[str, str]:
     if not name or not os.path.isdir(folder):
         raise common.WrongCommandLine(f"--package: expected NAME=DIR with a folder, found `{word}`", "write --package my_robot=../my_robot")
     return name, folder
+
+
+def _argument(word: str) -> tuple[str, str]:
+    """`NAME=VALUE`. Raises `WrongCommandLine`."""
+    name, equals, value = word.partition("=")
+    if not name or not equals:
+        raise common.WrongCommandLine(f"--arg: expected NAME=VALUE, found `{word}`", "write --arg prefix=left_")
+    return name, value
 
 
 def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:
@@ -106,10 +185,10 @@ def _read(arguments: argparse.Namespace, imported: Imported) -> str:
     return f"{', '.join(things[:-1])} and {things[-1]} of {os.path.basename(arguments.file)}"
 
 
-def _told(arguments: argparse.Namespace, imported: Imported, folder: str) -> list[str]:
+def _told(arguments: argparse.Namespace, imported: Imported, folder: str, changes: list[str]) -> list[str]:
     """What was read, what became of it, and what to type next."""
     robot, here = imported.robot, shown_path(folder)
-    said = [f"{here}: {_read(arguments, imported)}"]
+    said = [f"{here}: {_read(arguments, imported)}", *changes]
     if imported.renamed:
         are = "is another" if len(imported.renamed) == 1 else "are others"
         said.append(f"{counted(len(imported.renamed), 'name')} {are} now: see import.json")
@@ -119,7 +198,7 @@ def _told(arguments: argparse.Namespace, imported: Imported, folder: str) -> lis
         said.append(f"repaired: {names}{more}; old and new numbers are in import.json")
     if imported.losses:
         said.append(f"not in the document: {len(imported.losses)}, listed in {os.path.join(here, 'import.json')}")
-    document = shlex.quote(os.path.join(here, f"{imported.name}.yaml"))
+    document = shlex.quote(os.path.join(here, imported.document))
     steps = [
         (f"thingc check {document}", "is it right?"), (f"thingc view {document}", "the robot in your browser; it follows every save"),
         (f"thingc build {document} --emit mjcf,urdf", "models of every mode"),

@@ -16,7 +16,7 @@ from thingc.pipeline import read
 from thingc.realize.lock.lock import LOCK_FILE, MAX_BYTES, REMAKE, lock_path, read_lock, top_of
 from thingc.realize.record import PartDefinition, PartFailure
 from thingc.shown import json_text
-from thingc.source import Span
+from thingc.source import Span, line_of
 
 if TYPE_CHECKING:
     from thingc.realize.service import GeometryService
@@ -125,7 +125,7 @@ def _used(
         if environment.report.failed or own.failed:
             report.warn(
                 Code.LOCK_DOCUMENT, f"`{shown_path(document)}` has errors: what it uses may be missing from `{LOCK_FILE}`",
-                Span(file=document, line=1, column=1, end_line=1, end_column=1), help=f"run `thingc check {shown_path(document)}`",
+                line_of(document), help=f"run `thingc check {shown_path(document)}`",
             )
     # A part that is not there is the fault of the document, which has been said.
     known = {reference for reference, answer in geometry.describe(list(references)).items() if not isinstance(answer, PartFailure)}
@@ -133,10 +133,7 @@ def _used(
 
 
 def _say(failure: PartFailure, called: str, report: Report) -> None:
-    span = None
-    if failure.file is not None:
-        line = failure.line or 1
-        span = Span(file=failure.file, line=line, column=1, end_line=line, end_column=1)
+    span = None if failure.file is None else line_of(failure.file, failure.line or 1)
     report.add(
         Code.PART_UNREADABLE, f"`{called}` cannot be locked: {failure.message}", span, path=failure.subject,
         help="mend the part file", detail=failure.detail,

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from thingc.graph.types import Assembly
 from thingc.pipeline import UnknownChoice
 from thingc.pose import NO_POSE, Pose, Vector, cross, turned_about, turned_x
 from thingc.render.frames import Frame, JointAxis, Mark
+from thingc.robot import in_link
+from thingc.robot.kinematics import carried
 from thingc.robot.types import Robot
 from thingc.typos import did_you_mean
 
@@ -16,17 +17,17 @@ ROOT_SIZE = 1.6
 """How much longer the axes of the root are than those of a mount."""
 
 
-def mounts(robot: Robot) -> Iterator[Mark]:
+def mounts(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
     """The mounts that another component sits on, that the document shows, or that it adds, each once. What sits there has its own
     mount in the same place."""
     assembly = robot.assembly
     named = [(mate.parent, mate.parent_mount) for mate in assembly.mates]
     named += [(one.occurrence, one.mount) for one in assembly.exported]
     named += [(one.index, name) for one in assembly.occurrences for name in one.component.mounts]
-    return (_mount(assembly, *place) for place in dict.fromkeys(named) if place[1] != "origin")
+    return (_mount(robot, q, *place) for place in dict.fromkeys(named) if place[1] != "origin")
 
 
-def mounts_of(robot: Robot, wanted: Sequence[str]) -> Iterator[Mark]:
+def mounts_of(robot: Robot, q: Mapping[str, float], wanted: Sequence[str]) -> Iterator[Mark]:
     """All mounts of these components (`hand/cap`, `hand.cap`, or `hand` for all that is in it), and their own frames. Raises
     `UnknownChoice`."""
     assembly = robot.assembly
@@ -37,14 +38,14 @@ def mounts_of(robot: Robot, wanted: Sequence[str]) -> Iterator[Mark]:
             known = {one.path[:end] for one in assembly.occurrences for end in _ends(one.path)}
             raise UnknownChoice(f"there is no component `{name}`", did_you_mean(path, known, what="components"))
         for one in occurrences:
-            yield from (_mount(assembly, one.index, mount) for mount in one.mounts)
+            yield from (_mount(robot, q, one.index, mount) for mount in one.mounts)
 
 
 def joints(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
     """The axis of every coordinate of every joint, as its documents mean it: in the parent's mount, as the coordinates before it have
     moved that at `q` [rad or m by path]."""
     for mate in robot.assembly.mates:
-        body, pose = _on_link(robot.assembly, mate.parent, mate.X_PJ)
+        body, pose = _on_body(robot, q, mate.parent, mate.X_PJ)
         for number, joint in enumerate(mate.joints):
             label = _dotted(mate.name or joint.path) + (f"[{number}]" if len(mate.joints) > 1 else "")
             yield JointAxis(label=label, body=body, pose=pose @ _along(joint.twist.axis), slides=not joint.twist.turns)
@@ -55,22 +56,28 @@ def joints(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
 def root(robot: Robot) -> Iterator[Mark]:
     """The frame of the root, which the mode puts somewhere."""
     choice = robot.mode.root
-    body, pose = _on_link(
-        robot.assembly, choice.occurrence, robot.assembly.occurrences[choice.occurrence].mounts[choice.mount or "origin"].pose
+    body, pose = _on_body(
+        robot, {}, choice.occurrence, robot.assembly.occurrences[choice.occurrence].mounts[choice.mount or "origin"].pose
     )
     yield Frame(label=f"root {_dotted(choice.path)} ({robot.base})", body=body, pose=pose, size=ROOT_SIZE)
 
 
-def _mount(assembly: Assembly, occurrence: int, name: str) -> Frame:
-    one = assembly.occurrences[occurrence]
-    body, pose = _on_link(assembly, occurrence, one.mounts[name].pose)
+def _mount(robot: Robot, q: Mapping[str, float], occurrence: int, name: str) -> Frame:
+    one = robot.assembly.occurrences[occurrence]
+    body, pose = _on_body(robot, q, occurrence, one.mounts[name].pose)
     return Frame(label=f"{_dotted(one.path)}.{name}", body=body, pose=pose)
 
 
-def _on_link(assembly: Assembly, occurrence: int, pose: Pose) -> tuple[str, Pose]:
-    """The link of an occurrence, and a pose of the occurrence's frame in that of the link."""
-    link = assembly.links[assembly.link_of[occurrence]]
-    return link.name, link.poses[link.members.index(occurrence)] @ pose
+def _on_body(robot: Robot, q: Mapping[str, float], occurrence: int, pose: Pose) -> tuple[str, Pose]:
+    """The link of an occurrence, and a pose of the occurrence's frame in that of the link; of a link that only joins two joints, which is
+    no body of the model, the one before it, in whose frame it is by `q`."""
+    assembly, number = robot.assembly, robot.assembly.link_of[occurrence]
+    body = next(body for body in robot.bodies if body.link == number)
+    pose = in_link(assembly)[occurrence] @ pose
+    while body.parent is not None and body.link in assembly.between:
+        pose = carried(body, NO_POSE, {joint.path: q.get(joint.path, 0.0) for joint in body.joints}) @ pose
+        body = robot.bodies[body.parent]
+    return assembly.links[body.link].name, pose
 
 
 def _along(axis: Vector) -> Pose:

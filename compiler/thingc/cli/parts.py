@@ -13,7 +13,7 @@ from thingc.cli.tables import axes, millimetres, table
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.realize.catalogue import classes_installed, installed_modules
 from thingc.realize.record import NO_PARTS, MountRecord, ParameterSchema, PartFailure, PartRecord, PartSchema
-from thingc.source import Span
+from thingc.source import line_of
 from thingc.typos import did_you_mean
 
 if TYPE_CHECKING:
@@ -123,10 +123,7 @@ def _named(geometry: GeometryService, words: list[str]) -> list[str]:
 
 
 def _failed(reference: str, failure: PartFailure) -> Diagnostic:
-    span = None
-    if failure.file is not None:
-        line = failure.line or 1
-        span = Span(file=failure.file, line=line, column=1, end_line=line, end_column=1)
+    span = None if failure.file is None else line_of(failure.file, failure.line or 1)
     return Diagnostic(
         code=Code.PART_UNREADABLE, severity=Severity.ERROR, message=f"`{reference}` cannot be described: {failure.message}",
         span=span, path=reference, help="mend the part file", detail=failure.detail,

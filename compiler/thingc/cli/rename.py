@@ -8,9 +8,14 @@ import difflib
 import os
 import sys
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
+
+if TYPE_CHECKING:
+    from thingc.lsp.names import Name
+    from thingc.lsp.sight import Sight
 
 EPILOG = """\
 What is renamed is named by its path. Documents that use it, tests, variants, and the Python of parts follow; where something would
@@ -35,37 +40,21 @@ def run(arguments: argparse.Namespace) -> int:
     from thingc.lsp.analysis import RequestRefused
     from thingc.lsp.renaming import renamed
     from thingc.lsp.sight import sight_of
-    from thingc.source import node_at
-    from thingc.typos import did_you_mean
     from thingc.workspace import Workspace
 
     report = Report()
     try:
         common.require_document(arguments.document)
-        path, keys = os.path.abspath(arguments.document), tuple(arguments.path.split("."))
-        workspace = Workspace.find(path, report)
+        workspace = Workspace.find(os.path.abspath(arguments.document), report)
         if workspace is None:
             common.print_text(report.ordered(), stream=sys.stdout, debug=False)
             return common.exit_code(report.diagnostics)
         sight = sight_of(workspace, {})
-        written = sight.documents.get(path)
-        if written is None:
-            raise common.WrongCommandLine(f"`{arguments.document}` cannot be read", f"`thingc check {arguments.document}` says why")
-        around = node_at(written.document.tree, keys[:-1])
-        names = getattr(around, "entries", {})
-        if keys[-1] not in names:
-            raise common.WrongCommandLine(
-                f"`{arguments.document}` has no `{arguments.path}`", did_you_mean(keys[-1], names, what="names") if names else "",
-            )
-        span = written.document.span(keys, key=True)
-        place = sight.index.at(path, span.line, span.column + 1)
-        if place is None or not span.holds(place.span) or place.role != "declared":
-            raise common.WrongCommandLine(f"`{arguments.path}` is no name", "name for example `components.NAME` or `joints.NAME`")
+        declared = _named(sight, arguments.document, arguments.path)
+        done = renamed(sight, declared, arguments.name)
     except common.WrongCommandLine as fault:
         common.print_text([fault.diagnostic], stream=sys.stdout, debug=False)
         return common.USAGE
-    try:
-        done = renamed(sight, place.name, arguments.name)
     except RequestRefused as fault:
         return _refuse(str(fault))
     before = {file: sight.read(file) or "" for file in done.texts}
@@ -81,8 +70,29 @@ def run(arguments: argparse.Namespace) -> int:
             return _refuse(wrong)
         for file in done.texts:
             count = sum(span.file == file for span in done.places)
-            common.say(f"{shown_path(file)}: {place.name.text} -> {arguments.name} ({count})")
+            common.say(f"{shown_path(file)}: {declared.text} -> {arguments.name} ({count})")
     return 0
+
+
+def _named(sight: Sight, document: str, path: str) -> Name:
+    """What a document declares at a path. Raises `common.WrongCommandLine`."""
+    from thingc.source import node_at
+    from thingc.typos import did_you_mean
+
+    keys = tuple(path.split("."))
+    written = sight.documents.get(os.path.abspath(document))
+    if written is None:
+        raise common.WrongCommandLine(f"`{document}` cannot be read", f"`thingc check {document}` says why")
+    names = getattr(node_at(written.document.tree, keys[:-1]), "entries", {})
+    if keys[-1] not in names:
+        raise common.WrongCommandLine(
+            f"`{document}` has no `{path}`", did_you_mean(keys[-1], names, what="names") if names else "",
+        )
+    span = written.document.span(keys, key=True)
+    place = sight.index.at(written.path, span.line, span.column + 1)
+    if place is None or not span.holds(place.span) or place.role != "declared":
+        raise common.WrongCommandLine(f"`{path}` is no name", "name for example `components.NAME` or `joints.NAME`")
+    return place.name
 
 
 def _write(texts: Mapping[str, str], before: Mapping[str, str]) -> str | None:

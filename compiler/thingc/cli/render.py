@@ -134,7 +134,7 @@ def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) 
 
     drawn = [
         *(marks.root(robot) if arguments.root else ()), *(marks.joints(robot, q) if arguments.joints else ()),
-        *(marks.mounts(robot) if arguments.mounts else ()), *marks.mounts_of(robot, arguments.mounts_of),
+        *(marks.mounts(robot, q) if arguments.mounts else ()), *marks.mounts_of(robot, q, arguments.mounts_of),
     ]
     return list(dict.fromkeys(drawn))
 

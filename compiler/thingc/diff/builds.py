@@ -13,7 +13,7 @@ from thingc.diff.portrait import ComponentNode, Fact, Leaf, PartShape, Portrait,
 from thingc.diff.sides import MANIFEST
 from thingc.realize import read_lock
 from thingc.realize.record import PartRecord
-from thingc.source import Span
+from thingc.source import line_of
 from thingc.workspace import Workspace
 
 OF_BUILDS = "parameters, mates, limits, drives, poses, materials, sensors, mounts, geometry and tests, which no build folder holds"
@@ -116,7 +116,7 @@ def portrait_of_lock(path: str) -> Portrait:
 
 
 def _stated(text: str, facts: Mapping[str, Value], file: str) -> StatedThing:
-    span = Span(file=file, line=1, column=1, end_line=1, end_column=1)
+    span = line_of(file)
     return StatedThing(what="component", path=text, facts={key: Fact(value=value) for key, value in facts.items()}, label=text, span=span)
 
 

@@ -9,13 +9,16 @@ from collections.abc import Callable, Iterable, Sequence
 from thingc.diff.change import Change, How, Told, What
 from thingc.diff.pairing import Pairing, equal, shared_order
 from thingc.diff.portrait import Leaf, Portrait, Row
-from thingc.diff.stated import Changes
+from thingc.diff.stated import Changes, above_of
 from thingc.inertia import MassProperties
 from thingc.pose import Pose, rpy_of
 from thingc.source import Span
 
 Farthest = Callable[[str, str], float | None]
 """The largest distance [m] of two surfaces, by the SHA-256 of their meshes; None where they cannot be had."""
+
+Difference = tuple[str, Told, Told]
+"""A field, and what it was and is."""
 
 MADE = ("part", "file", "assembly", "link", "frame", "mirror", "faces", "unit")
 WEIGHED = ("mass.", "com.", "inertia.", "process.", "material")
@@ -56,11 +59,12 @@ class _Following:
         self._outcomes()
 
     def _add(
-        self, what: What, old: str, new: str, field: str, before: Told, after: Told, because: Iterable[str],
-        span: Span | None = None, change: str = "changed",
+        self, what: What, paths: tuple[str, str], difference: Difference, because: Iterable[str], span: Span | None = None,
+        change: How = "changed",
     ) -> None:
+        (old, new), (field, before, after) = paths, difference
         self.changes.add(Change(
-            what=what, change=change, path=old, new_path=new if new != old else None, field=field, old=before, new=after,  # type: ignore[arg-type]
+            what=what, change=change, path=old, new_path=new if new != old else None, field=field, old=before, new=after,
             because=tuple(dict.fromkeys(because)), span=span,
         ))
 
@@ -75,13 +79,14 @@ class _Following:
         one, other = old.shape, new.shape
         if one == other or one is None and other is None:
             return
+        paths = (old.path, new.path)
         because, span = self._made(old, new), other.made if other is not None else None
         if one is None or other is None:
             volume, now = (None if shape is None else shape.volume for shape in (one, other))
-            self._add("geometry", old.path, new.path, "volume", volume, now, because, span)
+            self._add("geometry", paths, ("volume", volume, now), because, span)
             return
         alike = _near(one.inertia, other.inertia) and _near(one.centre, other.centre, _size(one.box))
-        fields: list[tuple[str, Told, Told]] = []
+        fields: list[Difference] = []
         for field, size, now in (("volume", one.volume, other.volume), ("area", one.area, other.area)):
             if not _near(size, now):
                 fields.append((field, size, now))
@@ -90,10 +95,10 @@ class _Following:
         if not fields and not alike:
             fields.append(("centre", one.centre, other.centre))
         distance = self.farthest(one.mesh, other.mesh) if fields and one.mesh is not None and other.mesh is not None else None
-        for field, before, after in fields:
-            self._add("geometry", old.path, new.path, field, before, after, because, span)
+        for difference in fields:
+            self._add("geometry", paths, difference, because, span)
         if distance:
-            self._add("geometry", old.path, new.path, "surface", distance, distance, because or [old.path], span)
+            self._add("geometry", paths, ("surface", distance, distance), because or [old.path], span)
 
     def _mounts(self, old: Leaf, new: Leaf) -> None:
         paths = (old.path, new.path)
@@ -104,14 +109,13 @@ class _Following:
                 continue
             if because is None:
                 because = self._made(old, new) or self.changes.causes("geometry", paths)
-            how = "added" if before is None else "removed" if after is None else "moved"
+            how: How = "added" if before is None else "removed" if after is None else "moved"
             span = new.shape.made if new.shape is not None else None
-            self._add(
-                "mount", f"{old.path}/{name}", f"{new.path}/{name}", "pose", _told(before), _told(after), because, span, change=how,
-            )
+            difference = ("pose", _told(before), _told(after))
+            self._add("mount", (f"{old.path}/{name}", f"{new.path}/{name}"), difference, because, span, how)
 
     def _mass(self, old: Leaf, new: Leaf) -> None:
-        fields: list[tuple[str, Told, Told]] = []
+        fields: list[Difference] = []
         if old.properties is not None and new.properties is not None:
             fields += _masses(old.properties, new.properties, "")
         elif not _near(old.mass, new.mass):
@@ -126,8 +130,8 @@ class _Following:
             **self._made(old, new), **self.changes.causes("component", paths, WEIGHED), **self.changes.causes("geometry", paths),
             **self.changes.causes("material", materials, ("density", "process.")),
         }
-        for field, before, after in fields:
-            self._add("mass", old.path, new.path, field, before, after, because)
+        for difference in fields:
+            self._add("mass", paths, difference, because)
 
     # --- places ------------------------------------------------------------------------------------------------------
 
@@ -145,10 +149,9 @@ class _Following:
                 continue
             place = back @ new.place
             if not _same_pose(old.place, place):
-                self._add(
-                    "component", old.path, new.path, "place", tuple(old.place.translation), tuple(place.translation),
-                    self._mover(new.path) or self.changes.structure(), change="moved",
-                )
+                difference = ("place", tuple(old.place.translation), tuple(place.translation))
+                because = self._mover(new.path) or self.changes.structure()
+                self._add("component", (old.path, new.path), difference, because, change="moved")
 
     def _mover(self, path: str) -> tuple[str, ...]:
         """What moved a part of the new robot: something between it and the base."""
@@ -178,13 +181,13 @@ class _Following:
     def _hung(self, leaf: Leaf) -> dict[str, None]:
         """What was changed where a part hangs: the mate, the joint, the mounts that meet, the parts that have them."""
         ends = [leaf.path, *([leaf.parent] if leaf.parent is not None else [])]
-        above = [path for end in ends for path in _above(end)]
+        above = [path for end in ends for path in above_of(end)]
         causes = self.changes.causes("mate", above) | self.changes.causes_of_mounts(above)
         causes |= self.changes.causes("parameter", ends, ("params.",)) | self.changes.causes("geometry", ends)
         causes |= self.changes.causes("component", ends, MADE)
         if leaf.joint is not None:
             coordinates = [leaf.joint, *(f"{leaf.joint}_{k}" for k in range(6))]
-            causes |= self.changes.causes("joint", coordinates, ("turn", "gap", "offset", "parent", "child", "type"))
+            causes |= self.changes.causes("joint", coordinates, ("turn", "gap", "axis", "offset", "parent", "child", "type"))
         return causes
 
     # --- links and the whole -----------------------------------------------------------------------------------------
@@ -197,18 +200,18 @@ class _Following:
             names = [None if link is None or link.name == frame else link.name for link, frame in ((one, old.path), (other, new.path))]
             if (one is None) != (other is None) or names[0] != names[1]:
                 before, after = (None if link is None else link.name for link in (one, other))
-                self._add("component", old.path, new.path, "link", before, after, self.changes.structure())
+                self._add("component", (old.path, new.path), ("link", before, after), self.changes.structure())
             if one is None or other is None or len(one.members) == len(other.members) == 1:
                 continue
             because: dict[str, None] | None = None
-            for field, before_, after_ in _masses(one.properties, other.properties, "link."):
+            for difference in _masses(one.properties, other.properties, "link."):
                 if because is None:
                     because = self._weighed([*one.members, *other.members]) or self.changes.structure()
-                self._add("mass", one.name, other.name, field, before_, after_, because)
+                self._add("mass", (one.name, other.name), difference, because)
 
     def _weighed(self, paths: Sequence[str]) -> dict[str, None]:
         causes = self.changes.causes("mass", paths)
-        causes |= self.changes.causes("component", [above for path in paths for above in _above(path)], ("place", *MADE))
+        causes |= self.changes.causes("component", [above for path in paths for above in above_of(path)], ("place", *MADE))
         return causes
 
     def _whole(self) -> None:
@@ -217,13 +220,13 @@ class _Following:
         fields = list(_masses(self.old.whole, self.new.whole, "robot."))
         if fields:
             because = self._weighed([*self.old.leaves, *self.new.leaves]) or self.changes.structure()
-            for field, before, after in fields:
-                self._add("mass", "", "", field, before, after, because)
+            for difference in fields:
+                self._add("mass", ("", ""), difference, because)
         one, other = _reach(self.old), _reach(self.new)
         if not _near(one, other):
             moved = self.changes.causes("mount", [f"{path}/{name}" for path, leaf in self.new.leaves.items() for name in leaf.mounts])
             moved |= self.changes.causes("component", [*self.old.leaves, *self.new.leaves], ("place",))
-            self._add("geometry", "", "", "robot.reach", one, other, moved or self.changes.structure())
+            self._add("geometry", ("", ""), ("robot.reach", one, other), moved or self.changes.structure())
 
     def _coordinates(self) -> None:
         """The order in which a mode's model has the coordinates that both robots have."""
@@ -236,7 +239,8 @@ class _Following:
             after = [name for name in self.new.coordinates[there] if name in set(before)]
             if [name for name in before if name in set(after)] != after:
                 because = self.changes.causes("mode", [mode, there], ("root", "cut", "base")) or self.changes.structure()
-                self._add("mode", mode, there, "coordinates", tuple(names), tuple(self.new.coordinates[there]), because)
+                difference = ("coordinates", tuple(names), tuple(self.new.coordinates[there]))
+                self._add("mode", (mode, there), difference, because)
 
     # --- what is made of it ------------------------------------------------------------------------------------------
 
@@ -264,12 +268,12 @@ class _Following:
                     if before != after:
                         because = self._listed(members)
                         causes |= because
-                        self._add("bom", definition, definition, field, before, after, because)
+                        self._add("bom", (definition, definition), (field, before, after), because)
                 if one.number != other.number:
                     renumbered.append((definition, one, other))
         for definition, one, other in renumbered:
             because = self.changes.causes("bom", [*one.members, *other.members], ("bom.number",)) or causes
-            self._add("bom", definition, definition, "number", one.number, other.number, because)
+            self._add("bom", (definition, definition), ("number", one.number, other.number), because)
         self._prints()
 
     def _listed(self, members: Sequence[str]) -> dict[str, None]:
@@ -336,17 +340,18 @@ class _Following:
             new = news.get((there, where)) if there is not None else None
             if new is None or there is None:
                 continue
-            because = self.changes.causes("test", [old.test, there]) | all_
+            paths = (old.test, there)
+            because = self.changes.causes("test", paths) | all_
             at = f" [{new.where}]" if new.where else ""
             if old.passed != new.passed:
-                self._add("test", old.test, there, f"passed{at}", old.passed, new.passed, because)
+                self._add("test", paths, (f"passed{at}", old.passed, new.passed), because)
             for name in {**old.measured, **new.measured}:
                 before, after = old.measured.get(name), new.measured.get(name)
                 if before is None or after is None or not _near(before, after, 1e-2):  # what is below a nanometre, or so, is nothing
-                    self._add("test", old.test, there, f"measured.{name}{at}", before, after, because)
+                    self._add("test", paths, (f"measured.{name}{at}", before, after), because)
 
 
-def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[tuple[str, Told, Told]]:
+def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Difference]:
     """What is another in the mass of a body. What weighs nothing is nowhere."""
     found: list[tuple[str, Told, Told]] = []
     if not _near(old.mass, new.mass):
@@ -403,11 +408,6 @@ def _same_pose(old: Pose, new: Pose) -> bool:
 
 def _told(pose: Pose | None) -> Told:
     return None if pose is None else (tuple(pose.translation), tuple(rpy_of(pose.rotation)))
-
-
-def _above(path: str) -> list[str]:
-    words = path.split("/")
-    return ["/".join(words[:count]) for count in range(len(words), 0, -1)]
 
 
 def _joints(portrait: Portrait) -> list[str]:

@@ -23,7 +23,7 @@ def unpack(values: list[Any]) -> Comparison | BrokenSide:
     kind, name, inner, more = values
     if kind == "broken":
         return BrokenSide(name=name, diagnostics=tuple(unpacked(one) for one in inner), texts=more)
-    return Comparison(name=name, changes=tuple(_back(*one) for one in inner), unknown=tuple(more))
+    return Comparison(name=name, changes=tuple(_back(one) for one in inner), unknown=tuple(more))
 
 
 def _change(change: Change) -> list[Any]:
@@ -35,10 +35,8 @@ def _change(change: Change) -> list[Any]:
     ]
 
 
-def _back(
-    what: Any, how: Any, path: str, new_path: str | None, field: str | None, old: Any, new: Any, because: list[str], reason: str,
-    words: Any, place: Any,
-) -> Change:
+def _back(values: list[Any]) -> Change:
+    what, how, path, new_path, field, old, new, because, reason, words, place = values
     span = None if place is None else Span(file=place[0], line=place[1], column=place[2], end_line=place[3], end_column=place[4])
     return Change(
         what=what, change=how, path=path, new_path=new_path, field=field, old=_tuples(old), new=_tuples(new), because=tuple(because),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.diff.change import What
 from thingc.diff.portrait import ComponentNode, Edge, Fact, Leaf, LinkOf, Named, PartShape, Portrait, Row, StatedThing, TestOutcome, Value
+from thingc.diff.tendons import tendon_facts
 from thingc.diff.written import DocumentTrees
 from thingc.emit import with_pieces
 from thingc.graph.types import Assembly, JointEdge, Mate, Occurrence
@@ -27,14 +28,14 @@ from thingc.resolve.model import (
     Reference,
     StatedValue,
 )
-from thingc.source import Origin, Span
+from thingc.source import Origin, Span, line_of
 
 if TYPE_CHECKING:
     from thingc.pipeline import Compilation
 
 PROCESS = ("kind", "walls", "line_width", "layer", "top", "bottom", "infill", "overlap", "bridge_flow", "estimate")
 LIMITS = ("lower", "upper", "cone", "effort", "velocity")
-DYNAMICS = ("damping", "friction", "armature", "stiffness")
+DYNAMICS = ("damping", "friction", "armature", "stiffness", "rest")
 DRIVE = ("kind", "kp", "kv", "effort", "velocity", "axis")
 BOM = ("number", "supplier", "cost", "make")
 KEYS = {"minimum": "min", "maximum": "max", "base": "from"}
@@ -186,7 +187,8 @@ class _Reader:
             "type": fact(first, "type", first.kind.name),
             "parent": fact(first, "parent", _leaf(definition, prefix, first.parent)),
             "child": fact(first, "child", _leaf(definition, prefix, first.child)),
-            "turn": fact(first, "turn", first.turn), "gap": fact(first, "gap", first.gap), "loop": fact(first, "loop", first.loop),
+            "axis": fact(first, "axis", first.axis), "turn": fact(first, "turn", first.turn), "gap": fact(first, "gap", first.gap),
+            "loop": fact(first, "loop", first.loop),
         }
         if first.twist is not None and first.kind.leads:
             facts["lead"] = fact(first, "lead", first.twist.pitch)
@@ -216,6 +218,7 @@ class _Reader:
         yield "mimic.joint", Named(what="joint", path=prefix + mimic.joint.path) if mimic is not None else None
         yield "mimic.multiplier", mimic.multiplier if mimic is not None else None
         yield "mimic.offset", mimic.offset if mimic is not None else None
+        yield "mimic.polynomial", mimic.polynomial if mimic is not None and mimic.higher else None
 
     # --- the top -------------------------------------------------------------------------------------------------
 
@@ -223,6 +226,8 @@ class _Reader:
         """What only the document of the whole robot says."""
         assembly, definition = self.assembly, self.assembly.definition
         raw = {one.dotted: Fact(value=one.value, span=one.origin[0]) for one in assembly.raw}
+        raw |= tendon_facts(assembly)
+        raw |= {one.dotted: Fact(value=one.text, span=one.origin[0]) for one in assembly.added}
         self._add("component", "", {"name": Fact(value=definition.name), **raw}, span=definition.origin[0] if definition.origin else None)
         for mode in definition.modes:
             if mode.stated:
@@ -461,7 +466,7 @@ def _shape(record: PartRecord | None) -> PartShape | None:
     return PartShape(
         volume=record.volume, area=record.area, centre=record.centre, inertia=record.inertia, box=record.box,
         mesh=None if drawn is None else drawn.sha256,
-        made=None if code is None else Span(file=code[0], line=code[1], column=1, end_line=code[1], end_column=1),
+        made=None if code is None else line_of(code[0], code[1]),
     )
 
 

@@ -196,7 +196,7 @@ class _StatedChanges:
         before, after = set(_named(self.pairing.now(old))), set(_named(new))
         causes: dict[str, None] = {}
         for one in before ^ after:
-            found = self.changes.causes(one.what, _above(one.path))
+            found = self.changes.causes(one.what, above_of(one.path))
             if not found:
                 return ()
             causes |= found
@@ -237,7 +237,7 @@ def _named(value: Value) -> Iterator[Named]:
             yield from _named(one)
 
 
-def _above(path: str) -> list[str]:
+def above_of(path: str) -> list[str]:
     """A path, and those of all assemblies that it is in."""
     words = path.split("/")
     return ["/".join(words[:count]) for count in range(len(words), 0, -1)]

@@ -13,7 +13,7 @@ from thingc.editor import values
 from thingc.editor.values import Schema
 from thingc.frozen import dataclass
 from thingc.load import read_tree
-from thingc.source import MappingNode, Node, ScalarNode
+from thingc.source import MappingNode, Node, text_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,8 +58,8 @@ def symbols_of(tree: MappingNode) -> DocumentSymbols:
     """Of a tree, as far as it makes sense."""
     parameters = tree.entries.get("parameters")
     return DocumentSymbols(
-        kind=_text(tree.entries.get("thingc")).partition("/")[0], name=_text(tree.entries.get("name")),
-        description=" ".join(_text(tree.entries.get("description")).split()),
+        kind=text_of(tree.entries.get("thingc")).strip().partition("/")[0], name=text_of(tree.entries.get("name")).strip(),
+        description=" ".join(text_of(tree.entries.get("description")).split()),
         parameters={name: _parameter(node) for name, node in parameters.entries.items()}
         if isinstance(parameters, MappingNode) else {},
     )
@@ -67,15 +67,9 @@ def symbols_of(tree: MappingNode) -> DocumentSymbols:
 
 def _parameter(node: Node) -> ParameterSymbol:
     if not isinstance(node, MappingNode):
-        return ParameterSymbol(value=_text(node))
-    value, low, high, doc = (_text(node.entries.get(key)) for key in ("value", "min", "max", "doc"))
+        return ParameterSymbol(value=text_of(node).strip())
+    value, low, high, doc = (text_of(node.entries.get(key)).strip() for key in ("value", "min", "max", "doc"))
     return ParameterSymbol(value=value, minimum=low, maximum=high, doc=doc)
-
-
-def _text(node: Node | None) -> str:
-    if not isinstance(node, ScalarNode) or node.value is None:
-        return ""
-    return (node.value if isinstance(node.value, str) else node.text).strip()
 
 
 def parameters_schema(document: str, symbols: DocumentSymbols) -> Schema:

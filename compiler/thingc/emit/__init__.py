@@ -12,9 +12,10 @@ import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code
+from thingc.exports import exported
 from thingc.frozen import dataclass
 from thingc.shown import shortened
 from thingc.typos import did_you_mean
@@ -95,30 +96,10 @@ TARGETS: dict[str, Target] = {
 ALL = "all"
 """The word for every target."""
 
-
-def __getattr__(name: str) -> Any:
-    """What those ask for who write no target."""
-    if name == "versions":
-        from thingc.emit.manifest import versions
-
-        return versions
-    if name == "with_pieces":
-        from thingc.emit.bom import with_pieces
-
-        return with_pieces
-    if name == "model_sources":
-        from thingc.emit.mjcf.target import sources
-
-        return sources
-    if name == "number_text":
-        from thingc.emit.xml import number
-
-        return number
-    if name in ("Page", "page_of", "waiting"):
-        from thingc.emit.html import target
-
-        return getattr(target, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = exported(__name__, {
+    "Page": "html.target", "model_sources": "mjcf.target:sources", "number_text": "xml:number", "page_of": "html.target",
+    "versions": "manifest", "waiting": "html.target", "with_pieces": "bom",
+})
 
 
 def written() -> re.Pattern[str]:

@@ -108,6 +108,8 @@ class OfJoints(TypedDict):
     armature: Plain
     stiffness: Plain
     mimic: Plain
+    polynomial: Plain
+    tendon: Plain
 
 
 class Drives(TypedDict, Generic[By]):
@@ -251,6 +253,9 @@ class _Lost:
                 elif joint.mimic is not None:
                     what = f"that it follows `{joint.mimic.joint.path}`"
                     yield from self(self.says["of_joints"]["mimic"], None, joint.path, what, joint.mimic.origin)
+                    if joint.mimic.higher:
+                        what = f"the polynomial by which it follows `{joint.mimic.joint.path}`"
+                        yield from self(self.says["of_joints"]["polynomial"], None, joint.path, what, joint.mimic.origin)
 
     def of_drive(self, joint: CoreJoint | JointEdge) -> Iterator[Loss]:
         """Of what drives a coordinate, or turns a ball about an axis of its own."""
@@ -322,6 +327,8 @@ class _Lost:
         for magnet in assembly.adhesions:
             origin = assembly.occurrences[magnet.occurrence].origin
             yield from self(links["adhesion"], None, magnet.path, f"its pull of {magnet.force:.6g} N", origin)
+        for tendon in assembly.tendons:
+            yield from self(self.says["of_joints"]["tendon"], None, tendon.path, "this tendon, and what acts along it", tendon.origin)
         for sensor in assembly.sensors:
             yield from self(self.says["sensors"][sensor.kind], None, sensor.path, "this sensor", sensor.origin)
         for pose in assembly.poses:

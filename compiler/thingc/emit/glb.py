@@ -51,7 +51,7 @@ CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
     },
     "of_joints": {
         "cone": BESIDE, "velocity": BESIDE, "damping": BESIDE, "friction": BESIDE, "armature": BESIDE, "stiffness": BESIDE,
-        "mimic": Omits(": its node stays when that one is turned"),
+        "mimic": Omits(": its node stays when that one is turned"), "polynomial": BESIDE, "tendon": BESIDE,
     },
     "drives": {"position": BESIDE, "velocity": BESIDE, "motor": BESIDE, "universal": BESIDE, "ball": BESIDE},
     "loops": {

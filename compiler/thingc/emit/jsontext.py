@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from json.encoder import encode_basestring
 
+from thingc.gaps import Gap
 from thingc.shown import json_text
 
 
@@ -53,4 +54,6 @@ def _text(value: object, newline: str) -> str:
         if _PLAIN.issuperset(map(type, value)) or not any(isinstance(item, (Mapping, list, tuple, Fragment)) for item in value):
             return "[" + ", ".join(texts) + "]"
         return "[" + inner + ("," + inner).join(texts) + newline + "]"
+    if isinstance(value, Gap):
+        return value.word("json")
     return json.dumps(value, ensure_ascii=False, allow_nan=False)

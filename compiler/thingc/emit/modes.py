@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from thingc.emit import jsontext
 from thingc.emit.artifact import Artifacts
 from thingc.emit.jsontext import Fragment, fragment
+from thingc.emit.mjcf import tendons
 from thingc.emit.mjcf.compat import separator
 from thingc.emit.mjcf.lowering import is_ball, lowered, sizes
 from thingc.emit.request import EmitRequest
@@ -25,7 +26,7 @@ from thingc.inertia import MassProperties
 from thingc.joints import Twist
 from thingc.memo import Memo
 from thingc.pose import NO_POSE, Pose
-from thingc.resolve.model import Mimic
+from thingc.resolve.coordinates import Mimic
 from thingc.robot import in_link
 from thingc.robot.types import CoreJoint, Robot
 
@@ -82,6 +83,7 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
         **({"X_world_at": robot.mode.at.rows()} if robot.moves else {}),
         "links": _links(robot, names, memo),
         "joints": _joints(robot, names, memo, separator),
+        **({"tendons": {one.path: one.moves for one in tendons.present(robot)}} if robot.assembly.tendons else {}),
         "holds": {
             closure.path: {
                 "link": names[closure.child], "carries": "force" if closure.kind == "ball" else "force and torque",
@@ -195,4 +197,7 @@ def _loops(robot: Robot, names: list[str]) -> dict[str, object]:
 
 
 def _mimic(mimic: Mimic | None) -> dict[str, object] | None:
-    return None if mimic is None else {"joint": mimic.joint.path, "multiplier": mimic.multiplier, "offset": mimic.offset}
+    if mimic is None:
+        return None
+    higher = {"higher": mimic.higher} if mimic.higher else {}
+    return {"joint": mimic.joint.path, "multiplier": mimic.multiplier, "offset": mimic.offset, **higher}

@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from thingc.brief import Brief
-from thingc.families.exact import content, names
 from thingc.families.results import NoModel
 from thingc.families.union import ModelSource, likeness, united
 from thingc.frozen import dataclass
+from thingc.patching import content, names
 from thingc.variants.in_place import LEADING, NUMBERS, OPTIONS, SHORTCUTS
 
 if TYPE_CHECKING:

@@ -18,30 +18,27 @@ from thingc.plans.rehearsal import NotTraceable, Rehearsal, rehearse
 from thingc.plans.tape import Tape
 from thingc.typos import did_you_mean
 from thingc.variants.measure import Results, UnknownMount, measure
-from thingc.variants.rules import Rule
 
 if TYPE_CHECKING:
     from thingc.pipeline import Compilation
     from thingc.session import Session
+    from thingc.variants.planning import Plan
 
 Item = tuple[Mapping[str, Any], Read]
 
 
 class Evaluation:
-    """Results of one mode, in a pose of it; `reach` are the references of two mounts, `rules` those that are to be kept, `values` what
-    parameters come to with some settings. `verify` as that of `ModelsOfMode`."""
+    """Results of one mode, in the pose, with the reach and judged by the rules of `plan`, if there is one. `verify` as that of
+    `ModelsOfMode`."""
 
-    def __init__(
-        self, session: Session, reader: SettingsReader, mode: str, *, pose: str | None, reach: tuple[str, str] | None,
-        rules: Sequence[Rule], values: Any, verify: int | None,
-    ) -> None:
+    def __init__(self, session: Session, reader: SettingsReader, mode: str, plan: Plan | None, *, verify: int | None) -> None:
         self.session = session
         self.reader = reader
         self.mode = mode
-        self.pose = pose
-        self.reach = reach
-        self.rules = tuple(rules)
-        self.values = values
+        self.pose = plan.pose if plan is not None else None
+        self.reach = plan.reach if plan is not None else None
+        self.rules = tuple(plan.rules) if plan is not None else ()
+        self.values: Any = plan.values if plan is not None else dict
         self.verify = verify
         self.forms: Forms[_Shape] = Forms()
         self._made = 0

@@ -11,12 +11,12 @@ from thingc.api import CompileError
 from thingc.diagnostics import Diagnostic, Report
 from thingc.environment import Options
 from thingc.expressions import Expression, ExpressionError, Found, evaluate
-from thingc.families.arrays import TextTemplate
 from thingc.families.batching import Batches, batched
 from thingc.families.evaluation import Evaluation
 from thingc.families.models import ModelsOfMode
 from thingc.families.results import Evaluated, Explanation, NoModel
 from thingc.families.space import Space, of_axes, of_parameters
+from thingc.families.texts import TextTemplate
 from thingc.pipeline import UnknownChoice
 from thingc.plans.builds import Builds
 from thingc.plans.reading import Read, SettingsReader
@@ -72,6 +72,7 @@ class RobotFamily:
         self.modes: tuple[str, ...] = self._plan.modes if self._plan is not None else tuple(one.name for one in first.assembly.modes)
         self.mode = self.modes[0] if mode is None else self._known(mode)
         self._models: dict[tuple[str, bool, bool], ModelsOfMode] = {}
+        self._builds: dict[tuple[str, ...], Builds] = {}
 
     def __enter__(self) -> RobotFamily:
         return self
@@ -125,18 +126,23 @@ class RobotFamily:
         models, read = self._of(mode, False, floor), [self._read(one) for one in many]
         return batched(models.each(read, share=True), (lambda index: models.source(read[index][1])) if union else None)
 
-    def write(self, settings: Mapping[str, Any] | Variant, folder: str | os.PathLike[str]) -> tuple[Diagnostic, ...]:
+    def write(
+        self, settings: Mapping[str, Any] | Variant, folder: str | os.PathLike[str], *, emit: Sequence[str] = (),
+    ) -> tuple[Diagnostic, ...]:
         """Write what `thingc build` does with these settings into `folder`, byte for byte; all that was said. With errors nothing is
-        written. What comes without a compilation MuJoCo is not asked about, unless it is compared with one. Raises `OutputError` where the
-        system refuses, and `UnexpectedFilesError` for a folder that holds anything but such a build."""
+        written. `emit` are the targets; unless named those of the document of variants, else those of a build. What comes without a
+        compilation (of other targets than `hag`, `glb` and `html`) MuJoCo is not asked about, unless it is compared with one.
+        Raises `UnknownChoice` for a target that is not there, `OutputError` where the system refuses, and `UnexpectedFilesError` for a
+        folder that holds anything but such a build."""
         from thingc.output import write_build
 
         _, read = self._read(settings)
         if read.report is not None:
             return tuple(read.report.ordered())
         own = self._reader.settings(read, self._units)
-        planned = self._builds.planned(own)
-        files, problems = self._builds.passed(own) if planned is None else (planned.files(), planned.problems)
+        builds = self._builds_of(tuple(emit))
+        planned = builds.planned(own)
+        files, problems = builds.passed(own) if planned is None else (planned.files(), planned.problems)
         if files:
             parent, name = os.path.split(os.path.abspath(os.fspath(folder)))
             write_build(parent, name, files, self._session.environment.store, self._sources.documents.root.relative)
@@ -220,22 +226,20 @@ class RobotFamily:
 
     @cached_property
     def _evaluation(self) -> Evaluation:
-        plan = self._plan
-        return Evaluation(
-            self._session, self._reader, self.mode, pose=plan.pose if plan is not None else None,
-            reach=plan.reach if plan is not None else None, rules=plan.rules if plan is not None else (),
-            values=plan.values if plan is not None else dict, verify=self._verify,
-        )
+        return Evaluation(self._session, self._reader, self.mode, self._plan, verify=self._verify)
 
-    @cached_property
-    def _builds(self) -> Builds:
-        from thingc.emit import chosen
+    def _builds_of(self, targets: tuple[str, ...]) -> Builds:
+        from thingc.emit import chosen, unknown
 
         plan = self._plan
-        return Builds(
-            self._session, self._reader, modes=plan.chosen_modes if plan is not None else (), verify=self._verify,
-            targets=plan.emit if plan is not None else chosen(()),
-        )
+        if targets not in self._builds:
+            for _, message, hint in unknown(targets):
+                raise UnknownChoice(message, hint)
+            self._builds[targets] = Builds(
+                self._session, self._reader, modes=plan.chosen_modes if plan is not None else (), verify=self._verify,
+                targets=plan.emit if plan is not None and not targets else chosen(targets),
+            )
+        return self._builds[targets]
 
     @property
     def _spec(self) -> AssemblySpec:

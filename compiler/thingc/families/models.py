@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any
 from thingc import pipeline
 from thingc.diagnostics import Diagnostic, Report
 from thingc.emit import model_sources
-from thingc.families.arrays import TOGETHER, Arrays, TextTemplate
-from thingc.families.exact import differing
-from thingc.families.places import NotInArrays
 from thingc.families.results import NoModel
+from thingc.families.texts import TextTemplate, plain_text
 from thingc.families.union import ModelSource
+from thingc.patching import TOGETHER, Arrays, NotInArrays, differing
 from thingc.plans import recipes
 from thingc.plans.exchange import Exchange
 from thingc.plans.reading import Read, SettingsReader
 from thingc.plans.recipes import Form, Forms, Recipe
 from thingc.plans.rehearsal import Rehearsal, rehearse, written
+from thingc.plans.tape import Traced
 
 if TYPE_CHECKING:
     import mujoco
@@ -101,8 +101,9 @@ class ModelsOfMode:
             assets = self.source(read).assets
             if not slower:
                 try:
-                    arrays = Arrays(rehearsal, assets, self._load)
-                    return arrays.outputs, arrays
+                    tape = rehearsal.tape
+                    arrays = Arrays(rehearsal.made.text, tape.written, plain_text(rehearsal), assets, self._load)
+                    return [Traced(tape, line, tape.values[line]) for line in arrays.lines], arrays
                 except NotInArrays as fault:
                     slower = f"MuJoCo works with `{fault.attribute}` when it compiles"
             template = TextTemplate(rehearsal, slower)

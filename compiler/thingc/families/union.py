@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
-from thingc.families.exact import content, names
 from thingc.frozen import dataclass
+from thingc.patching import content, names
 from thingc.variants.in_place import NUMBERS, OPTIONS, SHORTCUTS
 
 if TYPE_CHECKING:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from thingc.graph.kinematics import balls, coordinates, in_cones, joints_of, leaders, on_loops, poses
+from thingc.graph.kinematics import balls, bent, coordinates, in_cones, joints_of, leaders, on_loops, poses
 from thingc.graph.linking import link
-from thingc.graph.mesh_records import mesh_records
+from thingc.graph.mesh_files import listed_meshes
 from thingc.graph.own_images import with_own_images
 from thingc.graph.prints import likely_slicings, slicings_of
 
 __all__ = [
-    "balls", "coordinates", "in_cones", "joints_of", "leaders", "likely_slicings", "link", "mesh_records", "on_loops", "poses",
+    "balls", "bent", "coordinates", "in_cones", "joints_of", "leaders", "likely_slicings", "link", "listed_meshes", "on_loops", "poses",
     "slicings_of", "with_own_images",
 ]

@@ -10,7 +10,8 @@ from thingc.graph.types import ActuatorModel, JointEdge
 from thingc.graph.unroll import Instance, Tree
 from thingc.joints import Twist
 from thingc.realize.record import ActuatorRecord
-from thingc.resolve.model import CoordinateName, Drive, Joint
+from thingc.resolve.coordinates import CoordinateName
+from thingc.resolve.model import Drive, Joint
 from thingc.source import Origin
 from thingc.typos import did_you_mean
 

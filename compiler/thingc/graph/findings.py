@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from thingc.diagnostics import MAX_FAULTS, Code, Note, Report, Severity
-from thingc.source import Origin, Span
+from thingc.diagnostics import MAX_FAULTS, Code, Note, Report
+from thingc.source import Origin, Span, line_of
+
+_Key = tuple[Code, str, Span | None]
 
 
 class Findings:
@@ -21,7 +23,7 @@ class Findings:
         self.earlier = report.failed
         self.failed = False
         self.incomplete = False
-        self._said: set[tuple[Code, str, Span | None]] = set()
+        self._said: set[_Key] = set()
 
     def error(
         self,
@@ -36,7 +38,10 @@ class Findings:
     ) -> None:
         """Say an error at `origin`, unless the same was said of the same place."""
         self.failed = True
-        self._say(Severity.ERROR, code, message, origin, path, help, notes, detail)
+        key = _key(code, message, origin)
+        if self._may_say(key):
+            self._said.add(key)
+            self.report.add(code, message, origin or None, help=help, path=path, notes=notes, detail=detail)
 
     def warn(
         self,
@@ -49,7 +54,15 @@ class Findings:
         notes: Iterable[Note] = (),
     ) -> bool:
         """Say a warning at `origin`, unless the same was said of the same place. False where it is allowed there."""
-        return self._say(Severity.WARNING, code, message, origin, path, help, notes, None)
+        key = _key(code, message, origin)
+        if key in self._said:
+            self.report.allows(code, origin)  # what allows it at this place is needed, too
+        if not self._may_say(key):
+            return True
+        said = self.report.warn(code, message, origin or None, help=help, path=path, notes=notes)
+        if said:  # where it is allowed, it may still be said of another place that the definition is used at
+            self._said.add(key)
+        return said
 
     def has_said(self, code: Code) -> bool:
         """Whether something of this code was said while linking."""
@@ -59,29 +72,17 @@ class Findings:
         """Note that something could not be linked because what it needs is wrong and has been reported."""
         self.incomplete = True
 
-    def _say(
-        self, severity: Severity, code: Code, message: str, origin: Origin, path: str | None, help: str | None,
-        notes: Iterable[Note], detail: str | None,
-    ) -> bool:
-        key = (code, message, origin[0] if origin else None)
-        if key in self._said and severity is Severity.WARNING:
-            self.report.allows(code, origin)  # what allows it at this place is needed, too
-        if key in self._said or len(self._said) > MAX_FAULTS:
-            return True
-        if len(self._said) == MAX_FAULTS:
+    def _may_say(self, key: _Key) -> bool:
+        """Whether it is new, and not one too many: of that is said, once, that there are more."""
+        if len(self._said) == MAX_FAULTS and key not in self._said:
             self._said.add(key)
-            return self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} faults; the rest is not said", None)
-        said = self.report.add(
-            code, message, origin or None, help=help, path=path, notes=notes, severity=severity, detail=detail,
-        )
-        if said:  # where it is allowed, it may still be said of another place that the definition is used at
-            self._said.add(key)
-        return said
+            self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} faults; the rest is not said", None)
+        return key not in self._said and len(self._said) < MAX_FAULTS
 
 
-def line_of(file: str, line: int) -> Span:
-    """The beginning of a line of a part file, for a note."""
-    return Span(file=file, line=line, column=1, end_line=line, end_column=1)
+def _key(code: Code, message: str, origin: Origin) -> _Key:
+    """What makes two findings the same one."""
+    return code, message, origin[0] if origin else None
 
 
 def noted(message: str, origin: Origin) -> tuple[Note, ...]:

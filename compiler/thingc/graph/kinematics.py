@@ -36,26 +36,35 @@ def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dic
         for follower in reversed(list(chain)):
             mimic = by_path[follower].mimic
             if mimic is not None and follower not in known:
-                known[follower] = mimic.multiplier * known[mimic.joint.path] + mimic.offset
+                known[follower] = mimic.at(known[mimic.joint.path])
     return {path: known[path] for path in by_path}
 
 
-def leaders(joints: Iterable[JointEdge]) -> dict[str, tuple[str, float, float]]:
+def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -> dict[str, tuple[str, float, float]]:
     """Of every joint, by path in the order of `joints`: the one that it follows in the end (itself, where it mimics none), and
-    the multiplier and offset [rad or m] by which, q = offset + multiplier q(leader)."""
+    the multiplier and offset [rad or m] by which, q = offset + multiplier q(leader): of polynomials near `q` (every joint by path, rad or
+    m; None: where the leaders are at 0)."""
     by_path = {joint.path: joint for joint in joints}
+    if q is None:
+        q = coordinates(by_path.values(), {}) if bent(by_path.values()) else dict.fromkeys(by_path, 0.0)
     followed: dict[str, tuple[str, float, float]] = {}
     for path, joint in by_path.items():
         leader, multiplier, offset, mimic = path, 1.0, 0.0, joint.mimic
         met = [path]
         while mimic is not None and mimic.joint.path in by_path and mimic.joint.path not in met:  # circles are faults of the document
-            offset += multiplier * mimic.offset
-            multiplier *= mimic.multiplier
+            slope, start = mimic.tangent(q[mimic.joint.path])
+            offset += multiplier * start
+            multiplier *= slope
             leader = mimic.joint.path
             met.append(leader)
             mimic = by_path[leader].mimic
         followed[path] = leader, multiplier, offset
     return followed
+
+
+def bent(joints: Iterable[JointEdge]) -> bool:
+    """Whether any of them follows another by a polynomial, so that `leaders` depend on q."""
+    return any(joint.mimic is not None and joint.mimic.higher for joint in joints)
 
 
 def across(mate: Mate, q: Mapping[str, float]) -> Pose:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Container, Mapping, Sequence
 
 from thingc.diagnostics import Code, Report
+from thingc.graph.between import links_between
 from thingc.graph.expectations import check_expectations
 from thingc.graph.findings import Findings
 from thingc.graph.kinematics import forward_kinematics, neighbourhood, on_loops
 from thingc.graph.links import connected_components, links_of
 from thingc.graph.listed import Meshes
 from thingc.graph.mates import check_loops, loops_in, mates_of, stated_joints
-from thingc.graph.modes import adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of
+from thingc.graph.modes import added_of, adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of, tendons_of
 from thingc.graph.part_instances import PartInstances
 from thingc.graph.physics import check_links, check_stated
 from thingc.graph.plausible import check_plausible
@@ -52,6 +53,7 @@ def link(
     modes = modes_of(tree, model, link_of, findings)
     sensors = sensors_of(tree)
     adhesions = adhesions_of(tree, model)
+    between = links_between(links, link_of, occurrences, mates, modes, adhesions)
     joints = tuple(joint for mate in mates for joint in mate.joints)
     tests = tests_of(tree, model.tests, joints, findings)
     base = tree.top.index
@@ -60,9 +62,8 @@ def link(
         # Only of whole assemblies: what was left out may be what carries the mass, or what sits on the mount.
         faulty += [index for index, instance in enumerate(tree.leaves) if instance.leaf is not None and not instance.leaf.sound]
         shown = {(mount.occurrence, mount.mount) for mount in exported if "/" not in mount.path}
-        check_links(links, link_of, occurrences, modes, faulty, findings)
+        check_links(links, link_of, occurrences, modes, between, faulty, findings)
         check_expectations(occurrences, mates, laid, shown, findings)
-        check_plausible(tree, occurrences, mates, links, modes, adhesions, exported, findings)
     known = not findings.incomplete or not (findings.earlier or findings.failed or any(loops_in(tree)))
     check_poses(model.poses, model.modes, stated_joints(tree, joints), findings, on_loops(len(occurrences), mates), unset=known)
     lie = tuple((m.parent, m.child, m.X_PJ, m.X_JC, m.loop, tuple((j.twist, j.offset) for j in m.joints)) for m in mates)
@@ -74,11 +75,14 @@ def link(
         return None
     if findings.failed:
         return None
-    return Assembly(
+    assembly = Assembly(
         name=model.name, definition=model, base=base, occurrences=occurrences, mates=mates, links=links,
         link_of=link_of, rest=tuple(at[index] for index in range(len(occurrences))), exported=exported, poses=model.poses,
-        modes=modes, adhesions=adhesions, raw=raw_of(tree), sensors=sensors, tests=tests,
+        modes=modes, adhesions=adhesions, raw=raw_of(tree), added=added_of(tree), tendons=tendons_of(tree), sensors=sensors, tests=tests,
+        between=between,
     )
+    check_plausible(tree, assembly, findings)
+    return assembly
 
 
 def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findings: Findings) -> None:

@@ -2,8 +2,8 @@
 
     X_PC = X_PA @ Rz(turn) @ Tz(gap) @ X_J(q + offset) @ MATE @ inv(X_CB)
 
-(of a joint that is mirrored X_J is between two turns by pi about x), and `at` lays a component's frame plainly:
-`X_PC = X_P,in @ X(xyz, rpy)`.
+(of a joint that is mirrored X_J is between two turns by pi about x; of one with an `axis` Rz, Tz and X_J are about that, and there is no
+MATE), and `at` lays a component's frame plainly: `X_PC = X_P,in @ X(xyz, rpy)`.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from thingc.graph.drives import joint_edge, stated_edge
 from thingc.graph.findings import Findings, noted
 from thingc.graph.types import JointEdge, Link, Mate
 from thingc.graph.unroll import Found, Instance, Tree, unplaced
+from thingc.joints import Twist
 from thingc.memo import Memo
-from thingc.pose import MATE, Pose, shifted, turned_x, turned_z
+from thingc.pose import IDENTITY, MATE, Pose, shifted, turned_x
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Reference
 from thingc.source import Origin
 from thingc.typos import MAX_CIRCLE
@@ -123,11 +124,12 @@ def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[L
 
 
 def _mated(parent: Found, child: Found, said: Attach | Joint, joints: tuple[JointEdge, ...], origin: Origin, path: str) -> Mate:
-    before, after = parent.pose, MATE @ child.pose.inverse()
+    axis = said.axis if isinstance(said, Joint) else None
+    before, after = parent.pose, child.pose.inverse() if axis is not None else MATE @ child.pose.inverse()
     if said.turn != 0.0:
-        before = before @ turned_z(said.turn)
+        before = before @ Twist(angular=axis or IDENTITY[2]).exponential(said.turn)
     if said.gap != 0.0:
-        before = before @ shifted(0.0, 0.0, said.gap)
+        before = before @ (shifted(0.0, 0.0, said.gap) if axis is None else Twist(linear=axis).exponential(said.gap))
     if isinstance(said, Joint) and said.mirrored:
         before, after = before @ UPSIDE_DOWN, UPSIDE_DOWN @ after
     return Mate(

@@ -9,9 +9,21 @@ from dataclasses import replace
 from thingc.diagnostics import Code
 from thingc.graph.findings import Findings, noted
 from thingc.graph.kinematics import balls, coordinates
-from thingc.graph.types import Adhesion, ExportedMount, Foot, JointEdge, LinkedHold, LinkedMode, LinkedSensor, RootChoice
-from thingc.graph.unroll import Tree
-from thingc.resolve.model import AssemblyDefinition, Mode, NamedPose, RawAttribute, Reference
+from thingc.graph.types import (
+    ActuatorModel,
+    Adhesion,
+    ExportedMount,
+    Foot,
+    JointEdge,
+    LinkedHold,
+    LinkedMode,
+    LinkedSensor,
+    LinkedTendon,
+    RootChoice,
+)
+from thingc.graph.unroll import Instance, Tree
+from thingc.resolve.model import AssemblyDefinition, Mode, NamedPose, RawAttribute, RawElement, Reference
+from thingc.resolve.raw_fixed import NAMING
 from thingc.typos import did_you_mean
 
 _ROUNDING = 1e-9
@@ -176,6 +188,36 @@ def raw_of(tree: Tree) -> tuple[RawAttribute, ...]:
                 path = (path[0], instance.within(path[1].replace(".", "/")), *path[2:])
             attributes.append(replace(raw, path=path, origin=raw.origin + instance.origin))
     return tuple(attributes)
+
+
+def added_of(tree: Tree) -> tuple[RawElement, ...]:
+    """What every document adds, with names and references made paths of the robot."""
+
+    def within(instance: Instance, element: RawElement) -> RawElement:
+        attributes = {
+            name: instance.within(value.replace(".", "/")) if name in NAMING else value for name, value in element.attributes.items()
+        }
+        children = tuple(within(instance, child) for child in element.children)
+        return replace(element, attributes=attributes, children=children, origin=element.origin + instance.origin)
+
+    return tuple(within(instance, element) for instance, definition in tree.assemblies for element in definition.added)
+
+
+def tendons_of(tree: Tree) -> tuple[LinkedTendon, ...]:
+    """The tendons of every document, at their paths."""
+    tendons: list[LinkedTendon] = []
+    for instance, definition in tree.assemblies:
+        for one in definition.tendons:
+            drive = one.drive
+            tendons.append(LinkedTendon(
+                path=instance.within(one.name), moves={instance.within(name.path): factor for name, factor in one.moves}, turns=one.turns,
+                limit=one.limit, dynamics=one.dynamics, origin=one.origin + instance.origin,
+                actuator=None if drive is None else ActuatorModel(
+                    kind=drive.kind or "motor", kp=drive.kp, kv=drive.kv, effort=drive.effort, velocity=drive.velocity,
+                    origin=drive.origin + instance.origin,
+                ),
+            ))
+    return tuple(tendons)
 
 
 def check_poses(

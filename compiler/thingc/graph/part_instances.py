@@ -9,7 +9,7 @@ from typing import cast
 from thingc.brief import counted
 from thingc.diagnostics import Code, Note, allow_hint
 from thingc.frozen import dataclass
-from thingc.graph.findings import Findings, line_of, noted, written_at
+from thingc.graph.findings import Findings, noted, written_at
 from thingc.graph.hag import FRAME, Definition
 from thingc.graph.listed import Meshes, Unweighed, listed, weigh_shapes
 from thingc.graph.mass import (
@@ -34,7 +34,7 @@ from thingc.realize.slices import Unsliced
 from thingc.resolve.link_definition import LinkDefinition, mesh_files_of
 from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Material, Process
 from thingc.resolve.plausible import density_cure, density_doubt, mass_doubt, mass_words, said_by_file
-from thingc.source import Origin
+from thingc.source import Origin, line_of
 from thingc.typos import did_you_mean, nearest
 
 _WRITE_WHERE = "let it write nothing, or into `tempfile.gettempdir()`, which is its own and goes with it"
@@ -281,12 +281,7 @@ class PartInstances:
         if isinstance(component.definition, LinkDefinition):
             return self._weigh_link(component, component.definition, material, path, origin)
         process = process_of(component, material)
-        density: Density | None = None
-        if record is not None and record.density is not None:
-            density = Density(value=float(record.density.value), estimated=record.density.source == "estimated")  # type: ignore[arg-type]
-        elif material is not None and material.density is not None:
-            density = Density(value=material.density)
-        weighed = weigh(record, density, process, overrides)
+        weighed = weigh(record, _density(record, material), process, overrides)
         if record is not None and record.exact and weighed is not None:
             self._doubt(component, record, material, weighed, path, origin)
         needs_density = record is not None and record.volume > 0.0 and record.mass is None and overrides.mass is None
@@ -475,6 +470,13 @@ def _bom(component: Component, record: PartRecord | None) -> BomEntry:
     thing = BomEntry(**{key: value for key, value in record.bom.items() if key in names})
     stated = {name: value for name in names if (value := getattr(component.bom, name)) is not None}
     return replace(thing, **stated)
+
+
+def _density(record: PartRecord | None, material: Material | None) -> Density | None:
+    """What the Thing says, else its material."""
+    if record is not None and record.density is not None:
+        return Density(value=float(cast("float", record.density.value)), estimated=record.density.source == "estimated")
+    return Density(value=material.density) if material is not None and material.density is not None else None
 
 
 def _line(warning: PartWarning) -> str:

@@ -46,11 +46,12 @@ def check_stated(
 
 def check_links(
     links: Sequence[Link], link_of: Sequence[int], occurrences: Sequence[Occurrence], modes: Sequence[LinkedMode],
-    faulty: Collection[int], findings: Findings,
+    between: Collection[int], faulty: Collection[int], findings: Findings,
 ) -> None:
     """One error per link that moves in some mode and cannot.
 
-    A link moves in a mode unless it is that mode's root and the base is `fixed` or `held`. Links with an occurrence
+    A link moves in a mode unless it is that mode's root and the base is `fixed` or `held`. Those `between` two joints, which are several
+    joints of the link behind them, have to weigh something where they are the root alone. Links with an occurrence
     of `faulty` (its mass is wrong, and that has been reported) are left out; of links that the same line of a document
     made (a definition used several times), the first is named.
     """
@@ -61,7 +62,10 @@ def check_links(
     for link in links:
         if link.index in skip or common == {link.index} or not modes or not said.isdisjoint(link.origin[:1]):
             continue
-        mode = next(mode.name for mode, held in zip(modes, still) if held != link.index)
+        moving = (mode for mode, held in zip(modes, still) if held != link.index)
+        mode = next((one.name for one in moving if link.index not in between or link_of[one.root.occurrence] == link.index), None)
+        if mode is None:
+            continue
         mass, moments = link.properties.mass, principal_moments(link.properties.inertia)
         fault = moments_fault(*moments) if mass > 0.0 else None
         light = _light(mass, moments[0])
@@ -80,7 +84,8 @@ def check_links(
             findings.error(
                 Code.MASSLESS, f"link `{link.name}` moves in mode `{mode}` and has no mass ({named})", link.origin,
                 path=link.name,
-                help="give one of its components `mass:` (and `inertia:` where it has no geometry), or attach it to another link",
+                help="give one of its components `mass:` (and `inertia:` where it has no geometry), or attach it to another link; "
+                "without a mass it may only join two joints",
             )
         else:
             findings.error(

@@ -15,7 +15,7 @@ from thingc.graph.findings import Findings, noted, written_at
 from thingc.graph.part_instances import doubted
 from thingc.graph.plausible_modes import check_modes
 from thingc.graph.plausible_processes import check_processes
-from thingc.graph.types import Adhesion, ExportedMount, JointEdge, Link, LinkedMode, Mate, Occurrence
+from thingc.graph.types import Assembly, JointEdge, Link, LinkedMode, Mate, Occurrence
 from thingc.graph.unroll import Instance, Tree
 from thingc.pose import Pose, Vector
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Joint, StatedValue
@@ -50,13 +50,11 @@ BURDEN = 10.0
 _PLAIN = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?) *([A-Za-z]+)", re.IGNORECASE)
 
 
-def check_plausible(
-    tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], links: Sequence[Link], modes: Sequence[LinkedMode],
-    magnets: Sequence[Adhesion], exported: Sequence[ExportedMount], findings: Findings,
-) -> None:
+def check_plausible(tree: Tree, assembly: Assembly, findings: Findings) -> None:
     """Every such warning about a whole assembly, of documents without errors."""
-    if findings.earlier or findings.failed:
+    if findings.earlier:
         return
+    occurrences, mates, links, modes = assembly.occurrences, assembly.mates, assembly.links, assembly.modes
     edges = {joint.path: joint for mate in mates for joint in mate.joints}
     for instance, definition in tree.assemblies:
         for joint in definition.joints:
@@ -68,10 +66,10 @@ def check_plausible(
     odd = _check_sizes(occurrences, findings)
     if not odd and not findings.has_said(Code.DENSITY) and any(mate.joints for mate in mates):
         _check_mass(tree.top, sum(link.properties.mass for link in links), findings)
-    _check_actuators(tree, occurrences, mates, {mount.occurrence for mount in exported if "/" not in mount.path}, findings)
+    _check_actuators(tree, occurrences, mates, {mount.occurrence for mount in assembly.exported if "/" not in mount.path}, findings)
     _check_mounts(tree, mates, findings)
     if tree.top.assembly is not None:
-        check_modes(tree.top.assembly, modes, magnets, sum(link.properties.mass for link in links), findings)
+        check_modes(tree.top.assembly, modes, assembly.adhesions, sum(link.properties.mass for link in links), findings)
     sizes = {one.index: math.dist(*one.box) for one in occurrences if one.box is not None}
     if sizes and all(one.record is None or one.record.exact for one in occurrences):
         largest = max(sizes, key=lambda index: sizes[index])

@@ -7,9 +7,10 @@ from typing import Any
 
 from thingc.diagnostics import Code, Note, Report
 from thingc.frozen import dataclass
-from thingc.graph.findings import line_of, written_at
+from thingc.graph.findings import written_at
 from thingc.graph.types import Assembly
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, Stated
+from thingc.source import line_of
 
 OTHER_SEED = 1
 """The hash seed of the second time. It is fixed, so that a part that differs does so in every run."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import field
 
 from thingc.brief import Brief
@@ -13,19 +14,17 @@ from thingc.joints.bases import BaseType
 from thingc.pose import NO_POSE, Pose, Vector
 from thingc.primitives import Primitive
 from thingc.realize.record import DriveType, Mesh, PartRecord
+from thingc.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
 from thingc.resolve.model import (
     AssemblyDefinition,
     BomEntry,
     Component,
-    CoordinateName,
     Cut,
-    Dynamics,
-    Limit,
     Material,
-    Mimic,
     NamedPose,
     Overrides,
     RawAttribute,
+    RawElement,
     Reference,
     SensorType,
     Test,
@@ -272,6 +271,24 @@ class LinkedSensor(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LinkedTendon(Brief):
+    """A tendon at its path (`hand/grip`): `moves` by joint path how much longer it gets per unit of q, `turns` whether its length is an
+    angle [rad], else it is [m]."""
+
+    path: str
+    moves: dict[str, float]
+    turns: bool
+    limit: Limit
+    dynamics: Dynamics
+    actuator: ActuatorModel | None
+    origin: Origin
+
+    def length(self, q: Mapping[str, float]) -> float:
+        """How long it is at `q` (every joint by path, rad or m)."""
+        return sum(factor * q[path] for path, factor in self.moves.items())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LinkedMode(Brief):
     """A mode of the top document with its references worked out; `exclude` are pairs of link indices, `adhesion` by path.
 
@@ -322,7 +339,8 @@ class Assembly(Brief):
 
     `base` is the occurrence whose frame is the assembly's; `rest[i]` the pose of occurrence i in it at q = 0;
     `link_of[i]` the link of occurrence i. `mates` without those that close loops has one edge fewer than there are occurrences.
-    `raw` has nested documents' joint and body names already prefixed with their path.
+    `raw` has nested documents' joint and body names already prefixed with their path. `between` are the links (by index) that only join
+    two joints of another one: they weigh nothing, and show nothing.
     """
 
     name: str
@@ -338,8 +356,11 @@ class Assembly(Brief):
     modes: tuple[LinkedMode, ...]
     adhesions: tuple[Adhesion, ...]
     raw: tuple[RawAttribute, ...]
+    added: tuple[RawElement, ...] = ()
+    tendons: tuple[LinkedTendon, ...] = ()
     sensors: tuple[LinkedSensor, ...] = ()
     tests: tuple[LinkedTest, ...] = ()
+    between: frozenset[int] = frozenset()
 
     @property
     def hag(self) -> Hag:

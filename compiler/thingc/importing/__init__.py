@@ -3,5 +3,6 @@
 from __future__ import annotations
 
 from thingc.importing.importing import Imported, import_robot
+from thingc.importing.updating import Earlier, Update, earlier_import, put, update
 
-__all__ = ["Imported", "import_robot"]
+__all__ = ["Earlier", "Imported", "Update", "earlier_import", "import_robot", "put", "update"]

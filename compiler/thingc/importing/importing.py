@@ -5,49 +5,56 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from thingc.diagnostics import Code, Report
 from thingc.frozen import dataclass
 from thingc.importing.document import Draft, document_of
+from thingc.importing.expanding import expanded
 from thingc.importing.inertias import Repair, Repaired, repaired, warn_of_mirror_pairs
-from thingc.importing.meshes import gathered
+from thingc.importing.meshes import gathered, matter_of, warn_of_units
+from thingc.importing.mjcf import read_mjcf
 from thingc.importing.model import SourceLoss, SourceRobot
+from thingc.importing.naming import plain_name
 from thingc.importing.packages import Packages
+from thingc.importing.sdf import read_sdf
+from thingc.importing.updating import RECORD, Earlier
 from thingc.importing.urdf import read_urdf
-from thingc.importing.xml_source import MOST_BYTES
+from thingc.importing.xml_source import MOST_BYTES, read_xml
 from thingc.inertia import MassProperties
 from thingc.typos import did_you_mean
 
-READERS = {".urdf": read_urdf}
-RECORD = "import.json"
+ENDINGS = (".urdf", ".xml", ".sdf", ".xacro")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Imported:
-    """A robot that was read, and the `files` of its workspace by their path in it."""
+    """A robot that was read, and the `files` of its workspace by their path in it; `document` is one of them. `earlier` is what an import
+    wrote before."""
 
     name: str
+    document: str
     robot: SourceRobot
     files: Mapping[str, bytes]
     losses: tuple[SourceLoss, ...]
     renamed: Mapping[str, str]
     repaired: tuple[Repaired, ...]
+    earlier: Earlier | None = None
 
 
 def import_robot(
     path: str, report: Report, *, roots: Sequence[str] = (), repair: Repair | None = None, packages: Mapping[str, str] | None = None,
-    meshes: bool = True,
+    arguments: Mapping[str, str] | None = None, meshes: bool = True, earlier: Callable[[str], Earlier | None] = lambda _: None,
+    update: bool = False,
 ) -> Imported | None:
     """Read the file at `path`, and write down what it says; `roots` are links of it, each of which gets a mode, and `repair` says what to
-    do about links that cannot move. `packages` are folders of packages by name; without `meshes` these are left out. None where it cannot
-    be, which has been reported."""
-    reader = READERS.get(os.path.splitext(path)[1].lower())
-    if reader is None:
-        known = ", ".join(f"`{one}`" for one in READERS)
-        help = f"`xacro {path} > robot.urdf` makes one of it" if path.endswith(".xacro") else None
-        report.add(Code.COMMAND_LINE, f"`{os.path.basename(path)}` is of no kind that is read: {known}", None, help=help)
+    do about links that cannot move. `packages` are folders of packages by name, `arguments` those of a xacro file; without `meshes` these
+    are left out. `earlier` finds what an import of a robot of that name wrote before: its names stay, and for an `update` what was asked
+    for holds again. None where it cannot be, which has been reported."""
+    if not path.lower().endswith(ENDINGS):
+        known = ", ".join(f"`{one}`" for one in ENDINGS)
+        report.add(Code.COMMAND_LINE, f"`{os.path.basename(path)}` is of no kind that is read: {known}", None)
         return None
     try:
         with open(path, "rb") as stream:
@@ -56,43 +63,76 @@ def import_robot(
         report.add(Code.COMMAND_LINE, f"cannot read `{path}`: {(fault.strerror or str(fault)).lower()}", None)
         return None
     path = os.path.abspath(path)
-    robot = reader(path, data, report)
+    places = Packages(path, packages or {}, os.environ)
+    robot = _read(path, data, arguments or {}, places, report)
     if robot is None:
         return None
+    before = earlier(plain_name(robot.name, "robot"))
     links = [link.name for link in robot.links]
     for name in roots:
         if name not in links:
             report.add(Code.COMMAND_LINE, f"--root {name}: there is no such link", None, help=did_you_mean(name, links, what="links"))
+    if update and before is not None:
+        roots, repair = [*(name for name in before.roots if name in links), *roots], repair or before.repair
+        meshes = meshes and before.with_meshes
+    elif update:
+        report.add(
+            Code.COMMAND_LINE, "--update: there is no import in that folder, or its `import.json` is not as it was written", None,
+            help="name the folder with -o, or import without --update",
+        )
     if report.failed:
         return None
-    robot, mended = repaired(robot, roots, repair, report)
+    roots = list(dict.fromkeys(roots))
+    places = Packages(path, packages or {}, os.environ, robot.mesh_folder)
+    robot, mended = repaired(robot, roots, repair, report, matter_of(places)) if meshes else repaired(robot, roots, repair, report)
     if report.failed:
         return None
     warn_of_mirror_pairs(robot, report)
-    found, files, left_out = gathered(robot, Packages(path, packages or {}, os.environ) if meshes else None, report)
+    found, files, left_out = gathered(robot, places if meshes else None, report)
+    warn_of_units(robot, files, found, report)
     if report.failed:
         return None
-    written = document_of(robot, list(dict.fromkeys(roots)), os.path.basename(path), {one.link.name: one.how for one in mended}, found)
+    written = document_of(robot, roots, os.path.basename(path), {one.link.name: one.how for one in mended}, found, before)
     written = replace(written, losses=(*written.losses, *left_out))
-    record = _record(robot, written, mended, path, data, files)
+    document = f"{written.name}.yaml" if before is None else before.document
+    asked = {"roots": roots, "repair": repair, "meshes": meshes}
+    record = _record(robot, written, document, asked, mended, path, data, files)
     renamed = {name: word for names in (written.links, written.frames, written.joints) for name, word in names.items() if name != word}
     return Imported(
-        name=written.name, robot=robot, files={f"{written.name}.yaml": written.text.encode(), RECORD: record, **files},
-        losses=written.losses, renamed=renamed, repaired=mended,
+        name=written.name, document=document, robot=robot, files={**files, document: written.text.encode(), RECORD: record},
+        losses=written.losses, renamed=renamed, repaired=mended, earlier=before,
     )
 
 
-def _record(robot: SourceRobot, written: Draft, mended: Sequence[Repaired], path: str, data: bytes, files: Mapping[str, bytes]) -> bytes:
-    """`import.json`: what was read, what everything is called now, and what is not in the document, with its line in the source."""
+def _read(path: str, data: bytes, arguments: Mapping[str, str], packages: Packages, report: Report) -> SourceRobot | None:
+    """What a file says, by what is in it: `.xml` is MJCF, or URDF."""
+    if path.lower().endswith(".xacro"):
+        made = expanded(path, arguments, packages.given, report)
+        return None if made is None else read_urdf(path, made[0], report, files=made[1])
+    if path.lower().endswith(".xml"):
+        root = read_xml(path, data, report)
+        if root is None or root.tag == "mujoco":
+            return None if root is None else read_mjcf(root, packages, report)
+    if path.lower().endswith(".sdf"):
+        return read_sdf(path, data, report)
+    return read_urdf(path, data, report)
+
+
+def _record(
+    robot: SourceRobot, written: Draft, document: str, asked: Mapping[str, object], mended: Sequence[Repaired], path: str, data: bytes,
+    files: Mapping[str, bytes],
+) -> bytes:
+    """`import.json`: what was read, what everything is called now, and what is not in the document, with its line in the source; and the
+    document as it is written, with which the next import compares it."""
     losses = [
         {"what": one.what, "why": one.why, "file": os.path.basename(one.where.file), "line": one.where.line} for one in written.losses
     ]
-    document = {
+    said = {
         "import": 1,
         "source": {"file": os.path.basename(path), "sha256": hashlib.sha256(data).hexdigest(), "robot": robot.name},
-        "document": {"file": f"{written.name}.yaml", "sha256": hashlib.sha256(written.text.encode()).hexdigest()},
+        "asked": asked,
         "meshes": {name: hashlib.sha256(content).hexdigest() for name, content in files.items()},
-        "names": {"links": written.links, "frames": written.frames, "joints": written.joints},
+        "names": {"links": written.links, "frames": written.frames, "joints": written.joints, **written.others},
         "repaired": [
             {
                 "link": one.link.name, "how": one.how, "old": _weight(one.link.weight.properties if one.link.weight is not None else None),
@@ -101,8 +141,11 @@ def _record(robot: SourceRobot, written: Draft, mended: Sequence[Repaired], path
             for one in mended
         ],
         "losses": losses,
+        "document": {
+            "file": document, "sha256": hashlib.sha256(written.text.encode()).hexdigest(), "lines": written.text.splitlines(),
+        },
     }
-    return (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode()
+    return (json.dumps(said, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 def _weight(of: MassProperties | None) -> dict[str, object] | None:

@@ -11,13 +11,13 @@ Physically-Consistent Inertial Parameter Identification", 2018, equation 17).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal
 
 from thingc.diagnostics import Code, Note, Report
 from thingc.frozen import dataclass
-from thingc.importing.model import SourceLink, SourceRobot, SourceShape, Weight
+from thingc.importing.model import Hanging, SourceLink, SourceRobot, SourceShape, Weight
 from thingc.inertia import (
     LEAST_MASS,
     LEAST_MOMENT,
@@ -29,8 +29,11 @@ from thingc.inertia import (
     total,
 )
 from thingc.pose import NO_POSE, Matrix, Pose, multiply, transpose
+from thingc.primitives import Primitive
 
 Repair = Literal["nearest", "shapes"]
+Matter = Callable[[SourceShape], MassProperties | None]
+"""Of the shape of a mesh, what it holds at density 1, in its own frame; None where its surface is open, or the mesh cannot be read."""
 LEAST = 1e-6
 """Mass [kg] that is given to what weighs nothing, and the square [m^2] of the least radius of gyration: 1 mm."""
 
@@ -44,21 +47,24 @@ class Repaired:
     how: Repair
 
 
-def repaired(robot: SourceRobot, roots: Sequence[str], how: Repair | None, report: Report) -> tuple[SourceRobot, tuple[Repaired, ...]]:
+def repaired(
+    robot: SourceRobot, roots: Sequence[str], how: Repair | None, report: Report, matter: Matter = lambda _: None,
+) -> tuple[SourceRobot, tuple[Repaired, ...]]:
     """The robot with every link that moves as a solid can, in the mode `source` and rooted at each of `roots`; what could not be, or was
-    not asked for, is reported at its line."""
+    not asked for, is reported at its line. `matter` is what a mesh holds."""
+    between = _between(robot)
     bodies, done = _bodies(robot), dict[str, Repaired]()
     head = {link.name: body for body, members in bodies.items() for link, _ in members}
     still = {None if robot.base == "free" else robot.root, *(head[name] for name in roots)}
     for body, members in bodies.items():
-        if still == {body}:
+        if still == {body} or body in between:
             continue
         fault = _fault(members)
         if fault is None:
             continue
         worst = [link for link, _ in members if link.weight is not None and physical_fault(link.weight.properties.inertia) is not None]
         worst = worst or [members[0][0]]
-        changed = [one for link in worst if (one := _mended(link, how)) is not None]
+        changed = [one for link in worst if (one := _mended(link, how, matter)) is not None]
         new = {one.link.name: _with(one) for one in changed}
         if how is not None and _fault([(new.get(link.name, link), pose) for link, pose in members]) is None:
             done.update((one.link.name, one) for one in changed)
@@ -88,6 +94,18 @@ def _bodies(robot: SourceRobot) -> Mapping[str, list[tuple[SourceLink, Pose]]]:
     return bodies
 
 
+def _between(robot: SourceRobot) -> set[str]:
+    """Links that stand between two joints and are nothing else: with those, what is behind them hangs by several."""
+    links = {link.name: link for link in robot.links}
+    below: dict[str, list[Hanging]] = {}
+    for one in robot.hangings:
+        below.setdefault(one.parent, []).append(one)
+    return {
+        one.child for one in robot.hangings
+        if one.joints and links[one.child].is_bare and [bool(other.joints) for other in below.get(one.child, ())] == [True]
+    }
+
+
 def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
     """Why a body cannot move, in words."""
     whole = total([link.weight.properties.seen_from(pose) for link, pose in members if link.weight is not None])
@@ -107,7 +125,7 @@ def _refuse(body: str, worst: Sequence[SourceLink], members: Sequence[SourceLink
     where = first.where if first.weight is None else first.weight.where
     help = "mend it, or have it repaired: `--repair inertia=nearest` (the nearest that a solid has), or `inertia=shapes`"
     if how == "shapes":
-        help = "there are no shapes that could say it: `--repair inertia=nearest`"
+        help = "there are no shapes, closed ones, that could say it: `--repair inertia=nearest`"
     notes = [
         Note(message=f"`{link.name}` is fixed to it{', and has none that a solid has either' if link in worst else ''}", span=link.where)
         for link in members if link is not first and link.weight is not None
@@ -120,13 +138,13 @@ def _with(one: Repaired) -> SourceLink:
     return replace(one.link, weight=Weight(properties=one.new, where=where))
 
 
-def _mended(link: SourceLink, how: Repair | None) -> Repaired | None:
+def _mended(link: SourceLink, how: Repair | None, matter: Matter) -> Repaired | None:
     """A link that a solid of its mass can be; None where nothing says how."""
     old = MassProperties(mass=0.0) if link.weight is None else link.weight.properties
     if how is None:
         return None
     if how == "shapes":
-        solid = _solid(link.shapes)
+        solid = _solid(link.shapes, matter)
         return None if solid is None or old.mass <= 0.0 else Repaired(link=link, new=solid.with_mass(old.mass), how=how)
     mass = old.mass if old.mass > LEAST_MASS else LEAST
     return Repaired(link=link, new=replace(old, mass=mass, inertia=nearest(old.inertia, mass)), how=how)
@@ -142,27 +160,30 @@ def nearest(inertia: Matrix, mass: float) -> Matrix:
     return multiply(multiply(axes, ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))), transpose(axes))
 
 
-def _solid(shapes: Sequence[SourceShape]) -> MassProperties | None:
+def _solid(shapes: Sequence[SourceShape], matter: Matter) -> MassProperties | None:
     """Of shapes of density 1, those that touch if there are any; None without shapes whose volume is known."""
     chosen = [shape for shape in shapes if shape.use == "collision"] or list(shapes)
-    bodies = [_volume(shape) for shape in chosen if shape.kind != "mesh"]
+    bodies = [one for shape in chosen if (one := _volume(shape) if shape.kind != "mesh" else _held(shape, matter)) is not None]
     return total(bodies) if bodies and len(bodies) == len(chosen) else None
+
+
+def _held(shape: SourceShape, matter: Matter) -> MassProperties | None:
+    """What a mesh holds, in the frame of its link."""
+    found = matter(shape)
+    return None if found is None else found.seen_from(shape.pose)
 
 
 def _volume(shape: SourceShape) -> MassProperties:
     """A primitive of density 1, in the frame of its link."""
+    assert shape.kind != "mesh"
     match shape.kind:
-        case "box":
-            x, y, z = shape.size if len(shape.size) == 3 else (0.0, 0.0, 0.0)
-            mass, squares = x * y * z, (x * x / 12.0, y * y / 12.0, z * z / 12.0)
-        case "sphere":
-            r = shape.size[0]
-            mass, squares = 4.0 / 3.0 * math.pi * r**3, (r * r / 5.0, r * r / 5.0, r * r / 5.0)
+        case "sphere" | "ellipsoid":
+            size: tuple[float, ...] = shape.size
+        case "cylinder" | "capsule":
+            size = (shape.size[0], shape.size[-1] / 2.0)
         case _:
-            r, h = shape.size[0], shape.size[-1]
-            mass, squares = math.pi * r * r * h, (r * r / 4.0, r * r / 4.0, h * h / 12.0)
-    a, b, c = (mass * (sum(squares) - one) for one in squares)
-    return MassProperties(mass=mass, inertia=((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))).seen_from(shape.pose)
+            size = tuple(one / 2.0 for one in shape.size)
+    return Primitive(shape=shape.kind, size=size, pose=shape.pose).matter
 
 
 _MIRRORED = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"))

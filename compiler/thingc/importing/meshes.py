@@ -2,17 +2,71 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import math
 import os
-from collections.abc import Mapping
+import re
+import struct
+from collections.abc import Callable, Mapping
 
 from thingc.diagnostics import Code, Report
-from thingc.importing.model import SourceLoss, SourceRobot
+from thingc.importing.model import SourceLoss, SourceRobot, SourceShape
 from thingc.importing.naming import distinct
 from thingc.importing.packages import NotFound, Packages
+from thingc.inertia import MassProperties
 
 READ = (".stl", ".obj", ".dae", ".ply", ".glb", ".gltf")
 FOLDER = "meshes"
+SUSPECT, LARGE = 100.0, 5.0
+"""How many times further than its joints a mesh may reach, and how far [m] in any case."""
+SAMPLE = 1000
+"""Triangles that are looked at for that."""
+
+
+def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | None]:
+    """What meshes hold at density 1, in their own frames [m], by their shapes; None of those that are open, or cannot be read. What is read
+    is in the store then, where the first build finds it."""
+
+    def matter(shape: SourceShape) -> MassProperties | None:
+        from thingc.meshes import BadMesh, measured, mesh_file
+        from thingc.realize.store.shared import opened
+
+        try:
+            path, (x, y, z) = packages.find(shape.mesh or ""), shape.size if len(shape.size) == 3 else (1.0, 1.0, 1.0)
+            record = measured(mesh_file(path, f"{FOLDER}/{os.path.basename(path)}", (x, y, z)), opened(None))
+        except (NotFound, OSError, BadMesh):
+            return None
+        return None if record is None else record.matter
+
+    return matter
+
+
+def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping[str, str], report: Report) -> None:
+    """A warning for the first mesh that is so much larger than every step from a joint to the next that its numbers will be millimetres.
+    `files` are the meshes by their paths, and `paths` these by what the source calls them."""
+    reach = max((math.dist(one.pose.translation, (0.0, 0.0, 0.0)) for one in robot.hangings), default=0.0)
+    for shape in (shape for link in robot.links for shape in link.shapes if shape.mesh in paths):
+        size = _corner(files.get(paths[shape.mesh or ""], b""), paths[shape.mesh or ""]) * max(map(abs, shape.size))
+        if size > LARGE and size > SUSPECT * reach > 0.0:
+            report.warn(
+                Code.SOURCE_DOUBT, f"`{shape.mesh}` reaches {size:.3g} m, and no joint is more than {reach:.3g} m from the one before it",
+                shape.where, help='its numbers are probably millimetres: write scale="0.001 0.001 0.001"',
+            )
+            return
+
+
+def _corner(data: bytes, path: str) -> float:
+    """The largest coordinate of the first corners of an STL or OBJ file; 0 of others."""
+    numbers: list[float] = []
+    if path.endswith(".stl") and not data[:SAMPLE].lstrip().startswith(b"solid"):
+        whole = (len(data) - 84) // 50
+        numbers = [abs(one) for k in range(min(whole, SAMPLE)) for one in struct.unpack_from("<9f", data, 84 + 50 * k + 12)]
+    elif path.endswith((".stl", ".obj")):
+        found = re.findall(rb"^\s*(?:v|vertex)\s+(\S+)\s+(\S+)\s+(\S+)", data[: 100 * SAMPLE], re.MULTILINE)
+        with contextlib.suppress(ValueError):
+            numbers = [abs(float(one)) for corner in found for one in corner]
+    return max((one for one in numbers if math.isfinite(one)), default=0.0)
 
 
 def gathered(robot: SourceRobot, packages: Packages | None, report: Report) -> tuple[Mapping[str, str], dict[str, bytes], list[SourceLoss]]:
@@ -25,6 +79,9 @@ def gathered(robot: SourceRobot, packages: Packages | None, report: Report) -> t
     first_places = dict(reversed(named))
     for uri in dict.fromkeys(uri for uri, _ in named):
         shape = first_places[uri]
+        if uri in robot.files:
+            contents[uri] = robot.files[uri]
+            continue
         try:
             if os.path.splitext(uri)[1].lower() not in READ:
                 raise NotFound(f"`{uri}` is no mesh that is read: {', '.join(f'`{one}`' for one in READ)}", "`--no-meshes` leaves it out")

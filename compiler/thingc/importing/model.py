@@ -6,16 +6,22 @@ fixed (URDF has at most one, MJCF several). Defaults of the format are resolved,
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import field, replace
 from typing import Literal
 
 from thingc.brief import Brief
 from thingc.frozen import dataclass
 from thingc.inertia import MassProperties
-from thingc.pose import NO_POSE, Pose, Vector
+from thingc.pose import NO_POSE, Pose, Quaternion, Vector, rotate
 from thingc.source import Span
 
-Kind = Literal["revolute", "continuous", "prismatic", "planar"]
-SourceBase = Literal["fixed", "free"]
+Kind = Literal["revolute", "continuous", "prismatic", "planar", "ball"]
+SourceBase = Literal["fixed", "free", "held"]
+ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "ellipsoid", "plane", "mesh"]
+Sizes = Vector | tuple[float, float] | tuple[float]
+Raw = tuple[tuple[str, str], ...]
+"""Attributes that a simulator of the source has and the language has not, with their values as they are written for it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,18 +34,30 @@ class Weight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceShape:
-    """What is drawn, or touches: `size` as its kind has it [m] (box: the three sides; sphere: radius; cylinder: radius, length; of a mesh
-    the scale), `pose` in the link, with the angles `rpy` [rad] that the source states it with. `mesh` is as the source names the file;
-    `color` red, green, blue, alpha from 0 to 1."""
+    """What is drawn, or touches: `size` as its kind has it [m] (box: the three sides; sphere: radius; cylinder, capsule: radius, length
+    along z; ellipsoid: half axes; plane: the two sides; of a mesh the scale), `pose` in the link, with the angles `rpy` [rad] that the
+    source states it with. `mesh` is as the source names the file; `color` red, green, blue, alpha from 0 to 1; `friction` sliding,
+    torsional and rolling, as many as are said; `raw` of what touches."""
 
-    kind: Literal["box", "sphere", "cylinder", "mesh"]
+    kind: ShapeKind
     use: Literal["visual", "collision"]
-    size: Vector | tuple[float, float] | tuple[float]
+    size: Sizes
     pose: Pose
     where: Span
     rpy: Vector | None = None
     mesh: str | None = None
     color: tuple[float, float, float, float] | None = None
+    friction: tuple[float, ...] = ()
+    raw: Raw = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceSite:
+    """A frame on a link that has a name."""
+
+    name: str
+    pose: Pose
+    where: Span
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,32 +68,64 @@ class SourceLink(Brief):
     where: Span
     weight: Weight | None = None
     shapes: tuple[SourceShape, ...] = ()
+    sites: tuple[SourceSite, ...] = ()
+    raw: Raw = ()
+
+    @property
+    def is_bare(self) -> bool:
+        """Whether it weighs nothing, shows nothing and has no frame of a name."""
+        return not (self.weight or self.shapes or self.sites)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ends:
-    """Where a joint stops [rad or m], and what it is driven with at most [N m or N, rad/s or m/s]; None where nothing is said."""
+    """Where a joint stops [rad or m], and what it is driven with at most [N m or N, rad/s or m/s]; None where nothing is said. Of a ball
+    `upper` is its cone. Those of a slide that has none are `made_up`."""
 
     lower: float | None = None
     upper: float | None = None
     effort: float | None = None
     velocity: float | None = None
+    made_up: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Following:
-    """q is `multiplier * q(joint) + offset`, all in rad and m."""
+    """q is `multiplier * q(joint) + offset`, or the `polynomial` of q(joint) with these coefficients, from that of q^0 on, all in rad and
+    m."""
 
     joint: str
     multiplier: float
     offset: float
     where: Span
+    polynomial: tuple[float, ...] = ()
+    raw: Raw = ()
+
+    def at(self, q: float) -> float:
+        """Where it is when the other joint is at `q`."""
+        return sum(one * q**power for power, one in enumerate(self.polynomial or (self.offset, self.multiplier)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceDrive:
+    """What drives a joint, by the `name` that it has in the source: gains [N m/rad or N/m, N m s/rad or N s/m] and the largest effort
+    [N m or N] as they are at the joint."""
+
+    name: str
+    kind: Literal["motor", "position", "velocity"]
+    where: Span
+    kp: float | None = None
+    kv: float | None = None
+    effort: float | None = None
+    velocity: float | None = None
+    raw: Raw = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceJoint(Brief):
-    """A motion of a link: about, or along, the unit vector `axis` through `anchor` [m], both in the frame of the link at q = 0. `damping`
-    [N m s/rad or N s/m], `friction` [N m or N]. `driven` says that something drives it."""
+    """A motion of a link: about, or along, the unit vector `axis` through `anchor` [m], both in the frame of the link as it hangs, where q
+    is `start` [rad or m]. `damping` [N m s/rad or N s/m], `friction` [N m or N], `armature` [kg m^2 or kg], `stiffness` [N m/rad or N/m] of
+    a spring that does nothing at q = `rest` [rad or m]."""
 
     name: str
     kind: Kind
@@ -85,8 +135,13 @@ class SourceJoint(Brief):
     ends: Ends = Ends()
     damping: float = 0.0
     friction: float = 0.0
+    armature: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+    start: float = 0.0
     follows: Following | None = None
-    driven: bool = False
+    drive: SourceDrive | None = None
+    raw: Raw = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,6 +159,86 @@ class Hanging:
     joints: tuple[SourceJoint, ...] = ()
     floating: bool = False
 
+    def turned(self) -> Hanging:
+        """The same, of at most one joint, with the parent hung on the child: q means what it did."""
+        joints = tuple(
+            replace(
+                joint, anchor=self.pose.apply(joint.anchor),
+                axis=rotate(self.pose.rotation, (0.0 - joint.axis[0], 0.0 - joint.axis[1], 0.0 - joint.axis[2])),
+            ) for joint in self.joints
+        )
+        return replace(self, parent=self.child, child=self.parent, pose=self.pose.inverse(), rpy=None, joints=joints)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceLoop:
+    """What keeps a point, a frame, or an axis (z) of two links together, each given in its link."""
+
+    name: str
+    kind: Literal["ball", "fixed", "continuous", "prismatic"]
+    ends: tuple[tuple[str, Pose], tuple[str, Pose]]
+    where: Span
+    raw: Raw = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceAdhesion:
+    """What can pull a link onto what it touches, with a force [N] at most."""
+
+    name: str
+    link: str
+    force: float
+    where: Span
+    raw: Raw = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reference:
+    """A thing of the robot, by its name in the source."""
+
+    kind: Literal["joint", "site", "tendon"]
+    name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceAdded:
+    """An element of MuJoCo's that the language has no words for: the section that it stands in, its tag, `name`, attributes, and what is
+    `inside`, by tag."""
+
+    section: Literal["tendon", "equality", "actuator"]
+    tag: str
+    name: str
+    attributes: tuple[tuple[str, str | Reference], ...]
+    where: Span
+    inside: tuple[tuple[str, Mapping[str, str | Reference]], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceSensor:
+    """What is measured at a `site` or a `joint` of that name, or seen from `pose` in a `link`, with an angle of view [rad]; `parts` says
+    for each sensor of the source which part of it it is."""
+
+    kind: Literal["imu", "force", "joint", "camera"]
+    name: str
+    where: Span
+    site: str | None = None
+    joint: str | None = None
+    link: str | None = None
+    pose: Pose = NO_POSE
+    fovy: float = 0.0
+    parts: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourcePose:
+    """A state that has a name: q of joints [rad or m, of a ball the unit quaternion w, x, y, z], and what controls its drives and adhesions
+    are at, by their names in the source."""
+
+    name: str
+    q: Mapping[str, float | Quaternion]
+    controls: Mapping[str, float]
+    where: Span
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceLoss:
@@ -117,7 +252,10 @@ class SourceLoss:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceRobot(Brief):
     """All that a reader has found. A robot stands with its link `root` at `pose` in the world; `links` and `hangings` are in the order of
-    the source."""
+    the source. Links that are `excluded` never touch; `gravity` [m/s^2] where it is not 9.81 downwards; `simulation` as the language has
+    it, `options` as MuJoCo has what the language has not, by their paths, `added` whole elements; `files` are meshes that the source has
+    not in files of their own, by the names that shapes have for them, `mesh_folder` is where meshes are that are not where it names them,
+    seen from its file."""
 
     name: str
     where: Span
@@ -127,3 +265,14 @@ class SourceRobot(Brief):
     base: SourceBase = "fixed"
     pose: Pose = NO_POSE
     losses: tuple[SourceLoss, ...] = ()
+    loops: tuple[SourceLoop, ...] = ()
+    adhesions: tuple[SourceAdhesion, ...] = ()
+    sensors: tuple[SourceSensor, ...] = ()
+    added: tuple[SourceAdded, ...] = ()
+    poses: tuple[SourcePose, ...] = ()
+    excluded: tuple[tuple[str, str], ...] = ()
+    gravity: Vector | None = None
+    simulation: tuple[tuple[str, float | str], ...] = ()
+    options: tuple[tuple[tuple[str, ...], str], ...] = ()
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    mesh_folder: str | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from thingc.load.scalars import core_value
 
@@ -19,12 +19,19 @@ def plain_name(name: str, kind: str) -> str:
     return f"{word}_{kind}" if word.lower() in RESERVED or not isinstance(core_value(word), str) else word
 
 
-def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = ()) -> dict[str, str]:
-    """What each of the names is called in a document; no two alike but for case, and none as what is `taken`. A name that can stay does,
-    whatever the others are called."""
+def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier: Mapping[str, str] | None = None) -> dict[str, str]:
+    """What each of the names is called in a document; no two alike but for case, and none as what is `taken`. What was called something
+    `earlier` is called so again; a name that can stay does, whatever the others are called."""
     used, wanted = {one.lower() for one in taken}, list(dict.fromkeys(names))
     found: dict[str, str] = {}
+    for name in wanted:
+        word = (earlier or {}).get(name)
+        if word is not None and word.lower() not in used and plain_name(word, kind) == word:
+            found[name] = word
+            used.add(word.lower())
     for name in sorted(wanted, key=lambda name: plain_name(name, kind) != name):
+        if name in found:
+            continue
         plain = plain_name(name, kind)
         number, word = 1, plain
         while word.lower() in used:

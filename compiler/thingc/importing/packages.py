@@ -24,14 +24,26 @@ class NotFound(Exception):
 
 
 class Packages:
-    """Finds files for the file at `source`, an absolute path. `given` are folders of packages by name, which are looked in first."""
+    """Finds files for the file at `source`, an absolute path. `given` are folders of packages by name, which are looked in first; what is
+    nowhere may be in `meshes`, a folder seen from that of the file, under its name alone."""
 
-    def __init__(self, source: str, given: Mapping[str, str], environment: Mapping[str, str]) -> None:
-        self.folder = os.path.dirname(source)
+    def __init__(self, source: str, given: Mapping[str, str], environment: Mapping[str, str], meshes: str | None = None) -> None:
+        self.folder, self.meshes = os.path.dirname(source), meshes
         self.given, self.environment = given, environment
 
     def find(self, uri: str) -> str:
         """The absolute path of the file that is meant. Raises `NotFound`."""
+        try:
+            return self._named(uri)
+        except NotFound:
+            if self.meshes is None:
+                raise
+            path = os.path.normpath(os.path.join(self.folder, self.meshes, os.path.basename(uri)))
+            if os.path.isabs(self.meshes) or not _within(path, self._home()) or not os.path.isfile(path):
+                raise
+            return _file(path, uri)
+
+    def _named(self, uri: str) -> str:
         scheme, colon, rest = uri.partition("://")
         if not colon:
             path = os.path.normpath(os.path.join(self.folder, uri))
@@ -43,13 +55,7 @@ class Packages:
         if scheme not in ("package", "model"):
             raise NotFound(f"`{uri}` is no file of this machine", "write `package://NAME/...`, or a path beside the robot's file")
         name, _, inside = rest.lstrip("/").partition("/")  # some files have three slashes
-        looked = [*dict.fromkeys(self._places(name))]
-        there = [place for place in looked if os.path.isdir(place)]
-        if not there:
-            raise NotFound(
-                f"there is no package `{name}`; looked for {', '.join(f'`{shown_path(place)}`' for place in looked[:6])}",
-                f"say where it is: `--package {name}=DIR`",
-            )
+        there = self._folders(name)
         for place in there:
             path = os.path.normpath(os.path.join(place, inside))
             if not _within(path, place):
@@ -60,6 +66,21 @@ class Packages:
             f"the package `{name}` has no `{inside}`; looked in {', '.join(f'`{shown_path(place)}`' for place in there[:6])}",
             f"say where it is: `--package {name}=DIR`",
         )
+
+    def package(self, name: str) -> str:
+        """The absolute path of a package. Raises `NotFound`."""
+        return self._folders(name)[0]
+
+    def _folders(self, name: str) -> list[str]:
+        """The folders that are a package of that name, the best first; at least one. Raises `NotFound`."""
+        looked = [*dict.fromkeys(self._places(name))]
+        there = [place for place in looked if os.path.isdir(place)]
+        if not there:
+            raise NotFound(
+                f"there is no package `{name}`; looked for {', '.join(f'`{shown_path(place)}`' for place in looked[:6])}",
+                f"say where it is: `--package {name}=DIR`",
+            )
+        return there
 
     def _above(self) -> Iterator[str]:
         folder = self.folder

@@ -10,6 +10,10 @@ import math
 from collections.abc import Sequence
 from decimal import Decimal
 
+from thingc.pose import Pose, Vector, rpy_of
+
+TURNS = ("revolute", "continuous", "ball")
+"""Kinds of joints whose q is an angle."""
 NOISE = 1e-12
 """Lengths [m] and directions below it are rounding of whoever wrote the source, and 0."""
 _ROUND = 1e-11
@@ -79,3 +83,25 @@ def angles(values: Sequence[float]) -> str:
 def quantity(value: float, unit: str) -> str:
     """Any other, in its unit; `0` alone."""
     return "0" if value == 0.0 else f"{scaled(value, 0)} {unit}".rstrip()
+
+
+def was(word: str, name: str) -> str:
+    """A comment where the source has another name."""
+    return "" if word == name else f"  # {name!r} in the source"
+
+
+def pose_words(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> str:
+    """`xyz: 0 0 50 mm, rpy: -90 0 0 deg`, each where it says something; with `before` in front of it, if there is anything. `rpy` [rad] are
+    the angles of the source, where it has them; one that is worked out is written in round degrees, or else as a `quat`, which keeps all of
+    its digits."""
+    turned = ("rpy", angles(rpy if rpy is not None else rpy_of(pose.rotation)))
+    if rpy is None and turned[1].endswith("rad"):
+        turned = ("quat", quaternion_words(pose))
+    words = (("xyz", lengths(pose.translation)), turned)
+    said = [f"{key}: {value}" for key, value in words if value != "0 0 0"]
+    return f"{before if said else ''}{', '.join(said)}"
+
+
+def quaternion_words(pose: Pose) -> str:
+    """`[1, 0, 0, 0]`."""
+    return f"[{', '.join(quantity(one, '') for one in pose.quaternion())}]"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
 from thingc.diagnostics import Code, Note, Report
 from thingc.importing.model import Hanging, SourceLink
@@ -54,6 +54,44 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Hanging], where: Spa
             notes=[Note(message="the first one is here", span=roots[0].where)], help="join them, or make a file of each",
         )
     return roots[0].name if len(report.diagnostics) == before else None
+
+
+def spanned(hangings: Sequence[Hanging]) -> tuple[tuple[Hanging, ...], tuple[Hanging, ...]]:
+    """Of joints that may go either way, and in loops: those of a tree, turned around where one comes to a link from what is below it, and
+    those that close a loop. What can be neither is among the first, and `root_of` says so."""
+    tree: list[Hanging] = []
+    closing: list[Hanging] = []
+    below: set[str] = set()
+    whole: dict[str, str] = {}
+
+    def head(name: str) -> str:
+        while name in whole:
+            name = whole[name]
+        return name
+
+    for one in hangings:
+        first, second = head(one.parent), head(one.child)
+        if first == second:
+            closing.append(one)
+            continue
+        if one.child in below and one.parent not in below:
+            one = one.turned()
+            first, second = second, first
+        below.add(one.child)
+        whole[second] = first
+        tree.append(one)
+    return tuple(tree), tuple(closing)
+
+
+def look_at_mimics(hangings: Sequence[Hanging], moving: Set[str], report: Report) -> None:
+    """Report each joint that mimics itself, or none of those that move along one coordinate."""
+    for joint in (joint for one in hangings for joint in one.joints):
+        if joint.follows is None or joint.follows.joint in moving - {joint.name}:
+            continue
+        wanted = joint.follows.joint
+        what = "itself" if wanted == joint.name else f"`{wanted}`, which is no joint that moves"
+        help = did_you_mean(wanted, sorted(moving - {joint.name}), what="joints")
+        report.add(Code.SOURCE_VALUE, f"joint `{joint.name}` mimics {what}", joint.follows.where, help=help)
 
 
 def _twice(report: Report, message: str, where: Span, first: Span) -> None:

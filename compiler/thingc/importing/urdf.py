@@ -4,16 +4,32 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Literal
 
 from thingc.diagnostics import Code, Report
-from thingc.importing.model import Ends, Following, Hanging, Kind, SourceJoint, SourceLink, SourceLoss, SourceRobot, SourceShape, Weight
-from thingc.importing.tree import root_of
+from thingc.importing.model import (
+    Ends,
+    Following,
+    Hanging,
+    Kind,
+    SourceDrive,
+    SourceJoint,
+    SourceLink,
+    SourceLoss,
+    SourceRobot,
+    SourceSensor,
+    SourceShape,
+    SourceSite,
+    Weight,
+)
+from thingc.importing.tree import look_at_mimics, root_of
+from thingc.importing.urdf_blocks import TAGS, read_blocks
 from thingc.importing.values import Values
 from thingc.importing.xml_source import SourceElement, read_xml
 from thingc.inertia import MassProperties
-from thingc.pose import Vector
+from thingc.pose import NO_POSE, Vector
 from thingc.typos import did_you_mean
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -34,12 +50,12 @@ INSIDE: dict[str, set[str]] = {
     "collision": {"origin", "geometry"}, "geometry": {"box", "sphere", "cylinder", "mesh"}, "material": {"color"},
 }
 """The elements that are read in others."""
-DRIVEN_BY = ("transmission", "ros2_control")
 
 
-def read_urdf(path: str, data: bytes, report: Report) -> SourceRobot | None:
-    """The robot of a file, an absolute path, with these bytes; None where it is none, which has been reported: all that is wrong."""
-    root = read_xml(path, data, report)
+def read_urdf(path: str, data: bytes, report: Report, *, files: Sequence[str] = ()) -> SourceRobot | None:
+    """The robot of a file, an absolute path, with these bytes; None where it is none, which has been reported: all that is wrong. `files`
+    are those that xacro has made it from."""
+    root = read_xml(path, data, report, files=files)
     if root is None:
         return None
     if root.tag != "robot":
@@ -52,7 +68,7 @@ def read_urdf(path: str, data: bytes, report: Report) -> SourceRobot | None:
     if macro is not None:
         report.add(
             Code.SOURCE_XML, f"`<{macro.tag}>` is xacro, from which URDF is made", macro.where,
-            help="write `xacro FILE > robot.urdf`, and import that",
+            help="call the file `.xacro`: it is expanded then",
         )
         return None
     return _Urdf(root, report).robot()
@@ -64,6 +80,10 @@ def _walk(element: SourceElement) -> Iterable[SourceElement]:
         yield from _walk(child)
 
 
+def _use(element: SourceElement) -> Literal["visual", "collision"]:
+    return "visual" if element.tag == "visual" else "collision"
+
+
 class _Urdf:
     def __init__(self, root: SourceElement, report: Report) -> None:
         self.root, self.report, self.values = root, report, Values(report)
@@ -71,10 +91,8 @@ class _Urdf:
         self.colors = {
             element.attributes.get("name", ""): color for element in root.all("material") if (color := self._color(element)) is not None
         }
-        self.controlled = {
-            name for tag in DRIVEN_BY for block in root.all(tag) for joint in block.all("joint") if (name := joint.attributes.get("name"))
-        }
-        self.controls = any(True for tag in DRIVEN_BY for _ in root.all(tag))
+        self.blocks = read_blocks(root, self.values)
+        self.losses += self.blocks.losses
 
     def robot(self) -> SourceRobot | None:
         """Everything that is wrong is said; then None."""
@@ -85,16 +103,49 @@ class _Urdf:
             self._lose("`name` of `<robot>`", f"it has none, and is called like its file, `{name}`", self.root)
         links = tuple(link for element in self.root.all("link") if (link := self._link(element)) is not None)
         hangings = tuple(one for element in self.root.all("joint") if (one := self._hanging(element)) is not None)
-        self._followed(hangings)
+        moving = {  # of one whose kind is wrong that has been said
+            element.attributes.get("name", "") for element in self.root.all("joint")
+            if element.attributes.get("type") not in ("fixed", "floating", "planar")
+        }
+        look_at_mimics(hangings, moving, self.report)
         self._unread(self.root)
         if len(self.report.diagnostics) > before:  # what is wrong with a joint must not be said again of the tree
             return None
         root = root_of(links, hangings, self.root.where, self.report)
         if root is None:
             return None
+        links, sensors = self._sensed(links, hangings)
         losses = tuple(sorted(self.losses, key=lambda loss: (loss.where.line, loss.where.column)))
-        robot = SourceRobot(name=name, where=self.root.place("name"), root=root, links=links, hangings=hangings, losses=losses)
+        robot = SourceRobot(
+            name=name, where=self.root.place("name"), root=root, links=links, hangings=hangings, losses=losses,
+            mesh_folder=self.blocks.meshes, sensors=sensors,
+        )
         return self._grounded(robot)
+
+    def _sensed(
+        self, links: tuple[SourceLink, ...], hangings: tuple[Hanging, ...],
+    ) -> tuple[tuple[SourceLink, ...], tuple[SourceSensor, ...]]:
+        """The links with the mounts of their sensors, and these. One on a link that is but a frame is on what that is fixed to."""
+        named, above = {link.name: link for link in links}, {one.child: one for one in hangings}
+        carrying, sensors = {one.parent for one in hangings}, list[SourceSensor]()
+        for one in self.blocks.sensors:
+            link, pose = one.link, one.pose
+            over = above.get(link)
+            if not {link, link if over is None else over.parent} <= named.keys():
+                continue  # said elsewhere
+            bare = named[link].weight is None and not named[link].shapes and link not in carrying
+            if over is not None and not over.joints and not over.floating and bare:
+                if one.kind == "imu" and pose == NO_POSE:
+                    sensors.append(SourceSensor(kind="imu", name=one.name, where=one.where, site=link))
+                    continue
+                link, pose = over.parent, over.pose @ pose
+            if one.kind == "imu":
+                site = SourceSite(name=one.name, pose=pose, where=one.where)
+                named[link] = replace(named[link], sites=(*named[link].sites, site))
+                sensors.append(SourceSensor(kind="imu", name=one.name, where=one.where, site=one.name))
+            else:
+                sensors.append(SourceSensor(kind="camera", name=one.name, where=one.where, link=link, pose=pose, fovy=one.fovy))
+        return tuple(named[link.name] for link in links), tuple(sensors)
 
     def _link(self, element: SourceElement) -> SourceLink | None:
         name = self.values.word(element, "name")
@@ -102,6 +153,9 @@ class _Urdf:
         shapes = tuple(
             shape for use in element.children if use.tag in ("visual", "collision") and (shape := self._shape(use)) is not None
         )
+        slide = self.blocks.friction.get(name or "")
+        if slide is not None:
+            shapes = tuple(replace(shape, friction=(slide,)) if shape.use == "collision" else shape for shape in shapes)
         weight = None if inertial is None else self._weight(inertial)
         return None if name is None else SourceLink(name=name, where=element.place("name"), weight=weight, shapes=shapes)
 
@@ -132,26 +186,17 @@ class _Urdf:
             self.values.fault(geometry or element, None, f"this `<{element.tag}>` has no geometry", help)
         if not forms:
             return None
-        form, use = forms[0], "visual" if element.tag == "visual" else "collision"
-        size: tuple[float | None, ...]
-        match form.tag:
-            case "box":
-                size = self.values.numbers(form, "size", 3) or (None,)
-            case "sphere":
-                size = (self.values.above_zero(form, "radius", zero=True),)
-            case "cylinder":
-                size = (self.values.above_zero(form, "radius", zero=True), self.values.above_zero(form, "length", zero=True))
-            case _:
-                size = self.values.numbers(form, "scale", 3, (1.0, 1.0, 1.0)) or (None,)
-        mesh = self.values.word(form, "filename") if form.tag == "mesh" else None
-        if None in size or form.tag == "mesh" and mesh is None:
+        form, use = forms[0], _use(element)
+        sized, mesh = self.values.sized(form), self.values.word(form, "filename") if form.tag == "mesh" else None
+        if sized is None or form.tag == "mesh" and mesh is None:
             return None
+        kind, size = sized
         if 0.0 in size:
             self._lose(f"a `<{form.tag}>`", "it has no volume", form)
             return None
         material = self.values.one(element, "material")
         color = None if material is None else self._color(material) or self.colors.get(material.attributes.get("name", ""))
-        return SourceShape(kind=form.tag, use=use, size=size, pose=pose, rpy=rpy, where=form.where, mesh=mesh, color=color)  # type: ignore[arg-type]
+        return SourceShape(kind=kind, use=use, size=size, pose=pose, rpy=rpy, where=form.where, mesh=mesh, color=color)
 
     def _color(self, material: SourceElement) -> tuple[float, float, float, float] | None:
         color = self.values.one(material, "color")
@@ -198,10 +243,10 @@ class _Urdf:
         damping = friction = 0.0
         if dynamics is not None:
             damping, friction = (self._unless_negative(dynamics, key) for key in ("damping", "friction"))
-        controlled = name in self.controlled if self.controls else (ends.effort or 0.0) > 0.0
+        controlled = name in self.blocks.driven if self.blocks.driven is not None else (ends.effort or 0.0) > 0.0
         return SourceJoint(
             name=name, kind=moving, axis=axis, where=element.where, ends=ends, damping=damping, friction=friction, follows=follows,
-            driven=controlled and follows is None,
+            drive=SourceDrive(name=name, kind="motor", where=element.where, effort=ends.effort) if controlled and follows is None else None,
         )
 
     def _unless_negative(self, element: SourceElement, key: str) -> float:
@@ -222,20 +267,6 @@ class _Urdf:
         if joint is None or multiplier is None or offset is None:
             return None
         return Following(joint=joint, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
-
-    def _followed(self, hangings: tuple[Hanging, ...]) -> None:
-        """What mimics follows a joint that is there, and moves along one coordinate as it does."""
-        moving = {  # of one whose kind is wrong that has been said
-            element.attributes.get("name", "") for element in self.root.all("joint")
-            if element.attributes.get("type") not in ("fixed", "floating", "planar")
-        }
-        for joint in (joint for one in hangings for joint in one.joints):
-            if joint.follows is None or joint.follows.joint in moving - {joint.name}:
-                continue
-            wanted = joint.follows.joint
-            what = "itself" if wanted == joint.name else f"`{wanted}`, which is no joint that moves"
-            help = did_you_mean(wanted, sorted(moving - {joint.name}), what="joints")
-            self.report.add(Code.SOURCE_VALUE, f"joint `{joint.name}` mimics {what}", joint.follows.where, help=help)
 
     def _ends(self, element: SourceElement, kind: Kind, follows: bool) -> Ends:
         limit = self.values.one(element, "limit")
@@ -273,9 +304,7 @@ class _Urdf:
         for child in element.children:
             if child.tag in INSIDE.get(element.tag, ()):
                 self._unread(child)
-            elif child.tag in DRIVEN_BY:
-                self._lose(f"`<{child.tag}>`, but for which joints it drives", "it is not read", child)
-            else:
+            elif element is not self.root or child.tag not in TAGS:
                 self._lose(f"`<{child.tag}>` of `<{element.tag}>`", "it is not read", child)
 
     def _lose(self, what: str, why: str, element: SourceElement) -> None:

@@ -6,9 +6,11 @@ import math
 import re
 
 from thingc.diagnostics import Code, Report
+from thingc.importing.model import ShapeKind, Sizes
 from thingc.importing.xml_source import SourceElement
 from thingc.inertia import MassProperties, symmetric
 from thingc.pose import NO_POSE, Pose, Vector, multiply, placed, transpose
+from thingc.source import Span
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 NOT_FINITE = {"nan", "inf", "infinity"}
@@ -20,16 +22,28 @@ class Values:
     def __init__(self, report: Report) -> None:
         self.report = report
 
+    def written(self, element: SourceElement, key: str) -> str | None:
+        """The text of a value of an element; None where it is not written."""
+        return element.attributes.get(key)
+
+    def place(self, element: SourceElement, key: str) -> Span:
+        """Where that text stands."""
+        return element.place(key)
+
+    def example(self, key: str, text: str) -> str:
+        """How it is written."""
+        return f'{key}="{text}"'
+
     def fault(self, element: SourceElement, attribute: str | None, message: str, help: str | None = None) -> None:
         """Say what is wrong with an element, or with an attribute of it."""
-        where = element.where if attribute is None else element.place(attribute)
+        where = element.where if attribute is None else self.place(element, attribute)
         self.report.add(Code.SOURCE_VALUE, message, where, help=help)
 
     def word(self, element: SourceElement, attribute: str) -> str | None:
         """A name that must be there."""
-        text = element.attributes.get(attribute, "").strip()
+        text = (self.written(element, attribute) or "").strip()
         if not text:
-            self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", f'write {attribute}="..."')
+            self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", f"write {self.example(attribute, '...')}")
         return text or None
 
     def number(self, element: SourceElement, attribute: str, default: float | None = None) -> float | None:
@@ -42,14 +56,23 @@ class Values:
         x, y, z = self.numbers(element, attribute, 3, default) or default
         return (x, y, z)
 
+    def number_of(self, element: SourceElement, text: str, what: str) -> float | None:
+        """The finite number that is the text of an element; `what` it is."""
+        number = float(text) if _NUMBER.fullmatch(text) else math.nan
+        if not math.isfinite(number):
+            self.fault(element, None, f"{what}: expected a number, found {f'`{text}`' if text else 'nothing'}")
+            return None
+        return number
+
     def numbers(
         self, element: SourceElement, attribute: str, count: int, default: tuple[float, ...] | None = None,
     ) -> tuple[float, ...] | None:
         """So many finite numbers; None where they are wrong, or missing without a default."""
-        text = element.attributes.get(attribute)
+        text = self.written(element, attribute)
         if text is None:
             if default is None:
-                self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", f'write {attribute}="{" ".join(["0"] * count)}"')
+                help = f"write {self.example(attribute, ' '.join(['0'] * count))}"
+                self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", help)
             return default
         words = text.split()
         expected = "a number" if count == 1 else f"{count} numbers with spaces between"
@@ -89,12 +112,53 @@ class Values:
             self.fault(others[0], None, f"a second `<{tag}>` in this `<{element.tag}>`", "leave one of the two out")
         return first
 
-    def inertia(self, element: SourceElement, mass: float, pose: Pose) -> MassProperties:
-        """Of six attributes `ixx` ... `izz` [kg m^2] about the centre, in the axes of `pose`, what a body of that mass is in the frame of
-        the link."""
-        six = {key: self.number(element, key, 0.0) or 0.0 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
+    def sized(self, form: SourceElement) -> tuple[ShapeKind, Sizes] | None:
+        """What an element of `<geometry>` is, and how large [m], as formats after URDF have them; None where that is wrong, and for what
+        they have not."""
+        match form.tag:
+            case "box":
+                sides = self.numbers(form, "size", 3)
+                return None if sides is None else ("box", (sides[0], sides[1], sides[2]))
+            case "sphere":
+                radius = self.above_zero(form, "radius", zero=True)
+                return None if radius is None else ("sphere", (radius,))
+            case "cylinder" | "capsule":
+                radius, length = (self.above_zero(form, key, zero=True) for key in ("radius", "length"))
+                return None if radius is None or length is None else (form.tag, (radius, length))
+            case "ellipsoid":
+                radii = self.numbers(form, "radii", 3)
+                return None if radii is None else ("ellipsoid", (radii[0], radii[1], radii[2]))
+            case "mesh":
+                scale = self.numbers(form, "scale", 3, (1.0, 1.0, 1.0))
+                return None if scale is None else ("mesh", (scale[0], scale[1], scale[2]))
+        return None
+
+    def inertia(self, element: SourceElement, mass: float, pose: Pose, *, usual: float = 0.0) -> MassProperties:
+        """Of six values `ixx` ... `izz` [kg m^2] about the centre, in the axes of `pose`, what a body of that mass is in the frame of the
+        link; `usual` is a moment that is not written."""
+        six = {
+            key: self.number(element, key, usual if key[1] == key[2] else 0.0) or 0.0 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        }
         rows = (
             (six["ixx"], six["ixy"], six["ixz"]), (six["ixy"], six["iyy"], six["iyz"]), (six["ixz"], six["iyz"], six["izz"]),
         )
         turned = multiply(multiply(pose.rotation, rows), transpose(pose.rotation))
         return MassProperties(mass=mass, centre=pose.translation, inertia=symmetric(turned))
+
+
+class ChildValues(Values):
+    """Of elements that state values as the text of elements in them, as SDF does, and names as attributes."""
+
+    def written(self, element: SourceElement, key: str) -> str | None:
+        """The text of the element of that name, else the attribute."""
+        child = next(element.all(key), None)
+        return element.attributes.get(key) if child is None else child.text
+
+    def place(self, element: SourceElement, key: str) -> Span:
+        """The start tag of that element, else the attribute."""
+        child = next(element.all(key), None)
+        return element.place(key) if child is None else child.where
+
+    def example(self, key: str, text: str) -> str:
+        """As an element, but for names."""
+        return super().example(key, text) if key in ("name", "type") else f"<{key}>{text}</{key}>"

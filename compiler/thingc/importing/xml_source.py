@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from thingc.diagnostics import Code, Note, Report
 from thingc.source import Span
 
+MARK = "thingc.at"
+"""The attribute with the place of an element that xacro has made: number of the file, line, column (both from 1), and byte."""
 MOST_BYTES = 50_000_000
 MOST_LEVELS = 100
 MOST_ELEMENTS = 500_000
@@ -54,14 +56,15 @@ class _Stop(Exception):
     """Reading ends here: what is wrong has been reported."""
 
 
-def read_xml(path: str, data: bytes, report: Report) -> SourceElement | None:
-    """The root of a file, an absolute path, with these bytes; None where it is none, which has been reported."""
+def read_xml(path: str, data: bytes, report: Report, *, files: Sequence[str] = ()) -> SourceElement | None:
+    """The root of a file, an absolute path, with these bytes; None where it is none, which has been reported. Elements that xacro has made
+    say where they were written, in one of the `files`."""
     if len(data) > MOST_BYTES:
         report.add(
             Code.SOURCE_XML, f"the file has more than {MOST_BYTES:,} bytes", _point(path, 1, 1), help="no robot needs so many",
         )
         return None
-    reading = _Reading(path, data, report)
+    reading = _Reading(path, data, report, files)
     try:
         reading.parser.Parse(data, True)
     except _Stop:
@@ -78,13 +81,22 @@ def read_xml(path: str, data: bytes, report: Report) -> SourceElement | None:
     return reading.root
 
 
+def _content(path: str) -> bytes:
+    try:
+        with open(path, "rb") as stream:
+            return stream.read(MOST_BYTES)
+    except OSError:
+        return b""
+
+
 def _point(path: str, line: int, column: int) -> Span:
     return Span(file=path, line=line, column=column, end_line=line, end_column=column)
 
 
 class _Reading:
-    def __init__(self, path: str, data: bytes, report: Report) -> None:
+    def __init__(self, path: str, data: bytes, report: Report, files: Sequence[str]) -> None:
         self.path, self.data, self.report = path, data, report
+        self.files = [(file, _content(file)) for file in files]
         self.root: SourceElement | None = None
         self.open: list[SourceElement] = []
         self.count = 0
@@ -110,9 +122,13 @@ class _Reading:
             self._refuse(f"elements nest more than {MOST_LEVELS} levels deep", "no robot needs so many")
         if self.count > MOST_ELEMENTS:
             self._refuse(f"the file has more than {MOST_ELEMENTS:,} elements", "split it")
-        element = SourceElement(
-            tag=tag, attributes=attributes, where=self._here(len(tag) + 1), source=self.data, start=self.parser.CurrentByteIndex,
-        )
+        where, source, start = self._here(len(tag) + 1), self.data, self.parser.CurrentByteIndex
+        mark = attributes.pop(MARK, "").split(":") if self.files else []
+        if len(mark) == 4 and all(one.isdecimal() for one in mark) and int(mark[0]) < len(self.files):
+            number, line, column, start = map(int, mark)
+            file, source = self.files[number]
+            where = Span(file=file, line=line, column=column, end_line=line, end_column=column + len(tag) + 1)
+        element = SourceElement(tag=tag, attributes=attributes, where=where, source=source, start=start)
         if self.open:
             self.open[-1].children.append(element)
         else:

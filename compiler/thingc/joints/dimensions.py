@@ -23,11 +23,13 @@ from thingc.units import (
 TURN: Mapping[str, Dimension] = {
     "lower": ANGLE, "upper": ANGLE, "offset": ANGLE, "kp": ANGULAR_STIFFNESS, "kv": ANGULAR_DAMPING, "effort": TORQUE,
     "velocity": ANGULAR_VELOCITY, "damping": ANGULAR_DAMPING, "friction": TORQUE, "armature": INERTIA, "stiffness": ANGULAR_STIFFNESS,
+    "rest": ANGLE,
 }
 """The dimension of every value of a coordinate that turns, by its key."""
 SLIDE: Mapping[str, Dimension] = {
     "lower": LENGTH, "upper": LENGTH, "offset": LENGTH, "kp": LINEAR_STIFFNESS, "kv": LINEAR_DAMPING, "effort": FORCE,
     "velocity": VELOCITY, "damping": LINEAR_DAMPING, "friction": FORCE, "armature": MASS, "stiffness": LINEAR_STIFFNESS,
+    "rest": LENGTH,
 }
 """The same of one that slides."""
 

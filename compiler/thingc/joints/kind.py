@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import Literal
 
 from thingc.frozen import dataclass
-from thingc.joints.twist import Twist
+from thingc.joints.twist import Twist, Z
+from thingc.pose import Vector
 from thingc.units import Dimension
 
 JointType = Literal["fixed", "revolute", "continuous", "prismatic", "cylindrical", "universal", "ball", "planar", "screw"]
@@ -40,6 +41,16 @@ class JointKind:
         return tuple(replace(one, linear=(turn * one.angular[0], turn * one.angular[1], turn * one.angular[2])) for one in self.twists)
 
     @property
+    def axial(self) -> bool:
+        """Whether all that it does is about z, or along it, so that another axis may take its place."""
+        return self.moves and all(one.axis == Z for one in self.twists)
+
+    def about(self, axis: Vector, lead: float = 0.0) -> tuple[Twist, ...]:
+        """The twists of an `axial` joint about the unit vector `axis` in place of z; of one that leads with its `lead` [m]."""
+        twists = self.with_lead(lead) if self.leads else self.twists
+        return tuple(Twist(angular=_scaled(axis, one.angular[2]), linear=_scaled(axis, one.linear[2])) for one in twists)
+
+    @property
     def moves(self) -> bool:
         """Whether the joint has a coordinate: one that has none fuses what it connects into one link."""
         return bool(self.twists)
@@ -48,3 +59,7 @@ class JointKind:
     def coordinate(self) -> Dimension | None:
         """The dimension of q, where there is one coordinate."""
         return self.twists[0].coordinate if len(self.twists) == 1 else None
+
+
+def _scaled(v: Vector, by: float) -> Vector:
+    return (by * v[0] + 0.0, by * v[1] + 0.0, by * v[2] + 0.0)  # -0.0 + 0.0 is 0

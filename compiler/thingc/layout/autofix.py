@@ -22,7 +22,7 @@ LANGUAGE = frozenset({
 })
 """Codes of faults in words that no document gives: those of the language, of units, of Python, of files; and of expressions."""
 
-GIVING = frozenset({"components", "joints", "links", "mounts", "parameters", "materials", "poses", "modes", "sensors"})
+GIVING = frozenset({"components", "joints", "links", "mounts", "parameters", "materials", "poses", "modes", "sensors", "tendons"})
 """Keys of a document below which it gives names."""
 
 PASSES = 5

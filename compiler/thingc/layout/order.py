@@ -19,12 +19,12 @@ FIRST: dict[type[BaseModel], tuple[str, ...]] = {
         "shapes", "attach", "at", "mounts", "mirror", "collision", "visual", "process", "bom",
     ),
     JointSpec: (
-        "repeat", "type", "parent", "child", "loop", "turn", "gap", "offset", "limit", "dynamics", "mimic", "drive",
+        "repeat", "type", "parent", "child", "axis", "loop", "turn", "gap", "offset", "limit", "dynamics", "mimic", "drive",
     ),
     AtSpec: ("in",), WorldAtSpec: ("on",), HoldSpec: ("at",), ModeSpec: ("extends",),
     AssemblySpec: (
-        "name", "description", "parameters", "materials", "defaults", "components", "joints", "links", "mounts", "poses", "modes",
-        "sensors",
+        "name", "description", "parameters", "materials", "defaults", "components", "joints", "tendons", "links", "mounts", "poses",
+        "modes", "sensors",
     ),
 }
 """Models whose keys do not stand as a person reads them (those of defaults and poses come before their own): these keys first, the

@@ -30,6 +30,11 @@ class EndComment:
         return line + " " * spaces + self.text
 
 
+def commented(line: str, comment: EndComment | None) -> str:
+    """A line with its comment, if any."""
+    return line if comment is None else comment.after(line)
+
+
 @dataclass(slots=True, kw_only=True)
 class Item:
     """An entry of a mapping (`key` the place of its key, `name` what it says) or an item of a list (no key).
@@ -80,7 +85,7 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Gap:
+class Between:
     """What stands between two pieces: a comment at the end of the line, and lines of their own: (column, text), None for
     an empty one."""
 
@@ -88,7 +93,7 @@ class Gap:
     lines: list[tuple[int, str] | None]
 
 
-def gap(text: str, start: int, end: int, *, compact: bool = False) -> Gap:
+def gap(text: str, start: int, end: int, *, compact: bool = False) -> Between:
     """Read the gap from `start` to `end`; with `compact` what follows may stand on the same line (`- key: value`).
 
     Raises Unusual where anything but comments and empty lines stands there.
@@ -115,7 +120,7 @@ def gap(text: str, start: int, end: int, *, compact: bool = False) -> Gap:
             own.append(None)
     if end == len(text) and own and own[-1] is None and text.endswith("\n"):
         own.pop()
-    return Gap(comment=comment, lines=own)
+    return Between(comment=comment, lines=own)
 
 
 def tidy(lines: list[str | None]) -> list[str | None]:

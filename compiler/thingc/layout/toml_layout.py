@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from thingc.layout.flow import Inline
 from thingc.layout.order import ordered, shape_below, shape_for
-from thingc.layout.pieces import EndComment, Item, Piece, Unusual, gap, tidy
+from thingc.layout.pieces import EndComment, Item, Piece, Unusual, commented, gap, tidy
 from thingc.spec.shapes import AnnotationShape
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def _section(section: _Statement, text: str, names: _Names, first: bool) -> list
         lines.extend(line or "" for line in leading)
         head = text[section.start : section.end]
         marks = 2 if head.startswith("[[") else 1
-        lines.append(_commented(f"{'[' * marks}{text[slice(*section.key)].strip()}{']' * marks}", section.comment))
+        lines.append(commented(f"{'[' * marks}{text[slice(*section.key)].strip()}{']' * marks}", section.comment))
     pairs = sorted(section.pairs, key=lambda pair: names.rank((*section.words, *pair.words)))
     inline = Inline(text, " = ")
     for at, (pair, spaces) in enumerate(zip(pairs, _alignment(pairs, text), strict=True)):
@@ -125,7 +125,7 @@ def _section(section: _Statement, text: str, names: _Names, first: bool) -> list
         assert pair.value is not None
         below = names.at((*section.words, *pair.words)).shape
         written = f"{text[slice(*pair.key)]}{' ' * spaces}= {inline.value(pair.value, below, 0)}".split("\n")
-        written[-1] = _commented(written[-1], pair.comment)
+        written[-1] = commented(written[-1], pair.comment)
         lines.extend(written)
     return lines
 
@@ -144,10 +144,6 @@ def _alignment(pairs: list[_Statement], text: str) -> list[int]:
         between = text[pairs[at].key[1] : text.index("=", pairs[at].key[1])]
         spaces.append(width if columns[at] in near and not between.strip(" ") else 1)
     return spaces
-
-
-def _commented(line: str, comment: EndComment | None) -> str:
-    return line if comment is None else comment.after(line)
 
 
 class _Cutter:

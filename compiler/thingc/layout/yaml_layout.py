@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from thingc.layout.flow import Inline, order_of, outline
 from thingc.layout.order import shape_below, shape_for
-from thingc.layout.pieces import EndComment, Item, Piece, shifted, tidy
+from thingc.layout.pieces import Item, Piece, commented, shifted, tidy
 from thingc.layout.yaml_pieces import yaml_pieces
 from thingc.spec.shapes import AnnotationShape
 
@@ -85,14 +85,14 @@ class _Printer:
         if value.block:
             return [self.head(head, item), *self.block(value, below, indent + INDENT)]
         if value.start == value.end:
-            return [_commented(head, item.comment)]
+            return [commented(head, item.comment)]
         if item.verbatim:
             written = shifted(self.text[item.key[0] : value.end], indent - column)
             lines = (" " * indent + written).split("\n")
         else:
             written = self.leaf(value, below, indent - column)
             lines = f"{head}{' ' * spaces}{written}".split("\n")
-        lines[-1] = _commented(lines[-1], item.comment)
+        lines[-1] = commented(lines[-1], item.comment)
         return lines
 
     def head(self, head: str, item: Item) -> str:
@@ -100,7 +100,7 @@ class _Printer:
         value = item.value
         if value.body > value.start:
             head += " " + self.text[value.start : value.body]
-        return _commented(head, item.key_comment)
+        return commented(head, item.key_comment)
 
     def leaf(self, piece: Piece, shape: AnnotationShape | None, by: int) -> str:
         """A value that is no block; the lines of a block text that hold nothing stay empty."""
@@ -147,12 +147,8 @@ class _Printer:
             lines = shifted(" " * indent + self.text[item.dash : value.end], by).split("\n")
         else:
             lines = f"{dash} {self.leaf(value, shape, by)}".split("\n")
-        lines[-1] = _commented(lines[-1], item.comment)
+        lines[-1] = commented(lines[-1], item.comment)
         return lines
-
-
-def _commented(line: str, comment: EndComment | None) -> str:
-    return line if comment is None else comment.after(line)
 
 
 def _own_lines(lines: list[str | None], indent: int) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from thingc.layout.pieces import Gap, Item, Piece, Unusual, body_of, gap
+from thingc.layout.pieces import Between, Item, Piece, Unusual, body_of, gap
 
 _COLON = re.compile(r"[ \t]*:(?=\s|$)")
 _FLOW_COLON = re.compile(r"[ \t]*:[ \t]*")
@@ -227,7 +227,7 @@ class _Commenter:
             value.start = value.end = value.body = at
         self.last, self.inside = item, False
 
-    def take(self, found: Gap, column: int) -> list[str | None]:
+    def take(self, found: Between, column: int) -> list[str | None]:
         """Give away what stands in a gap; returns the lines that lead the entry in `column`, which follows it."""
         if found.comment is not None:
             if self.last is None:

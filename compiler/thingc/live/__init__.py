@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from thingc.exports import exported
 from thingc.live.rounds import Live, Round
 
 if TYPE_CHECKING:
@@ -11,11 +12,4 @@ if TYPE_CHECKING:
 
 __all__ = ["Live", "Round", "Server", "findings_of"]
 
-
-def __getattr__(name: str) -> Any:
-    """What only a browser needs, imported when it is asked for."""
-    if name in ("Server", "findings_of"):
-        from thingc.live import server
-
-        return getattr(server, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = exported(__name__, {"Server": "server", "findings_of": "server"})

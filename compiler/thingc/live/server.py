@@ -81,7 +81,7 @@ class Server:
         self._closed = False
         self._number = 0
         self._run = secrets.token_hex(4)
-        self._http = _Quiet((LOOPBACK, port), _handler(self))
+        self._http = _Quiet((LOOPBACK, port), type("Handler", (_Handler,), {"served": self}))
         about = f"{self.port} {os.path.realpath(document)}".encode("utf-8", "surrogateescape")
         word = secrets.token_bytes(16) if key is None else hmac.digest(key, about, "sha256")[:16]
         self._token = base64.urlsafe_b64encode(word).decode().rstrip("=")
@@ -180,71 +180,68 @@ def _place(span: Span | None, workspace: Workspace | None) -> dict[str, object]:
     return {"file": workspace.relative(span.file), "line": span.line}
 
 
-def _handler(server: Server) -> type[BaseHTTPRequestHandler]:
-    """Requests to one server."""
+class _Handler(BaseHTTPRequestHandler):
+    """One request: GET or HEAD of what a server has."""
 
-    class Handler(BaseHTTPRequestHandler):
-        """One request: GET or HEAD of what the server has."""
+    served: Server
 
-        protocol_version = "HTTP/1.1"
-        server_version = "thingc"
-        sys_version = ""
-        timeout = 60.0
+    protocol_version = "HTTP/1.1"
+    server_version = "thingc"
+    sys_version = ""
+    timeout = 60.0
 
-        def do_GET(self) -> None:
-            """Send it."""
-            self._answer(body=True)
+    def do_GET(self) -> None:
+        """Send it."""
+        self._answer(body=True)
 
-        def do_HEAD(self) -> None:
-            """Say what would be sent."""
-            self._answer(body=False)
+    def do_HEAD(self) -> None:
+        """Say what would be sent."""
+        self._answer(body=False)
 
-        def log_message(self, *_: Any) -> None:
-            """Nobody hears of requests."""
+    def log_message(self, *_: Any) -> None:
+        """Nobody hears of requests."""
 
-        def _answer(self, *, body: bool) -> None:
-            if not server.hosted(self.headers.get("Host")):
-                return self._refuse(HTTPStatus.MISDIRECTED_REQUEST)
-            name = server.inside(self.path)
-            if name == "events":
-                return self._events(body=body)
-            found = None if name is None else server.content(name)
-            if found is None:
-                return self._refuse(HTTPStatus.NOT_FOUND)
-            kind, content = found
-            self._begin(HTTPStatus.OK, kind, len(content))
+    def _answer(self, *, body: bool) -> None:
+        if not self.served.hosted(self.headers.get("Host")):
+            return self._refuse(HTTPStatus.MISDIRECTED_REQUEST)
+        name = self.served.inside(self.path)
+        if name == "events":
+            return self._events(body=body)
+        found = None if name is None else self.served.content(name)
+        if found is None:
+            return self._refuse(HTTPStatus.NOT_FOUND)
+        kind, content = found
+        self._begin(HTTPStatus.OK, kind, len(content))
+        if body:
+            self.wfile.write(content)
+        return None
+
+    def _begin(self, status: HTTPStatus, kind: str, length: int | None) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        for header, value in HEADERS.items():
+            self.send_header(header, value)
+        if length is None:
+            self.close_connection = True
+        else:
+            self.send_header("Content-Length", str(length))
+        self.end_headers()
+
+    def _refuse(self, status: HTTPStatus) -> None:
+        self._begin(status, "text/plain; charset=utf-8", 0)
+
+    def _events(self, *, body: bool) -> None:
+        """News as they come (Server-Sent Events, WHATWG HTML 9.2), until one end goes away."""
+        self._begin(HTTPStatus.OK, "text/event-stream", None)
+        seen = 0
+        try:
             if body:
-                self.wfile.write(content)
-            return None
-
-        def _begin(self, status: HTTPStatus, kind: str, length: int | None) -> None:
-            self.send_response(status)
-            self.send_header("Content-Type", kind)
-            for header, value in HEADERS.items():
-                self.send_header(header, value)
-            if length is None:
-                self.close_connection = True
-            else:
-                self.send_header("Content-Length", str(length))
-            self.end_headers()
-
-        def _refuse(self, status: HTTPStatus) -> None:
-            self._begin(status, "text/plain; charset=utf-8", 0)
-
-        def _events(self, *, body: bool) -> None:
-            """News as they come (Server-Sent Events, WHATWG HTML 9.2), until one end goes away."""
-            self._begin(HTTPStatus.OK, "text/event-stream", None)
-            seen = 0
-            try:
-                if body:
-                    self.wfile.write(b"retry: 1000\n\n")
-                    self.wfile.flush()
-                while body and (latest := server.news(seen)) is not None:
-                    number, told = latest
-                    self.wfile.write(f"data: {told}\n\n".encode() if number > seen else b": nothing new\n\n")
-                    self.wfile.flush()
-                    seen = number
-            except OSError:  # the browser has gone away
-                self.close_connection = True
-
-    return Handler
+                self.wfile.write(b"retry: 1000\n\n")
+                self.wfile.flush()
+            while body and (latest := self.served.news(seen)) is not None:
+                number, told = latest
+                self.wfile.write(f"data: {told}\n\n".encode() if number > seen else b": nothing new\n\n")
+                self.wfile.flush()
+                seen = number
+        except OSError:  # the browser has gone away
+            self.close_connection = True

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from thingc.exports import exported
 from thingc.load.documents import Documents, load, load_more, read_tree
 from thingc.load.paths import find_assembly, named
 from thingc.load.text import Source
@@ -17,15 +18,7 @@ __all__ = [
     "load_more", "named", "packaged_documents", "read_tree",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """What only commands for whole folders need, imported when it is asked for."""
-    if name in ("assemblies_in", "documents_in", "documents_near", "has_header", "is_document"):
-        from thingc.load import finding
-
-        return getattr(finding, name)
-    if name == "packaged_documents":
-        from thingc.load import packaged
-
-        return packaged.packaged_documents
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = exported(__name__, {
+    "assemblies_in": "finding", "documents_in": "finding", "documents_near": "finding", "has_header": "finding", "is_document": "finding",
+    "packaged_documents": "packaged",
+})

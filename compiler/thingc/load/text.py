@@ -6,7 +6,7 @@ import re
 from bisect import bisect_right
 
 from thingc.diagnostics import Code, Report
-from thingc.source import Span
+from thingc.source import Span, line_of
 
 MAX_BYTES = 10_000_000
 MAX_ALL_BYTES = 40_000_000
@@ -60,7 +60,7 @@ class Source:
 
 def decode(file: str, data: bytes, report: Report) -> Source | None:
     """The text of a file read: UTF-8, a byte order mark and CRLF allowed. None when it has been reported."""
-    top = Span(file=file, line=1, column=1, end_line=1, end_column=1)
+    top = line_of(file)
     if len(data) > MAX_BYTES:
         report.add(
             Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes, which is the bound", top, help="split the document",

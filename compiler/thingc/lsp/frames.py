@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from thingc.lsp.analysis import Analysis
-from thingc.pose import Pose, Vector
+from thingc.pose import Pose, Vector, transpose
 from thingc.realize.record import PartDefinition, PartRecord
 from thingc.resolve.model import AssemblyDefinition
 
@@ -26,7 +26,7 @@ def frame_words(analysis: Analysis, reference: str) -> str:
 
 def in_words(pose: Pose) -> str:
     """A frame in a line: its origin, and where its z points."""
-    return f"{length_words(pose.translation)}, z along {_direction(pose)}"
+    return f"{length_words(pose.translation)}, z along {direction_words(transpose(pose.rotation)[2])}"
 
 
 def length_words(vector: Vector) -> str:
@@ -53,12 +53,12 @@ def _found(analysis: Analysis, model: AssemblyDefinition, steps: Sequence[str], 
     return record.mounts[rest[0]].pose, owner
 
 
-def _direction(pose: Pose) -> str:
-    z: Vector = (pose.rotation[0][2], pose.rotation[1][2], pose.rotation[2][2])
-    for axis, value in zip("xyz", z, strict=True):
+def direction_words(direction: Vector) -> str:
+    """Where a unit vector points: `+x`, `-z`, `(0.6, 0, 0.8)`."""
+    for axis, value in zip("xyz", direction, strict=True):
         if abs(value) > 1.0 - 1e-9:
             return f"{'+' if value > 0 else '-'}{axis}"
-    return f"({', '.join(_short(value) for value in z)})"
+    return f"({', '.join(_short(value) for value in direction)})"
 
 
 def _short(value: float) -> str:

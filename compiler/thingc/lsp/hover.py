@@ -11,7 +11,7 @@ from thingc.diagnostics import Code
 from thingc.graph.types import Assembly, JointEdge, Mate
 from thingc.lsp.analysis import Analysis
 from thingc.lsp.cursor import Cursor, cursor_at
-from thingc.lsp.frames import frame_words, in_words, length_words
+from thingc.lsp.frames import direction_words, frame_words, in_words, length_words
 from thingc.lsp.positions import TextPlace
 from thingc.lsp.schema_walk import SchemaWalk, described, described_as
 from thingc.lsp.values import comes_to, parameters_of, shown
@@ -183,12 +183,9 @@ def _of_joint(analysis: Analysis, name: str) -> str:
 def _motion(edge: JointEdge) -> str:
     turns = any(edge.twist.angular)
     axis = edge.twist.angular if turns else edge.twist.linear
-    letter = next((f"{'-' if value < 0 else ''}{name}" for name, value in zip("xyz", axis, strict=True) if abs(value) > 0.999), None)
-    shown_axis = letter or f"({', '.join(f'{value:.3g}' for value in axis)})"
     speed = edge.limit.velocity
     limit = "" if speed is None else f"; up to {speed * 30.0 / math.pi:.4g} rpm" if turns else f"; up to {speed:.4g} m/s"
-    return f"{'Turns about' if turns else 'Slides along'} {shown_axis} of the parent mount{limit}."
-
+    return f"{'Turns about' if turns else 'Slides along'} {direction_words(axis).removeprefix('+')} of the parent mount{limit}."
 
 
 def _edge(assembly: Assembly, name: str) -> tuple[Mate, JointEdge] | None:

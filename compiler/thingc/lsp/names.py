@@ -17,7 +17,7 @@ from thingc.load import named
 from thingc.lsp.part_names import PartClass, PartName, PartNames
 from thingc.lsp.written import GLOB, SPECIAL, WrittenDocument, pattern_of
 from thingc.source import MappingNode, Path, ScalarNode, Span, node_at
-from thingc.spec import Declares, Means, Mention, setting_words
+from thingc.spec import Declares, Means, Mention, referred, setting_words
 
 Role = Literal["declared", "used", "fits"]
 """`fits`: a pattern that the name fits without standing in it, or a text in which it is written with other characters (escapes)."""
@@ -455,7 +455,7 @@ class _Reader:
 
     def raw(self, written: WrittenDocument, text: str, path: Path) -> Iterator[Hit]:
         """An element of a target's file, which is called after what it is made of: `hand/finger`."""
-        kind = str(path[2])
+        kind = referred(path) or "" if path[2] == "add" else str(path[2])
         dotted = text.replace("/", ".")
         words = _words(dotted)
         answers: list[list[Hit]] = []
@@ -467,7 +467,7 @@ class _Reader:
             answers.append(list(self.in_section(written, "sensors", "sensor", text)))
         if kind not in ("joint", "actuator"):
             answers.append(list(self.in_section(written, "links", "link", text)))
-            answers.append(list(self.mount(written, dotted, "", "mount or export")) if kind in ("site", "link") else [])
+            answers.append(list(self.mount(written, dotted, "", "mount or export")) if kind in ("site", "link", "object") else [])
             answers.append(list(self.components(written, words, "")))
         if kind != "default":
             answers.append(list(self.exact_joint(written, dotted, "")))

@@ -17,7 +17,7 @@ from thingc.lsp.positions import TextLines, TextPlace
 from thingc.lsp.renaming import renamable, renamed
 from thingc.lsp.sight import Sight, sight_of
 from thingc.lsp.steady import steady
-from thingc.source import Span
+from thingc.source import Span, line_of
 from thingc.workspace import Workspace
 
 _TEXT, _READ, _WRITE = 1, 2, 3
@@ -80,7 +80,7 @@ def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
         return []
     names, here = found
     if here.name.what == "document":
-        top = Span(file=here.name.file, line=1, column=1, end_line=1, end_column=1)
+        top = line_of(here.name.file)
         return names.locations([top])
     places = names.sight.index.by_name[here.name]
     if here.role == "declared" and here.span.file.endswith(".py"):

@@ -67,7 +67,6 @@ class OpenDocuments:
         self._analyses: dict[str, Analysis] = {}
         self._memos: dict[str, _SupersededMemo] = {}
         self._outdated: dict[str, None] = {}
-        self._unsaid: dict[str, None] = {}
         self._published: dict[str, list[dict[str, Any]]] = {}
         self._at_hand: dict[str, AtHand] = {}
         self._reach: dict[str, InReach] = {}

@@ -17,7 +17,7 @@ TOKENS = ("parameter", "variable", "function", "number", "unit")
 """Of expressions: parameters, constants and the index of a repeat, functions, numbers, units. An editor is told `keyword` for a unit."""
 _SECTIONS = {
     "components": 5, "joints": 6, "parameters": 13, "poses": 24, "modes": 10, "mounts": 11, "sensors": 8, "tests": 17, "links": 23,
-    "materials": 14, "choices": 10, "list": 18,
+    "tendons": 6, "materials": 14, "choices": 10, "list": 18,
 }
 """What the protocol takes the names of a section for, by its numbers."""
 _MODULE = 2

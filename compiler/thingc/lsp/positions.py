@@ -22,10 +22,6 @@ class TextPlace:
     line: int
     column: int
 
-    def lies_in(self, span: Span) -> bool:
-        """Whether it lies in a stretch, or at one of its ends. (Of which file is not looked at.)"""
-        return (span.line, span.column) <= (self.line, self.column) <= (span.end_line, span.end_column)
-
 
 class TextLines:
     """A text and its lines, as both sides count them: broken at line feeds and carriage returns, and nowhere else."""

@@ -6,6 +6,7 @@ Such a reading never fails. It keeps keys and scalars by their path as far as th
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -46,7 +47,7 @@ class CursorPlace:
 
 
 @dataclass(slots=True)
-class Scan:
+class Scan(ABC):
     """One reading of a text, with the cursor before the character `target`.
 
     `keys` has those of every mapping with the place of each, `scalars` the text of every plain or quoted value; `place` is what
@@ -67,21 +68,21 @@ class Scan:
 
     # --- what each language has of its own ----------------------------------------------------------------------------
 
+    @abstractmethod
     def run(self) -> None:
         """Read all of the text."""
-        raise NotImplementedError
 
+    @abstractmethod
     def key_tokens(self, at: int) -> tuple[list[Token], int]:
         """The segments of the key at `at` inside brackets, and where it ends."""
-        raise NotImplementedError
 
+    @abstractmethod
     def plain_end(self, at: int) -> int:
         """Where a value without quotes ends that begins at `at` inside brackets."""
-        raise NotImplementedError
 
+    @abstractmethod
     def ends_flow(self, line: int, column: int) -> bool:
         """Whether the line that begins at `line` can be none of a bracket that belongs to a key in that column."""
-        raise NotImplementedError
 
     # --- what was met -------------------------------------------------------------------------------------------------
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -25,10 +25,12 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from thingc.frozen import dataclass
 from thingc.lsp.analysis import Analysis, OpenText, RequestRefused
-from thingc.lsp.open_documents import OpenDocuments, Superseded
+from thingc.lsp.open_documents import OpenDocuments, Publish, Superseded
 from thingc.lsp.positions import TextPlace, path_of
 
 if TYPE_CHECKING:
+    from pygls.lsp.server import LanguageServer
+
     from thingc.diagnostics import Diagnostic
     from thingc.environment import Options
 
@@ -79,8 +81,63 @@ def serve(
     """Answer an editor until it leaves; whether it has said so before. `options` say where the store is; whether code may run is said by
     the editor. `refused` puts an exception into words."""
     from lsprotocol import types
-    from pygls.exceptions import JsonRpcException
     from pygls.lsp import get_method_options_type
+
+    server = _server(version)
+    converter = server.protocol._converter
+    answering = _Answering()
+
+    @server.feature(types.INITIALIZE)
+    def initialize(params: types.InitializeParams) -> None:
+        loop = asyncio.get_running_loop()
+        given = params.initialization_options
+        trusted = isinstance(given, dict) and given.get("trusted") is True
+
+        def publish(uri: str, version: int | None, diagnostics: list[dict[str, Any]]) -> None:
+            told = types.PublishDiagnosticsParams(
+                uri=uri, version=version, diagnostics=converter.structure(diagnostics, list[types.Diagnostic]),
+            )
+            with contextlib.suppress(RuntimeError):  # the server is leaving
+                loop.call_soon_threadsafe(server.text_document_publish_diagnostics, told)
+
+        answering.begin(replace(options, lock=True, code=trusted), publish, refused)
+
+    @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
+    def did_open(params: types.DidOpenTextDocumentParams) -> None:
+        answering.put(params.text_document.uri, params.text_document.version, params.text_document.text)
+
+    @server.feature(types.TEXT_DOCUMENT_DID_CHANGE)
+    def did_change(params: types.DidChangeTextDocumentParams) -> None:
+        if params.content_changes:
+            answering.put(params.text_document.uri, params.text_document.version, params.content_changes[-1].text)
+
+    @server.feature(types.TEXT_DOCUMENT_DID_CLOSE)
+    def did_close(params: types.DidCloseTextDocumentParams) -> None:
+        answering.take_away(params.text_document.uri)
+
+    @server.feature(types.TEXT_DOCUMENT_DID_SAVE)
+    def did_save(params: types.DidSaveTextDocumentParams) -> None:
+        answering.saved([params.text_document.uri])
+
+    @server.feature(types.WORKSPACE_DID_CHANGE_WATCHED_FILES)
+    def did_change_files(params: types.DidChangeWatchedFilesParams) -> None:
+        answering.saved([one.uri for one in params.changes])
+
+    for method, feature in FEATURES.items():
+        options_type = get_method_options_type(method)
+        told = None if feature.options is None or options_type is None else converter.structure(feature.options, options_type)
+        server.feature(method, told)(_handler(answering, feature, converter.unstructure))
+    try:
+        server.start_io(stdin, stdout)
+    finally:
+        answering.close()
+    return server.protocol._shutdown
+
+
+def _server(version: str) -> LanguageServer:
+    """What speaks the protocol."""
+    from lsprotocol import types
+    from pygls.exceptions import JsonRpcException
     from pygls.lsp.server import LanguageServer
     from pygls.protocol import LanguageServerProtocol, default_converter
 
@@ -110,94 +167,80 @@ def serve(
             """Hears of errors of the protocol, of which the editor is told anyway."""
             logging.getLogger("thingc.lsp").debug("%s: %s", source, error)
 
-    server = Quiet(
+    return Quiet(
         "thingc", version, text_document_sync_kind=types.TextDocumentSyncKind.Full, protocol_cls=Protocol,
         converter_factory=default_converter,
     )
-    converter = server.protocol._converter
-    analysing = ThreadPoolExecutor(max_workers=1, thread_name_prefix="analysing")
-    opened: list[OpenDocuments] = []
-    recent = [""]
 
-    def publish(uri: str, version: int | None, diagnostics: list[dict[str, Any]]) -> None:
-        params = types.PublishDiagnosticsParams(
-            uri=uri, version=version, diagnostics=converter.structure(diagnostics, list[types.Diagnostic]),
-        )
-        with contextlib.suppress(RuntimeError):  # the server is leaving
-            loop.call_soon_threadsafe(server.text_document_publish_diagnostics, params)
 
-    loop: asyncio.AbstractEventLoop
+def _handler(answering: _Answering, feature: Feature, plain: Callable[[Any], Any]) -> Callable[[Any], Awaitable[Any]]:
+    async def handle(params: Any) -> Any:
+        return await answering.answered(feature, plain(params))
 
-    @server.feature(types.INITIALIZE)
-    def initialize(params: types.InitializeParams) -> None:
-        nonlocal loop
-        loop = asyncio.get_running_loop()
-        given = params.initialization_options
-        trusted = isinstance(given, dict) and given.get("trusted") is True
-        if not opened:
-            opened.append(OpenDocuments(replace(options, lock=True, code=trusted), publish, refused, wake))
+    return handle
 
-    def wake() -> None:
-        with contextlib.suppress(RuntimeError):  # the server is leaving
-            analysing.submit(work)
 
-    def work() -> None:
-        if opened[0].next():
-            wake()  # behind the requests that wait
+class _Answering:
+    """The documents that an editor has opened, and the one thread that looks at them: it analyses them, and answers, one after the other.
+    Until the editor has said what it is (`begin`) there are none."""
 
-    def put(uri: str, version: int, text: str) -> None:
+    def __init__(self) -> None:
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="analysing")
+        self._opened: OpenDocuments | None = None
+        self._recent = ""
+
+    def begin(self, options: Options, publish: Publish, refused: Callable[[Exception], Diagnostic]) -> None:
+        """Once."""
+        if self._opened is None:
+            self._opened = OpenDocuments(options, publish, refused, self._wake)
+
+    def close(self) -> None:
+        """Nothing is answered any more."""
+        self._thread.shutdown(wait=False, cancel_futures=True)
+        if self._opened is not None:
+            self._opened.close()
+
+    def put(self, uri: str, version: int, text: str) -> None:
+        """A document was opened, or has another text now."""
         path = path_of(uri)
-        if path is not None:
-            recent[0] = path
-            opened[0].put(path, OpenText(uri=uri, version=version, text=text))
-            wake()
+        if path is not None and self._opened is not None:
+            self._recent = path
+            self._opened.put(path, OpenText(uri=uri, version=version, text=text))
+            self._wake()
 
-    @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
-    def did_open(params: types.DidOpenTextDocumentParams) -> None:
-        put(params.text_document.uri, params.text_document.version, params.text_document.text)
+    def take_away(self, uri: str) -> None:
+        """It was closed."""
+        path = path_of(uri)
+        if path is not None and self._opened is not None:
+            self._opened.take_away(path)
+            self._wake()
 
-    @server.feature(types.TEXT_DOCUMENT_DID_CHANGE)
-    def did_change(params: types.DidChangeTextDocumentParams) -> None:
-        if params.content_changes:
-            put(params.text_document.uri, params.text_document.version, params.content_changes[-1].text)
+    def saved(self, uris: Iterable[str]) -> None:
+        """Files on the disk are others than before."""
+        paths = [path for uri in uris if (path := path_of(uri)) is not None]
+        if paths and self._opened is not None:
+            for path in paths:
+                self._opened.saved(path)
+            self._wake()
 
-    @server.feature(types.TEXT_DOCUMENT_DID_CLOSE)
-    def did_close(params: types.DidCloseTextDocumentParams) -> None:
-        path = path_of(params.text_document.uri)
-        if path is not None:
-            opened[0].take_away(path)
-            wake()
+    async def answered(self, feature: Feature, params: dict[str, Any]) -> Any:
+        """The answer to a request, behind those that came before it. Raises `JsonRpcException`."""
+        return await asyncio.get_running_loop().run_in_executor(self._thread, partial(self._answer, feature, params))
 
-    @server.feature(types.TEXT_DOCUMENT_DID_SAVE)
-    def did_save(params: types.DidSaveTextDocumentParams) -> None:
-        path = path_of(params.text_document.uri)
-        if path is not None:
-            opened[0].saved(path)
-            wake()
+    def _answer(self, feature: Feature, params: dict[str, Any]) -> Any:
+        from pygls.exceptions import JsonRpcException
 
-    def latest(path: str) -> Analysis:
-        while True:
-            with contextlib.suppress(Superseded):
-                return opened[0].analysis(path)
-
-    @server.feature(types.WORKSPACE_DID_CHANGE_WATCHED_FILES)
-    def did_change_files(params: types.DidChangeWatchedFilesParams) -> None:
-        for path in filter(None, [path_of(one.uri) for one in params.changes]):
-            opened[0].saved(path)
-        wake()
-
-    def answered(feature: Feature, params: dict[str, Any]) -> Any:
-        if not opened:
+        if self._opened is None:
             raise JsonRpcException("`initialize` comes first", code=NOT_INITIALIZED)
         uri = params.get("textDocument", {}).get("uri", "") if feature.document else None
-        path = recent[0] if uri is None else path_of(uri)
+        path = self._recent if uri is None else path_of(uri)
         if not path:
             return None
         module, _, name = feature.answer.partition(":")
         answer: Callable[..., Any] = getattr(import_module(f"thingc.lsp.{module}"), name)
-        analysis = latest(path)
+        analysis = _latest(self._opened, path)
         if feature.everywhere:
-            analysis = replace(analysis, open=opened[0].texts)
+            analysis = replace(analysis, open=self._opened.texts)
         place = analysis.lines().place(params["position"]) if "position" in params else TextPlace(line=1, column=1)
         try:
             return answer(analysis, analysis.text, place, params)
@@ -206,21 +249,16 @@ def serve(
         except Exception as fault:
             raise JsonRpcException(f"thingc failed: {type(fault).__name__}: {fault}", code=INTERNAL_ERROR) from None
 
-    def register(method: str, feature: Feature) -> None:
-        async def handle(params: Any) -> Any:
-            plain = converter.unstructure(params)
-            return await asyncio.get_running_loop().run_in_executor(analysing, partial(answered, feature, plain))
+    def _wake(self) -> None:
+        with contextlib.suppress(RuntimeError):  # the server is leaving
+            self._thread.submit(self._work)
 
-        options_type = get_method_options_type(method)
-        told = None if feature.options is None or options_type is None else converter.structure(feature.options, options_type)
-        server.feature(method, told)(handle)
+    def _work(self) -> None:
+        if self._opened is not None and self._opened.next():
+            self._wake()  # behind the requests that wait
 
-    for method, feature in FEATURES.items():
-        register(method, feature)
-    try:
-        server.start_io(stdin, stdout)
-    finally:
-        analysing.shutdown(wait=False, cancel_futures=True)
-        for one in opened:
-            one.close()
-    return server.protocol._shutdown
+
+def _latest(opened: OpenDocuments, path: str) -> Analysis:
+    while True:
+        with contextlib.suppress(Superseded):
+            return opened.analysis(path)

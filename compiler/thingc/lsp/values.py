@@ -10,7 +10,7 @@ from thingc.expressions import ExpressionError, Found, evaluate, parse_expressio
 from thingc.lsp.analysis import Analysis
 from thingc.lsp.cursor import Cursor
 from thingc.realize.record import PartSchema
-from thingc.source import MappingNode, Node, Path, ScalarNode, node_at
+from thingc.source import MappingNode, Path, node_at, text_of
 from thingc.units import Quantity, UnitError, parse_quantity
 
 MAX_ITEMS = 1000
@@ -34,8 +34,8 @@ def comes_to(analysis: Analysis, path: Path, text: str) -> tuple[Found, ...]:
     if not isinstance(repeat, MappingNode) or path[2:3] == ("repeat",):
         found = read(text, parameters)
         return () if found is None else (found,)
-    index = _text(repeat.entries.get("as")) or "i"
-    count = read(_text(repeat.entries.get("count")), parameters)
+    index = text_of(repeat.entries.get("as")) or "i"
+    count = read(text_of(repeat.entries.get("count")), parameters)
     last = min(count.value, MAX_ITEMS) - 1 if isinstance(count, Quantity) else 0
     ends = [read(text, {**parameters, index: Quantity(float(number))}) for number in dict.fromkeys((0, max(0, int(last))))]
     return tuple(dict.fromkeys(one for one in ends if one is not None))
@@ -56,7 +56,7 @@ def bounds_of(analysis: Analysis, cursor: Cursor) -> tuple[float, float]:
         name = cursor.scalars.get((*path[:2], "assembly"), "")
         document = known.document(os.path.normpath(os.path.join(os.path.dirname(known.path), name)))
         ends = [None if document is None else node_at(document.tree, ("parameters", str(path[3]), end)) for end in ("min", "max")]
-        found = [read(_text(end), {}) for end in ends]
+        found = [read(text_of(end), {}) for end in ends]
         low, high = (one.value if isinstance(one, Quantity) else end for end, one in zip((low, high), found, strict=True))
     return low, high
 
@@ -78,7 +78,7 @@ def shown(found: tuple[Found, ...]) -> str:
 def _worked_out(tree: MappingNode | None) -> dict[str, Found]:
     section = None if tree is None else tree.entries.get("parameters")
     waiting = {
-        name: _text(node.entries.get("value") if isinstance(node, MappingNode) else node)
+        name: text_of(node.entries.get("value") if isinstance(node, MappingNode) else node)
         for name, node in (section.entries.items() if isinstance(section, MappingNode) else ())
     }
     known: dict[str, Found] = {}
@@ -92,9 +92,3 @@ def _worked_out(tree: MappingNode | None) -> dict[str, Found]:
                 del waiting[name]
                 found = True
     return known
-
-
-def _text(node: Node | None) -> str:
-    if not isinstance(node, ScalarNode) or node.value is None:
-        return ""
-    return node.value if isinstance(node.value, str) else node.text

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
+from thingc.diagnostics import Code, Report
 from thingc.inertia import MassProperties
+from thingc.memo import Memo
 from thingc.meshes.files import MeshFile
-from thingc.meshes.record import MeshPiece, MeshRecord
-from thingc.realize.record import Mesh
+from thingc.meshes.record import BadMesh, MeshPiece, MeshRecord
+from thingc.realize.record_json import matrix_from_json, mesh_from_json, mesh_to_json, vector_from_json
 from thingc.realize.store.local import Store
+from thingc.source import Origin
 
 KIND = "mesh-files"
 """Documents in the store."""
@@ -18,7 +22,7 @@ VERSION = 1
 """Of what is read of a file: another one is read anew."""
 
 
-def measured(file: MeshFile, store: Store, *, read: bool = True) -> MeshRecord | None:
+def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | None:
     """What is known of a file, from the store, else by reading it; without `read` None where nobody has read it yet. Raises `BadMesh`."""
     key = json.dumps([VERSION, *file.content])
     known = store.get_json(KIND, key)
@@ -33,32 +37,40 @@ def measured(file: MeshFile, store: Store, *, read: bool = True) -> MeshRecord |
     return record
 
 
+def mesh_records(
+    listed: Mapping[MeshFile, tuple[Origin, bool]], store: Store, report: Report, memo: Memo,
+) -> dict[MeshFile, MeshRecord]:
+    """The records of mesh files, each with the place where it is listed and whether it has to be read, without those of which nothing is
+    known. One that is no mesh is an error at its place."""
+    records: dict[MeshFile, MeshRecord] = {}
+    for file, (origin, read) in listed.items():
+        try:
+            record = memo(("mesh record", file.path, file.scale, read), measured, file, store, read)
+        except BadMesh as fault:
+            report.add(Code.PART_INVALID, f"`{file.path}` {fault}", origin, help="export it anew, as STL, OBJ, COLLADA, PLY or glTF")
+            continue
+        if record is not None:
+            records[file] = record
+    return records
+
+
 def _plain(record: MeshRecord) -> dict[str, Any]:
     meshes = [record.mesh, *(piece.mesh for piece in record.pieces)]
     matter = record.matter
     return {
-        "mesh": _mesh(record.mesh), "pieces": [[_mesh(piece.mesh), piece.color] for piece in record.pieces],
+        "mesh": mesh_to_json(record.mesh), "pieces": [[mesh_to_json(piece.mesh), piece.color] for piece in record.pieces],
         "matter": None if matter is None else [matter.mass, matter.centre, matter.inertia], "box": record.box, "own": record.own,
         "blobs": [*([mesh.sha256, mesh.size] for mesh in meshes), *([record.own] if record.own is not None else [])],
     }
 
 
-def _mesh(mesh: Mesh) -> list[Any]:
-    return [mesh.sha256, mesh.size, mesh.vertices, mesh.faces, mesh.closed, mesh.flat]
-
-
-def _read_mesh(plain: list[Any]) -> Mesh:
-    sha256, size, vertices, faces, closed, flat = plain
-    return Mesh(sha256=sha256, size=size, vertices=vertices, faces=faces, closed=closed, flat=flat)
-
-
 def _record(plain: dict[str, Any]) -> MeshRecord:
-    matter = plain["matter"]
-    low, high = (tuple(corner) for corner in plain["box"])
+    matter, (low, high) = plain["matter"], plain["box"]
     return MeshRecord(
-        mesh=_read_mesh(plain["mesh"]), pieces=tuple(MeshPiece(mesh=_read_mesh(mesh), color=color) for mesh, color in plain["pieces"]),
+        mesh=mesh_from_json(plain["mesh"]),
+        pieces=tuple(MeshPiece(mesh=mesh_from_json(mesh), color=color) for mesh, color in plain["pieces"]),
         matter=None if matter is None else MassProperties(
-            mass=matter[0], centre=tuple(matter[1]), inertia=tuple(tuple(row) for row in matter[2]),  # type: ignore[arg-type]
+            mass=matter[0], centre=vector_from_json(matter[1]), inertia=matrix_from_json(matter[2]),
         ),
-        box=(low, high), own=None if plain["own"] is None else (plain["own"][0], plain["own"][1]),
+        box=(vector_from_json(low), vector_from_json(high)), own=None if plain["own"] is None else (plain["own"][0], plain["own"][1]),
     )

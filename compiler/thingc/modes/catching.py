@@ -66,13 +66,13 @@ def _allowed(mode: Mode, state: State) -> tuple[Array, Array]:
     placed = list(mode.poses(state).values())
     holds = [_held(hold, placed[hold.link], jacobians[hold.link]) for hold in mode.holds]
     loops = [_ends_meet(mode, state, cut, jacobians) for cut in mode.cuts]
-    coupling = mode.coupling()
+    coupling = mode.coupling(state.q)
     free = moves.shape[1]
     N = np.zeros((n, free + coupling.shape[1]))
     N[:6, :free], N[6:, free:] = moves, coupling
     if holds or loops:
         N = N @ _null_space(np.vstack([*holds, *loops]) @ N)
-    return N, np.vstack([base, *holds, _mimics(mode), *loops])
+    return N, np.vstack([base, *holds, _mimics(mode, state), *loops])
 
 
 def _base(mode: Mode, state: State) -> tuple[Array, Array]:
@@ -97,14 +97,14 @@ def at_point(hold: Hold, X: Array, twist: Array) -> Array:
     return np.concatenate([linear, np.zeros(3)])
 
 
-def _mimics(mode: Mode) -> Array:
+def _mimics(mode: Mode, state: State) -> Array:
     """(r, n): v less the multiple of its leader's, for every joint that follows one of the tree."""
     column = {joint.name: 6 + number for number, joint in enumerate(mode.joints)}
     followers = [joint for joint in mode.joints if joint.mimic is not None and joint.mimic.joint in column]
     rows = np.zeros((len(followers), 6 + len(column)))
     for row, joint in zip(rows, followers, strict=True):
         if joint.mimic is not None:
-            row[column[joint.name]], row[column[joint.mimic.joint]] = 1.0, -joint.mimic.multiplier
+            row[column[joint.name]], row[column[joint.mimic.joint]] = 1.0, -joint.mimic.rate(state.q[joint.mimic.joint])
     return rows
 
 

@@ -23,7 +23,7 @@ FREE_JOINT = "root"
 def check(mode: Mode, data: Any) -> None:
     """Raises `WrongData` where the model of `data` is not that of `mode`: other links, other parents, another base."""
     model = data.model
-    body_of = _bodies(model)
+    body_of = _bodies(mode, model)
     missing = next((link.name for link in mode.links if link.name not in body_of), None)
     if missing is not None:
         raise WrongData(f"the data given for mode `{mode.name}` is of a model without a link `{missing}`")
@@ -34,7 +34,9 @@ def check(mode: Mode, data: Any) -> None:
         "planar" if "root_0" in joints else free)
     trees = all(
         joint.in_data in joints and model.jnt_bodyid[joints[joint.in_data]] == body_of[mode.links[joint.child].name]
-        and _link_above(model, body_of[mode.links[joint.child].name], links) == body_of[mode.links[joint.parent].name]
+        and body_of[mode.links[joint.parent].name] in (
+            _link_above(model, body_of[mode.links[joint.child].name], links), body_of[mode.links[joint.child].name],
+        )
         for joint in mode.joints
     )
     if base != mode.base or not trees or (base == "free" and joints.get(FREE_JOINT) != model.body_jntadr[root]):
@@ -163,19 +165,27 @@ def bolted(mode: Mode, data: Any) -> Array:
 def inertias(mode: Mode, data: Any) -> Inertias:
     """The masses of the model of `data` as they are now, in the order of `mode`'s tree; it may be any mode's data."""
     model = data.model
-    body_of = _bodies(model)
+    body_of = _bodies(mode, model)
     bodies = [body_of[link.name] for link in mode.links]
+    weigh = np.array([model.body(body).name == link.name for body, link in zip(bodies, mode.links, strict=True)])
     turns = [rotation_of(model.body_iquat[body]) for body in bodies]
+    inertia = np.array([R @ np.diag(model.body_inertia[body]) @ R.T for R, body in zip(turns, bodies, strict=True)])
     return Inertias(
-        mass=model.body_mass[bodies],
-        centre=model.body_ipos[bodies],
-        inertia=np.array([R @ np.diag(model.body_inertia[body]) @ R.T for R, body in zip(turns, bodies, strict=True)]),
+        mass=model.body_mass[bodies] * weigh,
+        centre=model.body_ipos[bodies] * weigh[:, None],
+        inertia=inertia * weigh[:, None, None],
         armature=np.array([model.dof_armature[model.joint(joint.in_data).dofadr[0]] for joint in mode.joints]),
     )
 
 
-def _bodies(model: Any) -> dict[str, int]:
-    return {model.body(number).name: number for number in range(model.nbody)}
+def _bodies(mode: Mode, model: Any) -> dict[str, int]:
+    """The bodies by name; a link that only joins two joints is none, and they are those of the body behind it."""
+    body_of = {model.body(number).name: number for number in range(model.nbody)}
+    for joint in reversed(mode.joints):
+        parent, child = mode.links[joint.parent], mode.links[joint.child]
+        if parent.mass == 0.0 and child.name in body_of:
+            body_of.setdefault(parent.name, body_of[child.name])
+    return body_of
 
 
 def _actuators(model: Any) -> dict[str, int]:

@@ -120,6 +120,7 @@ def _joints(described: Mapping[str, Any], index: Mapping[str, int]) -> Iterator[
             armature=float(one["armature"]),
             mimic=None if mimic is None else Mimic(
                 joint=str(mimic["joint"]), multiplier=float(mimic["multiplier"]), offset=float(mimic["offset"]),
+                higher=tuple(float(one) for one in mimic.get("higher", ())),
             ),
             in_model=MappingProxyType({str(name): float(ratio) for name, ratio in one["in_model"].items()}),
             qpos=tuple(int(address) for address in one["qpos"]),

@@ -32,11 +32,16 @@ class Link(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mimic(Brief):
-    """A joint that follows another: q = offset + multiplier q(`joint`)."""
+    """A joint that follows another: q = offset + multiplier x + higher[0] x^2 + ... with x the q of `joint`."""
 
     joint: str
     multiplier: float
     offset: float
+    higher: tuple[float, ...] = ()
+
+    def rate(self, x: float) -> float:
+        """How fast it moves by the speed of the other, where that is at `x`."""
+        return self.multiplier + sum(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -239,15 +244,15 @@ class Mode(Brief):
             base = [*self.part.qvel(state.base_pose, state.base_twist)]
         return np.concatenate([base, *(joint.in_qvel(state.q, state.v) for joint in self.joints)])
 
-    def coupling(self) -> Array:
-        """(m, k): v of all m joints from v of the k that follow none of this tree, both in the order of the model."""
+    def coupling(self, q: Mapping[str, float]) -> Array:
+        """(m, k): at `q` (by joint), v of all m joints from v of the k that follow none of this tree, both in the order of the model."""
         by_name = {joint.name: joint for joint in self.joints}
         free = [joint.name for joint in self.joints if joint.mimic is None or joint.mimic.joint not in by_name]
         matrix = np.zeros((len(self.joints), len(free)))
         for row, joint in enumerate(self.joints):
             ratio, leader = 1.0, joint
             while leader.mimic is not None and leader.name not in free:
-                ratio, leader = ratio * leader.mimic.multiplier, by_name[leader.mimic.joint]
+                ratio, leader = ratio * leader.mimic.rate(q[leader.mimic.joint]), by_name[leader.mimic.joint]
             matrix[row, free.index(leader.name)] = ratio
         return matrix
 

@@ -10,12 +10,13 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from json.encoder import encode_basestring
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 from thingc import pipeline
+from thingc.archives import MODEL, Deflated, entries, inflate, zipped
 from thingc.csvcell import cell
 from thingc.diagnostics import Diagnostic
-from thingc.emit import bom, jsontext, number_text
+from thingc.emit import emitted, jsontext, number_text
 from thingc.emit.artifact import MANIFEST, Content, counts_of
 from thingc.frozen import dataclass
 from thingc.memo import Memo
@@ -25,14 +26,18 @@ from thingc.plans.exchange import Exchange
 from thingc.plans.reading import Read, SettingsReader
 from thingc.plans.recipes import Form, Forms, Recipe, Varying
 from thingc.plans.rehearsal import NotTraceable, Rehearsal, rehearse
-from thingc.plans.tape import TOKENS, Tape, Traced, standing_in
+from thingc.plans.tape import TOKENS, Tape, Traced, flat
+from thingc.realize.record import Placed, StoredFile
 from thingc.resolve import Settings
 from thingc.session import Session
 from thingc.shown import json_text
 
-FOLLOWED = frozenset(("mjcf", "stl", "urdf", "sdf", "bom"))
-"""The targets whose files hold no number that differs but in text, where it is known by a token."""
+if TYPE_CHECKING:
+    from thingc.realize import GeometryService
 
+FOLLOWED = frozenset(("mjcf", "mjz", "stl", "step", "urdf", "ros", "sdf", "usd", "bom"))
+"""The targets whose files hold no number that differs but in text, where it is known by a token. Not so: `hag`, which writes the words of
+settings and is laid out around them; `glb` and `html`, whose numbers are bytes."""
 
 PATIENCE = 16
 """How many settings of a form are built by every pass before a plan is made, which takes as long as about as many of them."""
@@ -152,9 +157,9 @@ class Builds:
         )
         tape.writing = True
         try:
-            with standing_in((jsontext, "_text", _json(jsontext._text)), (bom, "cell", _cell)):
-                artifacts = pipeline.emit(environment, compilation, self._targets, verify=0)
-                files = pipeline.files(environment, replace(compilation, settings=settings), artifacts)
+            request = pipeline.request_of(environment, compilation, verify=0)
+            artifacts = emitted(replace(request, geometry=cast("GeometryService", _Kernel(request.geometry))), self._targets)
+            files = pipeline.files(environment, replace(compilation, settings=settings), artifacts)
         finally:
             tape.writing = False
         return _WrittenBuild(files=files, results=results, tokens=tuple(map(_quoted, token.values())), names=names)
@@ -170,6 +175,24 @@ class _WrittenBuild:
     names: tuple[str, ...]
 
 
+class _Kernel:
+    """The geometry service, which takes no number on a tape: those that the file of the whole robot depends on are pinned."""
+
+    def __init__(self, service: Any) -> None:
+        self._service = service
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._service, name)
+
+    def assemble(self, name: str, instances: Sequence[Placed]) -> StoredFile:
+        """As a geometry service does; where there are such numbers some file, for the tape is of these values alone."""
+        traced = [number for one in instances for number in flat((one.pose.rotation, one.pose.translation)) if isinstance(number, Traced)]
+        for number in traced:
+            number.tape.pin(number)
+        written: StoredFile = StoredFile(sha256="", size=0) if traced else self._service.assemble(name, instances)
+        return written
+
+
 class _Template:
     """A build with gaps for numbers. `outputs` are those that go into it; `like` is one build of this kind."""
 
@@ -178,18 +201,21 @@ class _Template:
         self._like = like
         self._shape = Varying(made.results)
         self._names: tuple[str, ...] = made.names
-        own = {path: content.decode() for path, content in made.files.items() if isinstance(content, bytes)}
+        zips = {path: entries(content) for path, content in made.files.items() if isinstance(content, bytes) and path.endswith(".mjz")}
+        models = {path: inflate(inner.pop(MODEL)).decode() for path, inner in zips.items()}
+        own = {path: models.get(path) or content.decode() for path, content in made.files.items() if isinstance(content, bytes)}
         words = [word for word in dict.fromkeys(TOKENS.findall("".join(own.values()))) if word in tape.written]
         self.outputs = [*(Traced(tape, tape.written[word], tape.values[tape.written[word]]) for word in words), *self._shape.outputs]
         self._writers = [_writer(tape.forms[word]) for word in words]
         places = {word: k for k, word in enumerate(words)}
         self._files: dict[str, Content] = dict(made.files)
         self._texts: dict[str, _Text] = {}
+        self._zips: dict[str, dict[str, Deflated]] = zips
         digests = []
         for path, content in own.items():
             if path != MANIFEST and (text := _Text(content, TOKENS, places)).gaps:
                 self._texts[path] = text
-                digests.append(hashlib.sha256(content.encode()).hexdigest())
+                digests.append(hashlib.sha256(bytes(made.files[path])).hexdigest())
         further = {word: len(places) + k for k, word in enumerate((*made.tokens, *digests))}
         pattern = re.compile("|".join((TOKENS.pattern, *map(re.escape, further))))
         self._manifest = _Text(own[MANIFEST], pattern, {**places, **further})
@@ -210,7 +236,10 @@ class _Template:
         words = [write(number) for write, number in zip(self._writers, numbers, strict=True)]
         digests = []
         for path, text in self._texts.items():
-            content = files[path] = text.filled(words).encode()
+            content = text.filled(words).encode()
+            if path in self._zips:
+                content = zipped({MODEL: content, **self._zips[path]})
+            files[path] = content
             digests.append(hashlib.sha256(content).hexdigest())
         given = {**settings.parameters, **settings.choices}
         files[MANIFEST] = self._manifest.filled([*words, *(_quoted(given[name]) for name in self._names), *digests]).encode()
@@ -248,19 +277,3 @@ def _writer(form: str) -> Callable[[float], str]:
 def _quoted(text: str) -> str:
     """A text as a manifest has it."""
     return json_text(encode_basestring(text))
-
-
-def _json(plain: Callable[[object, str], str]) -> Callable[[object, str], str]:
-    """What writes JSON, of values that may be traced."""
-
-    def text(value: object, newline: str) -> str:
-        if isinstance(value, Traced):
-            return repr(value.tape.token(value, "json"))
-        return plain(value, newline)
-
-    return text
-
-
-def _cell(value: object) -> str:
-    """A cell of CSV, of a value that may be traced."""
-    return cell(value.tape.token(value, "csv") if isinstance(value, Traced) else value)

@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from thingc import inertia, pose
+from thingc.gaps import Gap
 
 Number = Any
 """A float, an int or a `Traced`."""
@@ -128,7 +129,7 @@ def value_of(number: Number) -> Any:
     return number.value if isinstance(number, Traced) else number
 
 
-class Traced:
+class Traced(Gap):
     """A number on a tape. It is hashed and, first of all, compared as the object that it is: what is kept by it is kept by nobody else."""
 
     __slots__ = ("line", "tape", "value")
@@ -197,9 +198,12 @@ class Traced:
     def __repr__(self) -> str:
         return repr(self.tape.pin(self) if self.tape.writing else self.value)  # in labels and messages, of which no file is made
 
+    def word(self, form: str) -> str:
+        """The token of the number."""
+        return repr(self.tape.token(self, form))
+
     def __format__(self, form: str) -> str:
         return repr(self.tape.token(self, f":{form}")) if self.tape.writing else format(self.value, form)
-
 
 
 def _binary(operation: str, left: Number, right: Number) -> Any:
@@ -248,16 +252,9 @@ def tracing(*others: tuple[Any, str, Any]) -> Iterator[None]:
         (math, "fsum", _fsum), (math, "dist", _dist), *((builtins, name, _extreme(name)) for name in ("min", "max")),
         *((module, name, _whole(module, name)) for module, name in WHOLE), *others,
     )
-    with standing_in(*stand_ins):
-        yield
-
-
-@contextmanager
-def standing_in(*functions: tuple[Any, str, Any]) -> Iterator[None]:
-    """While names of modules, or of other owners, mean something else: the owner, the name, and what it is meanwhile."""
     known: list[tuple[Any, str, Any]] = []
     try:
-        for owner, name, function in functions:
+        for owner, name, function in stand_ins:
             known.append((owner, name, getattr(owner, name)))
             setattr(owner, name, function)
         yield

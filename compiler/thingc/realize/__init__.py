@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from thingc.exports import exported
 
 if TYPE_CHECKING:
     from thingc.realize.answers import PartAnswers
@@ -18,24 +20,14 @@ if TYPE_CHECKING:
     from thingc.realize.store.local import BlobMissing, Store, StoreUnusable
     from thingc.realize.store.meshes import arrays
 
-_EXPORTS = {
-    "ABSENT": "client", "BadLock": "lock.values", "BlobMissing": "store.local", "Decision": "decisions", "EndingWorkers": "client",
-    "GeometryService": "service", "LockedGeometry": "lock.locked", "Module": "key.modules", "NoWorkers": "client", "PartAnswers":
-    "answers", "PartInputs": "inputs", "Slicing": "slices", "Store": "store.local", "StoreUnusable": "store.local", "Workers":
-    "client", "arrays": "store.meshes", "part_inputs": "inputs", "read_lock": "lock.lock",
-}
-"""Exported name to the module that has it: whoever imports a module of this room needs few of the others."""
-
 __all__ = [
     "ABSENT", "BadLock", "BlobMissing", "Decision", "EndingWorkers", "GeometryService", "LockedGeometry", "Module", "NoWorkers",
     "PartAnswers", "PartInputs", "Slicing", "Store", "StoreUnusable", "Workers", "arrays", "part_inputs", "read_lock",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """The exported object, from its module; `AttributeError` for any other name."""
-    if name in _EXPORTS:
-        from importlib import import_module
-
-        return getattr(import_module(f"thingc.realize.{_EXPORTS[name]}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = exported(__name__, {
+    "ABSENT": "client", "BadLock": "lock.values", "BlobMissing": "store.local", "Decision": "decisions", "EndingWorkers": "client",
+    "GeometryService": "service", "LockedGeometry": "lock.locked", "Module": "key.modules", "NoWorkers": "client", "PartAnswers":
+    "answers", "PartInputs": "inputs", "Slicing": "slices", "Store": "store.local", "StoreUnusable": "store.local", "Workers":
+    "client", "arrays": "store.meshes", "part_inputs": "inputs", "read_lock": "lock.lock",
+})

@@ -11,7 +11,7 @@ from thingc.realize.lock.values import BadLock
 from thingc.realize.part_requests import Likely
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.realize.slices import Slicing
-from thingc.source import Span
+from thingc.source import Span, line_of
 
 if TYPE_CHECKING:
     from thingc.realize.decisions import Decision
@@ -75,7 +75,7 @@ def report_hidden(parts: PartAnswers, references: Iterable[tuple[str, Span | Non
                 hidden = " and ".join(f"`{parts.workspace.relative(file)}`" for file in module.hides)
                 report.warn(
                     Code.HIDDEN, f"`{reference}` takes the module `{module.name}` from `{parts.workspace.relative(module.file)}`, which "
-                    f"hides {hidden}", where or Span(file=module.file, line=1, column=1, end_line=1, end_column=1),
+                    f"hides {hidden}", where or line_of(module.file),
                     help="call one of the files otherwise" + (f"; {allow_hint(Code.HIDDEN)}" if where is not None else ""),
                 )
 

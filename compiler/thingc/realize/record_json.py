@@ -128,8 +128,8 @@ def record_from_json(value: Any, root: str) -> PartRecord:
     code = value["code"]
     return PartRecord(
         text=value["text"], material=value["material"], color=value["color"], volume=value["volume"], area=value["area"],
-        centre=_vector(value["centre"]), inertia=_matrix(value["inertia"]),
-        box=None if box is None else (_vector(box[0]), _vector(box[1])),
+        centre=vector_from_json(value["centre"]), inertia=matrix_from_json(value["inertia"]),
+        box=None if box is None else (vector_from_json(box[0]), vector_from_json(box[1])),
         mounts={
             name: MountRecord(pose=_read_pose(pose), interface=interface, tolerance=tolerance)
             for name in value["mount_order"]
@@ -149,7 +149,7 @@ def record_from_json(value: Any, root: str) -> PartRecord:
         pieces=tuple(_read_piece(piece) for piece in value["pieces"]),
         convex=(),
         brep=value["brep"], apart=tuple(value["apart"]), own_image=value["own_image"],
-        up=None if value["up"] is None else _vector(value["up"]),
+        up=None if value["up"] is None else vector_from_json(value["up"]),
         code=None if code is None else (full(code[0], root) or "", code[1]),
     )
 
@@ -198,14 +198,16 @@ def _read_pose(value: Any) -> Pose:
     return Pose(rotation=((a, b, c), (d, e, f), (g, h, i)), translation=(x, y, z))
 
 
-def _vector(value: Any) -> Vector:
+def vector_from_json(value: Any) -> Vector:
+    """Three numbers."""
     x, y, z = value
     return (x, y, z)
 
 
-def _matrix(value: Any) -> Matrix:
+def matrix_from_json(value: Any) -> Matrix:
+    """Three rows of three numbers."""
     a, b, c = value
-    return (_vector(a), _vector(b), _vector(c))
+    return (vector_from_json(a), vector_from_json(b), vector_from_json(c))
 
 
 def _stated(stated: Stated | None) -> Any:
@@ -217,7 +219,7 @@ def _read_stated(value: Any) -> Stated | None:
         return None
     held, source = value
     if isinstance(held, list):
-        held = _matrix(held) if isinstance(held[0], list) else _vector(held)
+        held = matrix_from_json(held) if isinstance(held[0], list) else vector_from_json(held)
     return Stated(value=held, source=source)
 
 

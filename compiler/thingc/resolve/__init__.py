@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from thingc.diagnostics import MAX_FAULTS, Code, Report
+from thingc.exports import exported
 from thingc.memo import Memo
 from thingc.realize.record import PartDefinition
 from thingc.resolve.model import AssemblyDefinition
@@ -16,18 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["RESERVED", "AssemblyParameters", "Settings", "Sources", "decomposed", "part_definitions", "resolve", "resolve_materials"]
 
-
-def __getattr__(name: str) -> Any:
-    """What those ask for who set something, imported then."""
-    if name == "AssemblyParameters":
-        from thingc.resolve.parameters import AssemblyParameters
-
-        return AssemblyParameters
-    if name == "RESERVED":
-        from thingc.resolve.repeats import RESERVED
-
-        return RESERVED
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = exported(__name__, {"AssemblyParameters": "parameters", "RESERVED": "repeats"})
 
 
 def resolve(

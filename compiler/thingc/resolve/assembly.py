@@ -22,11 +22,13 @@ from thingc.resolve.parameters import canonical, check_bounds, declared, worked_
 from thingc.resolve.placement import Places, check, own_placements
 from thingc.resolve.poses import poses
 from thingc.resolve.raw import raw
+from thingc.resolve.raw_added import added
 from thingc.resolve.repeats import check_names, unrolled
 from thingc.resolve.scope import Scope
 from thingc.resolve.sensors import sensors
 from thingc.resolve.substituting import substituted
 from thingc.resolve.table import Context, Table
+from thingc.resolve.tendons import tendons
 from thingc.resolve.tests import tests
 from thingc.source import Path
 from thingc.spec.assembly import AssemblySpec
@@ -95,6 +97,7 @@ def _fill(context: Context, table: Table, *, top: bool) -> None:
     ))
     check_names(scope, chain(
         ((item.name, item.path, "a joint") for item in moving),
+        ((name, ("tendons", name), "a tendon") for name in spec.tendons),
         ((f"{one.name}_{k}", one.path, f"a coordinate of joint `{one.name}`") for one in moving for k in coordinates_of(one.spec.type)),
     ))
     nodes(context, table, parts, resolved)
@@ -126,7 +129,7 @@ def _definition(
         mounts={name: one for name, one in table.exports.items() if one is not None},
         poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=own_modes,
         simulation=simulation(scope, stepped), step_origin=step_origin(scope, stepped),
-        raw=raw(scope, spec.raw), sensors=tuple(sensors(table, scope)),
+        raw=raw(scope, spec.raw), added=added(scope, spec.raw), tendons=tuple(tendons(table, scope)), sensors=tuple(sensors(table, scope)),
         tests=tuple(tests(context, table, scope, own_modes)) if top and spec.tests else (),
         origin=scope.origin(("name",)), materials_known=not table.materials_unreadable, whole=not scope.doubts, loose=tuple(table.loose),
     )

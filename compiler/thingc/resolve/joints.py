@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, get_args
 
 from thingc.diagnostics import Code, Note
 from thingc.joints import SLIDE, TURN, JointKind, Twist, dimensions_of, kind_of
+from thingc.pose import IDENTITY, Vector
 from thingc.realize.record import PartDefinition
 from thingc.resolve import references
+from thingc.resolve.coordinates import CoordinateName, Dynamics, Limit
 from thingc.resolve.layers import Layers
-from thingc.resolve.model import CoordinateName, Drive, Dynamics, Joint, Limit, Reference
+from thingc.resolve.model import Drive, Joint, Reference
 from thingc.resolve.placement import Places
 from thingc.resolve.repeats import Unrolled
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
 from thingc.source import MappingNode, Node, Path, ScalarNode, SequenceNode, node_at
-from thingc.spec.assembly import DriveSpec, JointSpec
+from thingc.spec.assembly import JointSpec
+from thingc.spec.drives import DriveSpec
 from thingc.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 
 _ENDLESS = "; a joint that turns without end is `continuous`"
@@ -112,7 +115,8 @@ def _coordinates(
     """The joint; of one that has several coordinates one for each."""
     scope, path, count = item.scope, item.path, len(kind.twists)
     lead = _lead(scope, item.spec, kind, item.name, path)
-    twists = kind.twists if lead is None else kind.with_lead(lead)
+    axis = _axis(scope, item.spec, kind, item.name, path)
+    twists = kind.about(axis, lead or 0.0) if axis is not None else kind.twists if lead is None else kind.with_lead(lead)
     if kind.at_once:
         return _ball(table, item, kind, (parent, child), layers)
     for key in ("limit", "dynamics", "drive", "offset", "mimic"):
@@ -131,9 +135,9 @@ def _coordinates(
             notes=scope.beside(f"it is {kind.name} here", (*path, "type"), (*path, key)),
         )
     if count < 2:
-        return (_joint(table, item, kind, next(iter(twists), None), (parent, child), layers, None),)
+        return (replace(_joint(table, item, kind, next(iter(twists), None), (parent, child), layers, None), axis=axis),)
     return tuple(
-        _joint(table, item, kind, twist, (parent, child), layers, k)
+        replace(_joint(table, item, kind, twist, (parent, child), layers, k), axis=axis)
         for k, twist in enumerate(twists)
     )
 
@@ -157,9 +161,16 @@ def _ball(
         )
     one = _joint(table, item, kind, None, mounts, layers, None)
     limit, dynamics = _cone(scope, name, layers.sub("limit")), _dynamics(scope, name, ANGLE, layers.sub("dynamics"))
+    rest = layers.sub("dynamics").pick("rest")
+    if rest is not None and rest[1][0] == "joints":
+        scope.error(
+            Code.JOINT_FIELD, f"joint `{name}` is a ball: its `dynamics` have no `rest`", rest[1], key=True,
+            help="its spring rests at q = 0: turn one of its mounts",
+        )
     drives = _drives_of_ball(table, item)
     return tuple(
-        replace(one, name=CoordinateName(name).numbered(k), twist=twist, limit=limit, dynamics=dynamics, drive=drives.get(k))
+        replace(one, name=CoordinateName(name).numbered(k), twist=twist, limit=limit, dynamics=replace(dynamics, rest=None),
+                drive=drives.get(k))
         for k, twist in enumerate(kind.twists)
     )
 
@@ -191,16 +202,20 @@ def _drives_of_ball(table: Table, item: Unrolled[JointSpec]) -> dict[int, Drive]
                 Code.DRIVE, f"drive {number} of the ball `{name}` has an `armature`: a ball has one for all of its turns",
                 (*place[:-1], "armature"), key=True, help="write it under `dynamics` of the joint",
             )
-        axis = scope.vector(spec.axis, place, NUMBER, f"the axis of drive {number} of joint `{name}`")
-        size = 0.0 if axis is None else math.hypot(*axis)
-        if size > 0.0 and axis is not None and drive is not None:
-            drives[number] = replace(drive, axis=(axis[0] / size, axis[1] / size, axis[2] / size))
-        elif axis is not None and size == 0.0:
-            scope.error(
-                Code.DRIVE, f"the axis of drive {number} of joint `{name}` is 0 long: it has no direction", place,
-                help="write for example `[1, 0, 0]`",
-            )
+        axis = _direction(scope, spec.axis, place, f"the axis of drive {number} of joint `{name}`", Code.DRIVE)
+        if axis is not None and drive is not None:
+            drives[number] = replace(drive, axis=axis)
     return drives
+
+
+def _direction(scope: Scope, written: Sequence[Any], place: Path, what: str, code: Code) -> Vector | None:
+    """The unit vector along what is written; None where that is wrong (reported, an axis of 0 by `code`)."""
+    axis = scope.vector(written, place, NUMBER, what)
+    size = 0.0 if axis is None else math.hypot(*axis)
+    if axis is None or size > 0.0:
+        return None if axis is None else (axis[0] / size, axis[1] / size, axis[2] / size)
+    scope.error(code, f"{what} is 0 long: it has no direction", place, help="write for example `[1, 0, 0]`")
+    return None
 
 
 def _joint(
@@ -252,6 +267,22 @@ def _no_axis(scope: Scope, name: str, kind: JointKind, said: tuple[Any, Path] | 
         )
 
 
+def _axis(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> Vector | None:
+    """The unit vector that stands in the place of z; None where none is written, or it is wrong (reported)."""
+    if spec.axis is None:
+        return None
+    place = (*path, "axis")
+    if not kind.axial:
+        scope.error(
+            Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: it has no `axis`", place, key=True,
+            help="take it out: it has the axes of the parent's mount" if kind.moves else "take it out: nothing moves",
+            notes=scope.beside(f"it is {kind.name} here", (*path, "type"), place),
+        )
+        return None
+    axis = _direction(scope, spec.axis, place, f"the axis of joint `{name}`", Code.OUT_OF_RANGE)
+    return next((one for one in IDENTITY if one == axis), axis)  # those by which exact turns are found (`Twist`), also on a tape
+
+
 def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> float | None:
     """How far [m] the joint slides in a turn; None where it does not, or that is wrong (reported)."""
     if spec.lead is None:
@@ -290,7 +321,7 @@ def _collect(node: Node | None, prefix: str, nodes: dict[str, Node], number: int
     if isinstance(node, MappingNode):
         for key, child in node.entries.items():
             own: Node | None = child
-            if number is not None and isinstance(child, SequenceNode):
+            if number is not None and isinstance(child, SequenceNode) and key != "axis":
                 own = child.items[number] if number < len(child.items) else None
             elif number is not None and isinstance(child, MappingNode) and all(word.isdigit() for word in child.entries):
                 own = child.entries.get(str(number))
@@ -364,7 +395,15 @@ def _dynamics(scope: Scope, name: str, coordinate: Dimension, layers: Layers) ->
     if not layers:
         return NO_DYNAMICS
     keys = ("damping", "friction", "armature", "stiffness")
-    return Dynamics(**_values(scope, name, coordinate, "dynamics", layers, keys))
+    said, rest = _said(scope, layers, "rest", coordinate), None
+    if said is not None:
+        rest = scope.number(*said, coordinate, f"`dynamics.rest` of joint `{name}`")
+        if said[1][0] == "joints" and layers.pick("stiffness") is None and not scope.doubts.touch(said[1][:-1]):
+            scope.error(
+                Code.JOINT_FIELD, f"joint `{name}` has a `dynamics.rest` and no `stiffness`: there is no spring that could rest", said[1],
+                key=True, help="write its `stiffness` beside it, or take it out",
+            )
+    return Dynamics(**_values(scope, name, coordinate, "dynamics", layers, keys), rest=rest)
 
 
 def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, said: tuple[Any, Path] | None) -> Drive | None:

@@ -6,8 +6,9 @@ from fnmatch import fnmatchcase
 
 from thingc.diagnostics import Code
 from thingc.resolve import references
+from thingc.resolve.coordinates import CoordinateName
 from thingc.resolve.layers import Layers
-from thingc.resolve.model import CoordinateName, Cut, Hold
+from thingc.resolve.model import Cut, Hold
 from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table

@@ -1,15 +1,17 @@
-"""Joints that follow another joint of their document: q = multiplier * q(joint) + offset."""
+"""Joints that follow another joint of their document: q = multiplier * q(joint) + offset, or a polynomial in q(joint)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Any
 
 from thingc.diagnostics import Code, Note
 from thingc.frozen import dataclass
 from thingc.resolve import references
+from thingc.resolve.coordinates import CoordinateName, Mimic
 from thingc.resolve.layers import Layers
-from thingc.resolve.model import CoordinateName, Joint, Mimic
+from thingc.resolve.model import Joint
 from thingc.resolve.repeats import Unrolled
 from thingc.resolve.table import Table
 from thingc.source import Path
@@ -49,6 +51,8 @@ def _mimic(table: Table, item: Unrolled[JointSpec], joint: Joint, spec: MimicSpe
     if followed is None:
         return None
     name, notes = followed.name, [Note(message=f"`{followed.name}` is written here", span=followed.joint.origin[0])]
+    if spec.polynomial is not None:
+        return _polynomial(item, followed, coordinate, spec.polynomial, path, notes)
     ratio = coordinate / followed.coordinate
     what = f"`mimic.multiplier` of joint `{item.name}`"
     if "multiplier" not in spec.model_fields_set and ratio != NUMBER:
@@ -68,6 +72,30 @@ def _mimic(table: Table, item: Unrolled[JointSpec], joint: Joint, spec: MimicSpe
     if multiplier is None or offset is None:
         return None
     return Mimic(joint=name, multiplier=multiplier, offset=offset, origin=scope.origin(path, key=True))
+
+
+def _polynomial(
+    item: Unrolled[JointSpec], followed: _Followed, coordinate: Dimension, written: Sequence[Any], path: Path, notes: list[Note],
+) -> Mimic | None:
+    """The k-th coefficient is that of q(joint)^k, in units of q / q(joint)^k."""
+    scope, place = item.scope, (*path, "polynomial")
+    values: list[float] = []
+    dimension = coordinate
+    for k, raw in enumerate(written):
+        what = f"the coefficient of q(`{followed.name}`)^{k} in the `polynomial` of joint `{item.name}`"
+        value = scope.number(raw, (*place, k), dimension, what, notes=notes)
+        if value is None:
+            return None
+        values.append(value)
+        dimension = dimension / followed.coordinate
+    if not any(values[1:]):
+        scope.error(
+            Code.MIMIC, f"the `polynomial` of joint `{item.name}` is a constant: the joint would never move", place,
+            help="make it `type: fixed`",
+        )
+        return None
+    offset, multiplier, *higher = values
+    return Mimic(joint=followed.name, multiplier=multiplier, offset=offset, higher=tuple(higher), origin=scope.origin(path, key=True))
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,8 @@ and B is there where
     X'_PC = S X_PC S = (S X_PA D) (D Rz(turn) Tz(gap) X_J(q + offset) M D) inv(S X_CB D)
 
 and the middle is `Rz(pi - turn) Tz(gap) Rx(pi) X_J'(q + offset) Rx(pi) M`, X_J' being X_J with its slides negated: so turns stay what they
-are, about the axes of a frame that is upside down, and a joint at the same q is the mirror image. Limits, poses, drives, what follows what
+are, about the axes of a frame that is upside down, and a joint at the same q is the mirror image. (Mounts that coincide are mated without
+M: then the middle is the same motion about -D axis, with slides along D axis.) Limits, poses, drives, what follows what
 and loops stay as they are written. What lies `at` X in a frame lies at `D X D`.
 """
 
@@ -16,6 +17,7 @@ import math
 from dataclasses import replace
 
 from thingc.mirror import Mirror
+from thingc.pose import Vector
 from thingc.realize.record import PartDefinition, with_mirror
 from thingc.resolve.link_definition import LinkDefinition
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Overrides, StatedValue
@@ -95,7 +97,16 @@ def _placement(placement: Attach | At) -> Attach | At:
 def _joint(joint: Joint) -> Joint:
     """The image of a joint, or of one of its coordinates."""
     twist = joint.twist
+    if joint.axis is not None:
+        image = None if twist is None else replace(twist, angular=_turned(twist.angular), linear=AT_MOUNT.vector(twist.linear))
+        return replace(joint, axis=_turned(joint.axis), gap=-joint.gap, twist=image)
     if twist is not None and any(twist.linear):
         x, y, z = twist.linear
         twist = replace(twist, linear=(-x + 0.0, -y + 0.0, -z + 0.0))
     return replace(joint, turn=math.pi - joint.turn, twist=twist, mirrored=not joint.mirrored)
+
+
+def _turned(axis: Vector) -> Vector:
+    """About what the image of a mount turns by the same angle: `-D axis`."""
+    x, y, z = AT_MOUNT.vector(axis)
+    return (-x + 0.0, -y + 0.0, -z + 0.0)

@@ -6,7 +6,6 @@ Everything is SI.
 
 from __future__ import annotations
 
-import re
 from dataclasses import field
 from typing import Any, Literal
 
@@ -16,6 +15,7 @@ from thingc.joints import JointKind, Twist
 from thingc.joints.bases import BaseType
 from thingc.pose import Pose, Vector
 from thingc.realize.record import DriveType, PartDefinition, Value
+from thingc.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
 from thingc.resolve.link_definition import LinkDefinition
 from thingc.source import Origin, Span
 
@@ -178,38 +178,6 @@ class Component(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limit(Brief):
-    """Of a joint: `lower`, `upper` [rad or m]; `effort` [N m or N] and `velocity` [rad/s or m/s] as far as written. Of a ball `cone`, how
-    far it may turn [rad] from q = 0, about whatever axis."""
-
-    lower: float | None = None
-    upper: float | None = None
-    effort: float | None = None
-    velocity: float | None = None
-    cone: float | None = None
-
-    @property
-    def bounded(self) -> bool:
-        """Whether q has a bound."""
-        return (self.lower, self.upper, self.cone) != (None, None, None)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Dynamics(Brief):
-    """Of a joint, SI, as far as written: viscous `damping`, dry `friction`, reflected inertia `armature`, `stiffness`."""
-
-    damping: float | None = None
-    friction: float | None = None
-    armature: float | None = None
-    stiffness: float | None = None
-
-    @property
-    def acts(self) -> bool:
-        """Whether any of it is not 0."""
-        return any((self.damping, self.friction, self.armature, self.stiffness))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Drive(Brief):
     """What moves a joint: `component` whose Thing declares an actuator, or an inline one (`component` None); of a ball about an `axis`
     (a unit vector fixed in the child, in the parent mount's axes at q = 0)."""
@@ -225,47 +193,14 @@ class Drive(Brief):
     axis: Vector | None = None
 
 
-class CoordinateName(str):
-    """A coordinate as documents call it: `hand.wrist[0]`, of a joint that has one `hand.yaw`. `joint` is the joint's name, `number`
-    which of its coordinates it is (None: it has one), `path` what artifacts call it: `hand/wrist_0`."""
-
-    joint: str
-    number: int | None
-    path: str
-
-    def __new__(cls, text: str) -> CoordinateName:
-        """Of a text that a document has; what is no number in brackets at its end belongs to the name."""
-        name = super().__new__(cls, text)
-        numbered = _NUMBERED.fullmatch(text)
-        name.joint, name.number = (numbered[1], int(numbered[2])) if numbered is not None else (text, None)
-        name.path = name.joint.replace(".", "/") + ("" if name.number is None else f"_{name.number}")
-        return name
-
-    def numbered(self, number: int) -> CoordinateName:
-        """The coordinate with this number of the joint of this name."""
-        return CoordinateName(f"{self.joint}[{number}]")
-
-
-_NUMBERED = re.compile(r"(.*)\[(\d+)\]")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mimic(Brief):
-    """q = multiplier * q(joint) + offset, SI; `joint` is a coordinate of the same document, as that calls it."""
-
-    joint: CoordinateName
-    multiplier: float
-    offset: float
-    origin: Origin
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joint(Brief):
     """An edge that moves (or a `fixed` one): it places the component that `child` belongs to, unless it closes a `loop`.
 
     One that has several coordinates is as many of these, next to each other: `name` is the coordinate's (`wrist[0]`), `twist` what that
     does in the parent mount's frame as those before it have moved it (None: it has none).
-    `spans` gives places within the joint by dotted key (`limit.lower`), `written` the values that stand there, for diagnostics. One that is
+    `spans` gives places within the joint by dotted key (`limit.lower`), `written` the values that stand there, for diagnostics. Where it
+    has an `axis` (a unit vector in the parent mount's frame), the mounts coincide at q = 0 and do not face each other; else one that is
     `mirrored` turns and slides in the parent mount's frame upside down, turned by pi about x.
     """
 
@@ -286,11 +221,26 @@ class Joint(Brief):
     written: dict[str, str] = field(default_factory=dict)
     loop: bool = False
     mirrored: bool = False
+    axis: Vector | None = None
 
     @property
     def path(self) -> str:
         """What artifacts call the coordinate: `wrist_0`."""
         return self.name.path
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tendon(Brief):
+    """A sum of coordinates, its length: `moves` has the factor of each [by the units of q], `turns` says whether the length is an angle
+    [rad], else it is [m]. Limit, dynamics and drive are along it."""
+
+    name: str
+    moves: tuple[tuple[CoordinateName, float], ...]
+    turns: bool
+    limit: Limit
+    dynamics: Dynamics
+    drive: Drive | None
+    origin: Origin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -420,6 +370,28 @@ class RawAttribute(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RawElement(Brief):
+    """An element that `raw: {mjcf: {add: ...}}` adds to a `section` of the model, with what it has in it."""
+
+    section: str
+    tag: str
+    attributes: dict[str, str]
+    children: tuple[RawElement, ...]
+    origin: Origin
+
+    @property
+    def dotted(self) -> str:
+        """`raw.mjcf.add.tendon.grip`, by its tag where it has no name."""
+        return ".".join(("raw.mjcf.add", self.section, self.attributes.get("name", self.tag)))
+
+    @property
+    def text(self) -> str:
+        """All of it in one line, for people."""
+        words = " ".join((self.tag, *(f"{name}={value}" for name, value in self.attributes.items())))
+        return words + "".join(f" ({child.text})" for child in self.children)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class JointRange(Brief):
     """A joint (its path) to move from `lower` to `upper` [rad or m]."""
 
@@ -480,6 +452,8 @@ class AssemblyDefinition(Brief):
     origin: Origin
     materials_known: bool = True
     whole: bool = True
+    added: tuple[RawElement, ...] = ()
+    tendons: tuple[Tendon, ...] = ()
     sensors: tuple[Sensor, ...] = ()
     tests: tuple[Test, ...] = ()
     step_origin: Origin = ()

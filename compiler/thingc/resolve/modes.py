@@ -11,9 +11,10 @@ from thingc.diagnostics import Code, Note
 from thingc.joints.bases import BaseType
 from thingc.pose import IDENTITY, NO_POSE, Pose, Vector
 from thingc.resolve import references
+from thingc.resolve.coordinates import CoordinateName
 from thingc.resolve.layers import Layers
 from thingc.resolve.loops import cuts, holds
-from thingc.resolve.model import CoordinateName, Hold, Mode, Reference
+from thingc.resolve.model import Hold, Mode, Reference
 from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.standing import standing

@@ -23,7 +23,7 @@ from thingc.realize.record import (
 )
 from thingc.resolve.scope import Enough, Scope, dimension_message
 from thingc.resolve.table import Context, Node
-from thingc.source import Path, Span
+from thingc.source import Path, Span, line_of
 from thingc.typos import did_you_mean, near_hint, nearest
 from thingc.units import NUMBER, Quantity, shortened
 from thingc.workspace import DEFAULT_PARTS
@@ -189,7 +189,7 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
         return
     notes: list[Note] = []
     if failure.file is not None and failure.line is not None:
-        place = Span(file=failure.file, line=failure.line, column=1, end_line=failure.line, end_column=1)
+        place = line_of(failure.file, failure.line)
         notes.append(Note(message="in the part file, here", span=place))
     module = reference.partition(":")[0]
     help: str | None = None if failure.kind == "missing" else "mend the part file"
@@ -235,7 +235,7 @@ def _report_unloaded(context: Context, where: Span, reference: str, failure: Par
         notes.append(Note(message="also used: " + ", ".join(f"`{used}`" for used in list(uses)[USES_SHOWN:])))
     context.report.add(
         Code.PART_RAISED, f"part `{reference}`{others} cannot be loaded: {failure.message}",
-        Span(file=file, line=line, column=1, end_line=line, end_column=1), help="mend the part file", notes=notes, detail=failure.detail,
+        line_of(file, line), help="mend the part file", notes=notes, detail=failure.detail,
     )
 
 

@@ -12,8 +12,9 @@ from typing import Any
 from thingc.diagnostics import Code, Note
 from thingc.pose import Pose, turn_of
 from thingc.resolve import references
+from thingc.resolve.coordinates import CoordinateName
 from thingc.resolve.layers import numbered
-from thingc.resolve.model import CoordinateName, Joint, NamedPose
+from thingc.resolve.model import Joint, NamedPose
 from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table

@@ -8,6 +8,7 @@ from typing import Any
 
 from thingc.diagnostics import Code
 from thingc.resolve.model import RawAttribute
+from thingc.resolve.raw_added import ADD
 from thingc.resolve.raw_fixed import fixed, fixed_in_all
 from thingc.resolve.scope import Scope
 from thingc.source import Path
@@ -39,7 +40,8 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
                 help=f"write for example `{target}: {{joint: {{yaw: {EXAMPLES[target]}}}}}`",
             )
             continue
-        flattened.extend(_flattened(scope, target, attributes, path, ()))
+        laid = {key: one for key, one in attributes.items() if (target, key) != ("mjcf", ADD)}  # that is in `raw_added`
+        flattened.extend(_flattened(scope, target, laid, path, ()))
     return tuple(flattened)
 
 
@@ -47,10 +49,11 @@ def _flattened(scope: Scope, target: str, node: Any, path: Path, keys: tuple[str
     if isinstance(node, Mapping):
         for key, child in node.items():
             yield from _flattened(scope, target, child, (*path, key), (*keys, key))
-    elif isinstance(node, list) and target != "usd":
+    elif isinstance(node, list) and (target != "usd" or any(isinstance(one, (Mapping, list)) for one in node)):
         scope.error(
             Code.VALUE_KIND, f"`{keys[-1]}` is text, a number, true or false in `{target}`, found a list of {len(node)}", path,
-            help=f"write `{' '.join(map(_text, node))}`",
+            help=f"write `{' '.join(map(_text, node))}`" if not any(isinstance(one, (Mapping, list)) for one in node)
+            else "elements are added under `raw: mjcf: add:`",
         )
     else:
         refused = fixed(keys) if target == "mjcf" else fixed_in_all(target, keys)

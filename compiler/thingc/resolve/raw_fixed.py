@@ -14,6 +14,9 @@ REFERRING = frozenset({
 })
 """Attributes whose value is the name of another element or of a file, or the kind of what is named."""
 
+NAMING = REFERRING - {"file", "instance", "material", "mesh", "objtype", "plugin", "reftype", "texture"} | {"name", "sidesite"}
+"""Attributes of elements that a document adds whose value is a name in it."""
+
 CLASSES = frozenset({"class", "childclass"})
 
 MOTION = frozenset({"type", "axis", "pos", "ref"})
@@ -53,8 +56,9 @@ SAID_BY: Mapping[str, str] = {
 EVERYWHERE: Mapping[str, str] = {
     "name": "name links under `links:`, and joints where they are written", "type": "write `type:` of the joint",
     "parent": "write `parent:` of the joint", "child": "write `child:` of the joint", "mimic": "write `mimic:` of the joint",
-    "origin": "write mounts, `attach:` or `at:`", "pose": "write mounts, `attach:` or `at:`", "axis": "write the mounts of the joint",
-    "xyz": "write the mounts of the joint", "inertial": "write `mass:` and `inertia:` of the component",
+    "origin": "write mounts, `attach:` or `at:`", "pose": "write mounts, `attach:` or `at:`",
+    **dict.fromkeys(("axis", "xyz"), "write the mounts of the joint, or its `axis:`"),
+    "inertial": "write `mass:` and `inertia:` of the component",
     "screw_thread_pitch": "write `lead:` of the joint", "geometry": "write `visual:` or `collision:` of the component",
 }
 """What every format says of a robot, by element or attribute of URDF and SDF, and what to write instead."""

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 from thingc.diagnostics import Code
 from thingc.resolve import references
-from thingc.resolve.model import CoordinateName, Sensor
+from thingc.resolve.coordinates import CoordinateName
+from thingc.resolve.model import Sensor
 from thingc.resolve.references import suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table

@@ -13,8 +13,9 @@ from thingc.diagnostics import Code, Report
 from thingc.expressions import Expression, Found
 from thingc.memo import Memo
 from thingc.realize.record import PartDefinition, PartFailure, PartSchema, Value
+from thingc.resolve.coordinates import CoordinateName
 from thingc.resolve.link_definition import LinkDefinition
-from thingc.resolve.model import AssemblyDefinition, Component, CoordinateName, ExtraMount, Joint, Material, NamedPose, Reference
+from thingc.resolve.model import AssemblyDefinition, Component, ExtraMount, Joint, Material, NamedPose, Reference
 from thingc.resolve.scope import NOTHING, Scope
 from thingc.source import SET, Document, Path
 from thingc.spec.doubts import NO_DOUBTS, Doubts

@@ -12,7 +12,8 @@ from thingc.checks import kinds
 from thingc.diagnostics import Code
 from thingc.pose import Vector
 from thingc.resolve import references
-from thingc.resolve.model import CoordinateName, Joint, JointRange, Mode, Reference, Test
+from thingc.resolve.coordinates import CoordinateName
+from thingc.resolve.model import Joint, JointRange, Mode, Reference, Test
 from thingc.resolve.modes import components_fitting, driven
 from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope

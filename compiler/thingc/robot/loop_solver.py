@@ -14,10 +14,10 @@ Plain Python, because `check` must not pay for numpy; a handful of equations eac
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from thingc.frozen import dataclass
-from thingc.graph import balls, in_cones, leaders
+from thingc.graph import balls, bent, coordinates, in_cones, leaders
 from thingc.graph.types import JointEdge
 from thingc.joints import Twist, moved, velocities
 from thingc.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, rotate, transpose, turn_of, turned_about
@@ -27,6 +27,9 @@ from thingc.robot.types import Body, Closure
 
 CLOSED = 1e-10
 """A closure is closed to within this, in m and in rad; Newton's method usually ends at 1e-15."""
+
+SAMPLES = 50
+"""At how many values of its leader, either way, it is looked whether what follows it by a polynomial is within its limits."""
 
 STEPS = 120
 """Steps before giving up."""
@@ -71,8 +74,8 @@ class Solution:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coordinate:
-    """What a step changes: one joint and those that follow it (their paths, with dq / dcoordinate), within limits [rad or m]
-    that keep all of them within theirs. `unit` is the length that counts as much as a radian [m], 1 of a turn."""
+    """What a step changes: one joint and those that follow it (their paths, with dq / dcoordinate, of polynomials where leaders are at 0),
+    within limits [rad or m] that keep all of them within theirs. `unit` is the length that counts as much as a radian [m], 1 of a turn."""
 
     path: str
     moves: tuple[tuple[str, float], ...]
@@ -94,6 +97,14 @@ class Loops:
         self._needed = sorted({body for pair in self._ends for chain in pair for body in chain})
         self.length = self._extent()
         self.coordinates = _coordinates(self.joints, self.length)
+        self._moves = {path: (c.path, share) for c in self.coordinates for path, share in c.moves}
+        self._bent = bent(joints)
+
+    def follows(self, q: Mapping[str, float]) -> Mapping[str, tuple[str, float]]:
+        """At `q` (every joint by path, rad or m) of every joint the coordinate that it is or follows, and its speed by that of it."""
+        if not self._bent:
+            return self._moves
+        return {path: (leader, share) for path, (leader, share, _) in leaders(self.joints.values(), q).items()}
 
     def _above(self, body: int | None) -> tuple[int, ...]:
         """A body and those it hangs on, the root last; nothing for the world."""
@@ -222,9 +233,10 @@ class Loops:
                 into = by_path.setdefault(closure.joints[number].path, list(zero))
                 self._add(into, row, twist.velocity(A.translation), -1.0)
         columns: list[list[float]] = []
+        follows = self.follows(state.q)
         for coordinate in chosen:
             column = list(zero)
-            for path, share in coordinate.moves:
+            for path, share in ((path, follows[path][1]) for path, _ in coordinate.moves):
                 for k, value in enumerate(by_path.get(path, ())):
                     column[k] += share * coordinate.unit * value
             columns.append(column)
@@ -285,6 +297,8 @@ class Loops:
             delta = target - q[coordinate.path]
             for path, share in coordinate.moves:
                 q[path] = target if path == coordinate.path else q[path] + share * delta
+        if self._bent:
+            q = coordinates(self.joints.values(), {one.path: q[one.path] for one in self.coordinates})
         q |= in_cones(self._balls, q)
         base = state.base
         if base_moves:
@@ -316,6 +330,9 @@ def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[Coordi
             limit = joints[follower].limit
             low = -(math.inf if limit.cone is None else limit.cone) if limit.lower is None else limit.lower
             high = (math.inf if limit.cone is None else limit.cone) if limit.upper is None else limit.upper
+            if bent(_chain(joints, follower)):
+                low, high = _reach(joints, path, follower, low, high)
+                multiplier, offset = 1.0, 0.0
             if multiplier == 0.0:
                 continue
             ends = sorted(((low - offset) / multiplier, (high - offset) / multiplier))
@@ -324,6 +341,40 @@ def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[Coordi
         unit = 1.0 if joints[path].twist.turns else length
         coordinates.append(Coordinate(path=path, moves=moves, lower=lower, upper=max(lower, upper), unit=unit))
     return tuple(coordinates)
+
+
+def _chain(joints: Mapping[str, JointEdge], path: str) -> Iterator[JointEdge]:
+    """A joint, the one that it follows, the one that that follows, and so on."""
+    joint: JointEdge | None = joints[path]
+    while joint is not None:
+        yield joint
+        joint = None if joint.mimic is None else joints.get(joint.mimic.joint.path)
+
+
+def _reach(joints: Mapping[str, JointEdge], leader: str, follower: str, low: float, high: float) -> tuple[float, float]:
+    """Around 0 between which values of its leader [rad or m] a follower stays between `low` and `high`, within the leader's own limits;
+    without end where it has none, and where it starts outside."""
+    limit = joints[leader].limit
+    if limit.lower is None or limit.upper is None:
+        return -math.inf, math.inf
+
+    def within(x: float) -> bool:
+        return low <= coordinates(joints.values(), {leader: x})[follower] <= high
+
+    start = min(max(0.0, limit.lower), limit.upper)
+    ends: list[float] = []
+    for end in (limit.lower, limit.upper):
+        inside = start
+        for number in range(1, SAMPLES + 1):
+            there = start + (end - start) * number / SAMPLES
+            if not within(there):
+                for _ in range(50):
+                    middle = 0.5 * (inside + there)
+                    inside, there = (middle, there) if within(middle) else (inside, middle)
+                break
+            inside = there
+        ends.append(inside)
+    return (ends[0], ends[1]) if within(start) else (-math.inf, math.inf)
 
 
 def _error(A: Pose, B: Pose) -> tuple[Vector, Vector]:

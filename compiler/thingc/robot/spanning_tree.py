@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from thingc.diagnostics import Code, Report
 from thingc.graph import joints_of
+from thingc.graph.between import neighbours
 from thingc.graph.types import Assembly, LinkedMode
 from thingc.memo import Memo
 from thingc.pose import Pose
@@ -85,14 +86,10 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
 
 
 def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> tuple[tuple[int, int], ...]:
-    """Neighbours through a joint, also one that closes a loop, in the order of the joints, then the mode's own. Within a pair,
-    and among pairs, the order is that of the links, so it is the same in every mode."""
+    """Neighbours through a joint, or several of one body, also through one that closes a loop, in the order of the joints, then the
+    mode's own. Within a pair, and among pairs, the order is that of the links, so it is the same in every mode."""
     pairs: dict[tuple[int, int], None] = {}
-    for mate in assembly.mates:
-        if mate.joints or mate.loop is not None:
-            one, other = assembly.link_of[mate.parent], assembly.link_of[mate.child]
-            pairs[(min(one, other), max(one, other))] = None
-    for one, other in mode.exclude:
+    for one, other in (*neighbours(assembly), *mode.exclude):
         pairs[(min(one, other), max(one, other))] = None
     return tuple((body_of[one], body_of[other]) for one, other in pairs)
 

@@ -11,7 +11,7 @@ from thingc.diagnostics import Code, Note, Report, allow_hint
 from thingc.graph.types import Assembly, Link, LinkedMode, Occurrence
 from thingc.memo import Memo
 from thingc.pose import Pose, Vector
-from thingc.resolve.model import Limit
+from thingc.resolve.coordinates import Limit
 from thingc.robot.kinematics import body_poses
 from thingc.robot.standing import MeshVertices, of_box, of_points, vertices_of
 from thingc.robot.types import Robot

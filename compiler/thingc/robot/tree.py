@@ -9,7 +9,7 @@ from thingc.joints import Twist, moved
 from thingc.joints.bases import moving_as
 from thingc.memo import Memo
 from thingc.pose import MATE, NO_POSE, Pose
-from thingc.resolve.model import Dynamics, Limit
+from thingc.resolve.coordinates import Dynamics, Limit
 from thingc.robot.types import Body, Closure, CoreJoint
 
 BASE = "root"

@@ -12,7 +12,7 @@ from thingc.graph.types import ActuatorModel, Assembly, JointEdge, LinkedMode
 from thingc.joints import JointKind, Twist
 from thingc.joints.bases import BaseType
 from thingc.pose import Pose, Vector
-from thingc.resolve.model import Dynamics, Limit, Mimic
+from thingc.resolve.coordinates import Dynamics, Limit, Mimic
 from thingc.source import Origin
 
 
@@ -177,6 +177,11 @@ class Robot(Brief):
     closures: tuple[Closure, ...] = ()
     unclosed: tuple[Unclosed, ...] = ()
     moves: tuple[CoreJoint, ...] = ()
+
+    @property
+    def pulled(self) -> tuple[str, ...]:
+        """The tendons whose drives exist here: all of them, unless the mode chooses its actuators."""
+        return () if self.mode.actuators is not None else tuple(one.path for one in self.assembly.tendons if one.actuator is not None)
 
     @property
     def start(self) -> Keyframe | None:

@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from thingc.exports import exported
 
 if TYPE_CHECKING:
     from thingc.spec.doubts import Specs
     from thingc.spec.fields import REFERENCE_PATTERN
-    from thingc.spec.mentions import Mention, mentions_of, setting_words
+    from thingc.spec.mentions import Mention, mentions_of, referred, setting_words
     from thingc.spec.named import Declares, Means
     from thingc.spec.saying import within
     from thingc.spec.schema import json_schema
     from thingc.spec.stated import stated_choices, stated_value
     from thingc.spec.validation import part_references, validate, validate_one
 
-_EXPORTS = {
-    "REFERENCE_PATTERN": "fields", "Declares": "named", "Means": "named", "Mention": "mentions", "Specs": "doubts",
-    "json_schema": "schema", "mentions_of": "mentions", "part_references": "validation", "setting_words": "mentions",
-    "stated_choices": "stated", "stated_value": "stated", "validate": "validation", "validate_one": "validation", "within": "saying",
-}
-"""Exported name to the module that has it."""
-
 __all__ = [
-    "REFERENCE_PATTERN", "Declares", "Means", "Mention", "Specs", "json_schema", "mentions_of", "part_references", "setting_words",
-    "stated_choices", "stated_value", "validate", "validate_one", "within",
+    "REFERENCE_PATTERN", "Declares", "Means", "Mention", "Specs", "json_schema", "mentions_of", "part_references", "referred",
+    "setting_words", "stated_choices", "stated_value", "validate", "validate_one", "within",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """The exported object, from its module; `AttributeError` for any other name."""
-    if name in _EXPORTS:
-        from importlib import import_module
-
-        return getattr(import_module(f"thingc.spec.{_EXPORTS[name]}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = exported(__name__, {
+    "REFERENCE_PATTERN": "fields", "Declares": "named", "Means": "named", "Mention": "mentions", "Specs": "doubts",
+    "json_schema": "schema", "mentions_of": "mentions", "part_references": "validation", "referred": "mentions",
+    "setting_words": "mentions", "stated_choices": "stated", "stated_value": "stated",
+    "validate": "validation", "validate_one": "validation", "within": "saying",
+})

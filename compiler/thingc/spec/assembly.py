@@ -10,15 +10,13 @@ from thingc.joints import JointType
 from thingc.load.paths import SUFFIXES_WITH_UNIT
 from thingc.spec.allowances import Allow, allow
 from thingc.spec.base import Model, rule
+from thingc.spec.drives import DriveSpec, DynamicsSpec
 from thingc.spec.fields import (
     AngleField,
     AnyQuantityField,
-    ArmatureField,
     CostField,
     CountField,
-    DampingField,
     EffortField,
-    FrictionField,
     Index,
     JointValueField,
     LengthField,
@@ -27,7 +25,6 @@ from thingc.spec.fields import (
     Name,
     NumberField,
     SpeedField,
-    StiffnessField,
     Vector3Angle,
     Vector3Length,
 )
@@ -54,6 +51,7 @@ from thingc.spec.named import (
     NewParameter,
     NewPose,
     NewSensor,
+    NewTendon,
     NewTest,
     OwnMountField,
     OwnMountKey,
@@ -65,6 +63,7 @@ from thingc.spec.poses import PoseSpec
 from thingc.spec.raw_fields import RawField
 from thingc.spec.sensors import SensorSpec
 from thingc.spec.stated_masses import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
+from thingc.spec.tendons import TendonSpec
 from thingc.spec.tests import TestSpec
 
 UNIT_OF_ITS_OWN = "STEP, 3MF and glTF files carry the unit of their numbers"
@@ -288,21 +287,12 @@ class LimitSpec(Model):
     """How far a ball may turn, about whatever axis; it has no other limit."""
 
 
-class DynamicsSpec(Model):
-    """What a joint does by itself."""
-
-    damping: DampingField | None = None
-    """Viscous friction: torque or force per speed."""
-    friction: FrictionField | None = None
-    """Dry friction: torque or force."""
-    armature: ArmatureField | None = None
-    """Reflected rotor inertia; from the drive unless written."""
-    stiffness: StiffnessField | None = None
-    """A spring towards q = 0: torque or force per turn or length."""
-
-
 class MimicSpec(Model):
-    """q = multiplier * q(joint) + offset."""
+    """q = multiplier * q(joint) + offset, or a polynomial in q(joint)."""
+
+    model_config = ConfigDict(json_schema_extra={
+        "if": {"required": ["polynomial"]}, "then": {"properties": {key: {"not": {}} for key in ("multiplier", "offset")}},
+    })
 
     joint: CoordinateField
     """A joint of this document."""
@@ -310,34 +300,18 @@ class MimicSpec(Model):
     """How far this joint moves for each unit of the other; 1 unless written."""
     offset: JointValueField = 0  # type: ignore[assignment]
     """Where this joint is when the other is at 0; 0 unless written."""
-
-
-class DriveSpec(Model):
-    """An inline actuator."""
-
-    model_config = ConfigDict(json_schema_extra={
-        "if": {"properties": {"kind": {"const": "position"}}, "required": ["kind"]}, "then": {"required": ["kp"]},
-    })
-
-    kind: Literal["position", "velocity", "motor"]
-    """What is commanded: a position, a velocity, or the torque or force itself (`motor`)."""
-    kp: StiffnessField | None = None
-    """Position gain: torque per angle, or force per length."""
-    kv: DampingField | None = None
-    """Velocity gain: torque or force per speed."""
-    effort: EffortField | None = None
-    """Largest torque or force."""
-    velocity: SpeedField | None = None
-    """Largest speed."""
-    armature: ArmatureField | None = None
-    """Reflected rotor inertia."""
-    axis: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[1, 0, 0]])
-    """The axis about which it turns a ball: in the parent mount's axes at q = 0, from where it goes with the child."""
+    polynomial: Annotated[list[AnyQuantityField], Field(min_length=2, max_length=5)] | None = Field(
+        default=None, examples=[["10 deg", 1, "0.2 rad^-1"]],
+    )
+    """In place of both: the coefficients of the powers of q(joint) from the 0th on, up to the 4th."""
 
     @model_validator(mode="after")
-    def _gain(self) -> DriveSpec:
-        if self.kind == "position" and self.kp is None:
-            raise rule("a position drive needs `kp`; none is here", "write for example `kp: 20 N*m/rad`")
+    def _once(self) -> MimicSpec:
+        for key in ("multiplier", "offset"):
+            if self.polynomial is not None and key in self.model_fields_set:
+                raise rule(
+                    f"a `polynomial` says what `{key}` would", f"take `{key}` out: it is `polynomial[{int(key == 'multiplier')}]`", key,
+                )
         return self
 
 
@@ -353,9 +327,9 @@ class JointDefaults(Model):
     )
     """What it does by itself; of a joint with several coordinates a list."""
     turn: AngleField | None = None
-    """A constant turn about and along the parent mount's z, before the motion."""
+    """A constant turn about the parent mount's z, or the joint's `axis`, before the motion."""
     gap: LengthField | None = None
-    """A constant distance along the parent mount's z."""
+    """A constant distance along the parent mount's z, or the joint's `axis`."""
     drive: DriveSpec | ComponentField | list[DriveSpec | ComponentField] | dict[Index, DriveSpec | ComponentField] | None = Field(
         default=None, examples=["yaw_servo", {"kind": "position", "kp": "20 N*m/rad", "effort": "4 N*m"}],
     )
@@ -371,6 +345,8 @@ class JointSpec(JointDefaults):
     """The mount that stays: `component.mount`."""
     child: MountField
     """The mount that moves; its component is placed by this joint."""
+    axis: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 1, 0]])
+    """In the parent mount's frame what it turns about, or slides along; the mounts then coincide at q = 0, and do not face each other."""
     offset: JointValueField | list[JointValueField] | dict[Index, JointValueField] | None = Field(default=None, examples=["30 deg"])
     """Pose of the geometry at q = 0."""
     lead: LengthField | None = Field(default=None, examples=["8 mm", "-2 mm"])
@@ -439,6 +415,10 @@ class AssemblySpec(Model):
         default={}, examples=[{"yaw": {"type": "continuous", "parent": "servo.horn", "child": "bracket.seat"}}],
     )
     """What moves, by name."""
+    tendons: dict[NewTendon, TendonSpec] = Field(
+        default={}, examples=[{"grip": {"joints": {"left": "12 mm/rad", "right": "12 mm/rad"}, "drive": {"kind": "motor"}}}],
+    )
+    """Sums of coordinates that something acts along, by name."""
     links: dict[NewLink, ComponentField] = Field(default={}, examples=[{"base_link": "plate"}])
     """Names a link and picks its frame."""
     mounts: dict[NewExport, MountField] = Field(default={}, examples=[{"base": "plate.bottom", "tip": "hand.tip"}])

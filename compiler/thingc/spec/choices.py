@@ -11,7 +11,7 @@ DEFAULT_MATERIAL = "defaults.component.material"
 EXAMPLES = "`components.NAME.part` (or `.assembly`, `.file`, `.material`), or `defaults.component.material`"
 
 VALUES = "the path of a value, such as `joints.NAME.limit.upper` or `components.NAME.mass`"
-SECTIONS = ("components", "defaults", "joints", "links", "materials", "poses", "sensors")
+SECTIONS = ("components", "defaults", "joints", "links", "materials", "poses", "sensors", "tendons")
 """Sections of a nested assembly in which something may be set from outside; none is a key of a component."""
 
 

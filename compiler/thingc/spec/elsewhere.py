@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 from pydantic import BaseModel
 
-from thingc.spec import assembly, listed, materials, modes, poses, sensors, stated_masses, variants, workspace
+from thingc.spec import assembly, drives, listed, materials, modes, poses, sensors, stated_masses, variants, workspace
 from thingc.spec.shapes import model_keys, one_of
 from thingc.typos import Hint
 from thingc.units import shortened
@@ -42,8 +42,6 @@ KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
         "frictionloss": "dry friction is `dynamics: {friction: 0.1 N*m}`",
     },
     assembly.JointSpec: {
-        "axis": "z of the parent's mount is the axis: turn that mount, by `rpy` of a mount that the document adds, or by its `Location` in "
-                "the part",
         **dict.fromkeys(("origin", "xyz", "rpy", "pose", "pos", "location", "anchor"), _MOUNTS),
         **dict.fromkeys(("from", "base", "parent_link", "link1", "body1"), "parent"),
         **dict.fromkeys(("to", "child_link", "link2", "body2"), "child"),
@@ -58,11 +56,12 @@ KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
         **dict.fromkeys(("min", "low", "minimum", "from"), "lower"), **dict.fromkeys(("max", "high", "maximum", "to"), "upper"),
         **dict.fromkeys(("torque", "force", "max_torque", "max_force"), "effort"), **dict.fromkeys(("speed", "max_speed"), "velocity"),
     },
-    assembly.DynamicsSpec: {
+    drives.DynamicsSpec: {
         **dict.fromkeys(("frictionloss", "coulomb", "stiction"), "friction"), "viscous": "damping",
         **dict.fromkeys(("rotor_inertia", "inertia"), _ROTOR), **dict.fromkeys(("spring", "spring_stiffness"), "stiffness"),
+        **dict.fromkeys(("springref", "spring_reference", "equilibrium"), "rest"),
     },
-    assembly.DriveSpec: {
+    drives.DriveSpec: {
         **dict.fromkeys(("type", "mode"), "kind"), **dict.fromkeys(("p", "gain", "stiffness", "position_gain"), "kp"),
         **dict.fromkeys(("d", "kd", "damping", "velocity_gain"), "kv"),
         **dict.fromkeys(("torque", "force", "max_torque", "max_force", "stall_torque", "forcerange"), "effort"),
@@ -201,7 +200,7 @@ FLOATING = frozenset({"floating", "float", "free", "freejoint", "6dof", "floatin
 WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
     assembly.LimitSpec: ("lower", "upper"), modes.WorldAtSpec: ("xyz",), modes.HoldSpec: ("xyz",), assembly.MountSpec: ("xyz",),
     assembly.MimicSpec: ("joint",), assembly.RepeatSpec: ("count",), assembly.AtSpec: ("in",), modes.ModeSpec: ("root",),
-    stated_masses.InertiaMatrix: ("ixx", "iyy", "izz"), assembly.DriveSpec: ("kind",), assembly.DynamicsSpec: ("damping",),
+    stated_masses.InertiaMatrix: ("ixx", "iyy", "izz"), drives.DriveSpec: ("kind",), drives.DynamicsSpec: ("damping",),
     materials.MaterialSpec: ("density",), materials.FrictionSpec: ("slide",), materials.ProcessSpec: ("kind",),
     sensors.SensorSpec: ("type",), modes.ContactsSpec: ("exclude",),
 }

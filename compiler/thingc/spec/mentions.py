@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from thingc.frozen import dataclass
-from thingc.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode
+from thingc.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, walk
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.choices import nested
 from thingc.spec.named import Declares, Means
@@ -82,10 +82,30 @@ def _of_text(text: str, shape: AnnotationShape) -> Declares | Means | None:
 
 
 def _in_raw(node: MappingNode, path: Path) -> Iterator[Mention]:
-    """The names of elements: `raw: {mjcf: {joint: {NAME: ...}}}`."""
+    """The names of elements: `raw: {mjcf: {joint: {NAME: ...}}}`; of what is added those that it refers to."""
     for kind, named in node.entries.items():
+        if kind == "add":
+            for place, value in walk(named, (*path, kind)):
+                if isinstance(value, ScalarNode) and isinstance(value.value, str) and referred(place):
+                    yield Mention(path=place, key=False, text=value.value, names=Means("raw"))
+            continue
         for name in named.entries if isinstance(named, MappingNode) else ():
             yield Mention(path=(*path, kind, name), key=True, text=name, names=Means("raw"))
+
+
+def referred(path: Path) -> str | None:
+    """The kind of element that a value in what is added refers to: a joint, a site, a body or anything (`object`); None of any other."""
+    key = str(path[-1]).rstrip("12")
+    if key in ("objname", "refname"):
+        return "object"
+    return REFERRED.get(key)
+
+
+REFERRED = {
+    **dict.fromkeys(("joint", "jointinparent", "actuator"), "joint"), **dict.fromkeys(("body", "subtree", "geom"), "body"),
+    **dict.fromkeys(("site", "cranksite", "slidersite", "refsite", "sidesite"), "site"),
+}
+"""Attributes of elements that are added whose value may be called after something of a document, and of what kind that is."""
 
 
 def setting_words(text: str) -> Iterator[SettingWord]:

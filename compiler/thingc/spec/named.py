@@ -13,7 +13,9 @@ from pydantic import Field
 from thingc.frozen import dataclass
 from thingc.spec.fields import JointValueField, Name, ReferenceField
 
-Declared = Literal["component", "export", "index", "joint", "link", "material", "mode", "mount", "parameter", "pose", "sensor", "test"]
+Declared = Literal[
+    "component", "export", "index", "joint", "link", "material", "mode", "mount", "parameter", "pose", "sensor", "tendon", "test",
+]
 """What a document declares by a name: `export` is a mount that it shows to a parent assembly, `index` that of a `repeat`."""
 Meant = Literal[
     "assembly document", "choice", "component", "coordinate", "expression", "joint", "joint or nested assembly", "material",
@@ -50,11 +52,13 @@ NewMount = Annotated[Name, Declares("mount")]
 NewParameter = Annotated[Name, Declares("parameter")]
 NewPose = Annotated[Name, Declares("pose")]
 NewSensor = Annotated[Name, Declares("sensor")]
+NewTendon = Annotated[Name, Declares("tendon")]
 NewTest = Annotated[Name, Declares("test")]
 
 AssemblyDocument = Annotated[str, Means("assembly document")]
 ComponentField = Annotated[ReferenceField, Means("component")]
 CoordinateField = Annotated[ReferenceField, Means("coordinate")]
+CoordinateKey = Annotated[str, Means("coordinate")]
 JointField = Annotated[ReferenceField, Means("joint")]
 JointKey = Annotated[str, Means("joint or nested assembly")]
 JointPattern = Annotated[str, Means("joint")]

@@ -41,6 +41,7 @@ def vector_pattern(dimension: Dimension) -> str:
 def raw_schema(levels: int) -> dict[str, Any]:
     """Scalars, lists of them, and mappings of both down to `levels`."""
     schema: dict[str, Any] = {
-        "type": ["string", "number", "boolean", "array", "object"], "items": {"type": ["string", "number", "boolean"]},
+        "type": ["string", "number", "boolean", "array", "object"],
+        "items": {"type": ["string", "number", "boolean", "object"] if levels else ["string", "number", "boolean"]},
     }
     return {**schema, "additionalProperties": raw_schema(levels - 1)} if levels else schema

@@ -21,10 +21,12 @@ def _raw(value: Any) -> Any:
     return kept
 
 
-def _sound_raw(value: Any, path: tuple[str, ...], wrong: list[PydanticCustomError]) -> Any:
+def _sound_raw(value: Any, path: tuple[str | int, ...], wrong: list[PydanticCustomError]) -> Any:
     if isinstance(value, dict):
         return {key: _sound_raw(item, (*path, key), wrong) for key, item in value.items()}
     scalars = value if isinstance(value, list) else [value]
+    if isinstance(value, list) and any(isinstance(one, dict) for one in value):  # elements that are added
+        return [_sound_raw(one, (*path, number), wrong) for number, one in enumerate(value)]
     if not all(one is None or isinstance(one, (str, int, float)) for one in scalars):  # that a null is no value is said of every key
         error = fault("type", f"expected {_WORDS}, found {found(value)}")
         wrong.append(within(error, path) if path else error)

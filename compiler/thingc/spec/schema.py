@@ -16,7 +16,7 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema
 
 from thingc.checks import kinds
-from thingc.spec import assembly, listed, materials, modes, poses, sensors, stated_masses, variants, workspace
+from thingc.spec import assembly, drives, listed, materials, modes, poses, sensors, stated_masses, tendons, variants, workspace
 from thingc.spec.validation import KINDS, model_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -28,7 +28,9 @@ def json_schema(kind: str) -> dict[str, Any]:
     assert model is not None, kind
     schema = model.model_json_schema(schema_generator=_Generator)
     checks = [sys.modules[check.model.__module__] for check in kinds().values()]
-    documented = _documentation(poses, assembly, listed, materials, modes, sensors, stated_masses, *checks, variants, workspace)
+    documented = _documentation(
+        poses, assembly, drives, listed, materials, modes, sensors, stated_masses, tendons, *checks, variants, workspace,
+    )
     documented["TestSpec"] = {check.name: check.summary for check in kinds().values()}
     for name, definition in {**schema.get("$defs", {}), model.__name__: schema}.items():
         _describe(definition, documented.get(name, {}))

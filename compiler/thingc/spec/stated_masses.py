@@ -9,7 +9,7 @@ from pydantic import Field
 from thingc.spec.base import Model
 from thingc.spec.fields import InertiaField, MassField, Vector3Length
 
-Source = Literal["measured", "vendor", "estimated"]
+Source = Literal["measured", "vendor", "estimated", "repaired"]
 
 
 class StatedMass(Model):
@@ -18,7 +18,7 @@ class StatedMass(Model):
     value: MassField
     """The mass."""
     source: Source
-    """`measured`, `vendor` or `estimated`."""
+    """`measured`, `vendor`, `estimated`, or `repaired` (by an import, because no solid has what its source said)."""
 
 
 class StatedCentre(Model):
@@ -27,7 +27,7 @@ class StatedCentre(Model):
     value: Vector3Length
     """The centre of mass."""
     source: Source
-    """`measured`, `vendor` or `estimated`."""
+    """`measured`, `vendor`, `estimated`, or `repaired` (by an import, because no solid has what its source said)."""
 
 
 class InertiaMatrix(Model):
@@ -53,4 +53,4 @@ class StatedInertia(Model):
     value: InertiaMatrix = Field(examples=[{"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"}])
     """The inertia."""
     source: Source
-    """`measured`, `vendor` or `estimated`."""
+    """`measured`, `vendor`, `estimated`, or `repaired` (by an import, because no solid has what its source said)."""

@@ -39,7 +39,7 @@ def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tup
     on_joints = loads(robot, q, bodies)
     load: dict[str, float] = {}
     drives: list[DriveTransmission] = []
-    following = leaders(joints)
+    following = leaders(joints, q)
     for joint in joints:
         path, limit = joint.path, joint.limit.effort
         leader, factor, _ = following[path]
@@ -47,6 +47,14 @@ def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tup
         if path in robot.present:
             moves = ((leader, factor),) if joint.actuator is None or joint.actuator.axis is None else _about(joint, joints, q)
             drives.append(DriveTransmission(path, moves, limit, limit or 1.0))
+    for tendon in robot.assembly.tendons:
+        if tendon.path in robot.pulled and tendon.actuator is not None:
+            by_leader: dict[str, float] = {}
+            for path, own in tendon.moves.items():
+                leader, factor, _ = following[path]
+                by_leader[leader] = by_leader.get(leader, 0.0) + own * factor
+            limit = tendon.actuator.effort
+            drives.append(DriveTransmission(tendon.path, tuple(by_leader.items()), limit, limit or 1.0))
     return load, drives
 
 

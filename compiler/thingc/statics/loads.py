@@ -38,9 +38,12 @@ def loads(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[
             p, s, m = twist.anchor, moments[index], masses[index]
             arm = (s[0] - m * p[0], s[1] - m * p[1], s[2] - m * p[2])
             weight = dot(twist.angular, cross(arm, robot.gravity)) + m * dot(twist.linear, robot.gravity)
-            stiffness = joint.dynamics.stiffness
-            load_of[joint.path] = weight if stiffness is None else weight - stiffness * q[joint.path]
+            load_of[joint.path] = weight + joint.dynamics.sprung(q[joint.path])
     for closure in robot.closures:
         for cut in closure.joints:
-            load_of[cut.path] = -(cut.dynamics.stiffness or 0.0) * q[cut.path]
+            load_of[cut.path] = cut.dynamics.sprung(q[cut.path])
+    for tendon in robot.assembly.tendons:
+        pull = tendon.dynamics.sprung(tendon.length(q))
+        for path, factor in tendon.moves.items():
+            load_of[path] = load_of.get(path, 0.0) + factor * pull
     return load_of

@@ -59,7 +59,7 @@ def balance_shared(
     known, pushed = np.array([load[path] for path in paths]), np.zeros((count, 0))
     if stands is not None:
         known = np.concatenate([known, np.array(stands.weight) * loops.length, stands.turning])
-        J = _feet(robot, stands, column, loops.length)
+        J = _feet(robot, q, stands, column, loops.length)
         known -= sum((foot.pull * moves[2] for foot, moves in zip(stands.feet, J, strict=True)), np.zeros(count))
         pushed = np.hstack([pushed, *(moves.T @ edges(foot.friction).T for foot, moves in zip(stands.feet, J, strict=True))])
     weights = np.array([drive.weight for drive in drives])
@@ -78,10 +78,10 @@ def balance_shared(
     )
 
 
-def _feet(robot: Robot, stands: Stance, column: Mapping[str, int], size: float) -> list[Array]:
-    """How each foot moves [m] with the coordinates (3 x n): the joints', then the base's, three shifts (in lengths of `size` [m]) and
-    three turns about its origin."""
-    following = leaders(joints_of(robot.assembly))
+def _feet(robot: Robot, q: Mapping[str, float], stands: Stance, column: Mapping[str, int], size: float) -> list[Array]:
+    """At `q` how each foot moves [m] with the coordinates (3 x n): the joints', then the base's, three shifts (in lengths of `size` [m])
+    and three turns about its origin."""
+    following = leaders(joints_of(robot.assembly), q)
     jacobians: list[Array] = []
     for foot in stands.feet:
         J = np.zeros((3, len(column) + 6))

@@ -33,7 +33,6 @@ class Chain:
         self.lower = np.array([max(c.lower, -ROUND) if np.isinf(c.lower) else c.lower for c in loops.coordinates])
         self.upper = np.array([min(c.upper, ROUND) if np.isinf(c.upper) else c.upper for c in loops.coordinates])
         self._column = {path: k for k, path in enumerate(self.paths)}
-        self._follows = {path: (c.path, factor) for c in loops.coordinates for path, factor in c.moves}
         self._balls = tuple(balls(joints_of(robot.assembly)))
         self._joints = {joint.path: joint for joint in joints_of(robot.assembly)}
         self._body_of = {body.link: index for index, body in enumerate(robot.bodies)}
@@ -75,10 +74,11 @@ class Chain:
         angular; 0 of the world (None)."""
         x, y, z = (float(one) for one in point)
         J = np.zeros((6, len(self.paths)))
+        follows = self._loops.follows(q)
         while body is not None:
             link = self.robot.bodies[body]
             for joint, twist in in_world(link, at[body], q):
-                path, factor = self._follows[joint.path]
+                path, factor = follows[joint.path]
                 J[:, self._column[path]] += factor * np.concatenate(twist.velocity((x, y, z)))
             body = link.parent
         return J

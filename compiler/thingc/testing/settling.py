@@ -96,6 +96,8 @@ def _points(robot: Robot, model: mujoco.MjModel) -> list[tuple[int, Array]]:
     per_link = []
     for body in robot.bodies:
         link = robot.assembly.links[body.link]
+        if body.parent is not None and body.link in robot.assembly.between:
+            continue  # several joints on one body: the model has none of its own
         points = [(0.0, 0.0, 0.0)]
         for member, pose in zip(link.members, link.poses, strict=True):
             box = robot.assembly.occurrences[member].box

@@ -8,7 +8,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from thingc.exports import exported
 
 if TYPE_CHECKING:
     from thingc.variants.batch import run
@@ -19,23 +21,14 @@ if TYPE_CHECKING:
     from thingc.variants.progress import Interrupted, Progress, Summary
     from thingc.variants.reading import plan, read_plan
 
-_EXPORTS = {
-    "BatchFault": "folder", "BuiltVariant": "loading", "Family": "loading", "FamilyError": "loading", "Interrupted": "progress",
-    "NotInPlace": "in_place", "Plan": "planning", "PlanError": "planning", "Progress": "progress", "Summary": "progress",
-    "UnknownVariant": "loading", "Variant": "planning", "apply": "in_place", "fields": "in_place", "load": "loading",
-    "plan": "reading", "read_plan": "reading", "run": "batch", "write": "in_place",
-}
-
 __all__ = [
     "BatchFault", "BuiltVariant", "Family", "FamilyError", "Interrupted", "NotInPlace", "Plan", "PlanError", "Progress",
     "Summary", "UnknownVariant", "Variant", "apply", "fields", "load", "plan", "read_plan", "run", "write",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """The exported object, from its module; `AttributeError` for any other name."""
-    if name in _EXPORTS:
-        from importlib import import_module
-
-        return getattr(import_module(f"thingc.variants.{_EXPORTS[name]}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = exported(__name__, {
+    "BatchFault": "folder", "BuiltVariant": "loading", "Family": "loading", "FamilyError": "loading", "Interrupted": "progress",
+    "NotInPlace": "in_place", "Plan": "planning", "PlanError": "planning", "Progress": "progress", "Summary": "progress",
+    "UnknownVariant": "loading", "Variant": "planning", "apply": "in_place", "fields": "in_place", "load": "loading",
+    "plan": "reading", "read_plan": "reading", "run": "batch", "write": "in_place",
+})

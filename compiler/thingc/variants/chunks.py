@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.frozen import dataclass
 from thingc.variants import places
+from thingc.variants.columns import column
 from thingc.variants.journal import Journal, Line, lines
 from thingc.variants.rules import LENGTHS
 
@@ -193,7 +194,7 @@ def _schemas(paths: Sequence[str], lengths: Sequence[str]) -> tuple[Any, Any]:
 def _table(schema: Any, rows: Sequence[tuple[Any, ...]]) -> Any:
     import pyarrow
 
-    columns = [pyarrow.array(cells, field.type) for cells, field in zip(zip(*rows, strict=True), schema, strict=True)]
+    columns = [column(cells, field.type) for cells, field in zip(zip(*rows, strict=True), schema, strict=True)]
     return pyarrow.Table.from_arrays(columns, schema=schema)
 
 

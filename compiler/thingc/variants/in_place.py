@@ -9,6 +9,7 @@ comparing their compiled models, every array of each.
 
 from __future__ import annotations
 
+import copy
 import io
 import os
 from collections.abc import Iterable, Mapping
@@ -92,19 +93,20 @@ def fields(source: str | os.PathLike[str] | Family, mode: str | None = None, *, 
     option) an array (n_variants, *shape of the field), in the order of the family.
 
     `source` is a batch's folder or a family that was loaded from one; `mode` and `scene` as `BuiltVariant.model` takes them.
-    Each variant's model is compiled once and forgotten. Raises `NotInPlace` where models differ in anything else, and
+    Each variant's model is made once and forgotten. Raises `NotInPlace` where models differ in anything else, and
     `FamilyError` for a batch without variants.
     """
     import numpy as np
 
     family = _family(source)
-    first = family[0]
-    model = first.model(mode, scene=scene)
+    models = family.models(mode=mode, scene=scene, share=True)
+    model = last = copy.copy(next(models))
     base = _numbers(model)
     own: list[Fields] = [{}]
-    for variant in family[1:]:
-        other = variant.model(mode, scene=scene)
-        _same_structure(model, other, first, variant)
+    for variant, other in zip(family[1:], models, strict=True):
+        if other is not last:
+            _same_structure(model, other, family[0], variant)
+            last = other
         numbers = _numbers(other)
         own.append({name: np.array(value) for name, value in numbers.items() if not _equal(base[name], value)})
     names = [name for name in base if any(name in one for one in own)]

@@ -117,7 +117,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
 
         episode = self._episodes.get(variant.id)
         if episode is None:
-            model = variant.model(self.mode, scene=self._scene, visual=self._visual)
+            (model,) = self.family.models([variant], self.mode, scene=self._scene, visual=self._visual)
             episode = self._episodes[variant.id] = Episode(model, mujoco.MjData(model), variant, self._rules, spans_of(model))
             while len(self._episodes) > self._cache:
                 self._episodes.popitem(last=False)

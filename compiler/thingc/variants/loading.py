@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import threading
 import xml.etree.ElementTree as ElementTree
 from bisect import bisect_left
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import field
 from functools import cached_property
@@ -24,6 +25,7 @@ from thingc.brief import Brief, counted
 from thingc.diagnostics import shown_path
 from thingc.emit.artifact import MANIFEST
 from thingc.frozen import dataclass
+from thingc.patching import ModelText, TextModels
 from thingc.typos import did_you_mean
 from thingc.variants import places
 from thingc.variants.chunks import packed
@@ -42,6 +44,9 @@ VARIANTS, NAMES = 4096, 10_000
 """How many variants a family keeps that were asked for last, and of how many names the nearest is told."""
 MESH_BYTES = 256 * 2**20
 """How many bytes of meshes a family keeps in memory."""
+
+_WITHIN, _INCLUDE = re.compile("<mujoco[^>]*>(.*)</mujoco>", re.DOTALL), re.compile("<include [^>]*/>")
+"""What a model's file says, and where that of its scene includes it."""
 
 
 class FamilyError(ValueError):
@@ -91,20 +96,38 @@ class BuiltVariant(Brief):
     def model(self, mode: str | None = None, *, scene: bool = False, visual: bool = True) -> mujoco.MjModel:
         """Its model in a mode, compiled anew at each call; `scene`: with floor and light. Without `visual` MuJoCo leaves out what
         is only drawn: the model moves in the same way, and is compiled in less than half the time. The mode may be left out where
-        the family has one. Raises `UnknownVariant` for another mode, and `FamilyError` where there is no model."""
+        the family has one; of many variants `Family.models` takes a fraction of the time. Raises `UnknownVariant` for another mode, and
+        `FamilyError` where there is no model."""
+        mode = self.family.chosen(mode)
+        return self._compiled(self._text(mode, scene, visual), self._files.meshes())
+
+    def model_text(self, mode: str, scene: bool, visual: bool) -> ModelText:
+        """What `model` compiles. Raises as `model` does."""
+        text, meshes = self._text(mode, scene, visual), self._files.meshes()
+        return ModelText(
+            text=text, meshes=tuple((name, file) for name, (file, _) in meshes.items()), assets=lambda: self.family.meshes(meshes),
+            compiled=lambda: self._compiled(text, meshes),
+        )
+
+    def _text(self, mode: str, scene: bool, visual: bool) -> str:
+        """The text of the model, in that of its scene if that is wanted."""
+        text = self._read(f"{self.family.robot}_{mode}.xml").decode()
+        if not visual:
+            text = text.replace("<compiler ", '<compiler discardvisual="true" ', 1)
+        if not scene:
+            return text
+        own = _WITHIN.search(text)
+        assert own is not None
+        return _INCLUDE.sub(lambda _: own[1], self._read(f"scene_{mode}.xml").decode(), count=1)
+
+    def _compiled(self, text: str, meshes: Mapping[str, tuple[File, str]]) -> mujoco.MjModel:
         import mujoco
 
-        mode = self.family.chosen(mode)
-        robot = f"{self.family.robot}_{mode}.xml"
-        text = self._read(robot)
-        if not visual:
-            text = text.replace(b"<compiler ", b'<compiler discardvisual="true" ', 1)
-        included = {robot: text} if scene else {}
-        if scene:
-            text = self._read(f"scene_{mode}.xml")
+        # Threads are for meshes, and MuJoCo has most of them from before: they cost more than they save.
+        text = text.replace("<compiler ", '<compiler usethread="false" ', 1)
         try:
-            with self.family.mounted(self._files.meshes(), included) as files:
-                return mujoco.MjModel.from_xml_string(text.decode(), vfs=files)
+            with self.family.mounted(meshes) as files:
+                return mujoco.MjModel.from_xml_string(text, vfs=files)
         except ValueError as fault:
             raise FamilyError(f"MuJoCo refuses the model of variant `{self.name}`: {' '.join(str(fault).split())}") from fault
 
@@ -150,6 +173,22 @@ class BuiltVariant(Brief):
             ) from None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LoadedBatch:
+    """A batch in a folder, as it was when it was loaded: its `robot` is the name of the assembly, `mode` the one that is meant unless
+    another is said."""
+
+    folder: str
+    name: str
+    robot: str
+    modes: Sequence[str]
+    mode: str | None
+    planned: int
+    finished: bool
+    records: Records
+    meshes: _Meshes
+
+
 class Family(Sequence[BuiltVariant]):
     """The built variants of a batch, in plan order: by place (`family[0]`, `family[-1]`), by id or name (`family["sweep_07"]`).
 
@@ -157,35 +196,27 @@ class Family(Sequence[BuiltVariant]):
     been built so far. `rows` are the rows of the table of all variants that are done, those that failed or were kept out, too.
     """
 
-    def __init__(
-        self, *, folder: str, name: str, robot: str, modes: Sequence[str], mode: str | None, planned: int, finished: bool,
-        records: Records, meshes: _Meshes,
-    ) -> None:
-        self.folder = folder
-        self.name = name
-        self.robot = robot
-        self.mode_names = tuple(modes)
-        self.mode = mode
-        self.planned = planned
-        self.finished = finished
-        self.records = records
-        self._meshes = meshes
-        self._indices: Sequence[int] = records.built
+    def __init__(self, batch: LoadedBatch, indices: Sequence[int] | None = None) -> None:
+        """Of the variants at these places of the plan; None: of all that are built."""
+        self.folder = batch.folder
+        self.name = batch.name
+        self.robot = batch.robot
+        self.mode_names = tuple(batch.modes)
+        self.mode = batch.mode
+        self.planned = batch.planned
+        self.finished = batch.finished
+        self.records = batch.records
+        self._batch = batch
+        self._indices = batch.records.built if indices is None else indices
         self._made: OrderedDict[int, BuiltVariant] = OrderedDict()
+        self._models: dict[tuple[str, bool, bool], TextModels] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Workers of environments and process pools are handed families and variants."""
-        return _again, (self._own, self._indices)
-
-    @property
-    def _own(self) -> dict[str, Any]:
-        return {
-            "folder": self.folder, "name": self.name, "robot": self.robot, "modes": self.mode_names, "mode": self.mode,
-            "planned": self.planned, "finished": self.finished, "records": self.records, "meshes": self._meshes,
-        }
+        return Family, (self._batch, self._indices)
 
     def _of(self, indices: Sequence[int]) -> Family:
-        return _again(self._own, indices)
+        return Family(self._batch, indices)
 
     def _variant(self, index: int) -> BuiltVariant:
         """The variant at this place of the plan; those asked for last are kept."""
@@ -275,21 +306,25 @@ class Family(Sequence[BuiltVariant]):
             raise UnknownVariant(f"batch `{self.name}` has no mode `{name}`: {did_you_mean(name, self.mode_names, what='modes')}")
         return name
 
+    def models(
+        self, variants: Iterable[BuiltVariant] | None = None, mode: str | None = None, *, share: bool = False, scene: bool = False,
+        visual: bool = True,
+    ) -> Iterator[mujoco.MjModel]:
+        """The models of some of its variants (None: of all), in their order, as `BuiltVariant.model` gives them. Of variants that differ in
+        nothing but numbers some are compiled, and arrays are written for the others (up to 128 variants are read ahead). With `share` one
+        model is lent: it is that of the variant until the next one is asked for, and nobody else's to change. Raises as
+        `BuiltVariant.model` does. Not for several threads at once."""
+        key = (self.chosen(mode), scene, visual)
+        models = self._models.setdefault(key, TextModels())
+        return models.each((one.model_text(*key) for one in (self if variants is None else variants)), share=share)
+
     def meshes(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
         """Files by name, of each what it is and where it lies. A file that variants share is read once."""
-        return self._meshes.of(files)
+        return self._batch.meshes.of(files)
 
-    def mounted(self, files: Mapping[str, tuple[File, str]], more: Mapping[str, bytes]) -> AbstractContextManager[mujoco.MjVfs]:
-        """Such files, and `more` by name, in MuJoCo's virtual file system: for one thread at a time. Variants with the same files
-        use the same one."""
-        return self._meshes.mounted(files, more)
-
-
-def _again(own: Mapping[str, Any], indices: Sequence[int]) -> Family:
-    """A family of these variants."""
-    family = Family(**own)
-    family._indices = indices
-    return family
+    def mounted(self, files: Mapping[str, tuple[File, str]]) -> AbstractContextManager[mujoco.MjVfs]:
+        """Such files in MuJoCo's virtual file system: for one thread at a time. Variants with the same files use the same one."""
+        return self._batch.meshes.mounted(files)
 
 
 class _Rows(Sequence[Mapping[str, Any]]):
@@ -345,7 +380,7 @@ class _Meshes:
         return contents
 
     @contextlib.contextmanager
-    def mounted(self, wanted: Mapping[str, tuple[File, str]], more: Mapping[str, bytes]) -> Iterator[mujoco.MjVfs]:
+    def mounted(self, wanted: Mapping[str, tuple[File, str]]) -> Iterator[mujoco.MjVfs]:
         import mujoco
 
         with self._lock:
@@ -354,14 +389,7 @@ class _Meshes:
                 for name, data in self._read(wanted).items():
                     files[name] = data
                 self._last = wanted, files
-            _, files = self._last
-            for name, data in more.items():
-                files[name] = data
-            try:
-                yield files
-            finally:
-                for name in more:
-                    del files[name]
+            yield self._last[1]
 
 
 def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where | None = None) -> Family:
@@ -381,10 +409,10 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
         raise FamilyError(f"`{shown_path(place)}` is no folder of a batch{hint}: `thingc batch` writes one")
     records = read(place)
     robot = json.loads(records.files(records.built[0]).read(MANIFEST))["name"] if records.built else ""
-    family = Family(
+    family = Family(LoadedBatch(
         folder=place, name=described["name"], robot=robot, modes=described["modes"], mode=mode, planned=described["count"],
         finished=described["finished"], records=records, meshes=_Meshes(),
-    )
+    ))
     if mode is not None:
         family.chosen(mode)
     return family if where is None else family.filter(where)

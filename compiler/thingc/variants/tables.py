@@ -15,6 +15,7 @@ from typing import Any
 from thingc.csvcell import cell
 from thingc.frozen import dataclass
 from thingc.variants import places
+from thingc.variants.columns import column
 from thingc.variants.journal import Line
 from thingc.variants.records import in_order, lengths_in
 from thingc.variants.rules import PARAMETERS, RESULTS, dimension_of
@@ -129,5 +130,5 @@ def _parquet(path: str, wanted: Sequence[Column]) -> Iterator[Callable[[list[Any
 
 
 def _table(pyarrow: Any, schema: Any, block: Sequence[Sequence[Any]]) -> Any:
-    arrays = [pyarrow.array([row[k] for row in block], type=field.type) for k, field in enumerate(schema)]
+    arrays = [column([row[k] for row in block], field.type) for k, field in enumerate(schema)]
     return pyarrow.Table.from_arrays(arrays, schema=schema)

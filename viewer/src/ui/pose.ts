@@ -57,7 +57,7 @@ interface Sliding {
 function ofJoint(joint: Joint, viewer: Viewer): Sliding {
   const { path, turns, cone, mimic } = joint;
   const axis = path === joint.joint ? "" : `${turns ? "about" : "along"} ${joint.axis}`; // of one coordinate it is z
-  const follows = viewer.follows(path) ? `follows ${mimic!.joint} x ${Number(mimic!.multiplier.toFixed(3))}` : "";
+  const follows = viewer.follows(path) ? `follows ${mimic!.joint}${mimic!.higher.length > 0 ? "" : ` x ${Number(mimic!.multiplier.toFixed(3))}`}` : "";
   return {
     path, turns, range: viewer.range(path), words: follows || [axis, cone === null ? "" : `cone ${shownCoordinate(joint, cone)}`].filter(Boolean).join(", "),
     about: about(joint), value: () => viewer.q[path], set: (value) => viewer.setCoordinate(path, value),

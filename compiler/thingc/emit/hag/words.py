@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from thingc.brief import counted
 from thingc.frozen import dataclass
 from thingc.graph.hag import Definition, DefinitionEdge, Hag
 from thingc.shown import shown
@@ -60,7 +61,7 @@ def mirrors(hag: Hag) -> list[tuple[Definition, str]]:
 def total(hag: Hag) -> str:
     """`12 definitions, 18 components`: the size of the graph and of the tree that it unrolls to (without its root)."""
     components = sum(quantities(hag).values()) - 1
-    return f"{_plural(len(hag.definitions), 'definition')}, {_plural(components, 'component')}"
+    return f"{counted(len(hag.definitions), 'definition')}, {counted(components, 'component')}"
 
 def entries(edges: Sequence[DefinitionEdge]) -> list[tuple[str, str]]:
     """Edges of one bundle as `(component, how it is placed)`; three or more that a `repeat` made (`leg_0`, `leg_1`, ...) are
@@ -111,6 +112,3 @@ def children(hag: Hag) -> dict[str, list[DefinitionEdge]]:
     for edge in hag.edges:
         below.setdefault(edge.parent, []).append(edge)
     return below
-
-def _plural(number: int, word: str) -> str:
-    return f"{number} {word}" if number == 1 else f"{number} {word}s"

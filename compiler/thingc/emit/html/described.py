@@ -56,6 +56,7 @@ def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, 
         ],
         "mounts": [{"path": one.path, "occurrence": one.occurrence, "mount": one.mount} for one in assembly.exported],
         "joints": [_joint(joint, mate, assembly, places) for mate in assembly.mates for joint in mate.joints],
+        "tendons": len(assembly.tendons),
         "magnets": [{"path": one.path, "occurrence": one.occurrence, "mount": one.mount} for one in assembly.adhesions],
         "bom": [
             {
@@ -154,9 +155,10 @@ def _joint(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Places) ->
         "parent": assembly.link_of[mate.parent], "child": assembly.link_of[mate.child],
         "lower": joint.limit.lower, "upper": joint.limit.upper, "cone": joint.limit.cone, "offset": joint.offset,
         "effort": joint.limit.effort, "velocity": joint.limit.velocity,
-        "stiffness": joint.dynamics.stiffness,
+        "stiffness": joint.dynamics.stiffness, "rest": joint.dynamics.rest,
         "mimic": None if joint.mimic is None else {
             "joint": joint.mimic.joint.path, "multiplier": joint.mimic.multiplier, "offset": joint.mimic.offset,
+            "higher": joint.mimic.higher,
         },
         "drive": None if drive is None else drive.kind, "drive_axis": None if drive is None else drive.axis,
         **places.of(joint.origin),

@@ -31,7 +31,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     },
     "of_joints": {
         "cone": SAYS, "velocity": Loses(None, "carried as custom data"), "damping": SAYS, "friction": SAYS, "armature": SAYS,
-        "stiffness": SAYS, "mimic": Says(None, "an equality"),
+        "stiffness": SAYS, "mimic": Says(None, "an equality"), "polynomial": SAYS, "tendon": SAYS,
     },
     "drives": {"position": _DRIVES, "velocity": _DRIVES, "motor": _DRIVES, "universal": _DRIVES, "ball": Says("ball")},
     "loops": {
@@ -46,7 +46,8 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "modes": {"gravity": SAYS, "poses": Says(None, "keyframes"), "exclude": SAYS, "timestep": SAYS, "simulation": SAYS},
     "links": {
         "frames": Says(None, "sites"), "colours": SAYS, "friction": SAYS, "rolling": SAYS, "adhesion": Says(None, "an actuator"),
-        "weightless": SAYS, "weightless_base": SAYS, "point": SAYS, "line": Loses(None, "approximated", ": it has none here, as a point"),
+        "weightless": Says(None, "several joints on one body"),
+        "weightless_base": SAYS, "point": SAYS, "line": Loses(None, "approximated", ": it has none here, as a point"),
     },
     "shapes": {
         "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "ellipsoid": SAYS, "plane": SAYS, "hull": SAYS,

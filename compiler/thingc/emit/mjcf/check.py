@@ -10,6 +10,8 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report, Severity
@@ -49,7 +51,7 @@ class Verdict:
     """What MuJoCo said of one text: why it refuses it (None: it compiled), its warnings, and the compiled `MjModel`."""
 
     error: str | None
-    warnings: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
     model: Any = None
 
 
@@ -57,8 +59,7 @@ def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: S
     """Compile every candidate's scene, and with it the model in it; errors and warnings go to `report` at their origin. With `starts`
     the first instant of each is looked at, too (`start.py`).
 
-    What MuJoCo has accepted before, it is not asked again (`known.py`). One file after the other: MuJoCo keeps the
-    meshes it has read, so that the second mode costs a tenth of the first, and threads only make each of them read all.
+    What MuJoCo has accepted before, it is not asked again (`known.py`).
     """
     known = Known(store, mujoco_version())
     waiting = [candidate for candidate in candidates if not known.model(candidate.texts, meshes, started=starts)]
@@ -67,11 +68,7 @@ def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: S
     fresh = {one.mode for one in waiting if starts and not known.start(start.key(one.model.text), meshes)}
     files = in_memory(known.data([candidate.root for candidate in waiting], meshes, whole=bool(fresh)))
     instants: list[start.Start] = []
-    for candidate in waiting:
-        # The scene holds all that the model holds, so one compilation serves both files.
-        text = candidate.model.text if candidate is waiting[0] else _without_threads(candidate.model.text)
-        files[candidate.file] = text.encode()
-        verdict = attempt(candidate.scene.text, files)
+    for candidate, verdict in zip(waiting, _verdicts(waiting, files), strict=True):
         if verdict.error is not None:
             _explain(candidate, files, report, scene_error=verdict.error)
             continue
@@ -84,6 +81,24 @@ def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: S
         for warning in verdict.warnings:
             _say(Code.MJCF_WARNING, "warns of", warning, candidate, candidate.model, report, severity=Severity.WARNING)
     start.say(instants, report)
+
+
+def _verdicts(candidates: Sequence[Candidate], files: Any) -> Iterator[Verdict]:
+    """What MuJoCo says of each scene, which holds all that the model in it does. It keeps the meshes that it has read: the first scene is
+    compiled by itself, the others a few at a time. Which of them a warning is of nobody knows then: each is compiled again."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    for candidate in candidates:
+        text = candidate.model.text if candidate is candidates[0] else _without_threads(candidate.model.text)
+        files[candidate.file] = text.encode()
+    yield attempt(candidates[0].scene.text, files)
+    cores = os.cpu_count() or 1
+    with ThreadPoolExecutor(cores) as threads:
+        for begin in range(1, len(candidates), cores):
+            texts = [one.scene.text for one in candidates[begin : begin + cores]]
+            with heard() as warnings:
+                verdicts = list(threads.map(partial(_tried, files=files), texts))
+            yield from [attempt(text, files) for text in texts] if warnings else verdicts
 
 
 _NUMBERS = re.compile(r'(?<=[" ])-?[0-9][0-9.e+-]*(?=[" ])')
@@ -188,14 +203,19 @@ def _without_threads(text: str) -> str:
 
 def attempt(text: str, files: Any) -> Verdict:
     """Compile one text, with the files that it names (see `in_memory`)."""
+    with heard() as warnings:
+        verdict = _tried(text, files)
+    return replace(verdict, warnings=tuple(warnings))
+
+
+def _tried(text: str, files: Any) -> Verdict:
+    """The same without warnings."""
     import mujoco
 
-    with heard() as warnings:
-        try:
-            model = mujoco.MjModel.from_xml_string(text, vfs=files)
-        except (ValueError, mujoco.FatalError) as fault:
-            return Verdict(error=str(fault), warnings=tuple(warnings))
-    return Verdict(error=None, warnings=tuple(warnings), model=model)
+    try:
+        return Verdict(error=None, model=mujoco.MjModel.from_xml_string(text, vfs=files))
+    except (ValueError, mujoco.FatalError) as fault:
+        return Verdict(error=str(fault))
 
 
 @contextmanager

@@ -98,7 +98,7 @@ def _ends(closure: Closure) -> tuple[str, str]:
     return (held_site(closure), closure.path) if closure.hold else (f"{closure.path}:parent", f"{closure.path}:child")
 
 
-def sites(robot: Robot, world: Element, bodies: list[Element]) -> None:
+def sites(robot: Robot, world: Element, bodies: Mapping[int, Element]) -> None:
     """The points of the world at which mounts are held that may turn, and those by which the halves of a hinge or a universal are kept
     together, two on either side."""
     for closure in robot.closures:

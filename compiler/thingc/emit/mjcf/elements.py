@@ -17,7 +17,8 @@ from thingc.graph.types import ActuatorModel
 from thingc.inertia import MassProperties
 from thingc.joints import Twist
 from thingc.pose import Pose, Vector
-from thingc.resolve.model import Dynamics, Material
+from thingc.resolve.coordinates import Dynamics
+from thingc.resolve.model import Material
 from thingc.robot.types import CoreJoint
 from thingc.source import Origin
 
@@ -71,7 +72,7 @@ def joint(joint: CoreJoint, driven: bool) -> tuple[Element, ...]:
         attributes["range"] = numbers(bounds)
     if joint.limit.effort is not None and not driven:
         attributes["actuatorfrcrange"] = both_ways(joint.limit.effort)
-    attributes |= _dynamics(joint.dynamics)
+    attributes |= dynamics_attributes(joint.dynamics)
     return tuple(Element(tag="joint", attributes=one, origin=joint.origin) for one in (attributes, *others))
 
 
@@ -80,15 +81,15 @@ def ball(name: str, joint: CoreJoint) -> tuple[Element, ...]:
     attributes = {"name": name, "type": "ball", **({"pos": numbers(joint.twist.anchor)} if any(joint.twist.anchor) else {})}
     if joint.limit.cone is not None:
         attributes["range"] = numbers((0.0, joint.limit.cone))
-    return (Element(tag="joint", attributes=attributes | _dynamics(joint.dynamics), origin=joint.origin),)
+    return (Element(tag="joint", attributes=attributes | dynamics_attributes(joint.dynamics), origin=joint.origin),)
 
 
-def _dynamics(dynamics: Dynamics) -> dict[str, str]:
-    """What a joint does by itself."""
+def dynamics_attributes(dynamics: Dynamics) -> dict[str, str]:
+    """What a joint or a tendon does by itself."""
     return {
         name: number(value) for name, value in (
             ("stiffness", dynamics.stiffness), ("damping", dynamics.damping), ("frictionloss", dynamics.friction),
-            ("armature", dynamics.armature),
+            ("armature", dynamics.armature), ("springref", dynamics.rest),
         ) if value is not None
     }
 

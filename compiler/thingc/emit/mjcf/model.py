@@ -8,7 +8,7 @@ from typing import Any, assert_never
 from thingc.emit.artifact import Loss
 from thingc.emit.capabilities import drive_cell, written
 from thingc.emit.geometry import Geometry
-from thingc.emit.mjcf import closures, elements, holding, sensors
+from thingc.emit.mjcf import closures, elements, holding, joined, sensors, tendons
 from thingc.emit.mjcf.capabilities import CAPABILITIES
 from thingc.emit.mjcf.drives import NOTHING
 from thingc.emit.mjcf.lowering import base_positions, in_body, is_ball, lowered, positions
@@ -43,8 +43,10 @@ def losses(robot: Robot) -> Iterator[Loss]:
             what = "its dry friction: MuJoCo has a box of torques about the axes of the tree's child, which is the document's parent"
             path = robot.assembly.mates[joint.mate].name or joint.path
             yield Loss.of(joint.origin, "mjcf", robot.mode.name, path, what, "approximated")
+    yield from joined.losses(robot)
     yield from closures.losses(robot)
     yield from sensors.losses(robot)
+    yield from tendons.losses(robot)
 
 
 def class_name(robot: Robot) -> str:
@@ -97,7 +99,9 @@ class _Builder:
         self.asset()
         self.worldbody()
         self.contact()
-        closures.tendons(self.robot, self.root.add("tendon"))
+        section = self.root.add("tendon")
+        tendons.tendons(self.robot, section)
+        closures.tendons(self.robot, section)
         self.equality()
         self.actuator()
         sensors.sensors(self.robot, self.root.add("sensor"))
@@ -145,8 +149,8 @@ class _Builder:
     def worldbody(self) -> None:
         """The tree of links."""
         world = self.root.add("worldbody")
-        made: list[Element] = []
-        for index, body in enumerate(self.robot.bodies):
+        made: dict[int, Element] = {}
+        for index, body in joined.model_bodies(self.robot).items():
             link = self.links[index]
             attributes = {"name": link.name, **pose_attributes(body.X_PL)}
             if body.parent is None:
@@ -154,7 +158,7 @@ class _Builder:
                 if self.robot.base == "held":
                     attributes["mocap"] = "true"
             element = (world if body.parent is None else made[body.parent]).add("body", attributes, link.origin)
-            made.append(element)
+            made[index] = element
             if link.properties.mass > 0.0:
                 self.grow(element, ("inertial", link.name), elements.inertial_of, link.properties, link.origin)
             if body.parent is None and self.robot.base == "free":
@@ -170,12 +174,12 @@ class _Builder:
             shapes = tuple(self.geometry.shapes[member] for member in link.members)
             touching = holding.CLASS if body.link in self.adhering else "collision"
             self.grow(element, ("geoms", link.name, touching), elements.geoms, link.poses, shapes, touching)
-        for site in self.robot.sites:
+        for site in joined.sites(self.robot).values():
             self.grow(made[site.body], ("site", site.path), elements.site, site.path, site.pose, site.origin)
         closures.sites(self.robot, world, made)
         sensors.cameras(self.robot, made)
         # The sites of a link belong to it, not to what hangs on it: children come last.
-        for element in made:
+        for element in made.values():
             element.children.sort(key=lambda child: child.tag == "body")
 
     def contact(self) -> None:
@@ -189,7 +193,7 @@ class _Builder:
             )
 
     def equality(self) -> None:
-        """Joints that mimic: q = offset + multiplier q(other); then loops."""
+        """Joints that mimic: q by a polynomial in q(other), which are as far from 0 as from where they are at qpos0; then loops."""
         section = self.root.add("equality")
         for joint in self.joints.values():
             for slide in lowered(joint)[1:]:
@@ -198,13 +202,13 @@ class _Builder:
                 names = {"name": f"{joint.path}:screw", "joint1": joint.path, "joint2": slide.name}
                 section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.origin)
             if joint.mimic is not None and joint.mimic.joint.path in self.joints:
-                polynomial = numbers((joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0))
+                polynomial = numbers((*joint.mimic.polynomial, 0.0, 0.0, 0.0)[:5])
                 names = {"name": f"{joint.path}:mimic", "joint1": joint.path, "joint2": joint.mimic.joint.path}
                 section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.mimic.origin)
         closures.equalities(self.robot, section, [link.name for link in self.links])
 
     def actuator(self) -> None:
-        """Drives in joint order, then magnets."""
+        """Drives in joint order, those of tendons, then magnets."""
         section = self.root.add("actuator")
         for path in self.driven:
             joint, drive = self.joints[path], self.joints[path].actuator
@@ -221,6 +225,7 @@ class _Builder:
                     pass
                 case _:
                     assert_never(form)
+        tendons.drives(self.robot, section)
         body_of = {body.link: index for index, body in enumerate(self.robot.bodies)}
         for magnet in self.assembly.adhesions:
             link = self.links[body_of[self.assembly.link_of[magnet.occurrence]]]
@@ -237,6 +242,7 @@ class _Builder:
             qpos = [*base.translation, *turned] if self.robot.base == "free" else [*base_positions(self.robot)]
             qpos += [value for body in self.robot.bodies for value in positions(body, frame.q)]
             ctrl = [self.position(path, frame.q) for path in self.driven]
+            ctrl += tendons.controls(self.robot, frame.q)
             ctrl += [self.robot.adhesion.get(magnet.path, 0.0) for magnet in self.assembly.adhesions]
             values: list[tuple[str, str | tuple[float, ...]]] = [("name", frame.name)]
             values += [(name, tuple(row)) for name, row in (("qpos", qpos), ("ctrl", ctrl)) if row]

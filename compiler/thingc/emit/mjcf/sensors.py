@@ -6,10 +6,11 @@ the effort of its actuator, `camera` a camera.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from thingc.emit.artifact import Loss
 from thingc.emit.capabilities import written
+from thingc.emit.mjcf import joined
 from thingc.emit.mjcf.capabilities import CAPABILITIES
 from thingc.emit.mjcf.poses import pose_attributes
 from thingc.emit.sensors import body_of, elsewhere, on_free_root
@@ -22,12 +23,12 @@ LOOKING = turned_y(math.pi)
 """A camera of MuJoCo looks along its -z, up its y; ours looks along the mount's z, up the mount's y."""
 
 
-def cameras(robot: Robot, bodies: list[Element]) -> None:
+def cameras(robot: Robot, bodies: Mapping[int, Element]) -> None:
     """A camera at each mount that has one. `fovy` is the vertical angle of view, in degrees whatever the file's angles are in."""
-    sites = {site.path: site for site in robot.sites}
+    sites = joined.sites(robot)
     for sensor in robot.assembly.sensors:
-        if written(CAPABILITIES["sensors"][sensor.kind]) == "camera" and sensor.site is not None and sensor.fovy is not None:
-            site = sites[sensor.site]
+        if written(CAPABILITIES["sensors"][sensor.kind]) == "camera" and (sensor.site or "") in sites and sensor.fovy is not None:
+            site = sites[sensor.site or ""]
             # MJCF has degrees here whatever the compiler's `angle` says; 60 deg must not come back as 59.99999999999999
             degrees = float(f"{math.degrees(sensor.fovy):.12g}")
             attributes = {"name": sensor.path, **pose_attributes(site.pose @ LOOKING), "fovy": number(degrees)}
@@ -37,8 +38,11 @@ def cameras(robot: Robot, bodies: list[Element]) -> None:
 def sensors(robot: Robot, section: Element) -> None:
     """The section `sensor`, in the order of the documents."""
     movable = {joint.path for body in robot.bodies for joint in body.joints}
+    sites = joined.sites(robot)
     for sensor in robot.assembly.sensors:
         site, form = sensor.site or "", written(CAPABILITIES["sensors"][sensor.kind])
+        if site and site not in sites:
+            continue
         if form == "imu":
             section.add("accelerometer", {"name": f"{sensor.path}:accelerometer", "site": site}, sensor.origin)
             section.add("gyro", {"name": f"{sensor.path}:gyro", "site": site}, sensor.origin)
@@ -58,7 +62,9 @@ def losses(robot: Robot) -> Iterator[Loss]:
     cut = {joint.path for closure in robot.closures for joint in closure.joints}
     for sensor in robot.assembly.sensors:
         what, how = "", "omitted"
-        if sensor.kind == "imu" and stays(robot.base) and body_of(robot, sensor) == 0:
+        if sensor.site is not None and joined.joins(robot, body_of(robot, sensor)):
+            what = "it: MuJoCo has nothing between two joints of a body that it could sit on"
+        elif sensor.kind == "imu" and stays(robot.base) and body_of(robot, sensor) == 0:
             what, how = "gravity in its accelerometer: MuJoCo gives no acceleration of a body that stands still", "approximated"
         elif sensor.kind == "force":
             if on_free_root(robot, sensor):

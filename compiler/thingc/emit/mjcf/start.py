@@ -244,7 +244,7 @@ def say(starts: Sequence[Start], report: Report) -> None:
     for start in starts:
         joints = {joint.path: joint for body in start.robot.bodies for joint in body.joints}
         for path, gains in start.gains.items():
-            if path not in worst or gains.inertia < worst[path][0].inertia:
+            if path in joints and (path not in worst or gains.inertia < worst[path][0].inertia):  # what `raw` adds is its own business
                 worst[path] = gains, joints[path], start.robot
     written: dict[object, list[str]] = {}
     for path, (_, joint, _) in worst.items():  # one drive is that of every joint that repeats it

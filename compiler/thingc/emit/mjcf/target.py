@@ -6,7 +6,7 @@ from thingc.diagnostics import Code
 from thingc.emit.artifact import Artifacts, Content, Loss, Stored
 from thingc.emit.capabilities import losses
 from thingc.emit.geometry import Geometry
-from thingc.emit.mjcf import check, compat, raw, scene
+from thingc.emit.mjcf import adding, check, compat, raw, scene
 from thingc.emit.mjcf import model as tree
 from thingc.emit.mjcf.capabilities import CAPABILITIES
 from thingc.emit.mjcf.limits import taken
@@ -97,8 +97,9 @@ def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element]]:
     """The geometry, what of it is not said, and the tree of each mode with its raw attributes."""
     geometry, unsaid = taken(request.assembly, request.report, request.memo)
     roots = [tree.model(robot, geometry, request.memo) for robot in request.robots]
+    left = adding.add(request.assembly, request.robots, roots, request.report)
     raw.lay(request.assembly, request.robots, roots, request.report)
-    return geometry, list(unsaid), roots
+    return geometry, [*unsaid, *left], roots
 
 
 def _heading(robot: Robot) -> str:

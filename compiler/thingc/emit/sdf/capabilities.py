@@ -31,6 +31,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "of_joints": {
         "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": SAYS,
         "mimic": Says(None, "from SDFormat 1.11 on"),
+        "polynomial": Loses(None, "approximated", ": straight, as it is near q = 0 of that one"), "tendon": OMITTED,
     },
     "drives": {
         "position": Loses("position controller", "carried as custom data", _PLUGIN),

@@ -131,7 +131,7 @@ class _Builder:
                 if value:
                     acts.say(name, number(value))
             if dynamics.stiffness:
-                acts.say("spring_reference", number(-at_zero))
+                acts.say("spring_reference", number((dynamics.rest or 0.0) - at_zero))
                 acts.say("spring_stiffness", number(dynamics.stiffness))
         leader, multiplier, offset = self.follows.get(own.path, (own.path, 1.0, 0.0))
         follows = leader != own.path and leader in self.axes

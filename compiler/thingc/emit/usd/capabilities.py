@@ -38,6 +38,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
         "mimic": Loses(
             None, "carried as custom data", ", which Newton and, of turns with limits, PhysX read, where both turn or both slide",
         ),
+        "polynomial": Loses(None, "approximated", ": straight, as it is near q = 0 of that one"), "tendon": OMITTED,
     },
     "drives": {"position": _DRIVE, "velocity": _DRIVE, "motor": _DRIVE, "universal": _DRIVE, "ball": OMITTED},
     "loops": {

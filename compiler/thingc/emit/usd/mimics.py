@@ -7,7 +7,7 @@ from thingc.emit.usd.capabilities import CAPABILITIES
 from thingc.emit.usd.chain import chain
 from thingc.frozen import dataclass
 from thingc.graph import joints_of, leaders
-from thingc.resolve.model import Limit
+from thingc.resolve.coordinates import Limit
 from thingc.robot.types import Robot
 from thingc.source import Origin
 

@@ -18,7 +18,7 @@ from thingc.frozen import dataclass
 from thingc.realize.key.module_key import CodeIngredients
 from thingc.realize.lock.values import BadLock, mapping, read_record, read_schema
 from thingc.realize.record import PartDefinition, PartRecord, PartSchema
-from thingc.source import Span
+from thingc.source import Span, line_of
 
 if TYPE_CHECKING:
     from thingc.workspace import Workspace
@@ -95,7 +95,7 @@ def code_hash(code: CodeIngredients | None, version: str = "") -> str:
 
 def top_of(file: str) -> Span:
     """The beginning of the lock: where faults are shown that concern all of it."""
-    return Span(file=file, line=1, column=1, end_line=1, end_column=1)
+    return line_of(file)
 
 
 def read_lock(workspace: Workspace, report: Report) -> Lock | None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from thingc.realize.worker.scratch import Scratch
 
 AHEAD = (
-    "importlib.metadata", "importlib.resources.readers", "manifold3d", "thingc.realize.worker.describing",
+    "importlib.metadata", "importlib.resources.readers", "manifold3d", "numpy.ma", "thingc.realize.worker.describing",
     "thingc.realize.worker.kernel.modelling", "thingc.realize.worker.kernel.slicing", "thingc.things.adjust",
     "thingc.things.assets", "thingc.things.inspection", "thingc.things.resolver", "thingc.workspace",
 )
@@ -35,7 +35,6 @@ AHEAD = (
 def main(arguments: list[str]) -> None:
     """Serve until the end of standard input. Never returns."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    sys.dont_write_bytecode = True
     answers = os.dup(1)
     nothing = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, 1)
@@ -88,6 +87,7 @@ def _load(answers: int) -> bool:
         installed_roots()  # each child would look for them again
         ran.install()
         asking.install()
+        sys.dont_write_bytecode = True  # what is imported from here on may lie in folders of others
     except BaseException as fault:
         import traceback
 

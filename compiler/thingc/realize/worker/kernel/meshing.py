@@ -76,7 +76,7 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
     BRepTools.Clean_s(shape)  # the kernel keeps finer triangles that it finds
     BRepMesh_IncrementalMesh(shape, linear, False, angular, False)
     vertices: list[tuple[float, float, float]] = []
-    triangles: list[tuple[int, int, int]] = []
+    triangles = [np.zeros((0, 3), dtype=np.int64)]
     ones: list[int] = []
     others: list[int] = []
     edges = _ShapeIndex()
@@ -89,27 +89,23 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
             continue
         offset = len(vertices) - 1  # the kernel counts from 1
         moved = None if location.IsIdentity() else location.Transformation()
-        for index in range(1, mesh.NbNodes() + 1):
-            point = mesh.Node(index)
-            if moved is not None:
-                point = point.Transformed(moved)
-            vertices.append(point.Coord())
+        nodes = map(mesh.Node, range(1, mesh.NbNodes() + 1))
+        vertices += [node.Coord() if moved is None else node.Transformed(moved).Coord() for node in nodes]
         turned = (face.Orientation() == TopAbs_REVERSED) != (moved is not None and moved.IsNegative())
-        for index in range(1, mesh.NbTriangles() + 1):
-            a, b, c = mesh.Triangle(index).Get()
-            triangles.append((a + offset, c + offset, b + offset) if turned else (a + offset, b + offset, c + offset))
+        corners = np.array([triangle.Get() for triangle in map(mesh.Triangle, range(1, mesh.NbTriangles() + 1))], dtype=np.int64)
+        triangles.append(corners.reshape(-1, 3)[:, (0, 2, 1) if turned else (0, 1, 2)] + offset)
         for found_edge in explored(face, TopAbs_EDGE):
             edge = TopoDS.Edge(found_edge)
             polygon = BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)
             if polygon is None:
                 continue
-            nodes = [polygon.Node(index) + offset for index in range(1, polygon.NbNodes() + 1)]
-            known = [nodes[0]] * len(nodes) if BRep_Tool.Degenerated_s(edge) else along.setdefault(edges.index(edge), nodes)
-            if len(known) == len(nodes):
+            chain = [number + offset for number in map(polygon.Node, range(1, polygon.NbNodes() + 1))]
+            known = [chain[0]] * len(chain) if BRep_Tool.Degenerated_s(edge) else along.setdefault(edges.index(edge), chain)
+            if len(known) == len(chain):
                 ones += known
-                others += nodes
-    corners = np.array(triangles, dtype=np.int64).reshape(-1, 3)
-    return without_slivers(np.array(vertices, dtype=np.float64).reshape(-1, 3), joined(len(vertices), ones, others)[corners])
+                others += chain
+    joins = joined(len(vertices), ones, others)
+    return without_slivers(np.array(vertices, dtype=np.float64).reshape(-1, 3), joins[np.concatenate(triangles)])
 
 
 def joined(count: int, ones: Sequence[int], others: Sequence[int]) -> NDArray[np.int64]:
@@ -133,8 +129,9 @@ def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> 
     """Without triangles that name a vertex twice, and without vertices that no triangle names."""
     whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     faces = faces[whole]
-    used, renumbered = np.unique(faces.ravel(), return_inverse=True)
-    return Triangles(vertices[used], renumbered.reshape(-1, 3).astype(np.int64))
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces] = True
+    return Triangles(vertices[used], (np.cumsum(used) - 1)[faces])
 
 
 class _ShapeIndex:
@@ -198,12 +195,18 @@ _STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u
 def in_single(mesh: Triangles) -> Triangles:
     """With vertices as 32-bit numbers leave them, which STL files hold and simulators keep: those that become equal are one."""
     single = mesh.vertices.astype(np.float32).astype(np.float64) + 0.0
-    order = np.lexsort(single.T)  # stable: of equal vertices the first one comes first
+    firsts, numbers = _once(single)
+    return without_slivers(single, firsts[numbers][mesh.faces])
+
+
+def _once(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where each of the points (n x 3) that differ stands first, in the order of x, y, z; and for each point which of them it is (n,)."""
+    order = np.lexsort(points.T[::-1])  # stable: of equal points the first one comes first
     begins = np.ones(len(order), dtype=bool)
-    begins[1:] = (single[order[1:]] != single[order[:-1]]).any(axis=1)
-    stands = np.empty(len(order), dtype=np.int64)
-    stands[order] = order[begins][np.cumsum(begins) - 1]
-    return without_slivers(single, stands[mesh.faces])
+    begins[1:] = (points[order[1:]] != points[order[:-1]]).any(axis=1)
+    numbers = np.empty(len(order), dtype=np.int64)
+    numbers[order] = np.cumsum(begins) - 1
+    return order[begins], numbers
 
 
 def stl(mesh: Triangles) -> bytes:
@@ -231,5 +234,5 @@ def read_stl(data: bytes) -> Triangles:
     count = int.from_bytes(data[80:84], "little")
     records = np.frombuffer(data, dtype=_STL, count=count, offset=84)
     corners = records["corners"].astype(np.float64).reshape(-1, 3)
-    unique, inverse = np.unique(corners, axis=0, return_inverse=True)
-    return without_slivers(unique, np.asarray(inverse).reshape(-1, 3).astype(np.int64))
+    firsts, numbers = _once(corners)
+    return without_slivers(corners[firsts], numbers.reshape(-1, 3))

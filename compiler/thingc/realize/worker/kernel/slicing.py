@@ -85,11 +85,10 @@ def slice_part(mesh: Triangles, how: Slicing) -> Sliced:
     vertices = np.ascontiguousarray(mesh.vertices @ turn.T)
     lengths = _Lengths(how)
     outlines, heights = _outlines(vertices, mesh.faces, lengths.layer)
-    sums = [np.zeros(_TERMS) for _ in range(3)]
+    total = np.zeros((3, len(_RAISED)))
     for height, laid in zip(heights, _Slicer(how, lengths).layers(outlines), strict=True):
-        for total, flat in zip(sums, laid, strict=True):
-            total += _raised(flat, height, lengths.layer)
-    solid, joins, sparse = (_moments(total, turn) for total in sums)
+        total += _raised(np.stack(laid), height, lengths.layer)
+    solid, joins, sparse = (_moments(sums, turn) for sums in total)
     if not solid.volume > 0.0:
         raise NotSliced("is thinner than a line")
     return Sliced(solid=solid, joins=joins, sparse=sparse)
@@ -330,7 +329,8 @@ def _without(a: Region, b: Region) -> Region:
 
 # --- moments ----------------------------------------------------------------------------------------------------------
 
-_TERMS = 10
+_RAISED = (0, 1, 2, 0, 3, 4, 5, 1, 2, 0)
+"""Of which plane moment each moment of a layer is made (see `_raised`)."""
 _ROUNDING = 1e-12
 """Of a part's size: what is less is rounding."""
 
@@ -341,7 +341,7 @@ def _edges(region: Region) -> tuple[NDArray[np.float64], ...]:
     if not rings:
         return (np.zeros(0),) * 4
     a = np.concatenate(rings)
-    b = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
+    b = np.concatenate([some for ring in rings for some in (ring[1:], ring[:1])])
     return a[:, 0], a[:, 1], b[:, 0], b[:, 1]
 
 
@@ -349,31 +349,28 @@ def _flat(region: Region) -> NDArray[np.float64]:
     """The integrals of 1, x, y, xx, xy, yy over a region, by Green's theorem along its edges (6,)."""
     x, y, u, v = _edges(region)
     cross = x * v - u * y
-    return np.array([
-        cross.sum() / 2.0, (cross * (x + u)).sum() / 6.0, (cross * (y + v)).sum() / 6.0,
-        (cross * (x * x + x * u + u * u)).sum() / 12.0,
-        (cross * (2.0 * x * y + x * v + u * y + 2.0 * u * v)).sum() / 24.0,
-        (cross * (y * y + y * v + v * v)).sum() / 12.0,
+    terms = np.array([
+        cross, cross * (x + u), cross * (y + v), cross * (x * x + x * u + u * u),
+        cross * (2.0 * x * y + x * v + u * y + 2.0 * u * v), cross * (y * y + y * v + v * v),
     ])
+    return np.asarray(terms.sum(axis=1) / (2.0, 6.0, 6.0, 12.0, 24.0, 12.0))
 
 
 def _border(region: Region) -> NDArray[np.float64]:
     """The integrals of 1, x, y, xx, xy, yy along the border of a region (6,)."""
     x, y, u, v = _edges(region)
     length = np.hypot(u - x, v - y)
-    return np.array([
-        length.sum(), (length * (x + u)).sum() / 2.0, (length * (y + v)).sum() / 2.0,
-        (length * (x * x + x * u + u * u)).sum() / 3.0,
-        (length * (2.0 * x * y + x * v + u * y + 2.0 * u * v)).sum() / 6.0,
-        (length * (y * y + y * v + v * v)).sum() / 3.0,
+    terms = np.array([
+        length, length * (x + u), length * (y + v), length * (x * x + x * u + u * u),
+        length * (2.0 * x * y + x * v + u * y + 2.0 * u * v), length * (y * y + y * v + v * v),
     ])
+    return np.asarray(terms.sum(axis=1) / (1.0, 2.0, 2.0, 3.0, 6.0, 3.0))
 
 
 def _raised(flat: NDArray[np.float64], middle: float, layer: float) -> NDArray[np.float64]:
-    """The integrals of 1, x, y, z, xx, xy, yy, xz, yz, zz over a layer from those over its plane (10,)."""
-    one, x, y, xx, xy, yy = flat
+    """The integrals of 1, x, y, z, xx, xy, yy, xz, yz, zz over a layer (n, 10) from those over its plane (n, 6)."""
     thick = middle * middle + layer * layer / 12.0
-    return layer * np.array([one, x, y, one * middle, xx, xy, yy, x * middle, y * middle, one * thick])
+    return np.asarray(layer * (flat[:, _RAISED] * (1.0, 1.0, 1.0, middle, 1.0, 1.0, 1.0, middle, middle, thick)))
 
 
 def _moments(sums: NDArray[np.float64], turn: NDArray[np.float64]) -> Moments:

@@ -1,15 +1,14 @@
-"""A model whose arrays are written anew for every variant."""
+"""A model whose arrays are written anew for every other set of numbers in its text."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
 
-from thingc.families.inertial import BOXES, Bodies, Worked
-from thingc.families.places import INERT, Entry, places
-from thingc.families.statistics import Statistics
-from thingc.plans.rehearsal import Rehearsal
-from thingc.plans.tape import Traced
+from thingc.patching.inertial import BOXES, Bodies, Worked
+from thingc.patching.places import INERT, Entry, places
+from thingc.patching.statistics import Statistics
 
 if TYPE_CHECKING:
     import mujoco
@@ -27,25 +26,27 @@ Compile = Callable[[str], "mujoco.MjModel"]
 
 
 class Arrays:
-    """The model of one structure, and what of its arrays follows from the variables. `compile` makes a model of a text. Raises
-    `NotInArrays` where a number does not stand in an array as it is written."""
+    """The model of one structure, and what of its arrays follows from numbers that differ. In `text` a word stands for each of these, in
+    `tokens` with which number it is; `plain` is the text with numbers in it, `assets` the meshes by file. `compile` makes a model of a
+    text. `lines` says which numbers `prepare` takes, in their order. Raises `NotInArrays` where a number does not stand in an array as it
+    is written."""
 
-    def __init__(self, rehearsal: Rehearsal, assets: Mapping[str, bytes], compile: Compile) -> None:
+    def __init__(self, text: str, tokens: Mapping[str, int], plain: str, assets: Mapping[str, bytes], compile: Compile) -> None:
         import mujoco
         import numpy as np
 
-        tape, tokens = rehearsal.tape, rehearsal.tape.written
-        self._text = plain_text(rehearsal)
+        self._text = plain
         self._assets = assets
         self.model = compile(self._text)
-        found, inertials = places(rehearsal.made.text, tokens, self.model)
+        root = ElementTree.fromstring(text)
+        found, inertials = places(root, tokens, self.model)
         columns: dict[int, int] = {}
-        outputs: list[Any] = []
+        self.lines: list[int] = []
 
         def column(line: int) -> int:
             if line not in columns:
-                columns[line] = len(outputs)
-                outputs.append(Traced(tape, line, tape.values[line]))
+                columns[line] = len(self.lines)
+                self.lines.append(line)
             return columns[line]
 
         self.written = frozenset(place.field for _, place in found) | (frozenset(INERTIAL) if inertials else frozenset())
@@ -53,12 +54,13 @@ class Arrays:
         for line, place in found:
             by_field.setdefault(place.field, []).append((column(line), place))
         self._writes: list[tuple[Array, Array, Array, Array]] = []
-        self._options: list[tuple[str, int]] = []
+        self._options: list[tuple[Any, str, int]] = []
         for field, entries in sorted(by_field.items()):
             group, _, name = field.rpartition(".")
-            target = getattr(getattr(self.model, group) if group else self.model, name)
+            owner = getattr(self.model, group) if group else self.model
+            target = getattr(owner, name)
             if not isinstance(target, np.ndarray):
-                self._options.append((name, entries[-1][0]))
+                self._options.append((owner, name, entries[-1][0]))
                 continue
             self._writes.append((
                 target.reshape(-1), np.array([place.index for _, place in entries]), np.array([one for one, _ in entries]),
@@ -72,13 +74,13 @@ class Arrays:
         self._traced = np.array([[word in tokens for words in said for word in words] for said in inertials.values()], dtype=bool)
         self._constants = not self._bodies and self.written <= INERT
         self._data = mujoco.MjData(self.model)
-        self._statistics = Statistics(self.model, self._data)
+        stated = {name for element in root.iter("statistic") for name in element.attrib}
+        self._statistics = Statistics(self.model, self._data, stated)
         self._small: dict[int, Bodies] = {}
         self._geoms = [self._colliding(body) for body in self._bodies]
         self._rows = np.array(self._bodies, dtype=int)
         self._masses = [getattr(self.model, name) for name in INERTIAL]
         self._boxes = [[getattr(self.model, name)[self._span(body)] for name in BOXES] for body in self._bodies]
-        self.outputs = outputs
 
     def _colliding(self, body: int) -> Array:
         """The geoms of a body that collide; behind them, where -1 leads, -1."""
@@ -95,7 +97,7 @@ class Arrays:
         return slice(first, first + count) if count else slice(0)
 
     def prepare(self, values: Sequence[tuple[float, ...]]) -> Prepared:
-        """What is worked out of many variants together, of what `run` gave for each. Raises `ValueError` where MuJoCo refuses one."""
+        """What is worked out of many variants together, of the numbers of each. Raises `ValueError` where MuJoCo refuses one."""
         import numpy as np
 
         numbers = np.array(values, dtype=float).reshape(len(values), -1)
@@ -120,8 +122,8 @@ class Arrays:
         model = self.model
         for (target, entries, _, _), block in zip(self._writes, prepared.blocks):
             target[entries] = block[index]
-        for name, column in self._options:
-            setattr(model.opt, name, float(prepared.numbers[index, column]))
+        for owner, name, column in self._options:
+            setattr(owner, name, float(prepared.numbers[index, column]))
         worked, inertials = prepared.worked, prepared.inertials
         if worked is not None and inertials is not None:
             for target, values in zip(self._masses, (inertials[index, :, 0], inertials[index, :, 1:4], *worked.of(index))):
@@ -146,32 +148,3 @@ class Prepared:
         self.blocks = blocks
         self.inertials = inertials
         self.worked = worked
-
-
-def plain_text(rehearsal: Rehearsal) -> str:
-    """The text of the model with the numbers of the rehearsal."""
-    return TextTemplate(rehearsal).text(tuple(rehearsal.tape.values[line] for line in rehearsal.tape.written.values()))
-
-
-class TextTemplate:
-    """The text of a model with gaps. `outputs` are the numbers for them, in the order in which `text` takes their values; `why` it is not
-    `Arrays`. Where parts are exchanged there are gaps for the names of their `meshes`, too, which change from model to model."""
-
-    def __init__(self, rehearsal: Rehearsal, why: str = "", meshes: Sequence[str] = ()) -> None:
-        import re
-
-        tape = rehearsal.tape
-        self.why = why
-        self.outputs = [Traced(tape, line, tape.values[line]) for line in tape.written.values()]
-        places = {word: k for k, word in enumerate((*tape.written, *meshes))}
-        words = [re.escape(token) for token in tape.written]
-        words += [rf'(?<="){re.escape(name)}(?=(?:\.obj)?")' for name in meshes]
-        pieces = re.split(f"({'|'.join(words)})", rehearsal.made.text) if words else [rehearsal.made.text]
-        self._pieces: list[str | int] = [places.get(piece, piece) if k % 2 else piece for k, piece in enumerate(pieces)]
-
-    def text(self, values: Sequence[float], meshes: Sequence[str] = ()) -> str:
-        """The text with these values, written as the compiler writes numbers, and these names."""
-        from thingc.emit import number_text
-
-        words = [*map(number_text, values), *meshes]
-        return "".join(piece if isinstance(piece, str) else words[piece] for piece in self._pieces)

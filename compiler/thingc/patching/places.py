@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from thingc.frozen import dataclass
@@ -23,8 +22,8 @@ class NotInArrays(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """An entry of a field of `MjModel` (`opt.timestep`: of its options), counted through all of it, and by what the number is multiplied
-    (1 or -1)."""
+    """An entry of a field of `MjModel` (`opt.timestep`: of its options, `stat.extent`: of its statistics), counted through all of it, and
+    by what the number is multiplied (1 or -1)."""
 
     field: str
     index: int
@@ -34,7 +33,7 @@ class Entry:
 INERT = frozenset((
     "jnt_range", "jnt_actfrcrange", "jnt_stiffness", "dof_damping", "dof_frictionloss", "actuator_ctrlrange", "actuator_forcerange",
     "actuator_gainprm", "actuator_biasprm", "key_qpos", "key_qvel", "key_ctrl", "key_mpos", "key_mquat", "numeric_data", "opt.timestep",
-    "opt.gravity", "eq_data", "geom_friction", "site_pos", "site_quat",
+    "opt.gravity", "stat.center", "stat.extent", "eq_data", "geom_friction", "site_pos", "site_quat", "qpos_spring",
 ))
 """Fields of which MuJoCo works nothing out when it sets constants."""
 
@@ -53,15 +52,15 @@ _GAINS = {
     ("position", "kv"): (("actuator_biasprm", 2, -1.0),),
     ("velocity", "kv"): (("actuator_gainprm", 0, 1.0), ("actuator_biasprm", 2, -1.0)),
 }
+_GROUPS = {"option": "opt", "statistic": "stat"}
 _DRIVES = ("position", "velocity", "motor", "adhesion")
 
 
 def places(
-    text: str, tokens: Mapping[str, int], model: mujoco.MjModel,
+    root: Element, tokens: Mapping[str, int], model: mujoco.MjModel,
 ) -> tuple[list[tuple[int, Entry]], dict[str, list[list[str]]]]:
     """Of every token in the text of a model the places of its number, by the token's line; and by body what its `inertial` says of mass,
     centre and inertia, as texts, where a token is among them. `model` is what became of the text. Raises `NotInArrays`."""
-    root = ElementTree.fromstring(text)
     found: list[tuple[int, Entry]] = []
     inertials: dict[str, list[list[str]]] = {}
     for element, above in _walk(root):
@@ -94,11 +93,11 @@ def _places(model: Any, element: Element, attribute: str, k: int) -> list[Entry]
     tag = element.tag
     unknown = NotInArrays(f"{tag}.{attribute}")
     name = element.get("name", "")
-    if tag == "option":
-        value = getattr(model.opt, attribute, None)
+    if tag in _GROUPS:
+        value = getattr(getattr(model, _GROUPS[tag]), attribute, None)
         if value is None or isinstance(value, int):
             raise unknown
-        return [Entry(field=f"opt.{attribute}", index=k)]
+        return [Entry(field=f"{_GROUPS[tag]}.{attribute}", index=k)]
     owner = _owner(model, element)
     if owner is None or not name:
         raise unknown
@@ -106,6 +105,8 @@ def _places(model: Any, element: Element, attribute: str, k: int) -> list[Entry]
         if attribute != "polycoef":
             raise unknown
         return [_at(model, "eq_data", owner.id, k)]
+    if tag == "joint" and attribute == "springref":
+        return [Entry(field="qpos_spring", index=int(model.jnt_qposadr[owner.id]))]
     if tag == "joint":
         field = _JOINT.get(attribute)
         if field is None:

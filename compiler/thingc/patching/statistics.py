@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -12,13 +13,16 @@ if TYPE_CHECKING:
 
 _LEAST = 1e-5
 """The size [m] of a body, and of a model, that has none."""
+_PLANE = 0.1
+"""The size [m] of a plane without an end; of a plane a tenth counts."""
 
 
 class Statistics:
     """Those of one model, again and again: what belongs to what does not change. `data` is as `mj_setConst` leaves it when they are
-    written: the model at rest."""
+    written: the model at rest. Those that are `stated` in its text stay as they are."""
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, stated: Collection[str] = ()) -> None:
+        import mujoco
         import numpy as np
 
         bodies = range(1, model.nbody)
@@ -34,9 +38,12 @@ class Statistics:
         self._owners = owners[: len(joints) + len(geoms)]
         self._least = np.full(len(bodies), _LEAST)
         self._rbound = model.geom_rbound[self._geoms]
-        self._around = np.maximum(model.geom_rbound, 0.0)[:, None]
+        around = np.maximum(model.geom_rbound, 0.0)
+        for g in np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE):
+            around[g] = 0.1 * (float(max(model.geom_size[g, :2])) or _PLANE)
+        self._around = around[:, None]
 
-        self._stat = model.stat
+        self._stat, self._stated = model.stat, stated
         self._count, self._nv = len(bodies), int(model.nv)
         self._anchors, self._centres, self._shapes = data.xanchor, data.xipos, data.geom_xpos
         self._points = (data.xpos[1:], data.xipos[1:], data.xanchor, data.site_xpos)
@@ -56,16 +63,16 @@ class Statistics:
             meansize += size / self._count
         box = np.concatenate((*self._points, self._shapes - self._around, self._shapes + self._around))
         low, high = box.min(axis=0), box.max(axis=0)
-        stat = self._stat
-        stat.center = (low + high) * 0.5
-        stat.extent = max(_LEAST, float((high - low).max()), 2 * meansize)
-        stat.meansize = meansize
+        found = {"center": (low + high) * 0.5, "extent": max(_LEAST, float((high - low).max()), 2 * meansize), "meansize": meansize}
         mass = 0.0
         for one in self._mass.tolist():
             mass += one
-        stat.meanmass = mass / self._count
+        found["meanmass"] = mass / self._count
         if self._nv:
             inertia = 0.0
             for one in self._inertia.tolist():
                 inertia += one
-            stat.meaninertia = inertia / self._nv
+            found["meaninertia"] = inertia / self._nv
+        for name, value in found.items():
+            if name not in self._stated:
+                setattr(self._stat, name, value)

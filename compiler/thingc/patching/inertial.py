@@ -51,6 +51,7 @@ class Bodies:
         self.names = tuple(names)
         self.copies = copies
         self._spec = mujoco.MjSpec.from_string(ElementTree.tostring(small, encoding="unicode"), assets=kept)
+        self._spec.compiler.usethread = False
         self._bodies = [self._spec.body(f"{name}#{index}") for name in names for index in range(copies)]
 
     def work_out(self, inertials: Array) -> Worked:

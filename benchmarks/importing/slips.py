@@ -1,0 +1,121 @@
+"""Robots' files with one slip each: `python benchmarks/importing/slips.py FILE_OR_FOLDER... [--count 500]`.
+
+No slip may bring about a traceback, and what is refused is to be refused where the slip is: on its line or the next two, for a tag that is
+not closed is noticed behind it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import re
+import sys
+import tempfile
+import traceback
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from thingc.diagnostics import Report
+from thingc.importing import import_robot
+
+NEAR = 2
+"""Lines."""
+Slip = Callable[[str, random.Random], str]
+SLIPS: dict[str, Slip] = {
+    "nan": lambda line, _: re.sub(r'"[-\d.e]+', '"nan', line, count=1),
+    "beyond numbers": lambda line, _: re.sub(r'"[-\d.]+', '"1e999', line, count=1),
+    "a word for a number": lambda line, _: re.sub(r'"-?\d[\d.]*', '"O.5', line, count=1),
+    "a comma": lambda line, _: re.sub(r'(\d) (-?\d)', r"\1, \2", line, count=1),
+    "empty": lambda line, _: re.sub(r'="[^"]*"', '=""', line, count=1),
+    "cut off": lambda line, chance: line[: chance.randrange(len(line) + 1)],
+    "another link": lambda line, _: re.sub(r'link="\w', 'link="x_', line),
+    "another joint": lambda line, _: re.sub(r'joint="\w', 'joint="x_', line),
+    "a tag that is not closed": lambda line, _: line.replace(">", "", 1),
+    "a quote that is not closed": lambda line, _: re.sub(r'"([^"]*)"', r'"\1', line, count=1),
+    "another kind": lambda line, _: re.sub(r'type="\w', 'type="q', line) if "<joint" in line else line,
+    "an attribute less": lambda line, _: re.sub(r'(<(?:joint|link|parent|child|mass|box|mesh)[^>]*?) \w+="[^"]*"', r"\1", line, count=1),
+    "no direction": lambda line, _: re.sub(r'<axis xyz="[^"]*"', '<axis xyz="0 0 0"', line),
+    "below zero": lambda line, _: re.sub(r'((?:value|radius|length|effort|velocity)=")(\d)', r"\1-\2", line, count=1),
+    "ends swapped": lambda line, _: re.sub(r'(.*?)lower="([^"]+)"(.*?)upper="([^"]+)"', r'\1lower="\4"\3upper="\2"', line),
+    "twice": lambda line, _: f"{line}{line}" if re.search(r"<(link|joint)\b[^>]*/>|<(parent|child|mass|limit|axis)\b", line) else line,
+    "nan in an element": lambda line, _: re.sub(r">-?\d[\d.]*", ">nan", line, count=1),
+    "another name in an element": lambda line, _: re.sub(r"<(parent|child)>\w", r"<\1>x_", line),
+    "another frame": lambda line, _: re.sub(r'(relative_to|attached_to|expressed_in)="\w', r'\1="x_', line),
+    "a child as its own parent": lambda line, _: re.sub(r'<child link="([^"]*)"', r'<child link="\1"/><parent link="\1"', line),
+}
+"""What goes wrong with a line; where it cannot, the line stays."""
+
+
+def robots_in(folder: Path) -> list[Path]:
+    """The files of URDF and SDF in a folder."""
+    return sorted(path for path in folder.rglob("*") if path.suffix in (".urdf", ".sdf"))
+
+
+def slipped(text: str, chance: random.Random) -> tuple[str, int, str]:
+    """A text with one slip, its line from 1 on, and what it is."""
+    lines = text.split("\n")
+    while True:
+        number, name = chance.randrange(len(lines)), chance.choice(list(SLIPS))
+        after = SLIPS[name](lines[number], chance)
+        if after != lines[number]:
+            return "\n".join([*lines[:number], after, *lines[number + 1 :]]), number + 1, name
+
+
+def refused(path: Path) -> list[int] | None:
+    """The lines that are named where a file is refused, those of notes among them; None where it is not."""
+    report = Report()
+    if import_robot(str(path), report, repair="nearest", meshes=False) is not None:
+        return None
+    places = [d.span for d in report.diagnostics] + [note.span for d in report.diagnostics for note in d.notes]
+    return [place.line for place in places if place is not None]
+
+
+def tried(files: Sequence[Path], count: int, seed: int) -> tuple[Counter[str], list[str]]:
+    """How many slips were `refused`, of them `near`, `taken` and `raised`; and what was odd, in words."""
+    chance, found, odd = random.Random(seed), Counter[str](), list[str]()
+    texts = {file: file.read_text() for file in files if refused(file) is None}
+    if not texts:
+        raise SystemExit("none of these files can be imported as it is")
+    with tempfile.TemporaryDirectory() as folder:
+        for _ in range(count):
+            file = chance.choice([*texts])
+            path = Path(folder) / f"slip{file.suffix}"
+            text, line, name = slipped(texts[file], chance)
+            path.write_text(text)
+            try:
+                said = refused(path)
+            except Exception:
+                found["raised"] += 1
+                odd.append(f"{file.name}:{line}: {name}: {traceback.format_exc().splitlines()[-1]}")
+                continue
+            if said is None:
+                found["taken"] += 1
+                continue
+            near = any(abs(one - line) <= NEAR for one in said)
+            found["refused"] += 1
+            found["near"] += near
+            if not near:
+                odd.append(f"{file.name}:{line}: {name}: said at {sorted(said)[:4]}")
+    return found, odd
+
+
+def main() -> int:
+    """Exit code 1 where something was raised, or fewer than 95 % were said near the slip."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("paths", nargs="+", type=Path)
+    parser.add_argument("--count", type=int, default=500)
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    files = [file for path in arguments.paths for file in (robots_in(path) if path.is_dir() else [path])]
+    found, odd = tried(files, arguments.count, arguments.seed)
+    print("\n".join(odd))
+    print(
+        f"{arguments.count} slips in {len(files)} files: {found['refused']} refused, {found['near']} of them within {NEAR} lines "
+        f"({found['near'] / max(found['refused'], 1):.1%}); {found['taken']} taken; {found['raised']} tracebacks",
+    )
+    return int(found["raised"] > 0 or found["near"] < 0.95 * found["refused"])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

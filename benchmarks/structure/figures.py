@@ -1,0 +1,152 @@
+"""How large the compiler is, and how it hangs together, as it is and as it was: `make structure`, or with `SINCE=REVISION`.
+
+    python benchmarks/structure/figures.py [REVISION ...]    # one column for each, and one for the files that lie here
+
+Lines are those of files, empty ones too; a room's are those of its folder, or of its module. A circle is a set of modules each of
+which needs every other at run time (imports inside functions count, those for type checkers do not). Parameters are counted without
+`self` and `cls`. What workspaces begin with (`templates/*/`) is not the compiler's. Below the table stand the functions themselves.
+"""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import networkx
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = "compiler/thingc/"
+PARAMETERS, LINES = 8, 50
+Trees = dict[str, tuple[str, ast.Module]]
+"""Text and syntax of every module, by its path in the package."""
+
+
+@dataclass(frozen=True)
+class Function:
+    """One, with its number of lines and of parameters."""
+
+    where: str
+    lines: int
+    parameters: int
+
+
+@dataclass(frozen=True)
+class Structure:
+    """The figures of one state."""
+
+    rooms: Counter[str]
+    largest: tuple[int, str]
+    circles: list[list[str]]
+    functions: list[Function]
+    twice: list[str]
+
+    def rows(self) -> list[tuple[str, int]]:
+        """What the table says below the rooms."""
+        return [
+            ("all lines", self.rooms.total()),
+            (f"functions of more than {LINES} lines", sum(one.lines > LINES for one in self.functions)),
+            (f"functions with {PARAMETERS} or more parameters", sum(one.parameters >= PARAMETERS for one in self.functions)),
+            ("functions", len(self.functions)),
+            ("circles of imports", len(self.circles)),
+            ("class names of several classes", len(self.twice)),
+            ("lines of the largest file", self.largest[0]),
+        ]
+
+
+def main(revisions: list[str]) -> int:
+    """Prints the table, and what stands out in it."""
+    states = [structure(committed(revision)) for revision in revisions] + [structure(lying_here())]
+    now = states[-1]
+    print("| | " + " | ".join([*revisions, "here"]) + " |\n|---|" + "--:|" * len(states))
+    for room in sorted({room for state in states for room in state.rooms}, key=lambda room: (-now.rooms[room], room)):
+        print(f"| `{room}` | " + " | ".join(f"{state.rooms[room]:,}" if state.rooms[room] else "" for state in states) + " |")
+    for row in zip(*(state.rows() for state in states), strict=True):
+        print(f"| {row[0][0]} | " + " | ".join(f"{count:,}" for _, count in row) + " |")
+    print(f"\nlargest file: {now.largest[1]}")
+    for one in sorted(now.functions, key=lambda one: (-one.lines, -one.parameters)):
+        if one.lines > LINES or one.parameters >= PARAMETERS:
+            print(f"{one.lines:4} lines, {one.parameters:2} parameters  {one.where}")
+    print("\n".join(["", *(" ".join(circle) for circle in now.circles), *now.twice]).rstrip())
+    return 0
+
+
+def lying_here() -> dict[str, str]:
+    """The text of every module, by its path in the package."""
+    folder = ROOT / PACKAGE
+    return {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*.py")}
+
+
+def committed(revision: str) -> dict[str, str]:
+    """The same of a revision."""
+    names = git("ls-tree", "-r", "--name-only", revision, PACKAGE).split()
+    return {name.removeprefix(PACKAGE): git("show", f"{revision}:{name}") for name in names if name.endswith(".py")}
+
+
+def git(*words: str) -> str:
+    """What a command of git prints."""
+    return subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, text=True, check=True).stdout
+
+
+def structure(texts: dict[str, str]) -> Structure:
+    """The figures of the modules with these texts."""
+    trees: Trees = {
+        path: (text, ast.parse(text)) for path, text in texts.items() if not (path.startswith("templates/") and path.count("/") > 1)
+    }
+    rooms: Counter[str] = Counter()
+    classes: defaultdict[str, set[str]] = defaultdict(set)
+    for path, (text, tree) in trees.items():
+        rooms[path.partition("/")[0]] += len(text.splitlines())
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                classes[node.name].add(path)
+    return Structure(
+        rooms=rooms,
+        largest=max((len(text.splitlines()), path) for path, (text, _) in trees.items()),
+        circles=circles(trees),
+        functions=[one for path, (_, tree) in sorted(trees.items()) for one in functions(path, tree)],
+        twice=[f"{name}: {', '.join(sorted(paths))}" for name, paths in sorted(classes.items()) if len(paths) > 1],
+    )
+
+
+def functions(path: str, tree: ast.Module) -> Iterator[Function]:
+    """Those of a module, methods and inner ones among them."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            names = [argument.arg for argument in ast.walk(node.args) if isinstance(argument, ast.arg)]
+            bound = names[:1] in (["self"], ["cls"])
+            yield Function(f"{path}:{node.lineno} {node.name}", node.end_lineno - node.lineno + 1, len(names) - bound)
+
+
+def circles(trees: Trees) -> list[list[str]]:
+    """Modules that need each other."""
+    names = {module(path): path for path in trees}
+    graph = networkx.DiGraph()
+    for name, path in names.items():
+        for node in at_run_time(trees[path][1]):
+            if isinstance(node, ast.ImportFrom):
+                wanted = {f"{node.module}.{alias.name}" for alias in node.names}
+                graph.add_edges_from((name, one if one in names else node.module) for one in wanted)
+            elif isinstance(node, ast.Import):
+                graph.add_edges_from((name, alias.name) for alias in node.names)
+    return sorted(sorted(circle) for circle in networkx.strongly_connected_components(graph) if len(circle) > 1)
+
+
+def module(path: str) -> str:
+    """As an import calls it."""
+    return f"thingc.{path.removesuffix('.py').replace('/', '.')}".removesuffix(".__init__")
+
+
+def at_run_time(node: ast.AST) -> Iterator[ast.AST]:
+    """What is below a node, but for what stands there for type checkers alone."""
+    yield node
+    for inner in node.orelse if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test) else ast.iter_child_nodes(node):
+        yield from at_run_time(inner)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

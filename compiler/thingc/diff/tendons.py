@@ -1,0 +1,18 @@
+"""What documents state of their tendons."""
+
+from __future__ import annotations
+
+from thingc.diff.portrait import Fact, Value
+from thingc.graph.types import Assembly
+
+
+def tendon_facts(assembly: Assembly) -> dict[str, Fact]:
+    """By key (`tendons.grip.dynamics.stiffness`): the factors of its joints, its limits, dynamics and drive, as far as they are stated."""
+    facts: dict[str, Fact] = {}
+    for one in assembly.tendons:
+        values: dict[str, Value] = {f"joints.{path}": factor for path, factor in one.moves.items()}
+        values |= {f"limit.{key}": getattr(one.limit, key) for key in ("lower", "upper")}
+        values |= {f"dynamics.{key}": getattr(one.dynamics, key) for key in ("damping", "friction", "armature", "stiffness", "rest")}
+        values |= {f"drive.{key}": getattr(one.actuator, key, None) for key in ("kind", "kp", "kv", "effort", "velocity")}
+        facts |= {f"tendons.{one.path}.{key}": Fact(value=value, span=one.origin[0]) for key, value in values.items() if value is not None}
+    return facts

@@ -1,0 +1,31 @@
+"""Which mesh files a model lists, and which of them have to be read."""
+
+from __future__ import annotations
+
+from thingc.graph.mass import said_whole
+from thingc.meshes import MeshFile
+from thingc.resolve.link_definition import LinkDefinition, mesh_files_of
+from thingc.resolve.model import AssemblyDefinition
+from thingc.source import Origin
+
+
+def listed_meshes(model: AssemblyDefinition, *, drawn: bool) -> dict[MeshFile, tuple[Origin, bool]]:
+    """Every mesh file, where it is listed first, and whether it has to be read: it is to be `drawn`, some link weighs by it, or a mode
+    stands on the floor."""
+    every = drawn or any(mode.on_floor for mode in model.modes)
+    files: dict[MeshFile, tuple[Origin, bool]] = {}
+    waiting, met = [model], {id(model)}
+    while waiting:
+        for component in waiting.pop().components:
+            definition = component.definition
+            if isinstance(definition, AssemblyDefinition) and id(definition) not in met:
+                met.add(id(definition))
+                waiting.append(definition)
+            if not isinstance(definition, LinkDefinition) or not mesh_files_of(definition):
+                continue
+            wanted = every or not said_whole(component.overrides)
+            for shape in definition.shapes:
+                if isinstance(shape.solid, MeshFile):
+                    origin, before = files.get(shape.solid, (shape.origin, False))
+                    files[shape.solid] = (origin, before or wanted)
+    return files

@@ -1,0 +1,54 @@
+"""xacro made URDF, by a process of its own, with the place of every element in the files that it was written in."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from importlib.util import find_spec
+
+from thingc.diagnostics import Code, Report
+from thingc.importing.xml_source import MOST_BYTES
+from thingc.source import Span
+
+SECONDS = 60
+"""Of the processor, and five times as long by the clock."""
+
+
+def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str], report: Report) -> tuple[bytes, list[str]] | None:
+    """The URDF of a xacro file, an absolute path, with `arguments` for its `$(arg NAME)`, whose elements are marked with their places in
+    the files that come with it; None where it cannot be expanded, which has been reported. `packages` are folders by name."""
+    if find_spec("xacro") is None:
+        report.add(
+            Code.COMMAND_LINE, "xacro is a language of its own, which is read with another package", None,
+            help=f"pip install 'thingc[import]'; or write `xacro {path} > robot.urdf`, and import that",
+        )
+        return None
+    asked = json.dumps({"path": path, "packages": dict(packages), "arguments": dict(arguments), "seconds": SECONDS})
+    command = [sys.executable, "-P", "-m", "thingc.importing.xacro_worker"]
+    try:
+        done = subprocess.run(command, input=f"{asked}\n", capture_output=True, text=True, timeout=5.0 * SECONDS)
+        answer = json.loads(done.stdout)
+    except subprocess.TimeoutExpired:
+        answer = {"fault": f"it takes longer than {5 * SECONDS} s"}
+    except ValueError:
+        answer = {"fault": f"xacro ended without an answer; it has {SECONDS} s and 2 GB"}
+    fault = answer.get("fault")
+    text = "" if fault is not None else _by_packages(answer["text"], answer["packages"])
+    if fault is None and len(text) > MOST_BYTES:
+        fault = f"it becomes more than {MOST_BYTES:,} bytes of URDF"
+    if fault is not None:
+        line = answer.get("line", 1)
+        where = Span(file=answer.get("file", path), line=line, column=1, end_line=line, end_column=1)
+        report.add(Code.SOURCE_XML, f"xacro cannot expand this: {fault}", where, help="`$(arg NAME)` is given with `--arg NAME=VALUE`")
+        return None
+    return text.encode(), answer["files"]
+
+
+def _by_packages(text: str, found: Mapping[str, str]) -> str:
+    """What `$(find NAME)` has become is `package://NAME` again: no path of this machine stands in what is written."""
+    for name, folder in sorted(found.items(), key=lambda one: -len(one[1])):
+        for before in ("file://", ""):
+            text = text.replace(f'"{before}{folder}/', f'"package://{name}/')
+    return text

@@ -1,0 +1,118 @@
+"""Tendons, and actuators and equalities that the language has no words for, as elements that are added to MuJoCo's model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from thingc.importing.mjcf.original import Original, differing, floats, numbers
+from thingc.importing.model import Raw, Reference, SourceAdded
+
+WRAPPED_JOINT, PULLEY, SITE = 1, 2, 3
+AT_JOINT, AT_PARENT, AT_TENDON = 0, 1, 3
+OF_TENDONS = 3
+DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle")
+GAINS, BIASES = ("fixed", "affine", "muscle"), ("none", "affine", "muscle")
+PLAIN = ("stiffness", "damping", "frictionloss", "armature", "margin")
+"""Numbers of a tendon that are 0 where nothing is said."""
+_SOLREF, _SOLIMP = "0.02 1", "0.9 0.95 0.001 0.5 2"
+
+
+class Added:
+    """`tendons` by number, as they are added: those of joints and sites that are kept; others are losses. `joints` and `sites` are the
+    numbers of those that are kept."""
+
+    def __init__(self, original: Original, joints: set[int], sites: set[int]) -> None:
+        self.original, self.model, self.joints, self.sites = original, original.model, joints, sites
+        self.tendons: dict[int, SourceAdded] = {}
+        self.actuators: list[SourceAdded] = []
+        self.equalities: list[SourceAdded] = []
+        for tendon in range(self.model.ntendon):
+            path = self._path(tendon)
+            name = original.written["tendon"][tendon].name or f"tendon_{tendon}"
+            where = original.where("tendon", tendon)
+            if path is None:
+                original.lose(f"tendon `{name}`", "it wraps around a geom, or goes over what is left out", where)
+                continue
+            fixed = int(self.model.wrap_type[self.model.tendon_adr[tendon]]) == WRAPPED_JOINT
+            self.tendons[tendon] = SourceAdded(
+                section="tendon", tag="fixed" if fixed else "spatial", name=name, attributes=self._tendon(tendon), inside=tuple(path),
+                where=where,
+            )
+
+    def actuator(self, number: int) -> bool:
+        """Whether it is one that can be added, and is from now on."""
+        model, kind, target = self.model, int(self.model.actuator_trntype[number]), int(self.model.actuator_trnid[number][0])
+        words = [
+            names[at] if (at := int(getattr(model, f"actuator_{word}type")[number])) < len(names) else ""
+            for word, names in (("dyn", DYNAMICS), ("gain", GAINS), ("bias", BIASES))
+        ]
+        if kind == AT_TENDON and target in self.tendons:
+            reference = Reference(kind="tendon", name=self.tendons[target].name)
+        elif kind in (AT_JOINT, AT_PARENT) and target in self.joints and int(model.jnt_type[target]) > 1:
+            reference = Reference(kind="joint", name=self.original.joints[target])
+        else:
+            return False
+        if not all(words):
+            return False
+        wanted = [*zip(("dyntype", "gaintype", "biastype"), words, strict=True)]
+        wanted += [(f"{word}prm", numbers(getattr(model, f"actuator_{word}prm")[number])) for word in ("dyn", "gain", "bias")]
+        wanted += [("gear", numbers(model.actuator_gear[number]))]
+        for word in ("ctrl", "force", "act"):
+            if getattr(model, f"actuator_{word}limited")[number]:
+                wanted.append((f"{word}range", numbers(getattr(model, f"actuator_{word}range")[number])))
+        if any(floats(model.actuator_lengthrange[number])):
+            wanted.append(("lengthrange", numbers(model.actuator_lengthrange[number])))
+        usual = {"dyntype": "none", "gaintype": "fixed", "biastype": "none", "gear": "1 0 0 0 0 0"}
+        self.actuators.append(SourceAdded(
+            section="actuator", tag="general", name=self.original.actuators[number],
+            attributes=((reference.kind, reference), *differing(wanted, usual)), where=self.original.where("actuator", number),
+        ))
+        return True
+
+    def equality(self, number: int) -> bool:
+        """Whether it is one of tendons that can be added, and is from now on. It is of lengths beyond those at the reference, which is
+        q = 0 in a document."""
+        model = self.model
+        ends = [at for at in (int(model.eq_obj1id[number]), int(model.eq_obj2id[number])) if at >= 0]
+        referred = any(model.qpos0[model.jnt_qposadr[joint]] for joint in self.joints if int(model.jnt_type[joint]) > 1)
+        if referred or int(model.eq_type[number]) != OF_TENDONS or not all(at in self.tendons for at in ends):
+            return False
+        tied = ((f"tendon{k}", Reference(kind="tendon", name=self.tendons[at].name)) for k, at in enumerate(ends, 1))
+        said = [("polycoef", numbers(model.eq_data[number][:5])), ("solref", numbers(model.eq_solref[number]))]
+        said.append(("solimp", numbers(model.eq_solimp[number])))
+        self.equalities.append(SourceAdded(
+            section="equality", tag="tendon", name=self.original.equalities[number],
+            attributes=(*tied, *differing(said, {"solref": _SOLREF, "solimp": _SOLIMP})), where=self.original.where("equality", number),
+        ))
+        return True
+
+    def _tendon(self, tendon: int) -> Raw:
+        model = self.model
+        plain = [word for word in PLAIN if hasattr(model, f"tendon_{word}")]
+        wanted = [(word, numbers([getattr(model, f"tendon_{word}")[tendon]])) for word in plain]
+        if model.tendon_limited[tendon]:
+            wanted.append(("range", numbers(model.tendon_range[tendon])))
+        wanted += [
+            ("springlength", numbers(model.tendon_lengthspring[tendon])),
+            ("solreflimit", numbers(model.tendon_solref_lim[tendon])), ("solimplimit", numbers(model.tendon_solimp_lim[tendon])),
+            ("solreffriction", numbers(model.tendon_solref_fri[tendon])), ("solimpfriction", numbers(model.tendon_solimp_fri[tendon])),
+        ]
+        usual = dict.fromkeys(PLAIN, "0")
+        usual |= {"solreflimit": _SOLREF, "solimplimit": _SOLIMP, "solreffriction": _SOLREF, "solimpfriction": _SOLIMP}
+        return differing(wanted, usual)
+
+    def _path(self, tendon: int) -> list[tuple[str, Mapping[str, str | Reference]]] | None:
+        """What stands in it; None where that is not all there."""
+        first, count = int(self.model.tendon_adr[tendon]), int(self.model.tendon_num[tendon])
+        found = [*self._steps(range(first, first + count))]
+        return found if len(found) == count else None
+
+    def _steps(self, wraps: range) -> Iterator[tuple[str, Mapping[str, str | Reference]]]:
+        for wrap in wraps:
+            kind, thing, number = int(self.model.wrap_type[wrap]), int(self.model.wrap_objid[wrap]), numbers([self.model.wrap_prm[wrap]])
+            if kind == WRAPPED_JOINT and thing in self.joints:
+                yield "joint", {"joint": Reference(kind="joint", name=self.original.joints[thing]), "coef": number}
+            elif kind == SITE and thing in self.sites:
+                yield "site", {"site": Reference(kind="site", name=self.original.sites[thing])}
+            elif kind == PULLEY:
+                yield "pulley", {"divisor": number}

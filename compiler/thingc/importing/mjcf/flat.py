@@ -1,0 +1,193 @@
+"""An MJCF file with all that it includes, as one text without files, a tag in each line: MuJoCo reads that, and its lines lead back.
+
+MuJoCo would open whatever a file names. Included files and meshes are read here, within bounds, and handed over in memory; what a document
+cannot have, and what would take memory without end, is left out and listed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Iterator, Mapping
+from xml.sax.saxutils import quoteattr
+
+from thingc.diagnostics import Code, Note, Report
+from thingc.frozen import dataclass
+from thingc.importing.model import SourceLoss
+from thingc.importing.packages import NotFound, Packages
+from thingc.importing.xml_source import MOST_BYTES, SourceElement, read_xml
+from thingc.source import Span
+
+MOST_COPIES = 10_000
+"""Of an element, by `<replicate>`."""
+LEFT_OUT = {
+    "texture": "it is not read: shapes have the colours of their materials", "hfield": "a document has no height fields",
+    "skin": "a document has no skins", "flex": "a document has rigid links only", "flexcomp": "a document has rigid links only",
+    "composite": "it is not read: write out the bodies that it stands for", "size": "the sizes of a model follow from its robot",
+    "custom": "a document has no data of others", "light": "lights belong to a scene", "visual": "how it is drawn belongs to a scene",
+}
+REFUSED = {"attach": "attached models are not read", "model": "attached models are not read"}
+FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flat:
+    """A file without files: its `text`, the element that stands in each line, the `files` that MuJoCo is handed, by the names that the
+    text has for them; for each of these names the mesh's path from the source's folder; and what was left out."""
+
+    root: SourceElement
+    text: str
+    lines: tuple[SourceElement, ...]
+    files: Mapping[str, bytes]
+    meshes: Mapping[str, str]
+    losses: tuple[SourceLoss, ...]
+
+    def place(self, said: str, attribute: str | None = None) -> Span:
+        """The place in the source of what MuJoCo says to be in a line of the text (`line 7`); the root's where it says none."""
+        number = re.findall(r"line\s*=?\s*(\d+)", said)
+        if not number or not 1 <= int(number[-1]) <= len(self.lines):
+            return self.root.where
+        element = self.lines[int(number[-1]) - 1]
+        return element.where if attribute is None else element.place(attribute)
+
+
+def flattened(root: SourceElement, packages: Packages, report: Report) -> Flat | None:
+    """The whole of a file whose root is given; None where an included file or a mesh is missing or wrong, which has been reported."""
+    return _Flattening(root, packages, report).flat()
+
+
+class _Flattening:
+    def __init__(self, root: SourceElement, packages: Packages, report: Report) -> None:
+        self.root, self.packages, self.report = root, packages, report
+        self.included: dict[str, Span] = {}
+        self.texts: list[str] = []
+        self.lines: list[SourceElement] = []
+        self.files: dict[str, bytes] = {}
+        self.meshes: dict[str, str] = {}
+        self.losses: list[SourceLoss] = []
+        self.elements: dict[int, tuple[SourceElement, ...]] = {}
+        self.strip, self.folder = False, ""
+
+    def flat(self) -> Flat | None:
+        before = len(self.report.diagnostics)
+        self._include(self.root)
+        settings: dict[str, str] = {}
+        for compiler in self._children(self.root):
+            if compiler.tag == "compiler":
+                settings |= compiler.attributes
+        self.strip = settings.get("strippath") == "true"
+        self.folder = settings.get("meshdir", settings.get("assetdir", ""))
+        self._write(self.root, 1)
+        if len(self.report.diagnostics) > before:
+            return None
+        return Flat(
+            root=self.root, text="\n".join(self.texts), lines=tuple(self.lines), files=self.files, meshes=self.meshes,
+            losses=tuple(self.losses),
+        )
+
+    def _children(self, element: SourceElement) -> Iterator[SourceElement]:
+        """What stands in an element, with what is included there in its place."""
+        for child in element.children:
+            if id(child) in self.elements:
+                for one in self.elements[id(child)]:
+                    yield from self._children(one)
+            else:
+                yield child
+
+    def _include(self, element: SourceElement) -> None:
+        """Read all files that are included in an element."""
+        waiting = [element]
+        while waiting:
+            one = waiting.pop()
+            inner = one
+            if one.tag == "include":
+                found = self._read(one)
+                self.elements[id(one)] = () if found is None else (found,)
+                if found is None:
+                    continue
+                inner = found
+            waiting += reversed(inner.children)
+
+    def _read(self, element: SourceElement) -> SourceElement | None:
+        """The root of the file that is included: one beside the file that includes it, else beside the first."""
+        name, where = element.attributes.get("file", ""), element.place("file")
+        if element.children:
+            self.report.add(Code.SOURCE_VALUE, "an `<include>` has elements in it", element.where, help="write them beside it")
+        beside = os.path.relpath(os.path.join(os.path.dirname(element.where.file), name), self.packages.folder)
+        try:
+            try:
+                path = self.packages.find(beside)
+            except NotFound:
+                path = self.packages.find(name)
+            with open(path, "rb") as stream:
+                data = stream.read(MOST_BYTES + 1)
+        except NotFound as fault:
+            self.report.add(Code.SOURCE_FILE, str(fault), where, help=fault.help)
+            return None
+        except OSError as fault:
+            self.report.add(Code.SOURCE_FILE, f"cannot read `{name}`: {(fault.strerror or str(fault)).lower()}", where)
+            return None
+        if path in self.included or path == self.root.where.file:
+            notes = [Note(message="it was included here", span=self.included[path])] if path in self.included else []
+            self.report.add(Code.SOURCE_FILE, f"`{name}` is included a second time", where, notes=notes, help="leave this one out")
+            return None
+        self.included[path] = where
+        return read_xml(path, data, self.report)
+
+    def _write(self, element: SourceElement, copies: int) -> None:
+        """The lines of an element, of which there are so many."""
+        if element.tag in REFUSED:
+            help = "open it in MuJoCo, and import what `MjSpec.to_xml` writes"
+            self.report.add(Code.SOURCE_VALUE, f"`<{element.tag}>`: {REFUSED[element.tag]}", element.where, help=help)
+            return
+        if element.tag == "replicate":
+            written = element.attributes.get("count", "1")
+            copies *= int(written) if re.fullmatch(r"\d{1,9}", written) else 1
+            if copies > MOST_COPIES:
+                message = f"this makes {copies:,} of what is in it, and {MOST_COPIES:,} are read at most"
+                self.report.add(Code.SOURCE_VALUE, message, element.place("count"), help="no robot needs so many")
+                return
+        if element.tag in LEFT_OUT or element.tag == "geom" and ("hfield" in (element.attributes.get("type"), *element.attributes)):
+            why = LEFT_OUT.get(element.tag, LEFT_OUT["hfield"])
+            self.losses.append(SourceLoss(what=f"`<{element.tag}>`", why=why, where=element.where))
+            return
+        if element.tag == "layer":
+            return  # of a texture, which is a loss of its own
+        attributes = dict(element.attributes)
+        if element.tag == "compiler":
+            attributes = {name: value for name, value in attributes.items() if name not in FOLDERS}
+        elif element.tag == "material":
+            attributes.pop("texture", None)
+        elif element.tag == "mesh" and "file" in attributes:
+            attributes |= self._mesh(element)
+        self._line(f"<{element.tag}{''.join(f' {name}={quoteattr(value)}' for name, value in attributes.items())}>", element)
+        for child in self._children(element):
+            self._write(child, copies)
+        self._line(f"</{element.tag}>", element)
+
+    def _line(self, text: str, element: SourceElement) -> None:
+        self.texts.append(re.sub(r"[\r\n]", " ", text))
+        self.lines.append(element)
+
+    def _mesh(self, element: SourceElement) -> dict[str, str]:
+        """Its name, which is that of its file where it has none, and what its file is called in the text: by its content and by what
+        MuJoCo makes of it, which MuJoCo would take from its cache otherwise."""
+        file = element.attributes["file"]
+        file = os.path.basename(file.replace("\\", "/")) if self.strip else file
+        uri = os.path.normpath(os.path.join(self.folder, file))
+        name = element.attributes.get("name", os.path.splitext(os.path.basename(file))[0])
+        try:
+            with open(self.packages.find(uri), "rb") as stream:
+                content = stream.read()
+        except NotFound as fault:
+            self.report.add(Code.SOURCE_FILE, str(fault), element.place("file"), help=fault.help)
+            return {}
+        except OSError as fault:
+            message = f"cannot read `{uri}`: {(fault.strerror or str(fault)).lower()}"
+            self.report.add(Code.SOURCE_FILE, message, element.place("file"))
+            return {}
+        made_of = repr((uri, sorted(element.attributes.items()))).encode()
+        word = f"{hashlib.sha256(made_of + content).hexdigest()}{os.path.splitext(uri)[1].lower()}"
+        self.files[word], self.meshes[word] = content, uri
+        return {"name": name, "file": word}

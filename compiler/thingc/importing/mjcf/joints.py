@@ -1,0 +1,67 @@
+"""What moves a body, as MuJoCo has it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from thingc.importing.mjcf.couplings import Couplings
+from thingc.importing.mjcf.drives import Actuators
+from thingc.importing.mjcf.original import Original, differing, floats, numbers
+from thingc.importing.model import Ends, Kind, Raw, SourceJoint
+
+BALL, SLIDE, HINGE = 1, 2, 3
+FAR = 1000.0
+"""Where a slide ends [m] that has no ends: the language wants some."""
+_SOLREF, _SOLIMP = "0.02 1", "0.9 0.95 0.001 0.5 2"
+
+
+def joint_of(original: Original, joint: int, drives: Actuators, couplings: Couplings) -> SourceJoint:
+    """A hinge, slide or ball of the model."""
+    model, name, where = original.model, original.joints[joint], original.where("joint", joint)
+    kind_of, dof = int(model.jnt_type[joint]), int(model.jnt_dofadr[joint])
+    limited, (lower, upper) = bool(model.jnt_limited[joint]), floats(model.jnt_range[joint])
+    follows, drive = couplings.follows.get(joint), drives.of_joint.get(joint)
+    start = 0.0 if kind_of == BALL else float(model.qpos0[model.jnt_qposadr[joint]])
+    kind: Kind
+    match kind_of:
+        case 1:
+            kind, ends = "ball", Ends(upper=upper if limited else None)
+        case 2:
+            kind, ends = "prismatic", Ends(lower=lower, upper=upper)
+            if not limited:
+                ends = Ends(lower=start - FAR, upper=start + FAR, made_up=True)
+                original.lose(f"slide `{name}` without ends", f"a document has them, at {FAR:g} m", where)
+        case _:
+            kind, ends = ("revolute", Ends(lower=lower, upper=upper)) if limited else ("continuous", Ends())
+    stiffness = float(model.jnt_stiffness[joint])
+    rest = float(model.qpos_spring[model.jnt_qposadr[joint]]) if kind != "ball" else 0.0
+    if start:
+        why = "MuJoCo takes it from where its reference is, which is q = 0 in a document"
+        original.lose(f"how soft constraints are at the reference of joint `{name}`, {start:g}", why, where)
+    for what in ("jnt_stiffnesspoly", "dof_dampingpoly"):
+        polynomial = getattr(model, what, None)
+        if polynomial is not None and any(floats(polynomial[joint if what.startswith("jnt") else dof])):
+            original.lose(f"what of joint `{name}` is not linear", "damping and stiffness of a document are numbers", where)
+    (x, y, z), (u, v, w) = floats(model.jnt_pos[joint]), floats(model.jnt_axis[joint])
+    return SourceJoint(
+        name=name, kind=kind, axis=(u, v, w), anchor=(x, y, z), where=where, ends=ends, start=start, stiffness=stiffness,
+        rest=rest if stiffness else 0.0,
+        damping=float(model.dof_damping[dof]), friction=float(model.dof_frictionloss[dof]), armature=float(model.dof_armature[dof]),
+        follows=follows, drive=drive, raw=_raw(model, joint, dof),
+    )
+
+
+def _raw(model: Any, joint: int, dof: int) -> Raw:
+    """What the language has no words for."""
+    wanted = [
+        ("solreflimit", numbers(model.jnt_solref[joint])), ("solimplimit", numbers(model.jnt_solimp[joint])),
+        ("solreffriction", numbers(model.dof_solref[dof])), ("solimpfriction", numbers(model.dof_solimp[dof])),
+        ("margin", numbers([model.jnt_margin[joint]])),
+        ("actuatorgravcomp", "true" if model.jnt_actgravcomp[joint] else "false"),
+    ]
+    if model.jnt_actfrclimited[joint]:
+        wanted.append(("actuatorfrcrange", numbers(model.jnt_actfrcrange[joint])))
+    return differing(wanted, {
+        "solreflimit": _SOLREF, "solimplimit": _SOLIMP, "solreffriction": _SOLREF, "solimpfriction": _SOLIMP, "margin": "0",
+        "actuatorgravcomp": "false",
+    })

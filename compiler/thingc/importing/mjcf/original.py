@@ -1,0 +1,89 @@
+"""A model as MuJoCo has compiled it, with what its things are called and where the source says them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from thingc.importing.mjcf.flat import Flat
+from thingc.importing.model import Raw, SourceLoss
+from thingc.pose import NO_POSE, Pose, rotation_of
+from thingc.source import Span
+
+WORLD = 0
+KINDS = ("body", "joint", "geom", "site", "camera", "actuator", "sensor", "equality", "tendon")
+MANY = {"body": "bodies", "equality": "equalities"}
+
+
+class Original:
+    """`spec` is what was written, `model` what it comes to. Things are meant by their number in the model; bodies, joints, sites, actuators
+    and sensors have a name each, made up where the source has none."""
+
+    def __init__(self, flat: Flat, spec: Any, model: Any) -> None:
+        self.flat, self.spec, self.model = flat, spec, model
+        self.losses: list[SourceLoss] = []
+        self.written = {kind: {one.id: one for one in getattr(spec, MANY.get(kind, f"{kind}s"))} for kind in KINDS}
+        self.bodies = self._names("body", lambda one: "body")
+        self.bodies[WORLD] = "world"
+        self.joints = self._names("joint", lambda one: f"{one.parent.name or 'body'}_joint")
+        self.sites = self._names("site", lambda one: f"{one.parent.name or 'body'}_site")
+        self.actuators = self._names("actuator", lambda one: one.target or "actuator")
+        self.sensors = self._names("sensor", lambda one: one.objname or "sensor")
+        self.cameras = self._names("camera", lambda one: "camera")
+        self.equalities = self._names("equality", lambda one: f"{one.name1}_to_{one.name2}")
+
+    def _names(self, kind: str, made_up: Any) -> dict[int, str]:
+        """The name of each thing of a kind."""
+        taken = {one.name for one in self.written[kind].values()}
+        names: dict[int, str] = {}
+        for number, one in sorted(self.written[kind].items()):
+            name, count = one.name or made_up(one), 1
+            while not one.name and name in taken:
+                count += 1
+                name = f"{made_up(one)}_{count}"
+            taken.add(name)
+            names[number] = name
+        return names
+
+    def where(self, kind: str, number: int, attribute: str | None = None) -> Span:
+        """Where a thing is written."""
+        return self.flat.place(self.written[kind][number].info, attribute)
+
+    def lose(self, what: str, why: str, where: Span) -> None:
+        """Note what a document does not say."""
+        self.losses.append(SourceLoss(what=what, why=why, where=where))
+
+    def frame(self, written: Any) -> Pose:
+        """The pose of something in its body as it is written, in the frames around it."""
+        pose, frame = self._own(written), written.frame
+        while frame is not None:
+            pose, frame = self._own(frame) @ pose, frame.frame
+        return pose
+
+    def _own(self, written: Any) -> Pose:
+        quat = written.quat
+        if int(written.alt.type):
+            compiler = written.compiler
+            quat = self.spec.resolve_orientation(degree=compiler.degree, sequence=compiler.eulerseq, orientation=written.alt)
+        return pose_of(written.pos, quat)
+
+
+def floats(values: Any) -> tuple[float, ...]:
+    """Numbers of an array."""
+    return tuple(float(one) + 0.0 for one in values)
+
+
+def pose_of(pos: Any, quat: Any) -> Pose:
+    """Of a position [m] and a quaternion of any length but 0."""
+    (x, y, z), (w, i, j, k) = floats(pos), floats(quat)
+    return NO_POSE if (w, x, y, z, i, j, k) == (1.0, *(0.0,) * 6) else Pose(rotation=rotation_of((w, i, j, k)), translation=(x, y, z))
+
+
+def numbers(values: Any) -> str:
+    """Of an attribute: the shortest digits that are these numbers."""
+    return " ".join(repr(int(one)) if one == int(one) and abs(one) < 1e15 else repr(one) for one in floats(values))
+
+
+def differing(wanted: Sequence[tuple[str, str]], otherwise: dict[str, str]) -> Raw:
+    """Those attributes that would be written otherwise."""
+    return tuple((name, value) for name, value in wanted if otherwise.get(name) != value)

@@ -1,0 +1,233 @@
+"""MJCF: the bodies that MuJoCo makes of a file, what hangs on what, and what they weigh and show."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from thingc.diagnostics import Code, Report
+from thingc.importing.mjcf.adding import Added
+from thingc.importing.mjcf.couplings import Couplings
+from thingc.importing.mjcf.drives import Actuators
+from thingc.importing.mjcf.flat import Flat, flattened
+from thingc.importing.mjcf.joints import joint_of
+from thingc.importing.mjcf.original import WORLD, Original, floats, numbers, pose_of
+from thingc.importing.mjcf.sensing import sensors
+from thingc.importing.mjcf.settings import options, poses, simulation, touching
+from thingc.importing.mjcf.shapes import Geoms
+from thingc.importing.model import Hanging, SourceBase, SourceLink, SourceRobot, SourceSite, Weight
+from thingc.importing.packages import Packages
+from thingc.importing.tree import MOST_LINKS
+from thingc.importing.xml_source import SourceElement
+from thingc.inertia import MassProperties, symmetric
+from thingc.pose import NO_POSE, Pose, multiply, rotation_of, transpose
+
+FREE, PLANE = 0, 0
+_ALIKE = 1e-9
+
+
+def read_mjcf(root: SourceElement, packages: Packages, report: Report) -> SourceRobot | None:
+    """The robot of a file whose root is `<mujoco>`; None where MuJoCo takes it for none, which has been reported."""
+    flat = flattened(root, packages, report)
+    original = None if flat is None else _compiled(flat, report)
+    return None if original is None else _Reader(original, report).robot()
+
+
+def _compiled(flat: Flat, report: Report) -> Original | None:
+    """What MuJoCo makes of a file; what it says of a wrong one is reported at the line that it names."""
+    import mujoco
+
+    try:
+        spec = mujoco.MjSpec.from_string(flat.text, assets=dict(flat.files))
+        spec.compiler.fusestatic = spec.compiler.discardvisual = False
+        spec.compiler.alignfree = False
+        for joint in spec.joints:
+            joint.align = mujoco.mjtAlignFree.mjALIGNFREE_FALSE
+        model = spec.compile()
+    except (ValueError, RuntimeError) as fault:
+        text = str(fault)
+        said = re.sub(r"^(XML )?Error: |Error: |Schema violation: ", "", text.split("\nElement")[0]).strip()
+        attribute = re.search(r"attribute:? '(\w+)'", said)
+        where = flat.place(text, None if attribute is None else attribute[1])
+        report.add(Code.SOURCE_VALUE, f"MuJoCo does not read this: {said}", where, help="mend the place shown")
+        return None
+    return Original(flat, spec, model)
+
+
+class _Reader:
+    def __init__(self, original: Original, report: Report) -> None:
+        self.original, self.model, self.report = original, original.model, report
+        self.parents = [int(one) for one in self.model.body_parentid]
+        self.joints: list[list[int]] = [[] for _ in self.parents]
+        for joint, body in enumerate(self.model.jnt_bodyid):
+            self.joints[int(body)].append(joint)
+        self.free = {body for body, joints in enumerate(self.joints) for joint in joints if self.model.jnt_type[joint] == FREE}
+        self.mocap = {body for body in range(len(self.parents)) if self.model.body_mocapid[body] >= 0}
+        self.shapes = Geoms(original)
+
+    def robot(self) -> SourceRobot | None:
+        """The robot: the bodies that hang on the world, or the largest one that floats."""
+        if len(self.parents) > MOST_LINKS:
+            message = f"the robot has {len(self.parents):,} bodies, and {MOST_LINKS:,} are read at most"
+            self.report.add(Code.SOURCE_TREE, message, self.original.flat.root.where)
+            return None
+        kept = self._kept()
+        if kept == {WORLD}:
+            self.report.add(Code.SOURCE_TREE, "the robot has no body", self.original.flat.root.where)
+            return None
+        root = min(kept)
+        on = self._carriers(kept, root)
+        links = [body for body in sorted(kept) if on[body][0] == body or body in self._mounts]
+        joints = {joint for body in kept for joint in self.joints[body]}
+        added = Added(self.original, joints, {site for site in range(self.model.nsite) if int(self.model.site_bodyid[site]) in kept})
+        drives = Actuators(self.original, joints, on, added)
+        couplings = Couplings(self.original, drives, on, added)
+        between: list[SourceLink] = []
+        hangings = [
+            one for body in links if body != root for one in self._hangings(body, on, between, drives, couplings)
+        ]
+        base: SourceBase = "free" if root in self.free else "held" if root in self.mocap else "fixed"
+        sensed = sensors(self.original, on, kept)
+        excluded = touching(self.original, on, self._heads(on, root), None if base == "free" else root)
+        gravity = floats(self.model.opt.gravity)
+        states = poses(self.original, on, root, base, {joint.name: joint for one in hangings for joint in one.joints})
+        losses = sorted((*self.original.flat.losses, *self.original.losses), key=lambda one: (one.where.file, one.where.line))
+        flat = self.original.flat
+        return SourceRobot(
+            name=flat.root.attributes.get("model", "").strip() or "robot", where=flat.root.place("model"),
+            root=self.original.bodies[root], links=(*(self._link(body, on) for body in links), *between),
+            hangings=tuple(hangings), base=base,
+            pose=NO_POSE if root == WORLD else self._pose(root), losses=tuple(losses), loops=couplings.loops,
+            adhesions=drives.adhesions, sensors=sensed, poses=states, excluded=excluded,
+            added=(*added.tendons.values(), *added.equalities, *added.actuators),
+            gravity=None if gravity == (0.0, 0.0, -9.81) else (gravity[0], gravity[1], gravity[2]),
+            simulation=simulation(self.original), options=options(self.original), files=self.shapes.files,
+        )
+
+    def _hangings(
+        self, body: int, on: dict[int, tuple[int, Pose]], between: list[SourceLink], drives: Actuators, couplings: Couplings,
+    ) -> Iterator[Hanging]:
+        """How a body hangs on its parent: by joints one after the other, with a link `between` each two that weighs nothing."""
+        original, (parent, pose) = self.original, on[self.parents[body]]
+        name, above, place, where = original.bodies[body], original.bodies[parent], pose @ self._pose(body), original.where("body", body)
+        *inner, last = self.joints[body] or [-1]
+        for joint in inner:
+            word = f"{name} {original.joints[joint]}"
+            between.append(SourceLink(name=word, where=original.where("joint", joint)))
+            yield Hanging(
+                name=word, parent=above, child=word, pose=place, where=original.where("joint", joint),
+                joints=(joint_of(original, joint, drives, couplings),),
+            )
+            above, place = word, NO_POSE
+        joints = () if last < 0 else (joint_of(original, last, drives, couplings),)
+        yield Hanging(name=name, parent=above, child=name, pose=place, where=where, joints=joints)
+
+    def _pose(self, body: int) -> Pose:
+        return pose_of(self.model.body_pos[body], self.model.body_quat[body])
+
+    def _kept(self) -> set[int]:
+        """The bodies of the robot: of what hangs on the world together, and of each body that floats, whatever has most joints. All else is
+        a loss, and so is what lies on the world where that is no part of it."""
+        tops = [body for body, parent in enumerate(self.parents) if parent == WORLD and body != WORLD]
+        groups: dict[int, set[int]] = {WORLD: {WORLD}} | {body: set() for body in tops if body in self.free or body in self.mocap}
+        group = {WORLD: WORLD}
+        for body in range(1, len(self.parents)):
+            group[body] = body if body in groups else group[self.parents[body]]
+            groups[group[body]].add(body)
+        chosen = max(groups, key=lambda one: (sum(len(self.joints[body]) for body in groups[one]), len(groups[one]), -one))
+        for body in tops:
+            if group[body] != chosen:
+                self._lose_body(body, "it is no part of the robot, and a document has one")
+        on_world = self._on_world(planes=False)
+        if chosen == WORLD:
+            first = [body for body in tops if group[body] == WORLD]
+            alone = len(first) == 1 and not self.joints[first[0]] and not on_world
+            kept = groups[WORLD] - {WORLD} if alone else groups[WORLD]
+        else:
+            kept = groups[chosen]
+        for kind, number in [*self._on_world(planes=True), *([] if WORLD in kept else on_world)]:
+            is_plane = (kind, number) not in on_world
+            why = "a floor belongs to a scene" if is_plane else "it is fixed to the world, and no part of the robot"
+            self.original.lose(f"a {kind} of the world", why, self.original.where(kind, number))
+        return kept
+
+    def _on_world(self, *, planes: bool) -> list[tuple[str, int]]:
+        """What is fixed to the world itself, by kind and number: its planes, or all the rest."""
+        model = self.model
+        geoms = [("geom", k) for k in range(model.ngeom) if model.geom_bodyid[k] == WORLD and (model.geom_type[k] == PLANE) == planes]
+        sites = [] if planes else [("site", k) for k in range(model.nsite) if model.site_bodyid[k] == WORLD]
+        return geoms + sites
+
+    def _lose_body(self, body: int, why: str) -> None:
+        self.original.lose(f"body `{self.original.bodies[body]}`, with all that is on it", why, self.original.where("body", body))
+
+    def _carriers(self, kept: set[int], root: int) -> dict[int, tuple[int, Pose]]:
+        """For each body of the robot the link that it is, or lies on, with its pose in it. What weighs nothing, shows nothing, cannot move
+        and carries nothing that is otherwise is a mount of what it is fixed to."""
+        bare = {
+            body for body in kept if body != root and not self.joints[body] and self.model.body_mass[body] <= 0.0
+            and not self.model.body_geomnum[body]
+        }
+        for body in sorted(kept, reverse=True):
+            if body not in bare and body != root:
+                bare.discard(self.parents[body])
+        self._mounts = bare
+        on: dict[int, tuple[int, Pose]] = {}
+        for body in sorted(kept):
+            link, pose = on[self.parents[body]] if body in bare else (body, NO_POSE)
+            on[body] = (link, pose @ self._pose(body)) if body in bare else (body, NO_POSE)
+        return on
+
+    def _heads(self, on: dict[int, tuple[int, Pose]], root: int) -> dict[int, int]:
+        """For each body the first of those that it is fixed to."""
+        heads = {root: root}
+        for body in sorted(on):
+            if body != root:
+                heads[body] = body if self.joints[body] else heads[self.parents[body]]
+        return heads
+
+    def _link(self, body: int, on: dict[int, tuple[int, Pose]]) -> SourceLink:
+        original, where = self.original, self.original.flat.root.where if body == WORLD else self.original.where("body", body)
+        if body in self._mounts:
+            return SourceLink(name=original.bodies[body], where=where)
+        sites = tuple(
+            SourceSite(
+                name=original.sites[site], pose=on[of][1] @ pose_of(self.model.site_pos[site], self.model.site_quat[site]),
+                where=original.where("site", site),
+            )
+            for site in range(self.model.nsite) if (of := int(self.model.site_bodyid[site])) in on and on[of][0] == body
+        )
+        gravcomp = float(self.model.body_gravcomp[body])
+        return SourceLink(
+            name=original.bodies[body], where=where, weight=self._weight(body), shapes=self.shapes.of(body), sites=sites,
+            raw=(("gravcomp", numbers([gravcomp])),) if gravcomp else (),
+        )
+
+    def _weight(self, body: int) -> Weight | None:
+        mass, where = float(self.model.body_mass[body]), self.original.flat.root.where
+        if body == WORLD or mass <= 0.0:
+            return None
+        written = self.original.written["body"][body]
+        where = self.original.where("body", body)
+        element = next((one for one in self.original.flat.lines if one.where == where), None)
+        inertial = None if element is None else next(element.all("inertial"), None)
+        (x, y, z), moments = floats(self.model.body_ipos[body]), floats(self.model.body_inertia[body])
+        turn = rotation_of(_quaternion(self.model.body_iquat[body]))
+        rows = ((moments[0], 0.0, 0.0), (0.0, moments[1], 0.0), (0.0, 0.0, moments[2]))
+        inertia = symmetric(multiply(multiply(turn, rows), transpose(turn)))
+        full = floats(written.fullinertia)
+        if all(map(math.isfinite, full)):  # as it is written, unless it was changed: MuJoCo's own has been turned there and back
+            a, b, c, d, e, f = full
+            said = ((a, d, e), (d, b, f), (e, f, c))
+            largest = max(map(abs, full))
+            if all(abs(said[i][j] - inertia[i][j]) <= _ALIKE * largest for i in range(3) for j in range(3)):
+                inertia = said
+        properties = MassProperties(mass=mass, centre=(x, y, z), inertia=inertia)
+        return Weight(properties=properties, where=where if inertial is None else inertial.where)
+
+
+def _quaternion(values: Any) -> tuple[float, float, float, float]:
+    w, x, y, z = floats(values)
+    return (w, x, y, z)

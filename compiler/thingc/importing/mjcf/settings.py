@@ -1,0 +1,163 @@
+"""What is said of the whole: options, which links touch, and keyframes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from thingc.importing.mjcf.original import WORLD, Original, floats, numbers
+from thingc.importing.model import Ends, SourceBase, SourceJoint, SourcePose
+from thingc.pose import Pose, Quaternion
+
+INTEGRATORS = ("euler", "rk4", "implicit", "implicitfast")
+CONES = ("pyramidal", "elliptic")
+WORDS = {"solver": ("PGS", "CG", "Newton"), "jacobian": ("dense", "sparse", "auto")}
+OPTIONS = (
+    "density", "viscosity", "wind", "magnetic", "solver", "jacobian", "tolerance", "ls_tolerance", "noslip_tolerance", "ccd_tolerance",
+    "iterations", "ls_iterations", "noslip_iterations", "ccd_iterations", "sdf_iterations", "sdf_initpoints", "o_margin", "o_solref",
+    "o_solimp", "o_friction",
+)
+_ALIKE = 1e-9
+
+
+def simulation(original: Original) -> tuple[tuple[str, float | str], ...]:
+    """What the language has: `timestep` [s], `integrator`, `cone` and `impratio`, each where it is not MuJoCo's own."""
+    option = original.model.opt
+    said: list[tuple[str, float | str]] = [
+        ("timestep", float(option.timestep)), ("integrator", INTEGRATORS[int(option.integrator)]), ("cone", CONES[int(option.cone)]),
+        ("impratio", float(option.impratio)),
+    ]
+    usual = {"timestep": 0.002, "integrator": "euler", "cone": "pyramidal", "impratio": 1.0}
+    return tuple((name, value) for name, value in said if value != usual[name])
+
+
+def options(original: Original) -> tuple[tuple[tuple[str, ...], str], ...]:
+    """What it has not, by path: `("option", "flag", "contact")`."""
+    import mujoco
+
+    ours, usual = original.model.opt, mujoco.MjSpec().option
+    found: list[tuple[tuple[str, ...], str]] = []
+    for name in OPTIONS:
+        value, other = (getattr(one, name, None) for one in (ours, usual))
+        if value is not None and _text(name, value) != _text(name, other):
+            found.append((("option", name), _text(name, value)))
+    for enum, field, prefix, word in (
+        (mujoco.mjtDisableBit, "disableflags", "mjDSBL_", "disable"), (mujoco.mjtEnableBit, "enableflags", "mjENBL_", "enable"),
+    ):
+        for name, bit in enum.__members__.items():
+            if name.startswith(prefix) and int(getattr(ours, field)) & int(bit):
+                found.append((("option", "flag", name.removeprefix(prefix).lower()), word))
+    if int(ours.disableactuator):
+        original.lose("groups of actuators that are off", "a document has none: see `actuators` of modes", original.flat.root.where)
+    return tuple(found)
+
+
+def _text(name: str, value: Any) -> str:
+    return WORDS[name][int(value)] if name in WORDS else numbers(value if getattr(value, "shape", ()) else [value])
+
+
+def touching(
+    original: Original, on: Mapping[int, tuple[int, Pose]], heads: Mapping[int, int], still: int | None,
+) -> tuple[tuple[str, str], ...]:
+    """The links that never touch, beside those that a joint connects. Of these a document lets none touch, MuJoCo those with what stands
+    `still` (the number of its first body), or all: a loss where their shapes would."""
+    import mujoco
+
+    model = original.model
+    for pair in original.spec.pairs:
+        what = f"a contact pair, `{pair.geomname1}` and `{pair.geomname2}`"
+        original.lose(what, "contacts of a document are of all shapes that touch", original.flat.place(pair.info))
+    numbers_of = {name: number for number, name in original.bodies.items()}
+    parents = {
+        head: heads[parent] for head in set(heads.values()) if (parent := int(model.body_parentid[head])) in heads and parent != head
+    }
+    excluded: dict[tuple[int, int], tuple[str, str]] = {}
+    for one in original.spec.excludes:
+        first, second = (numbers_of[name] for name in (one.bodyname1, one.bodyname2))
+        if WORLD in (first, second) and WORLD not in on or first not in on or second not in on:
+            original.lose(f"that `{one.bodyname1}` and `{one.bodyname2}` never touch", "one of the two is no part of the robot",
+                          original.flat.place(one.info))
+            continue
+        pair_of = heads[first], heads[second]
+        if pair_of[0] != pair_of[1] and parents.get(pair_of[0]) != pair_of[1] and parents.get(pair_of[1]) != pair_of[0]:
+            excluded[min(pair_of), max(pair_of)] = original.bodies[on[first][0]], original.bodies[on[second][0]]
+        else:
+            excluded[min(pair_of), max(pair_of)] = ("", "")
+    filtered = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
+    masks = {head: _masks(model, [body for body, first in heads.items() if first == head]) for head in set(heads.values())}
+    fluid = bool(model.opt.density or model.opt.viscosity)
+    for geom in range(model.ngeom):
+        if fluid and model.geom_fluid[geom][0] and int(model.geom_bodyid[geom]) in on:
+            what = f"drag of a geom of `{original.bodies[int(model.geom_bodyid[geom])]}` as an ellipsoid"
+            original.lose(what, "a document has the drag of links", original.where("geom", geom))
+    for head, mask in sorted(masks.items()):
+        weighing = [body for body, first in heads.items() if first == head and model.body_mass[body] > 0.0]
+        if fluid and len(weighing) > 1:
+            what = f"drag of `{original.bodies[head]}`, part by part"
+            original.lose(what, "bodies that are fixed to one another are one link", original.where("body", head))
+        if head != still and len(weighing) > 1 and any(map(any, mask)):
+            why = "MuJoCo takes it from a body's inverse mass, and bodies that are fixed to one another are one"
+            original.lose(f"how soft contacts of `{original.bodies[head]}` are", why, original.where("body", head))
+    for head, parent in sorted(parents.items()):
+        pair_of = min(head, parent), max(head, parent)
+        if (parent == still or not filtered) and pair_of not in excluded and _meet(masks[head], masks[parent]):
+            what = f"contacts of `{original.bodies[head]}` with `{original.bodies[parent]}`"
+            original.lose(what, "links of a document that a joint connects never touch", original.where("body", head))
+    return tuple(pair for pair in excluded.values() if pair != ("", ""))
+
+
+def _masks(model: Any, bodies: list[int]) -> list[tuple[int, int]]:
+    return [
+        (int(model.geom_contype[geom]), int(model.geom_conaffinity[geom])) for geom in range(model.ngeom)
+        if int(model.geom_bodyid[geom]) in bodies and (int(model.geom_bodyid[geom]) or int(model.geom_type[geom]))
+    ]
+
+
+def _meet(ours: list[tuple[int, int]], theirs: list[tuple[int, int]]) -> bool:
+    return any(a & d or c & b for a, b in set(ours) for c, d in set(theirs))
+
+
+def poses(
+    original: Original, on: Mapping[int, tuple[int, Pose]], root: int, base: SourceBase, joints: Mapping[str, SourceJoint],
+) -> tuple[SourcePose, ...]:
+    """Keyframes, within the limits of the joints. A base that stands elsewhere in one, speeds and activations are losses."""
+    model, found = original.model, []
+    places = [one.where for one in original.flat.lines if one.tag == "key"][::2]
+    following = {joint.name: joint.follows for joint in joints.values() if joint.follows is not None}
+    for number, key in enumerate(original.spec.keys):
+        name, where = key.name or f"key_{number}", places[number] if number < len(places) else original.flat.root.where
+        q: dict[str, float | Quaternion] = {}
+        for joint in range(model.njnt):
+            at, kind = int(model.jnt_qposadr[joint]), int(model.jnt_type[joint])
+            if int(model.jnt_bodyid[joint]) in on and kind == 1:
+                w, x, y, z = floats(model.key_qpos[number][at : at + 4])
+                q[original.joints[joint]] = (w, x, y, z)
+            elif int(model.jnt_bodyid[joint]) in on and kind > 1:
+                name_of, value = original.joints[joint], float(model.key_qpos[number][at])
+                q[name_of] = _within(value, joints[name_of].ends)
+                if abs(value - _within(value, joints[name_of].ends)) > _ALIKE:
+                    original.lose(f"of keyframe `{name}` joint `{name_of}` at {value:g}", "it is beyond its limit, and laid onto it", where)
+        for name_of, follows in following.items():
+            was, leader = q.pop(name_of), q[follows.joint]
+            if isinstance(was, float) and isinstance(leader, float) and abs(was - follows.at(leader)) > 1e-6:
+                original.lose(f"of keyframe `{name}` joint `{name_of}` at {was:g}", f"it follows `{follows.joint}`", where)
+        elsewhere = base == "free" and any(
+            abs(a - b) > _ALIKE for at in [int(model.jnt_qposadr[model.body_jntadr[root]])]
+            for a, b in zip(floats(model.key_qpos[number][at : at + 7]), floats(model.qpos0[at : at + 7]), strict=True)
+        )
+        lost = [
+            (elsewhere, "where its base stands", "a mode of a document says where it stands"),
+            (any(floats(model.key_qvel[number])), "its speeds", "a pose of a document is at rest"),
+            (any(floats(model.key_act[number])), "its activations", "a pose of a document has none"),
+        ]
+        for is_lost, what, why in lost:
+            if is_lost:
+                original.lose(f"of keyframe `{name}` {what}", why, where)
+        controls = floats(model.key_ctrl[number])
+        found.append(SourcePose(name=name, q=q, controls={original.actuators[k]: controls[k] for k in range(len(controls))}, where=where))
+    return tuple(found)
+
+
+def _within(value: float, ends: Ends) -> float:
+    return min(max(value, -math.inf if ends.lower is None else ends.lower), math.inf if ends.upper is None else ends.upper)

@@ -1,0 +1,140 @@
+"""Geoms: what is drawn, what touches, and how."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from thingc.importing.meshes import READ
+from thingc.importing.mjcf.original import Original, differing, floats, numbers, pose_of
+from thingc.importing.model import Raw, ShapeKind, Sizes, SourceShape
+from thingc.pose import IDENTITY, Pose, Vector, rotate, rotation_of, transpose
+
+KINDS: dict[int, ShapeKind] = {
+    0: "plane", 2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh",
+}
+HIDDEN = 3
+"""The first group of geoms that MuJoCo does not show unless asked."""
+FRICTION = (1.0, 0.005, 0.0001)
+USUAL = {
+    "solref": "0.02 1", "solimp": "0.9 0.95 0.001 0.5 2", "margin": "0", "gap": "0", "solmix": "1", "contype": "1", "conaffinity": "1",
+    "friction": numbers(FRICTION), "condim": "3", "priority": "0",
+}
+"""What geoms have that say nothing."""
+GREY = (0.5, 0.5, 0.5, 1.0)
+
+
+class Geoms:
+    """The shapes of bodies; `files` are the meshes among them that are written anew, by name."""
+
+    def __init__(self, original: Original) -> None:
+        self.original, self.model = original, original.model
+        self.files: dict[str, bytes] = {}
+
+    def of(self, body: int) -> tuple[SourceShape, ...]:
+        """Of a body, in the order of the source, planes of the world left out."""
+        found: list[SourceShape] = []
+        for geom in range(self.model.ngeom):
+            if self.model.geom_bodyid[geom] == body and (body or self.model.geom_type[geom]):
+                found += self._shapes(geom)
+        return tuple(found)
+
+    def _shapes(self, geom: int) -> list[SourceShape]:
+        """A geom that is drawn and touches is two."""
+        model, where = self.model, self.original.where("geom", geom)
+        kind = KINDS.get(int(model.geom_type[geom]))
+        if kind is None:
+            self.original.lose("a geom that is a field of distances", "a document has meshes and simple shapes", where)
+            return []
+        touches = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
+        color = self._color(geom)
+        drawn = (model.geom_group[geom] < HIDDEN or not touches) and (color is None or color[3] > 0.0)
+        size, pose, mesh = self._form(geom, kind)
+        friction = self._friction(geom) if touches else ()
+        both = [
+            SourceShape(kind=kind, use="visual", size=size, pose=pose, where=where, mesh=mesh, color=color) if drawn else None,
+            SourceShape(
+                kind=kind, use="collision", size=size, pose=pose, where=where, mesh=mesh, friction=friction, raw=self._raw(geom, friction),
+            ) if touches else None,
+        ]
+        return [one for one in both if one is not None]
+
+    def _color(self, geom: int) -> tuple[float, float, float, float] | None:
+        """Of the material, where it has one; None of one that has none of its own."""
+        material = int(self.model.geom_matid[geom])
+        r, g, b, a = floats(self.model.geom_rgba[geom])
+        if (r, g, b, a) == GREY and material >= 0:
+            r, g, b, a = floats(self.model.mat_rgba[material])
+        return None if (r, g, b, a) == GREY else (r, g, b, a)
+
+    def _form(self, geom: int, kind: ShapeKind) -> tuple[Sizes, Pose, str | None]:
+        """Its size as shapes have it, pose in the body, and mesh."""
+        model = self.model
+        pose, (a, b, c) = pose_of(model.geom_pos[geom], model.geom_quat[geom]), floats(model.geom_size[geom])
+        match kind:
+            case "box":
+                return (2.0 * a, 2.0 * b, 2.0 * c), pose, None
+            case "sphere":
+                return (a,), pose, None
+            case "cylinder" | "capsule":
+                return (a, 2.0 * b), pose, None
+            case "ellipsoid":
+                return (a, b, c), pose, None
+            case "plane":
+                return (2.0 * a, 2.0 * b), pose, None
+            case _:
+                return self._mesh(geom, pose)
+
+    def _mesh(self, geom: int, centred: Pose) -> tuple[Vector, Pose, str]:
+        """MuJoCo lays a mesh into its principal axes; in the source it is where its file has it, `scale R^T (v - p)` with its own pose."""
+        written = self.original.written["geom"][geom]
+        mesh = self.original.spec.mesh(written.meshname)
+        uri = self.original.flat.meshes.get(mesh.file, "")
+        (x, y, z), scale = floats(mesh.scale), floats(mesh.scale)
+        p, turn = floats(mesh.refpos), transpose(rotation_of(_four(mesh.refquat)))
+        alike = x == y == z
+        if os.path.splitext(uri)[1].lower() not in READ or turn != IDENTITY and not alike:
+            return (1.0, 1.0, 1.0), centred, self._anew(int(self.model.geom_dataid[geom]), mesh.name or "mesh", geom)
+        u, v, w = rotate(turn, (p[0], p[1], p[2]))
+        at = Pose(rotation=turn, translation=(-scale[0] * u, -scale[1] * v, -scale[2] * w))
+        return (x, y, z), self.original.frame(written) @ at, uri
+
+    def _anew(self, mesh: int, name: str, geom: int) -> str:
+        """The name of a file with the mesh as MuJoCo has it."""
+        file = f"{name}.obj"
+        if file not in self.files:
+            model = self.model
+            first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+            faces, number = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+            lines = ["v {:.9g} {:.9g} {:.9g}".format(*row) for row in model.mesh_vert[first : first + count].tolist()]
+            lines += ["f {} {} {}".format(*(1 + one for one in row)) for row in model.mesh_face[faces : faces + number].tolist()]
+            self.files[file] = "\n".join([*lines, ""]).encode()
+            why = "it is of no kind that is read, and written anew from MuJoCo's, in single precision"
+            self.original.lose(f"mesh `{name}` as it is", why, self.original.where("geom", geom, "mesh"))
+        return file
+
+    def _friction(self, geom: int) -> tuple[float, ...]:
+        """What of its friction says something: torsion and rolling where contacts have them, and nothing where they have none."""
+        slide, torsion, roll = floats(self.model.geom_friction[geom])
+        dimensions = int(self.model.geom_condim[geom])
+        said = (slide, torsion, roll) if dimensions == 6 else (slide, torsion) if dimensions == 4 else (slide,)
+        return () if said == (FRICTION[0],) or dimensions == 1 else said
+
+    def _raw(self, geom: int, friction: tuple[float, ...]) -> Raw:
+        """What is left of how it touches. With a friction a geom is written with a priority, so that it counts on any floor."""
+        model = self.model
+        names = ("solref", "solimp", "margin", "gap", "solmix", "contype", "conaffinity", "friction", "condim", "priority")
+        wanted = [(name, numbers(values if getattr(values, "shape", ()) else [values])) for name in names
+                  for values in [getattr(model, f"geom_{name}")[geom]]]
+        otherwise = dict(USUAL)
+        if friction:
+            otherwise |= {
+                "friction": numbers((*friction, *FRICTION[len(friction) :])), "condim": {1: "3", 2: "4", 3: "6"}[len(friction)],
+                "priority": "1",
+            }
+        return differing(wanted, otherwise)
+
+
+def _four(values: Any) -> tuple[float, float, float, float]:
+    w, x, y, z = floats(values)
+    return (w, x, y, z)

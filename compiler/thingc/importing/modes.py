@@ -1,0 +1,103 @@
+"""How the robot of a document is used, as lines: poses, modes, what is simulated, sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from thingc.importing.model import SourcePose
+from thingc.importing.naming import distinct
+from thingc.importing.quantities import TURNS, angle, length, pose_words, quantity, quaternion_words, was
+from thingc.importing.words import Words
+from thingc.pose import MATE, NO_POSE
+
+
+def _start(words: Words) -> dict[str, str]:
+    """A value within its limits for each joint that has 0 outside of them: the middle."""
+    moving = [joint for one in words.order for joint in one.joints if joint.follows is None]
+    outside = {
+        joint: (joint.ends.lower + joint.ends.upper) / 2.0 for joint in moving
+        if joint.ends.lower is not None and joint.ends.upper is not None and not joint.ends.lower <= 0.0 <= joint.ends.upper
+    }
+    return {words.joints[one.name]: (angle if one.kind in TURNS else length)(round(value, 6)) for one, value in outside.items()}
+
+
+def mode_lines(words: Words, roots: Sequence[str]) -> Iterator[str]:
+    """Poses, the mode `source`, one for each of `roots`, and what is said of their simulation."""
+    start = _start(words)
+    word = distinct(["start"], "pose", taken=words.poses.values())["start"]
+    if start or words.poses:
+        yield "poses:"
+        for state in words.robot.poses:
+            values = ", ".join(f"{joint}: {value}" for joint, value in _state(words, state).items())
+            yield f"  {words.poses[state.name]}: {{{values}}}{was(words.poses[state.name], state.name)}"
+        if start:
+            yield f"  {word}: {{{', '.join(f'{joint}: {value}' for joint, value in start.items())}}}  # 0 is outside of their limits"
+        yield ""
+    yield "modes:"
+    at, begin, shared = pose_words(words.robot.pose), f", pose: {word}" if start else "", _shared(words)
+    place, more = (f", at: {{{at}}}" if at else ""), "".join(f", {key}: {value}" for key, value in shared.items())
+    yield f"  source: {{root: {words.links[words.robot.root]}, base: {words.robot.base}{place}{begin}{more}}}"
+    taken = ["source"]
+    for name in roots:
+        mode = distinct([name], "link", taken)[name]
+        taken.append(mode)
+        # A component is laid with its frame onto the world's; a mount would be mated to it, z against z.
+        stands = NO_POSE if name in words.links else MATE
+        turned = pose_words(stands)
+        if shared:  # of the mode that it extends, place and turn are there unless it says its own
+            if "quat:" in at:
+                turned = f"quat: {quaternion_words(stands)}"
+            elif "rpy:" in at and not turned:
+                turned = "rpy: 0 0 0"
+            turned = ", ".join([*(["xyz: 0 0 0"] if "xyz:" in at else []), *([turned] if turned else [])])
+        where = f", at: {{{turned}}}" if turned else ""
+        extends = "extends: source, " if shared else ""
+        yield f"  {mode}: {{{extends}root: {(words.links | words.frames)[name]}, base: held{where}{'' if shared else begin}}}"
+    if words.robot.simulation:
+        yield ""
+        said = {key: quantity(value, "s" if key == "timestep" else "") if isinstance(value, float) else value
+                for key, value in words.robot.simulation}
+        yield f"simulation: {{{', '.join(f'{key}: {value}' for key, value in said.items())}}}"
+
+
+def _state(words: Words, state: SourcePose) -> dict[str, str]:
+    """The values of a pose, those that are not 0."""
+    kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
+    said: dict[str, str] = {}
+    for name, value in state.q.items():
+        if isinstance(value, tuple):
+            if value != (1.0, 0.0, 0.0, 0.0):
+                said[words.joints[name]] = f"{{quaternion: [{', '.join(quantity(one, '') for one in value)}]}}"
+        elif value:
+            said[words.joints[name]] = (angle if kinds[name] in TURNS else length)(value)
+    return said
+
+
+def _shared(words: Words) -> dict[str, str]:
+    """What modes have in common that the language does not take for granted."""
+    robot, contacts = words.robot, []
+    if robot.excluded:
+        pairs = ", ".join(f"[{words.links[one]}, {words.links[other]}]" for one, other in robot.excluded)
+        contacts.append(f"exclude: [{pairs}]")
+    if robot.adhesions:
+        pulls = (f"{words.links[one.link]}.{words.magnets[one.name]}: {quantity(one.force, 'N')}" for one in robot.adhesions)
+        contacts.append(f"adhesion: {{{', '.join(pulls)}}}")
+    said = {} if robot.gravity is None else {"gravity": f"[{', '.join(quantity(one, 'm/s^2') for one in robot.gravity)}]"}
+    said |= {"cut": f"[{', '.join(words.loops.values())}]"} if words.loops else {}
+    return said | ({"contacts": f"{{{', '.join(contacts)}}}"} if contacts else {})
+
+
+def sensor_lines(words: Words) -> Iterator[str]:
+    """The section `sensors`, where there are any."""
+    if words.robot.sensors:
+        yield from ("", "sensors:")
+    for one, word in zip(words.robot.sensors, words.sensors, strict=True):
+        match one.kind:
+            case "joint":
+                joint = words.joints[one.joint or ""]
+                said = "" if joint == word else f", joint: {joint}"
+            case "camera":
+                said = f", at: {words.links[one.link or '']}.{words.cameras[one.name]}, fovy: {angle(one.fovy)}"
+            case _:
+                said = f", at: {(words.frames | words.sites)[one.site or '']}"
+        yield f"  {word}: {{type: {one.kind}{said}}}"

@@ -1,0 +1,127 @@
+"""Attributes that only MuJoCo has, by the names that its model has for what they are of, and as lines of a document."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from thingc.importing.model import Raw, Reference, SourceAdded, SourceLink, SourcePose, SourceShape
+from thingc.importing.quantities import quantity
+from thingc.importing.words import Words
+from thingc.load.scalars import core_value
+
+
+def raw_of(words: Words) -> dict[tuple[str, ...], str]:
+    """What is laid over MuJoCo's model, by path. What all shapes that touch have in common is said of their class."""
+    robot, found = words.robot, dict[tuple[str, ...], str]()
+
+    def lay(kind: str, name: str, raw: Raw) -> None:
+        found.update(((kind, name, key), value) for key, value in raw)
+
+    for path, value in robot.options:
+        found[path] = value
+    shapes = [one for name in words.links for one in _touching(words, words.link_of[name])]
+    common: set[tuple[str, str]] = set()
+    for key in sorted({key for _, shape in shapes for key, _ in shape.raw}):
+        values = [dict(shape.raw).get(key) for _, shape in shapes if not _says(shape, key)]
+        if len(values) > 1 and len(set(values)) == 1 and values[0] is not None:
+            common.add((key, values[0]))
+            found["default", "collision", "geom", key] = values[0]
+    for name in words.links:
+        lay("body", words.links[name], words.link_of[name].raw)
+    for joint in (joint for one in words.order for joint in one.joints):
+        word = words.joints[joint.name]
+        lay("joint", word, joint.raw)
+        if joint.drive is not None:
+            lay("actuator", word, joint.drive.raw)
+        if joint.follows is not None:
+            lay("equality", f"{word}:mimic", joint.follows.raw)
+    for magnet in robot.adhesions:
+        lay("actuator", f"{words.links[magnet.link]}.{words.magnets[magnet.name]}", magnet.raw)
+    for loop in robot.loops:
+        lay("equality", f"{words.loops[loop.name]}:loop", loop.raw)
+    for word, shape in shapes:
+        lay("geom", word, tuple(one for one in shape.raw if one not in common or _says(shape, one[0])))
+    for state in robot.poses:
+        lay("key", words.poses[state.name], _controls(words, state))
+    return found
+
+
+def _touching(words: Words, link: SourceLink) -> Iterator[tuple[str, SourceShape]]:
+    """What of a link touches, by its names in MuJoCo's model."""
+    touching = [touch for _, touch in words.items(link) if touch is not None]
+    for number, shape in enumerate(touching):
+        yield f"{words.links[link.name]}:collision{f'_{number}' if number else ''}", shape
+
+
+def _controls(words: Words, state: SourcePose) -> Raw:
+    """`ctrl` of a keyframe, where it is not as ours: drives of positions at q, adhesions as the mode has them, all others at 0."""
+    joints = [joint for one in words.order for joint in one.joints if joint.drive is not None]
+    wanted = [state.controls.get(joint.drive.name, 0.0) for joint in joints if joint.drive is not None]
+    wanted += [state.controls.get(one.name, 0.0) for one in words.robot.adhesions]
+    usual = [state.q.get(joint.name, 0.0) if joint.drive is not None and joint.drive.kind == "position" else 0.0 for joint in joints]
+    usual += [one.force for one in words.robot.adhesions]
+    if any(state.controls.get(name) for name in words.added):
+        usual.append(-1.0)  # those that are added come last, and are 0 where nothing is said
+    wanted += [state.controls.get(name, 0.0) for name in words.added] if len(usual) > len(wanted) or wanted != usual else []
+    return () if wanted == usual else (("ctrl", " ".join(quantity(one, "") for one in wanted)),)
+
+
+def _says(shape: SourceShape, attribute: str) -> bool:
+    """Whether the model that is written of a shape says an attribute already, because of its friction."""
+    return {"friction": 0, "priority": 0, "condim": 1}.get(attribute, 3) < len(shape.friction)
+
+
+def raw_lines(words: Words) -> Iterator[str]:
+    """`raw: {mjcf: ...}`; nothing where there is nothing."""
+    attributes, added = raw_of(words), words.robot.added
+    if not attributes and not added:
+        return
+    tree: dict[str, Any] = {}
+    for path, value in attributes.items():
+        at = tree
+        for word in path[:-1]:
+            at = at.setdefault(word, {})
+        at[path[-1]] = value
+    yield from ("", "raw:", "  mjcf:")
+    for kind, things in tree.items():
+        if any(isinstance(one, str) for one in things.values()):
+            yield f"    {kind}: {_flow(things)}"
+            continue
+        yield f"    {kind}:"
+        yield from (f"      {_text(name)}: {_flow(values)}" for name, values in things.items())
+    if added:
+        yield "    add:"
+    for section in dict.fromkeys(one.section for one in added):
+        yield f"      {section}:"
+        yield from (f"        - {one.tag}: {_flow(_element(words, one))}" for one in added if one.section == section)
+
+
+def _element(words: Words, one: SourceAdded) -> dict[str, Any]:
+    """Its attributes, and what stands in it, by the names of the document."""
+    names = {"tendon": words.tendons, "equality": words.ties, "actuator": words.added}
+    said: dict[str, Any] = {"name": names[one.section][one.name], **{key: _named(words, value) for key, value in one.attributes}}
+    if one.inside:
+        said["in"] = [{tag: {key: _named(words, value) for key, value in inner.items()}} for tag, inner in one.inside]
+    return said
+
+
+def _named(words: Words, value: str | Reference) -> str:
+    if isinstance(value, str):
+        return value
+    return {"joint": words.joints, "site": words.sites, "tendon": words.tendons}[value.kind][value.name]
+
+
+def _flow(value: Any) -> str:
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, list):
+        return f"[{', '.join(map(_flow, value))}]"
+    return f"{{{', '.join(f'{_text(key)}: {_flow(one)}' for key, one in value.items())}}}"
+
+
+def _text(word: str) -> str:
+    """As YAML has it: in quotes where it would be something else, or has a sign that YAML reads; numbers are texts enough."""
+    plain = re.fullmatch(r"[A-Za-z0-9_.+-]+( [A-Za-z0-9_.+-]+)*", word) and not isinstance(core_value(word), (bool, type(None)))
+    return word if plain and not word.startswith("-") or re.fullmatch(r"-[0-9.e+ -]+", word) else f'"{word}"'

@@ -1,0 +1,399 @@
+"""SDF 1.4 to 1.12: links and joints of one model, in SI, as http://sdformat.org/spec has them.
+
+Poses are stated in frames of the model (`relative_to`), in any order; where everything is in the model's frame is worked out first
+(http://sdformat.org/tutorials?tut=pose_frame_semantics). Nested models are one with the model around them: `arm::hand` is a link of it.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+
+from thingc.diagnostics import Code, Report
+from thingc.importing.model import (
+    Ends,
+    Following,
+    Hanging,
+    Kind,
+    SourceDrive,
+    SourceJoint,
+    SourceLink,
+    SourceLoop,
+    SourceLoss,
+    SourceRobot,
+    SourceShape,
+    SourceSite,
+    Weight,
+)
+from thingc.importing.sdf_frames import PUTS_IN_PLACE, WORLD, Frames, NamedFrame, key_of
+from thingc.importing.tree import look_at_mimics, root_of, spanned
+from thingc.importing.values import ChildValues
+from thingc.importing.xml_source import SourceElement, read_xml
+from thingc.inertia import MassProperties
+from thingc.pose import IDENTITY, NO_POSE, Pose, Vector, along, rotate
+from thingc.typos import did_you_mean
+
+KINDS: dict[str, Kind | None] = {
+    "revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic", "ball": "ball", "fixed": None,
+}
+"""The kinds of joints that are read."""
+OTHER_KINDS = ("gearbox", "revolute2", "screw", "universal")
+_VERSION = re.compile(r"1\.(\d+)")
+_USUAL = MassProperties(mass=1.0, inertia=IDENTITY)
+"""What a link weighs of which nothing is said."""
+ENDLESS = 1e16
+"""A limit from which on there is none."""
+ATTRIBUTES: dict[str, set[str]] = {
+    "model": {"name", "canonical_link"}, "link": {"name"}, "joint": {"name", "type"}, "frame": {"name", "attached_to"},
+    "visual": {"name"}, "collision": {"name"}, "pose": {"relative_to", "frame", "degrees", "rotation_format"}, "xyz": {"expressed_in"},
+    "mimic": {"joint"},
+}
+"""The attributes that are read, of elements that have any."""
+INSIDE: dict[str, set[str]] = {
+    "model": {"pose", "link", "joint", "frame", "model", "static"}, "link": {"pose", "inertial", "visual", "collision"},
+    "joint": {"pose", "parent", "child", "axis"}, "frame": {"pose"}, "inertial": {"pose", "mass", "inertia"},
+    "inertia": {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"}, "visual": {"pose", "geometry", "material"},
+    "collision": {"pose", "geometry", "surface"}, "geometry": {"box", "sphere", "cylinder", "capsule", "ellipsoid", "mesh"},
+    "box": {"size"}, "sphere": {"radius"}, "cylinder": {"radius", "length"}, "capsule": {"radius", "length"}, "ellipsoid": {"radii"},
+    "mesh": {"uri", "scale"}, "material": {"diffuse", "ambient", "specular"},
+    "axis": {"xyz", "limit", "dynamics", "mimic", "use_parent_model_frame"}, "limit": {"lower", "upper", "effort", "velocity"},
+    "dynamics": {"damping", "friction", "spring_stiffness", "spring_reference"}, "mimic": {"multiplier", "offset", "reference"},
+    "surface": {"friction"}, "friction": {"ode"}, "ode": {"mu"},
+}
+"""The elements that are read in others."""
+AS_USUAL = {
+    "gravity": ("1", "true"), "self_collide": ("0", "false"), "kinematic": ("0", "false"), "enable_wind": ("0", "false"),
+    "allow_auto_disable": ("0", "1", "true", "false"), "cast_shadows": ("0", "1", "true", "false"), "transparency": ("0", "0.0"),
+    "must_be_loop_joint": ("0", "false"),
+}
+"""Elements that say nothing where they say this."""
+
+
+def read_sdf(path: str, data: bytes, report: Report) -> SourceRobot | None:
+    """The robot of a file, an absolute path, with these bytes; None where it is none, which has been reported: all that is wrong."""
+    root = read_xml(path, data, report)
+    if root is None:
+        return None
+    if root.tag != "sdf":
+        report.add(
+            Code.SOURCE_XML, f"an SDF file begins with `<sdf>`, and this one with `<{root.tag}>`", root.where,
+            help="name a file of a robot: `.sdf`",
+        )
+        return None
+    return _Sdf(root, report).robot()
+
+
+class _Sdf:
+    def __init__(self, root: SourceElement, report: Report) -> None:
+        self.root, self.report, self.values = root, report, ChildValues(report)
+        self.losses: list[SourceLoss] = []
+        self.old_axes = False
+
+    def robot(self) -> SourceRobot | None:
+        """Everything that is wrong is said; then None."""
+        before = len(self.report.diagnostics)
+        self._look_at_version()
+        model = self._model()
+        if model is None:
+            return None
+        name, frames = self.values.word(model, "name"), Frames(model, self.values)
+        if name is None or len(self.report.diagnostics) > before:  # what stands nowhere must not be said again of what stands on it
+            return None
+        self.frames = frames
+        links = [self._link(key, frame.element) for key, frame in frames.all("link")]
+        hangings = [one for key, frame in frames.all("joint") if (one := self._hanging(key, frame)) is not None]
+        moving = {key for key, frame in frames.all("joint") if frame.element.attributes.get("type") not in ("fixed", "ball")}
+        look_at_mimics(hangings, moving, self.report)
+        self._unread(model)
+        return None if len(self.report.diagnostics) > before else self._stood(model, name, links, hangings)
+
+    def _look_at_version(self) -> None:
+        version = self.root.attributes.get("version", "").strip()
+        found = _VERSION.fullmatch(version)
+        if found is None or not 4 <= int(found[1]) <= 12:
+            help = "`gz sdf -p FILE` makes a newer one of an old one"
+            self.values.fault(self.root, "version", f"`version` of `<sdf>`: expected 1.4 to 1.12, found `{version}`", help)
+        self.old_axes = found is not None and int(found[1]) <= 4
+
+    def _model(self) -> SourceElement | None:
+        """The one model of the file, right in it or in its world, that is no scenery."""
+        worlds = [*self.root.all("world")]
+        models = [model for around in (self.root, *worlds) for model in around.all("model")]
+        robots = models if len(models) == 1 else [model for model in models if not self._is(model, "static")]
+        for child in (child for world in worlds for child in world.children if child not in robots):
+            self._lose(f"`<{child.tag}>` of `<world>`", "a document is of one robot", child)
+        if len(robots) == 1:
+            return robots[0]
+        found = ", ".join(f"`{one.attributes.get('name', '')}`" for one in robots[:6]) or "none"
+        self.report.add(
+            Code.SOURCE_TREE, f"expected one model that is not static, found {found}", (robots[1] if robots else self.root).where,
+            help="a document has one robot: make a file of each" if robots else PUTS_IN_PLACE,
+        )
+        return None
+
+    def _is(self, element: SourceElement, tag: str) -> bool:
+        said = next(element.all(tag), None)
+        return said is not None and said.text.lower() in ("1", "true")
+
+    def _link(self, key: str, element: SourceElement) -> SourceLink:
+        inertial = self.values.one(element, "inertial")
+        if inertial is None:
+            self._lose(f"that link `{key}` has no `<inertial>`", "it weighs 1 kg, with an inertia of 1 kg m^2, as SDF has it then", element)
+        shapes = [self._shape(child) for child in element.children if child.tag in ("visual", "collision")]
+        weight = _USUAL if inertial is None else self._weight(inertial)
+        return SourceLink(
+            name=key, where=element.place("name"), shapes=tuple(shape for shape in shapes if shape is not None),
+            weight=None if weight is None or weight.mass == 0.0 else Weight(properties=weight, where=(inertial or element).where),
+        )
+
+    def _weight(self, inertial: SourceElement) -> MassProperties | None:
+        if inertial.attributes.get("auto", "").strip().lower() in ("1", "true"):
+            help = "write its `<mass>` and `<inertia>`; `gz sdf -p FILE` works them out"
+            self.values.fault(inertial, "auto", "inertias that are to be worked out are not read", help)
+            return None
+        pose, moments = self.frames.stated(inertial), self.values.one(inertial, "inertia")
+        mass = 1.0 if self.values.written(inertial, "mass") is None else self.values.above_zero(inertial, "mass", zero=True)
+        if moments is None or mass is None:
+            return None if mass is None else replace(_USUAL, mass=mass, centre=pose.translation)
+        return self.values.inertia(moments, mass, pose, usual=1.0)
+
+    def _shape(self, element: SourceElement) -> SourceShape | None:
+        pose, geometry = self.frames.stated(element), self.values.one(element, "geometry")
+        form = None if geometry is None else next(iter(geometry.children), None)
+        if form is None:
+            help = "write <geometry><box><size>...</size></box></geometry>"
+            self.values.fault(geometry or element, None, f"this `<{element.tag}>` has no geometry", help)
+            return None
+        said = next(element.all("pose"), None)
+        relative_to = "" if said is None else said.attributes.get("relative_to", "").strip()
+        if relative_to and said is not None:
+            self._lose(f"`relative_to` of a `<{element.tag}>`", "shapes are read in their link, and this one is left out", said)
+            return None
+        if form.tag not in INSIDE["geometry"]:
+            self._lose(f"a `<{form.tag}>`", "shapes of that kind are not read", form)
+            return None
+        sized, mesh = self.values.sized(form), self.values.word(form, "uri") if form.tag == "mesh" else None
+        if sized is None or form.tag == "mesh" and mesh is None:
+            return None
+        kind, size = sized
+        if 0.0 in size:
+            self._lose(f"a `<{form.tag}>`", "it has no volume", form)
+            return None
+        return SourceShape(
+            kind=kind, use="visual" if element.tag == "visual" else "collision", size=size, pose=pose, where=form.where, mesh=mesh,
+            color=self._color(element), friction=self._friction(element),
+        )
+
+    def _color(self, visual: SourceElement) -> tuple[float, float, float, float] | None:
+        material = self.values.one(visual, "material")
+        key = next((key for key in ("diffuse", "ambient") if material is not None and self.values.written(material, key)), None)
+        if material is None or key is None:
+            return None
+        count = len((self.values.written(material, key) or "").split())
+        rgba = self.values.numbers(material, key, 3 if count == 3 else 4)
+        return None if rgba is None else (rgba[0], rgba[1], rgba[2], rgba[3] if count == 4 else 1.0)
+
+    def _friction(self, collision: SourceElement) -> tuple[float, ...]:
+        inner: SourceElement | None = collision
+        for tag in ("surface", "friction", "ode"):
+            inner = None if inner is None else self.values.one(inner, tag)
+        if inner is None or self.values.written(inner, "mu") is None:
+            return ()
+        mu = self.values.above_zero(inner, "mu", zero=True)
+        return () if mu is None else (mu,)
+
+    def _hanging(self, key: str, frame: NamedFrame) -> Hanging | None:
+        """How a joint's child hangs on its parent; a joint of one kind that is not read has been reported."""
+        element, kind = frame.element, self.values.word(frame.element, "type")
+        ends = {side: end for side in ("parent", "child") if (end := self._end(frame, side)) is not None}
+        if kind is not None and kind not in KINDS:
+            known = f"`{kind}` is no kind of joint that is read" if kind in OTHER_KINDS else f"`{kind}` is no kind of joint that SDF has"
+            self.values.fault(element, "type", known, did_you_mean(kind, KINDS, what="kinds") or f"write one of {', '.join(KINDS)}")
+            return None
+        if kind is None or len(ends) < 2:
+            return None
+        parent, child = ends["parent"], ends["child"]
+        here = self.frames.poses[child].inverse()
+        around = NO_POSE if parent == WORLD else self.frames.poses[parent]
+        moving = KINDS[kind]
+        joint = None if moving is None else self._joint(key, frame, moving, here)
+        if moving is not None and joint is None:
+            return None
+        still = joint is not None and joint.ends.lower is not None and joint.ends.lower == joint.ends.upper
+        if joint is not None and still:
+            if joint.ends.lower != 0.0:
+                message = f"`lower` and `upper` are both {joint.ends.lower:g}: this joint cannot move, and not be at 0"
+                self.values.fault(element, None, message, "make it `fixed`, or give it ends")
+            self._lose(f"joint `{key}`, whose ends are both 0", "it is read as one that is fixed", element)
+        return Hanging(
+            name=key, parent=parent, child=child, pose=_clean(around.inverse() @ self.frames.poses[child]), where=element.where,
+            joints=() if joint is None or still else (joint,),
+        )
+
+    def _end(self, frame: NamedFrame, side: str) -> str | None:
+        """The link that a joint stands on, or the world."""
+        name = self.values.word(frame.element, side)
+        if name is None or name == WORLD:
+            return WORLD if name == WORLD and side == "parent" else None
+        key = key_of(name, frame.scope)
+        if key not in self.frames.named:
+            links = [one for one, other in self.frames.named.items() if other.element.tag in ("link", "frame")]
+            self.values.fault(
+                frame.element, side, f"the {side} of this joint is `{name}`, and there is no such link or frame",
+                did_you_mean(name, links, what="links"),
+            )
+            return None
+        link = self.frames.link_of(key)
+        if link is None:
+            self.values.fault(frame.element, side, f"the {side} of this joint is `{name}`, which is on no link")
+        return link
+
+    def _joint(self, key: str, frame: NamedFrame, kind: Kind, here: Pose) -> SourceJoint | None:
+        """What moves; `here` is the model's frame in that of its child link."""
+        element, at = frame.element, here @ self.frames.poses[key]
+        if kind == "ball":
+            return SourceJoint(name=key, kind=kind, axis=(0.0, 0.0, 1.0), anchor=_clean(at).translation, where=element.where)
+        axis = self.values.one(element, "axis")
+        if axis is None:
+            message = f"this joint is `{element.attributes['type']}` and has no `<axis>`"
+            self.values.fault(element, None, message, "write <axis><xyz>...</xyz></axis>")
+            return None
+        direction = self._direction(axis, key, frame, here)
+        ends, follows = self._ends(axis), self._mimic(axis, frame.scope)
+        if kind == "revolute" and ends.lower is None:
+            kind = "continuous"
+        dynamics = self.values.one(axis, "dynamics")
+        damping = friction = stiffness = rest = 0.0
+        if dynamics is not None:
+            damping, friction, stiffness = (
+                0.0 if self.values.written(dynamics, key) is None else self.values.above_zero(dynamics, key, zero=True) or 0.0
+                for key in ("damping", "friction", "spring_stiffness")
+            )
+            rest = (self.values.number(dynamics, "spring_reference", 0.0) or 0.0) if stiffness else 0.0
+        drive = None if not ends.effort or follows else SourceDrive(name=key, kind="motor", where=element.where, effort=ends.effort)
+        return SourceJoint(
+            name=key, kind=kind, axis=direction, anchor=_clean(at).translation, where=element.where, ends=ends, damping=damping,
+            friction=friction, stiffness=stiffness, rest=rest, follows=follows, drive=drive,
+        )
+
+    def _direction(self, axis: SourceElement, key: str, frame: NamedFrame, here: Pose) -> Vector:
+        """A unit vector in the frame of the child link."""
+        xyz = self.values.one(axis, "xyz")
+        x, y, z = self.values.vector(axis, "xyz", (0.0, 0.0, 1.0))
+        length = math.hypot(x, y, z)
+        if length == 0.0:
+            self.values.fault(xyz or axis, None, "the axis of this joint is 0 0 0, which is no direction", "write for example 0 0 1")
+            return (0.0, 0.0, 1.0)
+        stated = "" if xyz is None else xyz.attributes.get("expressed_in", "").strip()
+        within = key
+        if stated and xyz is not None:
+            within = self.frames.known(xyz, "expressed_in", stated, frame.scope)
+        elif self._is(axis, "use_parent_model_frame") or self.old_axes and next(axis.all("use_parent_model_frame"), None) is None:
+            within = frame.scope
+        turned = (here @ self.frames.poses[within]).rotation
+        return _rounded(rotate(turned, (x / length, y / length, z / length)))
+
+    def _ends(self, axis: SourceElement) -> Ends:
+        limit = self.values.one(axis, "limit")
+        if limit is None:
+            return Ends()
+        lower, upper, effort, velocity = (
+            None if self.values.written(limit, key) is None else self._bound(limit, key) for key in ("lower", "upper", "effort", "velocity")
+        )
+        if (lower is None) != (upper is None):
+            self._lose("the one end of a joint", "the other is not stated, and a joint has two or none", limit)
+            lower = upper = None
+        if lower is not None and upper is not None and lower > upper:
+            self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or mend the number")
+        return Ends(
+            lower=lower, upper=upper, effort=None if effort is None or effort < 0.0 else effort,
+            velocity=None if velocity is None or velocity < 0.0 else velocity,
+        )
+
+    def _bound(self, limit: SourceElement, key: str) -> float | None:
+        """None where it says that there is none."""
+        if (self.values.written(limit, key) or "").strip().lower().lstrip("+-") in ("inf", "infinity"):
+            return None
+        value = self.values.number(limit, key)
+        return None if value is None or abs(value) >= ENDLESS else value
+
+    def _mimic(self, axis: SourceElement, scope: str) -> Following | None:
+        """q is `multiplier (q(leader) - reference) + offset`."""
+        mimic = self.values.one(axis, "mimic")
+        if mimic is None:
+            return None
+        joint = self.values.word(mimic, "joint")
+        multiplier, offset, reference = (
+            self.values.number(mimic, key, usual) for key, usual in (("multiplier", 1.0), ("offset", 0.0), ("reference", 0.0))
+        )
+        if joint is None or multiplier is None or offset is None or reference is None:
+            return None
+        offset -= multiplier * reference
+        return Following(joint=key_of(joint, scope), multiplier=multiplier, offset=offset, where=mimic.place("joint"))
+
+    def _stood(self, model: SourceElement, name: str, links: list[SourceLink], hangings: list[Hanging]) -> SourceRobot | None:
+        """The robot on its root: fixed where a joint holds it to the world, else free. What moves in the world stands on a link that weighs
+        nothing."""
+        sites: dict[str | None, tuple[SourceSite, ...]] = {}
+        for key, frame in self.frames.all("frame"):
+            link = self.frames.link_of(key)
+            pose = _clean(self.frames.poses[link or ""].inverse() @ self.frames.poses[key])
+            sites[link] = (*sites.get(link, ()), SourceSite(name=key, pose=pose, where=frame.element.place("name")))
+        links = [replace(link, sites=sites.get(link.name, ())) for link in links]
+        placed = self.values.one(model, "pose")
+        if placed is not None and placed.attributes.get("relative_to", "").strip() not in ("", WORLD):
+            self._lose("`relative_to` of the model's pose", "it is read as one in the world", placed)
+        here, grounded = self.frames.stated(model), [one for one in hangings if one.parent == WORLD]
+        if len(grounded) == 1 and not grounded[0].joints:
+            hangings = [one for one in hangings if one is not grounded[0]]
+        elif grounded:
+            links = [SourceLink(name=WORLD, where=model.place("name")), *links]
+            hangings = [replace(one, pose=_clean(here @ one.pose)) if one in grounded else one for one in hangings]
+        tree, closing = spanned(hangings)
+        root = root_of(links, tree, model.where, self.report)
+        if root is None:
+            return None
+        loops = tuple(self._loop(one) for one in closing)
+        losses = tuple(sorted(self.losses, key=lambda loss: (loss.where.line, loss.where.column)))
+        return SourceRobot(
+            name=name, where=model.place("name"), root=root, links=tuple(links), hangings=tree,
+            base="fixed" if grounded or self._is(model, "static") else "free",
+            pose=NO_POSE if root == WORLD else _clean(here @ self.frames.poses[root]), losses=losses,
+            loops=loops,
+        )
+
+    def _loop(self, one: Hanging) -> SourceLoop:
+        """What a joint keeps together of two links that are in the tree already."""
+        joint = next(iter(one.joints), None)
+        at = NO_POSE if joint is None else along(joint.axis, joint.anchor)
+        if joint is not None and (joint.ends != Ends() or joint.damping or joint.friction or joint.stiffness or joint.follows):
+            why = "a joint that closes a loop has none of that"
+            self.losses.append(SourceLoss(what=f"limits, drive and dynamics of joint `{one.name}`", why=why, where=one.where))
+        kind = "fixed" if joint is None else "continuous" if joint.kind == "revolute" else joint.kind
+        assert kind != "planar"
+        return SourceLoop(name=one.name, kind=kind, ends=((one.parent, _clean(one.pose @ at)), (one.child, at)), where=one.where)
+
+    def _unread(self, element: SourceElement) -> None:
+        """A loss for each element and attribute that is not read, the whole of it."""
+        for attribute in element.attributes.keys() - ATTRIBUTES.get(element.tag, set()):
+            if not attribute.startswith("xmlns"):
+                self._lose(f"`{attribute}` of `<{element.tag}>`", "it is not read", element)
+        for child in element.children:
+            if child.tag in INSIDE.get(element.tag, ()):
+                self._unread(child)
+            elif child.text.lower() not in AS_USUAL.get(child.tag, ()):
+                self._lose(f"`<{child.tag}>` of `<{element.tag}>`", "it is not read", child)
+
+    def _lose(self, what: str, why: str, element: SourceElement) -> None:
+        self.losses.append(SourceLoss(what=what, why=why, where=element.where))
+
+
+def _rounded(vector: Vector) -> Vector:
+    """Without the digits that composing poses leaves behind."""
+    x, y, z = (round(one, 15) + 0.0 for one in vector)
+    return (x, y, z)
+
+
+def _clean(pose: Pose) -> Pose:
+    return Pose(translation=_rounded(pose.translation), rotation=pose.rotation)

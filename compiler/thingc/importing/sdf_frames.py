@@ -1,0 +1,153 @@
+"""Frames of an SDF model: where each is, however they are stated in one another, and which link it moves with.
+
+http://sdformat.org/tutorials?tut=pose_frame_semantics
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from thingc.diagnostics import Code, Note
+from thingc.frozen import dataclass
+from thingc.importing.values import ChildValues
+from thingc.importing.xml_source import SourceElement
+from thingc.pose import NO_POSE, Pose, placed, rotation_of
+from thingc.typos import did_you_mean
+
+WORLD = "world"
+MODEL = "__model__"
+PUTS_IN_PLACE = "`gz sdf -p FILE > robot.sdf` puts included models in their place"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NamedFrame:
+    """A frame of the robot: the link, joint, frame or model that it is of, the model around that, by its frame, and the frame that its pose
+    is stated in. The outermost model's frame is called ""."""
+
+    element: SourceElement
+    scope: str
+    relative_to: str = ""
+
+
+class Frames:
+    """Of a model and all models in it, by their whole names (`arm::hand`); what is wrong with them is reported by `values`."""
+
+    def __init__(self, model: SourceElement, values: ChildValues) -> None:
+        self.model, self.values = model, values
+        self.named: dict[str, NamedFrame] = {}
+        self.poses: dict[str, Pose] = {"": NO_POSE}
+        self._find(model, "")
+        self.named = {key: replace(frame, relative_to=self._relative_to(frame)) for key, frame in self.named.items()}
+        for key in self.named:
+            self._put(key)
+
+    def all(self, tag: str) -> list[tuple[str, NamedFrame]]:
+        """Those of links, joints or frames."""
+        return [(key, frame) for key, frame in self.named.items() if frame.element.tag == tag]
+
+    def _find(self, model: SourceElement, scope: str) -> None:
+        """Everything in a model, and in the models in it, that has a frame."""
+        for include in model.all("include"):
+            self.values.fault(include, None, "included models are not read", PUTS_IN_PLACE)
+        if "placement_frame" in model.attributes:
+            self.values.fault(model, "placement_frame", "`placement_frame` is not read", "state the pose of the model itself")
+        for child in model.children:
+            if child.tag not in ("link", "frame", "joint", "model") or (name := self.values.word(child, "name")) is None:
+                continue
+            key = key_of(name, scope)
+            if key in self.named or not key or key == WORLD:
+                notes = [Note(message="the first one is here", span=self.named[key].element.place("name"))] if key in self.named else []
+                what = f"two of this model are called `{name}`" if notes else f"`{name}` is a name of SDF itself"
+                self.values.report.add(Code.SOURCE_TREE, what, child.place("name"), notes=notes, help="rename it")
+                continue
+            self.named[key] = NamedFrame(element=child, scope=scope)
+            if child.tag == "model":
+                self._find(child, key)
+
+    def _relative_to(self, frame: NamedFrame) -> str:
+        """What a pose is stated in; where nothing is said, what it moves with."""
+        pose = self.values.one(frame.element, "pose")
+        for attribute in ("relative_to", "frame"):  # as it was called before 1.7
+            if pose is not None and pose.attributes.get(attribute, "").strip():
+                return self.known(pose, attribute, pose.attributes[attribute], frame.scope)
+        return self._carrier(frame)
+
+    def _carrier(self, frame: NamedFrame) -> str:
+        """The frame that another moves with: of a joint its child, of a frame what it is attached to, of all else the model around it."""
+        attribute = {"joint": "child", "frame": "attached_to"}.get(frame.element.tag)
+        name = None if attribute is None else self.values.written(frame.element, attribute)
+        return frame.scope if attribute is None or not name else self.known(frame.element, attribute, name, frame.scope)
+
+    def known(self, element: SourceElement, attribute: str, name: str, scope: str) -> str:
+        """The frame that is called so in a model; where there is none, which is reported, that of the model."""
+        key = key_of(name.strip(), scope)
+        if key and key not in self.named:
+            inside = [one.removeprefix(f"{scope}::") for one, frame in self.named.items() if frame.scope == scope]
+            help = did_you_mean(name, inside, what="names")
+            self.values.fault(element, attribute, f"`{name}` is no link, joint, frame or model here", help)
+            return scope
+        return key
+
+    def _put(self, key: str) -> None:
+        """Put down where a frame is in the robot, and all those that it is stated in."""
+        way: dict[str, NamedFrame] = {}
+        while key not in self.poses:
+            if key in way:
+                shown = " -> ".join(f"`{one}`" for one in [*[*way][[*way].index(key) :], key])
+                where = way[key].element.where
+                self.values.report.add(
+                    Code.SOURCE_TREE, f"poses are stated in one another, in a circle: {shown}", where,
+                    help="state one of them in the model",
+                )
+                self.poses[key] = NO_POSE
+                break
+            way[key] = self.named[key]
+            key = way[key].relative_to
+        for key, frame in reversed(way.items()):
+            self.poses[key] = self.poses[frame.relative_to] @ self.stated(frame.element)
+
+    def stated(self, element: SourceElement) -> Pose:
+        """What the `<pose>` in an element says; no move where it has none."""
+        pose = self.values.one(element, "pose")
+        if pose is None or not pose.text:
+            return NO_POSE
+        quaternion = pose.attributes.get("rotation_format", "").strip() == "quat_xyzw"
+        numbers = self.values.numbers(element, "pose", 7 if quaternion else 6)
+        if numbers is None:
+            return NO_POSE
+        x, y, z, *turn = numbers
+        if quaternion:
+            length = math.hypot(*turn)
+            if length == 0.0:
+                self.values.fault(pose, None, "the quaternion of this pose is 0 0 0 0, which is no rotation", "write 0 0 0 1")
+                return NO_POSE
+            i, j, k, w = (one / length for one in turn)
+            return Pose(translation=(x, y, z), rotation=rotation_of((w, i, j, k)))
+        degrees = pose.attributes.get("degrees", "").strip().lower() in ("1", "true")
+        roll, pitch, yaw = (math.radians(one) if degrees else one for one in turn)
+        return placed((x, y, z), (roll, pitch, yaw))
+
+    def link_of(self, key: str) -> str | None:
+        """The link that a frame moves with; of a model the one that it names, else its first; None where there is none."""
+        seen: set[str] = set()
+        while key not in seen:
+            seen.add(key)
+            frame = self.named.get(key)
+            if frame is not None and frame.element.tag == "link":
+                return key
+            if frame is not None and frame.element.tag != "model":
+                key = self._carrier(frame)
+                continue
+            named = (self.model if frame is None else frame.element).attributes.get("canonical_link", "")
+            inside = [one for one, other in self.named.items() if other.scope == key and other.element.tag in ("link", "model")]
+            links = [one for one in inside if self.named[one].element.tag == "link"]
+            wanted = [one for one in [key_of(named, key)] if named and one in self.named]
+            key = next(iter([*wanted, *links, *inside]), key)
+        return None
+
+
+def key_of(name: str, scope: str) -> str:
+    """What is called so in a model, wherever it is: `hand` in `arm` is `arm::hand`, and `__model__` the model itself."""
+    own = name.removesuffix(MODEL).removesuffix("::")
+    return "::".join(part for part in (scope, own) if part)

@@ -1,0 +1,195 @@
+"""What URDF files say to the programs that read them: `<gazebo>`, `<transmission>`, `<ros2_control>` and `<mujoco>`. What a document can
+say is taken, and every other element is a loss with its reason; what only tells a program how to read the file loses nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import field
+from typing import Literal
+
+from thingc.frozen import dataclass
+from thingc.importing.model import SourceLoss
+from thingc.importing.values import Values
+from thingc.importing.xml_source import SourceElement
+from thingc.pose import Pose, placed
+from thingc.source import Span
+
+TAGS = ("gazebo", "transmission", "ros2_control", "mujoco")
+KEPT = {"preserveFixedJoint", "disableFixedJointLumping", "provideFeedback", "canonicalBody"}
+"""Elements of Gazebo without which nothing would be lost: links that are fixed to others are there in any case."""
+WHY = {
+    **dict.fromkeys(("kp", "kd", "maxVel", "minDepth", "maxContacts"), "how stiff a contact is, its simulator says"),
+    **dict.fromkeys(("gravity", "turnGravityOff"), "all links have the mode's gravity"), "fdir1": "friction has no direction",
+    "material": "it names a colour of Gazebo", "selfCollide": "links touch, but for those that a joint connects",
+    "plugin": "it is a program of Gazebo", "static": "modes say what stands still", "hardware": "it is a program of ROS",
+}
+COMMANDS = ("position", "velocity", "effort")
+ONLY_READING = {"angle", "fusestatic", "discardvisual", "strippath", "meshdir", "assetdir", "convexhull", "balanceinertia", "autolimits"}
+"""Attributes of MuJoCo's `<compiler>` that say how it reads the file."""
+
+
+SENSORS: dict[str, Literal["imu", "camera"]] = {"imu": "imu", "imu_sensor": "imu", "camera": "camera"}
+LOOKING = Pose(rotation=((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+"""A mount that a camera looks along, z, in a frame of Gazebo's, along whose x it looks; y is up here, and z there."""
+FIELD_OF_VIEW, WIDTH, HEIGHT = 1.047, 320.0, 240.0
+"""Of a camera, as SDF has them where a file says nothing: from left to right [rad], and its picture."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GazeboSensor:
+    """A sensor on a link, at a pose in it; `fovy` [rad] of a camera, from bottom to top."""
+
+    name: str
+    kind: Literal["imu", "camera"]
+    link: str
+    pose: Pose
+    fovy: float
+    where: Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Blocks:
+    """`friction` of links (sliding, by their names), the joints that something drives (None: nothing says which), where MuJoCo looks for
+    meshes, and what is not said."""
+
+    friction: Mapping[str, float] = field(default_factory=dict)
+    driven: frozenset[str] | None = None
+    meshes: str | None = None
+    sensors: tuple[GazeboSensor, ...] = ()
+    losses: tuple[SourceLoss, ...] = ()
+
+
+def read_blocks(root: SourceElement, values: Values) -> Blocks:
+    """All blocks of a robot. What is no number is reported."""
+    return _Blocks(root, values).read()
+
+
+class _Blocks:
+    def __init__(self, root: SourceElement, values: Values) -> None:
+        self.root, self.values = root, values
+        self.losses: list[SourceLoss] = []
+        self.friction: dict[str, float] = {}
+        self.sensors: dict[str, GazeboSensor] = {}
+
+    def read(self) -> Blocks:
+        for block in self.root.all("gazebo"):
+            self._gazebo(block)
+        driven = {*self._transmitted(), *self._controlled()}
+        said = any(True for tag in ("transmission", "ros2_control") for _ in self.root.all(tag))
+        for block in self.root.all("mujoco"):
+            self._mujoco(block)
+        compilers = [one for block in self.root.all("mujoco") for one in block.all("compiler")]
+        folders = [one.attributes[key] for one in compilers for key in ("meshdir", "assetdir") if key in one.attributes]
+        return Blocks(
+            friction=self.friction, driven=frozenset(driven) if said else None, meshes=folders[0] if folders else None,
+            sensors=tuple(self.sensors.values()), losses=tuple(self.losses),
+        )
+
+    def _lose(self, what: str, why: str, element: SourceElement) -> None:
+        self.losses.append(SourceLoss(what=what, why=why, where=element.where))
+
+    def _rest(self, elements: Iterable[SourceElement], of: str) -> None:
+        for element in elements:
+            self._lose(f"`<{element.tag}>` {of}", WHY.get(element.tag, "it is not read"), element)
+
+    def _gazebo(self, block: SourceElement) -> None:
+        name = block.attributes.get("reference")
+        if name is None:
+            self._rest(block.children, "of `<gazebo>`")
+            return
+        here = f"of `<gazebo reference=\"{name}\">`"
+        links, joints = ([one.attributes.get("name") for one in self.root.all(tag)] for tag in ("link", "joint"))
+        if name not in links and name not in joints:
+            self._lose(f"`<gazebo reference=\"{name}\">`", "there is no such link or joint", block)
+            return
+        first, second = (next(block.all(tag), None) for tag in ("mu1", "mu2"))
+        slides = [None if one is None else self._number(one) for one in (first, second)]
+        if first is not None and slides[0] is not None and name in links:
+            self.friction[name] = slides[0]
+        elif first is not None:
+            self._lose(f"`<mu1>` {here}", "it is no link", first)
+        if second is not None and slides[1] is not None and slides[0] != slides[1]:
+            self._lose(f"`<mu2>` {here}", "friction is the same in all directions", second)
+        for sensor in block.all("sensor"):
+            self._sensor(sensor, name, name in links)
+        self._rest((one for one in block.children if one.tag not in {"mu1", "mu2", "sensor", *KEPT}), here)
+
+    def _sensor(self, element: SourceElement, link: str, on_link: bool) -> None:
+        name, kind = element.attributes.get("name", ""), element.attributes.get("type", "")
+        what, known = f"sensor `{name}`", SENSORS.get(kind)
+        if known is None or not on_link or not name or name in self.sensors:
+            why = "another one is called so" if name in self.sensors else f"there is no sensor `{kind}`" if on_link else "it is on no link"
+            self._lose(what, why, element)
+            return
+        pose = next(element.all("pose"), None)
+        words = ["0"] * 6 if pose is None else pose.text.split()
+        numbers = [self.values.number_of(pose or element, word, "`<pose>`") for word in words]
+        if len(numbers) != 6:
+            self.values.fault(pose or element, None, f"`<pose>`: expected 6 numbers with spaces between, found {len(numbers)} of them")
+        x, y, z, roll, pitch, yaw = (one or 0.0 for one in (*numbers, *[0.0] * 6)[:6])
+        at, fovy = placed((x, y, z), (roll, pitch, yaw)), 0.0
+        if known == "camera":
+            at, fovy = at @ LOOKING, self._fovy(element)
+        self.sensors[name] = GazeboSensor(name=name, kind=known, link=link, pose=at, fovy=fovy, where=element.where)
+        if any(one.tag not in ("pose", "always_on", "visualize", "camera") for one in element.children):
+            self._lose(f"rate, noise and plugins of {what}", "a sensor here says what it is and where", element)
+
+    def _fovy(self, element: SourceElement) -> float:
+        """From bottom to top, of the angle from left to right and the shape of the picture."""
+        cameras = [*element.all("camera")]
+        images = [image for camera in cameras for image in camera.all("image")]
+        found = [FIELD_OF_VIEW, WIDTH, HEIGHT]
+        for k, (tag, inside) in enumerate((("horizontal_fov", cameras), ("width", images), ("height", images))):
+            for one in (one for outer in inside for one in outer.all(tag)):
+                found[k] = self._number(one) or found[k]
+        return 2.0 * math.atan(math.tan(min(found[0], 3.1) / 2.0) * found[2] / found[1])
+
+    def _number(self, element: SourceElement) -> float | None:
+        """From 0 on, as the text of an element, or its `value`."""
+        text = element.attributes.get("value", element.text)
+        number = self.values.number_of(element, text, f"`<{element.tag}>`")
+        if number is not None and number < 0.0:
+            self.values.fault(element, None, f"`<{element.tag}>`: expected a number at least 0, found {number:g}")
+            return None
+        return number
+
+    def _transmitted(self) -> Iterator[str]:
+        """The joints that transmissions move."""
+        for block in self.root.all("transmission"):
+            faces = [one.text for part in block.children for one in part.all("hardwareInterface")]
+            for joint in block.all("joint"):
+                name = joint.attributes.get("name", "")
+                yield name
+                self._interfaces(name, {kind for kind in COMMANDS for face in faces if kind in face.lower()}, joint)
+            for one in (one for part in block.all("actuator") for one in part.all("mechanicalReduction")):
+                if (ratio := self._number(one)) is not None and ratio != 1.0:
+                    self._lose(f"`<mechanicalReduction>` {ratio:g}", "what drives a joint is told as it is at the joint", one)
+            self._rest((one for one in block.children if one.tag not in ("joint", "actuator", "type")), "of `<transmission>`")
+
+    def _controlled(self) -> Iterator[str]:
+        """The joints that `<ros2_control>` can command."""
+        for block in self.root.all("ros2_control"):
+            for joint in block.all("joint"):
+                name, commands = joint.attributes.get("name", ""), [*joint.all("command_interface")]
+                if commands:
+                    yield name
+                    self._interfaces(name, {one.attributes.get("name", "") for one in commands}, joint)
+                bounds = [one for command in commands for one in command.all("param") if one.attributes.get("name") in ("min", "max")]
+                if bounds:
+                    self._lose(f"the bounds of what is commanded of joint `{name}`", "its own limits hold", bounds[0])
+            self._rest((one for one in block.children if one.tag != "joint"), "of `<ros2_control>`")
+
+    def _interfaces(self, name: str, kinds: set[str], joint: SourceElement) -> None:
+        """A joint is a motor: gains of the loop around it are in no URDF."""
+        if kinds & {"position", "velocity"} and "effort" not in kinds:
+            kind = "position" if "position" in kinds else "velocity"
+            self._lose(f"that joint `{name}` is commanded by its {kind}", "the gains are its controller's: it has a motor", joint)
+
+    def _mujoco(self, block: SourceElement) -> None:
+        for one in block.children:
+            if one.tag != "compiler":
+                self._lose(f"`<{one.tag}>` of `<mujoco>`", "it is not read", one)
+                continue
+            for attribute in sorted(one.attributes.keys() - ONLY_READING):
+                self._lose(f"`{attribute}` of `<compiler>`", "masses and shapes are as the file has them", one)

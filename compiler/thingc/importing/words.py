@@ -1,0 +1,107 @@
+"""What everything of a robot is called in its document, and what of its shapes is listed together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from thingc.importing.model import Hanging, SourceLink, SourceRobot, SourceShape
+from thingc.importing.naming import distinct, plain_name
+from thingc.importing.updating import Earlier
+
+
+class Words:
+    """`links` are components, `frames` links that are mounts, and so on, each by the name in the source; `order` is the tree from the root
+    on. `meshes` is where files are that shapes name, and what an `earlier` import has named keeps its name."""
+
+    def __init__(self, robot: SourceRobot, meshes: Mapping[str, str], earlier: Earlier | None) -> None:
+        self.robot, self.meshes = robot, meshes
+        self.name = plain_name(robot.name, "robot")
+        self.link_of = {link.name: link for link in robot.links}
+        self.below: dict[str, list[Hanging]] = {}
+        for one in robot.hangings:
+            self.below.setdefault(one.parent, []).append(one)
+        self.order = tuple(self._order())
+        self.above = {one.child: one for one in self.order}
+        mounts = [one.child for one in self.order if self._is_mount(one)]
+        names = distinct([robot.root, *(one.child for one in self.order)], "link", earlier=None if earlier is None else earlier.links)
+        self.links = {name: word for name, word in names.items() if name not in mounts}
+        self.frames = {name: names[name] for name in mounts}
+        points = [
+            link.name for link in robot.links
+            if link.weight is not None and not any(map(any, link.weight.properties.inertia)) and any(map(self.is_shown, link.shapes))
+        ]
+        self.points = {
+            name: distinct([f"{self.links[name]}_mass"], "link", taken=names.values())[f"{self.links[name]}_mass"] for name in points
+        }
+        self.sites = distinct([site.name for link in robot.links for site in link.sites], "mount", taken=names.values())
+        moving = [joint.name for one in self.order for joint in one.joints]
+        self.joints = distinct(moving, "joint", earlier=None if earlier is None else earlier.joints)
+        self.loops = distinct([loop.name for loop in robot.loops], "loop", taken=self.joints.values())
+        # Mounts of joints lie beside those that are shown, and may not be called like one of them.
+        shown = [*self.frames.values(), *self.sites.values()]
+        self.mounts = distinct(moving, "joint", taken=shown, earlier=self.joints)
+        self.ends = distinct(self.loops.values(), "loop", taken=[*shown, *self.mounts.values()])
+        taken = [*shown, *self.mounts.values(), *self.ends.values()]
+        self.magnets = distinct([one.name for one in robot.adhesions], "magnet", taken=taken)
+        self.cameras = distinct(
+            [one.name for one in robot.sensors if one.kind == "camera"], "camera", taken=[*taken, *self.magnets.values()],
+        )
+        self.sensors: list[str] = []
+        for sensor in robot.sensors:
+            named = (self.joints if sensor.kind == "joint" else self.sites).get(sensor.name, sensor.name)
+            self.sensors += distinct([named], "sensor", taken=self.sensors).values()
+        self.tendons = distinct([one.name for one in robot.added if one.section == "tendon"], "tendon")
+        self.added = distinct([one.name for one in robot.added if one.section == "actuator"], "drive", taken=self.joints.values())
+        self.ties = distinct([one.name for one in robot.added if one.section == "equality"], "equality", taken=self.loops.values())
+        self.poses = distinct([one.name for one in robot.poses], "pose")
+
+    def _order(self) -> Iterator[Hanging]:
+        """The tree from the root on, each branch to its end, as the source has them."""
+        waiting = [*reversed(self.below.get(self.robot.root, ()))]
+        while waiting:
+            one = waiting.pop()
+            yield one
+            waiting += reversed(self.below.get(one.child, ()))
+
+    def _is_mount(self, one: Hanging) -> bool:
+        link = self.link_of[one.child]
+        return not (one.joints or link.weight or link.shapes or one.child in self.below)
+
+    def others(self) -> dict[str, dict[str, str]]:
+        """What other things of the source are called, as files have it: those kinds of which there are any."""
+        drives = {joint.drive.name: self.joints[joint.name] for one in self.order for joint in one.joints if joint.drive is not None}
+        magnets = {one.name: f"{self.links[one.link]}/{self.magnets[one.name]}" for one in self.robot.adhesions}
+        parts = {
+            of: f"{word}:{part}" for one, word in zip(self.robot.sensors, self.sensors, strict=True) for of, part in one.parts
+        }
+        kinds = {
+            "sites": self.sites, "loops": self.loops, "actuators": drives | magnets | self.added,
+            "sensors": parts, "poses": self.poses,
+        }
+        return {kind: dict(names) for kind, names in kinds.items() if names}
+
+    def items(self, link: SourceLink) -> Iterator[tuple[SourceShape, SourceShape | None]]:
+        """The shapes of a link as they are listed, each with what touches of it: itself, or what is like it and is drawn as it."""
+        shown = [shape for shape in link.shapes if self.is_shown(shape)]
+        alone = [shape for shape in shown if shape.use == "collision"]
+        drawn_as: dict[int, SourceShape] = {}
+        for same in (True, False):  # a shape of the source that does both, before others that are alike
+            for number, shape in enumerate(shown):
+                like = [one for one in alone if _form(one) == _form(shape) and (one.where == shape.where or not same)]
+                if shape.use == "visual" and number not in drawn_as and like:
+                    drawn_as[number] = like[0]
+                    alone = [one for one in alone if one is not like[0]]
+        for number, shape in enumerate(shown):
+            if shape.use == "visual":
+                yield shape, drawn_as.get(number)
+            elif any(one is shape for one in alone):
+                yield shape, shape
+
+    def is_shown(self, shape: SourceShape) -> bool:
+        """Whether it is no mesh that is left out."""
+        return shape.mesh is None or shape.mesh in self.meshes
+
+
+def _form(shape: SourceShape) -> tuple[object, ...]:
+    """What of a shape has to be the same, for it to be drawn and touched alike."""
+    return shape.kind, shape.size, shape.pose, shape.mesh

@@ -1,0 +1,107 @@
+"""Tendons: sums of coordinates that springs, limits and drives act along."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from thingc.diagnostics import Code, Note
+from thingc.joints import dimensions_of
+from thingc.resolve.coordinates import CoordinateName, Dynamics, Limit
+from thingc.resolve.model import Drive, Tendon
+from thingc.resolve.references import suggested
+from thingc.resolve.scope import Scope
+from thingc.resolve.table import Table
+from thingc.source import Path
+from thingc.spec.tendons import TendonSpec
+from thingc.units import ANGLE, LENGTH, Dimension, Quantity
+
+
+def tendons(table: Table, scope: Scope) -> Iterator[Tendon]:
+    """The tendons of the document, in its order. One that is wrong is left out (reported)."""
+    for name, spec in table.spec.tendons.items():
+        path: Path = ("tendons", name)
+        terms = _terms(table, scope, name, spec, path)
+        if terms is not None:
+            coordinate, moves = terms
+            yield _tendon(scope, name, spec, path, coordinate, moves)
+
+
+def _terms(
+    table: Table, scope: Scope, name: str, spec: TendonSpec, path: Path,
+) -> tuple[Dimension, tuple[tuple[CoordinateName, float], ...]] | None:
+    """The dimension of the length, that of its first term, and the factors by coordinate."""
+    moves: list[tuple[CoordinateName, float]] = []
+    length: Dimension | None = None
+    for text, raw in spec.joints.items():
+        place: Path = (*path, "joints", text)
+        balls = (one for one in table.joints.values() if one is not None and one.kind.at_once and text in (one.name.joint, one.name))
+        joint = next(balls, None) or table.joints.get(CoordinateName(text))
+        if joint is None:
+            if CoordinateName(text) not in table.joints and not any(f"{text}_".startswith(prefix) for prefix in table.unbuilt_joints):
+                scope.error(
+                    Code.UNKNOWN_JOINT, f"this document has no joint `{text}`", place, key=True,
+                    help=suggested(text, table.joints, what="joints"),
+                )
+            return None
+        notes = [Note(message=f"`{text}` is written here", span=joint.origin[0])]
+        if joint.twist is None or joint.kind.at_once:
+            why = "does not move" if joint.twist is None else "turns by no single number"
+            scope.error(
+                Code.JOINT_FIELD, f"tendon `{name}` cannot go over `{text}`, which is {joint.kind.name} and {why}", place, key=True,
+                notes=notes, help="name a coordinate that turns about one axis, or slides along one",
+            )
+            return None
+        own = joint.twist.coordinate
+        fitting = (length / own,) if length is not None else (ANGLE / own, LENGTH / own)
+        factor = scope.number(raw, place, fitting, f"how `{text}` changes the length of tendon `{name}`", notes=notes)
+        value = scope.value(raw, place)
+        if factor is None or not isinstance(value, Quantity):
+            return None
+        if length is None:
+            length = ANGLE if value.fits(ANGLE / own) else LENGTH
+        moves.append((CoordinateName(text), factor))
+    return (length, tuple(moves)) if length is not None else None
+
+
+def _tendon(
+    scope: Scope, name: str, spec: TendonSpec, path: Path, coordinate: Dimension, moves: tuple[tuple[CoordinateName, float], ...],
+) -> Tendon:
+    of = dimensions_of(coordinate)
+
+    def number(section: str, key: str, *, least: float | None = 0.0) -> float | None:
+        model: Any = getattr(spec, section)
+        raw = getattr(model, key) if model is not None else None
+        what = f"`{section}.{key}` of tendon `{name}`"
+        return None if raw is None else scope.number(raw, (*path, section, key), of[key], what, least=least)
+
+    limit = Limit(lower=number("limit", "lower", least=None), upper=number("limit", "upper", least=None))
+    if limit.lower is not None and limit.upper is not None and not limit.lower < limit.upper:
+        scope.error(
+            Code.LIMIT, f"limits of tendon `{name}` leave no room: expected lower < upper", (*path, "limit", "lower"), help="swap them",
+        )
+        limit = Limit()
+    dynamics = Dynamics(
+        **{key: number("dynamics", key) for key in ("damping", "friction", "armature", "stiffness")},
+        rest=number("dynamics", "rest", least=None),
+    )
+    if dynamics.rest is not None and spec.dynamics is not None and spec.dynamics.stiffness is None:
+        scope.error(
+            Code.JOINT_FIELD, f"tendon `{name}` has a `dynamics.rest` and no `stiffness`: there is no spring that could rest",
+            (*path, "dynamics", "rest"), key=True, help="write its `stiffness` beside it, or take it out",
+        )
+    drive = None
+    if spec.drive is not None:
+        for key in ("axis", "armature"):
+            if getattr(spec.drive, key) is not None:
+                scope.error(
+                    Code.DRIVE, f"the drive of tendon `{name}` has no `{key}`", (*path, "drive", key), key=True,
+                    help="write it under `dynamics`" if key == "armature" else "take it out",
+                )
+        drive = Drive(
+            component=None, kind=spec.drive.kind, kp=number("drive", "kp"), kv=number("drive", "kv"), effort=number("drive", "effort"),
+            velocity=number("drive", "velocity"), origin=scope.origin((*path, "drive")),
+        )
+    return Tendon(
+        name=name, moves=moves, turns=coordinate == ANGLE, limit=limit, dynamics=dynamics, drive=drive, origin=scope.origin(path, key=True),
+    )

@@ -1,0 +1,185 @@
+"""How far the MuJoCo model of an imported robot is from the model of the MJCF file that it was, read by MuJoCo itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy
+
+FREE, BALL = 0, 1
+MISSING = math.inf
+DEEP, NOTHING = 1e-3, 1e-6
+
+
+@dataclass
+class Pair:
+    """Two models, and which number in `ours` each body, joint, site and actuator of `theirs` has. `named` are the names of theirs by
+    number, made up where the file has none; `words` what `import.json` calls them. What is not of the robot touches nothing in theirs."""
+
+    theirs: mujoco.MjModel
+    ours: mujoco.MjModel
+    named: Mapping[str, Mapping[int, str]]
+    words: Mapping[str, Mapping[str, str]]
+    worst: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.a, self.b = mujoco.MjData(self.theirs), mujoco.MjData(self.ours)
+        known = {**self.words["links"], **self.words["frames"]}
+        self.bodies = {k: known[name] for k, name in self.named["body"].items() if name in known}
+        self.sites = {k: self.words.get("sites", {})[name] for k, name in self.named["site"].items() if name in self.words.get("sites", {})}
+        self.joints = {k: self.words["joints"][name] for k, name in self.named["joint"].items() if name in self.words["joints"]}
+        drives = self.words.get("actuators", {})
+        self.drives = {k: drives[name] for k, name in self.named["actuator"].items() if name in drives}
+        free = [k for k in range(self.theirs.njnt) if self.theirs.jnt_type[k] == FREE]
+        self.base = [k for k in free if int(self.theirs.jnt_bodyid[k]) in self.bodies]
+        self.dofs = [self._addresses(k, word) for k, word in [*self.joints.items(), *((k, "root") for k in self.base)]]
+        for geom in range(self.theirs.ngeom):
+            body = int(self.theirs.geom_bodyid[geom])
+            if body not in self.bodies or body == 0 and self.theirs.geom_type[geom] == 0:
+                self.theirs.geom_contype[geom] = self.theirs.geom_conaffinity[geom] = 0
+
+    def _addresses(self, k: int, word: str) -> tuple[slice, slice, slice, slice]:
+        """Of qpos and of qvel, theirs and ours."""
+        kind = int(self.theirs.jnt_type[k])
+        n, m = (7, 6) if kind == FREE else (4, 3) if kind == BALL else (1, 1)
+        ours = self.ours.joint(word)
+        places = (int(self.theirs.jnt_qposadr[k]), int(ours.qposadr[0]), int(self.theirs.jnt_dofadr[k]), int(ours.dofadr[0]))
+        first, second, third, fourth = (slice(at, at + count) for at, count in zip(places, (n, n, m, m), strict=True))
+        return first, second, third, fourth
+
+    def say(self, kind: str, ours: object, theirs: object, *, relative: bool = False) -> None:
+        """Keep the largest difference of a kind, relative to the largest entry if asked."""
+        mine, other = numpy.asarray(ours, float), numpy.asarray(theirs, float)
+        size = max(float(numpy.abs(other).max(initial=0.0)), NOTHING) if relative else 1.0
+        far = MISSING if mine.shape != other.shape else float(numpy.abs(mine - other).max(initial=0.0)) / size
+        self.worst[kind] = max(self.worst.get(kind, 0.0), far)
+
+    def put(self, random: numpy.random.Generator) -> None:
+        """The same random state in both."""
+        for data, model in ((self.a, self.theirs), (self.b, self.ours)):
+            mujoco.mj_resetData(model, data)
+        for at, here, dof, place in self.dofs:
+            n = at.stop - at.start
+            q = random.uniform(-1.0, 1.0, n)
+            if n > 1:
+                q[-4:] = random.normal(size=4)
+                q[-4:] /= numpy.linalg.norm(q[-4:])
+            self.a.qpos[at] = self.b.qpos[here] = q
+            self.a.qvel[dof] = self.b.qvel[place] = random.uniform(-1.0, 1.0, dof.stop - dof.start)
+
+    def control(self, random: numpy.random.Generator) -> None:
+        """The same controls for drives that both have; theirs alone are off."""
+        self.a.ctrl[:] = 0.0
+        for k, word in self.drives.items():
+            low, high = self.theirs.actuator_ctrlrange[k] if self.theirs.actuator_ctrllimited[k] else (-1.0, 1.0)
+            self.a.ctrl[k] = self.b.ctrl[self.ours.actuator(word).id] = random.uniform(low, high)
+
+    def forward(self) -> None:
+        mujoco.mj_forward(self.theirs, self.a)
+        mujoco.mj_forward(self.ours, self.b)
+
+    def compare(self, states: int = 50, steps: int = 200) -> dict[str, float]:
+        """All of it; by kind the largest difference."""
+        random = numpy.random.default_rng(3)
+        rows = [numpy.concatenate([numpy.arange(one[k].start, one[k].stop) for one in self.dofs] or [numpy.array([], int)]) for k in (2, 3)]
+        for _ in range(states):
+            self.put(random)
+            self.control(random)
+            self.forward()
+            self.poses()
+            full = [numpy.zeros((model.nv, model.nv)) for model in (self.theirs, self.ours)]
+            mujoco.mj_fullM(self.theirs, self.a, full[0])
+            mujoco.mj_fullM(self.ours, self.b, full[1])
+            self.say("mass matrix", full[1][numpy.ix_(rows[1], rows[1])], full[0][numpy.ix_(rows[0], rows[0])], relative=True)
+            for kind, name in (("bias", "qfrc_bias"), ("passive", "qfrc_passive"), ("actuators", "qfrc_actuator")):
+                self.say(kind, getattr(self.b, name)[rows[1]], getattr(self.a, name)[rows[0]], relative=True)
+            self.contacts()
+            self.a.qvel[:], self.b.qvel[:] = 0.0, 0.0
+            self.forward()
+            self.say("gravity", self.b.qfrc_bias[rows[1]], self.a.qfrc_bias[rows[0]], relative=True)
+        self.constants(rows)
+        self.keyframes()
+        self.trajectory(random, steps)
+        return self.worst
+
+    def poses(self) -> None:
+        for k, word in self.bodies.items():
+            ours = self.b.site(word) if mujoco.mj_name2id(self.ours, mujoco.mjtObj.mjOBJ_SITE, word) >= 0 else self.b.body(word)
+            self.say("poses", (*ours.xpos, *ours.xmat), (*self.a.xpos[k], *self.a.xmat[k]))
+        for k, word in self.sites.items():
+            ours = self.b.site(word)
+            self.say("poses", (*ours.xpos, *ours.xmat), (*self.a.site_xpos[k], *self.a.site_xmat[k]))
+
+    def contacts(self) -> None:
+        """Which bodies touch, and how deep, as long as that is less than a millimetre: how deep meshes are in each other is not unique."""
+        ours_of = {k: self._body(word) for k, word in self.bodies.items()}
+        found: list[dict[tuple[int, int], float]] = [{}, {}]
+        for index, (model, data) in enumerate(((self.theirs, self.a), (self.ours, self.b))):
+            for contact in data.contact:
+                bodies = [int(model.geom_bodyid[geom]) for geom in contact.geom]
+                one, other = sorted(ours_of.get(body, -1) if index == 0 else body for body in bodies)
+                found[index][one, other] = min(found[index].get((one, other), 1.0), float(contact.dist))
+        theirs, ours = found
+        if theirs.keys() != ours.keys():
+            self.say("contacts", [MISSING], [0.0])
+        for pair in theirs.keys() & ours.keys():
+            if theirs[pair] > -DEEP:
+                self.say("contacts", ours[pair], theirs[pair])
+
+    def _body(self, word: str) -> int:
+        body = mujoco.mj_name2id(self.ours, mujoco.mjtObj.mjOBJ_BODY, word)
+        return body if body >= 0 else int(self.ours.site(word).bodyid[0])
+
+    def constants(self, rows: list[numpy.ndarray]) -> None:
+        for k, word in self.joints.items():
+            ours = self.ours.joint(word)
+            limited = bool(self.theirs.jnt_limited[k])
+            self.say("limits", [limited, *(ours.range if limited else (0.0, 0.0))],
+                     [bool(ours.limited[0]), *(self.theirs.jnt_range[k] if limited else (0.0, 0.0))])
+            self.say("springs", [ours.stiffness[0]], [self.theirs.jnt_stiffness[k]])
+        for name in ("dof_damping", "dof_armature", "dof_frictionloss", "dof_solref", "dof_solimp"):
+            self.say("dynamics", getattr(self.ours, name)[rows[1]], getattr(self.theirs, name)[rows[0]])
+        for k, word in self.drives.items():
+            at = self.ours.actuator(word).id
+            for name in ("gear", "gainprm", "biasprm", "ctrllimited", "forcelimited", "ctrlrange", "forcerange", "dyntype"):
+                ours, theirs = (numpy.array(getattr(model, f"actuator_{name}")[i]) for model, i in ((self.ours, at), (self.theirs, k)))
+                bound = name.removesuffix("range")
+                if name.endswith("range") and not getattr(self.theirs, f"actuator_{bound}limited")[k]:
+                    continue
+                self.say("gains", ours, theirs)
+        for name in (
+            "timestep", "gravity", "integrator", "cone", "impratio", "solver", "iterations", "disableflags", "enableflags", "density",
+        ):
+            self.say("options", getattr(self.ours.opt, name), getattr(self.theirs.opt, name))
+
+    def keyframes(self) -> None:
+        for number in range(self.theirs.nkey):
+            name = mujoco.mj_id2name(self.theirs, mujoco.mjtObj.mjOBJ_KEY, number) or f"key_{number}"
+            if "poses" not in self.words and name == f"key_{number}":
+                continue  # room for one, that `<size>` makes
+            word = self.words.get("poses", {}).get(name)
+            at = -1 if word is None else mujoco.mj_name2id(self.ours, mujoco.mjtObj.mjOBJ_KEY, word)
+            if at < 0:
+                self.say("keyframes", [MISSING], [0.0])
+                continue
+            for qpos, here, _, _ in self.dofs:
+                self.say("keyframes", self.ours.key_qpos[at][here], self.theirs.key_qpos[number][qpos])
+            for k, drive in self.drives.items():
+                self.say("keyframes", self.ours.key_ctrl[at][self.ours.actuator(drive).id], self.theirs.key_ctrl[number][k])
+
+    def trajectory(self, random: numpy.random.Generator, steps: int) -> None:
+        """From where theirs begins, with random controls."""
+        for data, model in ((self.a, self.theirs), (self.b, self.ours)):
+            mujoco.mj_resetData(model, data)
+        for at, here, _, _ in self.dofs:
+            self.b.qpos[here] = self.a.qpos[at]
+        for step in range(steps):
+            if step % 20 == 0:
+                self.control(random)
+            mujoco.mj_step(self.theirs, self.a)
+            mujoco.mj_step(self.ours, self.b)
+        for at, here, _, _ in self.dofs:
+            self.say("trajectory", self.b.qpos[here], self.a.qpos[at])

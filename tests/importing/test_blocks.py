@@ -1,0 +1,96 @@
+"""What URDF files say to Gazebo, ROS and MuJoCo: taken where a document says it, else a loss with its line and its reason."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import mujoco
+import pytest
+
+import thingc
+from thingc.diagnostics import Report
+from thingc.importing import Imported, import_robot
+
+SOURCE = Path(__file__).parent / "robots" / "blocks.urdf"
+
+
+@pytest.fixture(scope="module")
+def imported() -> Imported:
+    report = Report()
+    found = import_robot(str(SOURCE), report)
+    assert found is not None and report.diagnostics == []
+    return found
+
+
+def test_friction_and_drives(imported: Imported, tmp_path: Path) -> None:
+    text = imported.files["blocks.yaml"].decode()
+    assert "- {box: 200 200 200 mm, friction: {slide: 0.8}}\n" in text
+    (tmp_path / "blocks.yaml").write_text(text)
+    model = thingc.compile(tmp_path / "blocks.yaml").modes["source"].model()
+    touching = [k for k in range(model.ngeom) if model.geom_contype[k]]
+    assert len(touching) == 2 and [model.geom_friction[k][0] for k in touching] == [0.8, 0.8]
+    assert [model.actuator(k).name for k in range(model.nu)] == ["shoulder", "wrist"], "what has no command is not driven"
+
+
+def test_sensors_are_where_they_were(imported: Imported, tmp_path: Path) -> None:
+    """At q = 0: the eye looks along y there, with z up, and 2 atan(tan(45 deg) / 2) from bottom to top."""
+    text = imported.files["blocks.yaml"].decode()
+    assert "  imu: {type: imu, at: imu_link}\n  gyro: {type: imu, at: gyro}\n" in text
+    (tmp_path / "blocks.yaml").write_text(text)
+    compiled = thingc.compile(tmp_path / "blocks.yaml")
+    assert [d for d in compiled.diagnostics if d.code.code != "TC610"] == []
+    model = compiled.modes["source"].model()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
+    assert data.site("imu_link").xpos == pytest.approx([0.2, 0.0, 0.6]) and data.site("gyro").xpos == pytest.approx([0.1, 0.0, 0.3])
+    assert data.site("gyro").xmat.reshape(3, 3)[:, 0] == pytest.approx([0.0, 1.0, 0.0], abs=1e-12)
+    turned = data.cam_xmat[0].reshape(3, 3)
+    assert data.cam_xpos[0] == pytest.approx([0.2, 0.0, 0.7])
+    assert -turned[:, 2] == pytest.approx([0.0, 1.0, 0.0], abs=1e-12) and turned[:, 1] == pytest.approx([0.0, 0.0, 1.0], abs=1e-12)
+    assert model.cam_fovy[0] == pytest.approx(math.degrees(2.0 * math.atan(0.5)))
+
+
+def test_what_is_lost_has_its_line_and_its_reason(imported: Imported) -> None:
+    lost = [(one["line"], one["what"], one["why"]) for one in json.loads(imported.files["import.json"])["losses"]]
+    assert lost == [
+        (4, "`boundmass` of `<compiler>`", "masses and shapes are as the file has them"),
+        (5, "`<option>` of `<mujoco>`", "it is not read"),
+        (20, "`<safety_controller>` of `<joint>`", "it is not read"),
+        (31, '`<kp>` of `<gazebo reference="base">`', "how stiff a contact is, its simulator says"),
+        (32, '`<material>` of `<gazebo reference="base">`', "it names a colour of Gazebo"),
+        (34, "rate, noise and plugins of sensor `imu`", "a sensor here says what it is and where"),
+        (41, "sensor `laser`", "there is no sensor `ray`"),
+        (44, '`<gazebo reference="hnad">`', "there is no such link or joint"),
+        (45, "`<plugin>` of `<gazebo>`", "it is a program of Gazebo"),
+        (49, "`<mechanicalReduction>` 50", "what drives a joint is told as it is at the joint"),
+        (52, "`<hardware>` of `<ros2_control>`", "it is a program of ROS"),
+        (53, "that joint `wrist` is commanded by its position", "the gains are its controller's: it has a motor"),
+        (54, "the bounds of what is commanded of joint `wrist`", "its own limits hold"),
+    ]
+
+
+def test_frictions_that_are_none_are_said(tmp_path: Path) -> None:
+    path, report = tmp_path / "robot.urdf", Report()
+    path.write_text(SOURCE.read_text().replace("<mu1>0.8", "<mu1>much").replace('value="0.8"', 'value="-1"'))
+    assert import_robot(str(path), report) is None
+    assert [(d.span.line, d.message) for d in report.ordered() if d.span is not None] == [
+        (29, "`<mu1>`: expected a number, found `much`"), (30, "`<mu2>`: expected a number at least 0, found -1"),
+    ]
+
+
+def test_meshes_may_be_where_mujoco_finds_them(tmp_path: Path) -> None:
+    mesh = '<visual><geometry><mesh filename="package://nowhere/a/part.stl"/></geometry></visual>'
+    path = tmp_path / "robot" / "robot.urdf"
+    (path.parent / "assets").mkdir(parents=True)
+    path.write_text(SOURCE.read_text().replace('<link name="tip">', f'<link name="tip">{mesh}'))
+    report = Report()
+    assert import_robot(str(path), report) is None and "there is no package `nowhere`" in report.diagnostics[0].message
+    (path.parent / "assets" / "part.stl").write_bytes(b"solid")
+    imported = import_robot(str(path), Report())
+    assert imported is not None and imported.files["meshes/part.stl"] == b"solid"
+    path.write_text(path.read_text().replace('meshdir="assets"', 'meshdir="../.."'))
+    (tmp_path.parent / "part.stl").write_bytes(b"solid")
+    assert import_robot(str(path), Report()) is None, "it stays in the folder above"

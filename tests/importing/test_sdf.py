@@ -1,0 +1,200 @@
+"""SDF: what is imported is the robot that Drake reads in the same file, and what is wrong with a file is said at its line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import mujoco
+import numpy
+import pytest
+
+import thingc
+from thingc.diagnostics import Report
+from thingc.importing import Imported, import_robot
+
+HERE = Path(__file__).parent
+SOURCE = HERE / "robots" / "constructs.sdf"
+DRAKE = json.loads((HERE / "robots" / "constructs.sdf.json").read_text())
+"""What `benchmarks/importing/ask_drake.py` said of the file (Drake 1.51)."""
+
+
+@pytest.fixture(scope="module")
+def imported() -> Imported:
+    report = Report()
+    found = import_robot(str(SOURCE), report, roots=DRAKE["asked"]["roots"])
+    assert found is not None and report.diagnostics == []
+    return found
+
+
+@pytest.fixture(scope="module")
+def models(imported: Imported, tmp_path_factory: pytest.TempPathFactory) -> dict[str, mujoco.MjModel]:
+    folder = tmp_path_factory.mktemp("imported")
+    for name, content in imported.files.items():
+        (folder / name).write_bytes(content)
+    return {name: mode.model() for name, mode in thingc.compile(folder / "constructs.yaml").modes.items()}
+
+
+def test_it_is_the_robot_that_drake_reads(imported: Imported, models: dict[str, mujoco.MjModel]) -> None:
+    names = json.loads(imported.files["import.json"])["names"]
+    known, asked = names["links"] | names["frames"] | names["sites"], DRAKE["asked"]
+    joints = [names["joints"][name] for name in asked["joints"]]
+    for mode, model in models.items():
+        data = mujoco.MjData(model)
+        dofs = [int(model.joint(word).dofadr[0]) for word in joints]
+        for (q, v), theirs in zip(asked["states"], DRAKE["answer"]["states"], strict=True):
+            for word, here, speed in zip(joints, q, v, strict=True):
+                data.joint(word).qpos[0], data.joint(word).qvel[0] = here, speed
+            mujoco.mj_forward(model, data)
+            full = numpy.zeros((model.nv, model.nv))
+            mujoco.mj_fullM(model, data, full)
+            ours, frames = full[numpy.ix_(dofs, dofs)], {name: numpy.array(pose) for name, pose in theirs["frames"].items()}
+            if mode == "source":
+                for name, frame in frames.items():
+                    assert numpy.abs(pose(data, known[name]) - frame).max() < 1e-9, name
+                close(ours, theirs["mass_matrix"])
+                close(data.qfrc_bias[dofs], theirs["bias"])
+                data.qvel[:] = 0.0
+                mujoco.mj_forward(model, data)
+                close(data.qfrc_bias[dofs], theirs["gravity"])
+            else:
+                root = next(name for name, word in known.items() if word == mode)
+                at, there = numpy.linalg.inv(pose(data, mode)), numpy.linalg.inv(frames[root])
+                for name, frame in frames.items():
+                    assert numpy.abs(at @ pose(data, known[name]) - there @ frame).max() < 1e-9, name
+                close(ours, theirs["held"][root])
+
+
+def test_limits_drives_and_springs(models: dict[str, mujoco.MjModel]) -> None:
+    """Read off the file by hand."""
+    model = models["source"]
+    assert {model.joint(k).name: tuple(model.joint(k).range) for k in range(model.njnt) if model.joint(k).limited[0]} == {
+        "shoulder": (-1.2, 1.5), "elbow": (-0.4, 2.0), "gripper_slide": (-0.02, 0.05), "gripper_grip": (-0.5, 0.8),
+    }
+    assert {model.actuator(k).name: model.actuator(k).ctrlrange[1] for k in range(model.nu)} == {
+        "shoulder": 30.0, "spin": 3.0, "gripper_slide": 40.0,
+    }
+    assert model.joint("elbow").stiffness[0] == 3.5 and model.joint("shoulder").damping[0] == 0.7
+    assert model.joint("shoulder").frictionloss[0] == 0.2
+    assert model.geom("base:collision").friction[0] == 0.7
+
+
+LINK = "<inertial><mass>1</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial>"
+
+
+def sdf(inside: str, version: str = "1.9") -> str:
+    links = "".join(f"<link name='{name}'><pose>{k} 0 0 0 0 0</pose>{LINK}</link>\n" for k, name in enumerate("abcd"))
+    return f"<sdf version='{version}'><model name='m'>\n{links}{inside}</model></sdf>"
+
+
+def joint(name: str, parent: str, child: str, kind: str = "continuous", axis: str = "<xyz>0 0 1</xyz>") -> str:
+    axes = f"<axis>{axis}</axis>" if kind not in ("fixed", "ball") else ""
+    return f"<joint name='{name}' type='{kind}'><parent>{parent}</parent><child>{child}</child>{axes}</joint>\n"
+
+
+def read(tmp_path: Path, text: str) -> tuple[Imported | None, Report]:
+    (tmp_path / "m.sdf").write_text(text)
+    report = Report()
+    return import_robot(str(tmp_path / "m.sdf"), report), report
+
+
+REST = joint("k", "b", "c") + joint("l", "c", "d")
+CHAIN = joint("j", "a", "b") + REST
+
+
+def test_a_loop_is_closed_where_the_tree_is_whole(tmp_path: Path) -> None:
+    """The joint that comes last to a link that hangs already closes the loop; which way a joint goes says nothing of the tree."""
+    found, report = read(tmp_path, sdf(joint("j", "b", "a") + joint("k", "b", "c") + joint("l", "c", "d") + joint("m", "a", "d", "ball")))
+    assert found is not None and not report.failed
+    (tmp_path / "m.yaml").write_bytes(found.files["m.yaml"])
+    compiled = thingc.compile(tmp_path / "m.yaml")
+    model = compiled.modes["source"].model()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert [loop.name for loop in found.robot.loops] == ["m"] and model.neq == 1
+    assert abs(data.efc_pos).max() < 1e-12
+
+
+def test_a_joint_against_the_tree_is_turned_around(tmp_path: Path) -> None:
+    """`c` comes to `b`, which hangs already: q still means what it did, of `b` relative to `c`."""
+    found, report = read(tmp_path, sdf(joint("j", "a", "b") + joint("k", "c", "b", axis="<xyz>0 0.6 0.8</xyz>") + joint("l", "c", "d")))
+    assert found is not None and not report.failed
+    (tmp_path / "m.yaml").write_bytes(found.files["m.yaml"])
+    model = thingc.compile(tmp_path / "m.yaml").modes["source"].model()
+    data = mujoco.MjData(model)
+    data.joint("k").qpos[0] = 0.7
+    mujoco.mj_forward(model, data)
+    relative = numpy.linalg.inv(pose(data, "c")) @ pose(data, "b")
+    quaternion = numpy.array([numpy.cos(0.35), 0.0, 0.6 * numpy.sin(0.35), 0.8 * numpy.sin(0.35)])
+    turned = numpy.zeros(9)
+    mujoco.mju_quat2Mat(turned, quaternion)
+    assert numpy.abs(relative[:3, :3] - turned.reshape(3, 3)).max() < 1e-12
+    assert numpy.abs(relative[:3, 3] - [-1.0, 0.0, 0.0]).max() < 1e-12  # its axis goes through the frame of `b`
+
+
+@pytest.mark.parametrize(("version", "axis"), [
+    ("1.4", "<xyz>0 1 0</xyz>"), ("1.6", "<xyz>0 1 0</xyz><use_parent_model_frame>1</use_parent_model_frame>"),
+    ("1.7", "<xyz expressed_in='__model__'>0 1 0</xyz>"), ("1.6", "<xyz>1 0 0</xyz>"),
+])
+def test_an_axis_is_in_the_model_or_in_the_joint(version: str, axis: str, tmp_path: Path) -> None:
+    """As libsdformat converts it; the child's x is the model's y."""
+    turned = f"<link name='e'><pose>0 0 1 0 0 {numpy.pi / 2}</pose>{LINK}</link>"
+    found, _ = read(tmp_path, sdf(f"{turned}{CHAIN}{joint('n', 'a', 'e', axis=axis)}", version))
+    assert found is not None
+    (axis_of,) = (one.axis for hanging in found.robot.hangings for one in hanging.joints if one.name == "n")
+    assert numpy.abs(numpy.array(axis_of) - [1.0, 0.0, 0.0]).max() < 1e-12
+
+
+@pytest.mark.parametrize(("parent", "kind", "base", "root"), [
+    ("world", "fixed", "fixed", "a"), ("world", "continuous", "fixed", "world"), ("", "", "free", "a"),
+])
+def test_how_it_stands(parent: str, kind: str, base: str, root: str, tmp_path: Path) -> None:
+    found, report = read(tmp_path, sdf(CHAIN + (joint("w", parent, "a", kind) if parent else "")))
+    assert found is not None and not report.failed and (found.robot.base, found.robot.root) == (base, root)
+
+
+def test_what_is_usual_is_taken_and_said(tmp_path: Path) -> None:
+    found, _ = read(tmp_path, "<sdf version='1.9'><model name='m'><link name='a'/></model></sdf>")
+    assert found is not None and found.robot.links[0].weight is not None
+    assert found.robot.links[0].weight.properties.mass == 1.0 and found.robot.links[0].weight.properties.inertia[2][2] == 1.0
+    assert [loss.what for loss in found.losses] == ["that link `a` has no `<inertial>`"]
+
+
+@pytest.mark.parametrize(("text", "code", "line", "message"), [
+    ("<robot/>", "TC951", 1, "an SDF file begins with `<sdf>`, and this one with `<robot>`"),
+    (sdf(CHAIN, "2.0"), "TC952", 1, "`version` of `<sdf>`: expected 1.4 to 1.12, found `2.0`"),
+    ("<sdf version='1.9'>\n</sdf>", "TC953", 1, "expected one model that is not static, found none"),
+    ("<sdf version='1.9'><model name='a'/>\n<model name='b'/></sdf>", "TC953", 2, "expected one model that is not static, found `a`, `b`"),
+    (sdf(CHAIN + "<include><uri>model://x</uri></include>"), "TC952", 9, "included models are not read"),
+    (sdf(CHAIN + joint("o", "a", "z")), "TC952", 9, "`z` is no link, joint, frame or model here"),
+    (sdf(joint("j", "a", "b") + joint("k", "b", "c")), "TC953", 5, "the robot has 2 roots, links that hang on no other: `a`, `d`"),
+    (sdf(CHAIN + "<frame name='f'><pose relative_to='g'/></frame>\n<frame name='g'><pose relative_to='f'/></frame>"), "TC953", 9,
+     "poses are stated in one another, in a circle: `f` -> `g` -> `f`"),
+    (sdf(CHAIN + "<frame name='a'/>"), "TC953", 9, "two of this model are called `a`"),
+    (sdf(CHAIN + "<frame name='f'><pose>0 0 nan 0 0 0</pose></frame>"), "TC952", 9,
+     "`pose` of `<frame>`: expected 6 numbers with spaces between, all of them finite, found `nan`"),
+    (sdf(joint("j", "a", "b", "hinge") + REST), "TC952", 6, "`hinge` is no kind of joint that SDF has"),
+    (sdf(joint("j", "a", "b", axis="<xyz>0 0 0</xyz>") + REST), "TC952", 6,
+     "the axis of this joint is 0 0 0, which is no direction"),
+    (sdf(joint("j", "a", "b", axis="<xyz>0 0 1</xyz><limit><lower>2</lower><upper>1</upper></limit>") + REST),
+     "TC952", 6, "`lower` is 2 and above `upper`, 1"),
+    (sdf(joint("j", "a", "b", axis="<xyz>0 0 1</xyz><mimic joint='q'/>") + REST), "TC952", 6,
+     "joint `j` mimics `q`, which is no joint that moves"),
+])
+def test_what_is_wrong_is_said_at_its_line(text: str, code: str, line: int, message: str, tmp_path: Path) -> None:
+    found, report = read(tmp_path, text)
+    assert found is None
+    said = [(one.code.code, one.span.line if one.span is not None else 0, one.message) for one in report.ordered()]
+    assert said == [(code, line, message)]
+
+
+def pose(data: mujoco.MjData, word: str) -> numpy.ndarray:
+    """4 x 4, of the site of that name, else the body."""
+    is_site = mujoco.mj_name2id(data.model, mujoco.mjtObj.mjOBJ_SITE, word) >= 0
+    found, one = numpy.eye(4), data.site(word) if is_site else data.body(word)
+    found[:3, :3], found[:3, 3] = one.xmat.reshape(3, 3), one.xpos
+    return found
+
+
+def close(ours: numpy.ndarray, theirs: list[object]) -> None:
+    assert numpy.abs(ours - numpy.array(theirs)).max() <= 1e-9 * numpy.abs(numpy.array(theirs)).max()

@@ -1,0 +1,211 @@
+"""Several joints on one body: what MuJoCo makes of the same body in a model by hand, and what a link between two joints may not be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from loops.robots import compiled
+from modes.switching_robots import mass_matrix
+from thingc import pipeline
+from thingc.emit.artifact import Artifacts
+from thingc.environment import Environment, Options
+
+INERTIA = "inertia: {ixx: 0.02 kg*m^2, iyy: 0.03 kg*m^2, izz: 0.025 kg*m^2, ixy: 0.001 kg*m^2}"
+BASE = "torso: {frame: true, mass: 4 kg, inertia: {ixx: 0.03 kg*m^2, iyy: 0.04 kg*m^2, izz: 0.05 kg*m^2}"
+LEGS = f"""\
+thingc: assembly/1
+name: legs
+simulation: {{timestep: 2 ms}}
+components:
+  {BASE}, mounts: {{hip: {{xyz: 50 -20 30 mm, quat: [0.8, 0, 0.6, 0]}}, slot: {{xyz: 0 100 0 mm}}}}}}
+  hip_x: {{frame: true}}
+  hip_y: {{frame: true, mounts: {{z: {{xyz: 3 -2 11 mm}}}}}}
+  thigh: {{frame: true, mass: 2 kg, com: 5 3 -100 mm, {INERTIA}, mounts: {{hip: {{xyz: -10 5 20 mm}}}}}}
+  x: {{frame: true}}
+  y: {{frame: true}}
+  plate: {{frame: true, mass: 1 kg, com: 10 0 20 mm, {INERTIA}}}
+joints:
+  roll: {{type: revolute, parent: torso.hip, child: hip_x.origin, axis: [1, 0, 0], limit: {{lower: -1 rad, upper: 0.5 rad}}}}
+  pitch:
+    type: revolute
+    parent: hip_x.origin
+    child: hip_y.origin
+    axis: [0, 3, 4]
+    limit: {{lower: -0.7 rad, upper: 0.9 rad}}
+    dynamics: {{damping: 0.1 N*m*s/rad, armature: 0.01 kg*m^2, stiffness: 2 N*m/rad}}
+    drive: {{kind: position, kp: 30 N*m/rad, effort: 6 N*m}}
+  yaw: {{type: continuous, parent: hip_y.z, child: thigh.hip, axis: [0, 0, 1]}}
+  right: {{type: prismatic, parent: torso.slot, child: x.origin, axis: [1, 0, 0], limit: {{lower: -1 m, upper: 1 m}}}}
+  ahead: {{type: prismatic, parent: x.origin, child: y.origin, axis: [0, 1, 0], limit: {{lower: -1 m, upper: 1 m}}}}
+  spin: {{type: continuous, parent: y.origin, child: plate.origin, axis: [0, 0, 1], dynamics: {{damping: 0.02 N*m*s/rad}}}}
+"""
+MODES = "modes:\n  up: {root: torso, base: fixed}\n  down: {root: thigh, base: free}\n"
+BY_HAND = """\
+<mujoco>
+  <compiler angle="radian"/>
+  <option timestep="0.002"/>
+  <worldbody>
+    <body name="torso">
+      <inertial pos="0 0 0" mass="4" diaginertia="0.03 0.04 0.05"/>
+      <body name="thigh" pos="0.05 -0.02 0.03" quat="0.8 0 0.6 0">
+        <joint name="roll" axis="1 0 0" range="-1 0.5"/>
+        <joint name="pitch" axis="0 3 4" range="-0.7 0.9" damping="0.1" armature="0.01" stiffness="2"/>
+        <joint name="yaw" pos="0.003 -0.002 0.011" axis="0 0 1"/>
+        <inertial pos="0.018 -0.004 -0.109" mass="2" fullinertia="0.02 0.03 0.025 0.001 0 0"/>
+        <site name="thigh" pos="0.013 -0.007 -0.009"/>
+      </body>
+      <body name="plate" pos="0 0.1 0">
+        <joint name="right" type="slide" axis="1 0 0" range="-1 1"/>
+        <joint name="ahead" type="slide" axis="0 1 0" range="-1 1"/>
+        <joint name="spin" damping="0.02"/>
+        <inertial pos="0.01 0 0.02" mass="1" fullinertia="0.02 0.03 0.025 0.001 0 0"/>
+        <site name="plate"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><position name="pitch" joint="pitch" kp="30" forcerange="-6 6"/></actuator>
+</mujoco>
+"""
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Artifacts]:
+    """By target."""
+    folder = tmp_path_factory.mktemp("legs")
+    (folder / "legs.yaml").write_text(LEGS + MODES)
+    with Environment(str(folder / "legs.yaml"), Options(store=str(folder / "store"))) as environment:
+        compilation = pipeline.compile(environment)
+        assert compilation.report.diagnostics == []
+        return pipeline.build(environment, compilation, ["mjcf", "urdf"])
+
+
+@pytest.fixture(scope="module")
+def legs(made: Mapping[str, Artifacts]) -> Artifacts:
+    return made["mjcf"]
+
+
+def data_of(artifacts: Artifacts, mode: str) -> mujoco.MjData:
+    text = artifacts.files[f"mjcf/legs_{mode}.xml"]
+    assert isinstance(text, bytes)
+    return mujoco.MjData(mujoco.MjModel.from_xml_string(text.decode()))
+
+
+def test_a_body_by_hand_moves_the_same(legs: Artifacts) -> None:
+    """Three hinges, one of them beside the others, and two slides and a hinge: in fifty states, and for 200 steps."""
+    ours, theirs = data_of(legs, "up"), mujoco.MjData(mujoco.MjModel.from_xml_string(BY_HAND))
+    assert [ours.model.body(k).name for k in range(ours.model.nbody)] == ["world", "torso", "thigh", "plate"]
+    assert [ours.model.joint(k).name for k in range(ours.model.njnt)] == ["roll", "pitch", "yaw", "right", "ahead", "spin"]
+    for name in ("jnt_range", "jnt_limited", "jnt_stiffness", "dof_damping", "dof_armature", "actuator_trnid", "actuator_forcerange"):
+        np.testing.assert_array_equal(getattr(ours.model, name), getattr(theirs.model, name), err_msg=name)
+    random = np.random.default_rng(4)
+    for _ in range(50):
+        q, v = random.uniform(-1.5, 1.5, 6), random.uniform(-2, 2, 6)
+        for data in (ours, theirs):
+            data.qpos, data.qvel = q, v
+            mujoco.mj_forward(data.model, data)
+        for name in ("thigh", "plate"):
+            np.testing.assert_allclose(ours.site(name).xpos, theirs.site(name).xpos, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(ours.site(name).xmat, theirs.site(name).xmat, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(mass_matrix(ours), mass_matrix(theirs), rtol=0, atol=1e-12)
+        np.testing.assert_allclose(ours.qfrc_bias, theirs.qfrc_bias, rtol=0, atol=1e-10)
+    for data in (ours, theirs):
+        mujoco.mj_resetData(data.model, data)
+        data.qvel[:] = [1.0, -2.0, 3.0, 0.1, -0.2, 4.0]
+    for step in range(200):
+        for data in (ours, theirs):
+            data.ctrl[:] = np.sin(0.05 * step)
+            mujoco.mj_step(data.model, data)
+    np.testing.assert_allclose(ours.qpos, theirs.qpos, rtol=0, atol=1e-9)
+
+
+def test_urdf_has_links_between_that_weigh_almost_nothing(made: Mapping[str, Artifacts]) -> None:
+    """As another reader sees them: the same masses but for 1e-9 kg, and six joints in chains."""
+    text, ours = made["urdf"].files["urdf/legs_up.urdf"], data_of(made["mjcf"], "up")
+    assert isinstance(text, bytes)
+    theirs = mujoco.MjData(mujoco.MjModel.from_xml_string(text.decode()))
+    random = np.random.default_rng(5)
+    order = [theirs.model.joint(ours.model.joint(k).name).dofadr[0] for k in range(6)]
+    armature = np.diag(ours.model.dof_armature)
+    for _ in range(5):
+        q, v = random.uniform(-1, 1, 6), random.uniform(-2, 2, 6)
+        ours.qpos, ours.qvel, theirs.qpos[order], theirs.qvel[order] = q, v, q, v
+        for data in (ours, theirs):
+            mujoco.mj_forward(data.model, data)
+        np.testing.assert_allclose(mass_matrix(theirs)[np.ix_(order, order)], mass_matrix(ours) - armature, rtol=0, atol=1e-7)
+        np.testing.assert_allclose(theirs.qfrc_bias[order], ours.qfrc_bias, rtol=0, atol=1e-6)
+    lost = {loss.path for loss in made["urdf"].losses if loss.what.startswith("that it weighs nothing")}
+    assert lost == {"hip_x", "hip_y", "x", "y"}
+
+
+def test_from_the_other_side_they_stand_the_other_way_round(legs: Artifacts) -> None:
+    """The same joints on the torso, the last one first, and what drives the one in the middle drives it as before."""
+    up, down = data_of(legs, "up"), data_of(legs, "down")
+    assert [down.model.joint(k).name for k in range(1, 4)] == ["yaw", "pitch", "roll"]
+    q = {"roll": 0.4, "pitch": -0.3, "yaw": 1.2}
+    for data in (up, down):
+        for name, value in q.items():
+            data.joint(name).qpos = value
+        data.ctrl[:] = 0.5
+        mujoco.mj_forward(data.model, data)
+    relative = [np.linalg.inv(pose(data, "torso")) @ pose(data, "thigh") for data in (up, down)]
+    np.testing.assert_allclose(relative[0], relative[1], rtol=0, atol=1e-12)
+    assert up.joint("pitch").qfrc_actuator[0] == down.joint("pitch").qfrc_actuator[0] == pytest.approx(6.0)
+
+
+def pose(data: mujoco.MjData, body: str) -> np.ndarray:
+    found = np.eye(4)
+    found[:3, :3], found[:3, 3] = data.body(body).xmat.reshape(3, 3), data.body(body).xpos
+    return found
+
+
+def test_neighbours_on_both_sides_never_touch(legs: Artifacts) -> None:
+    """As those of a single joint do not, whichever of the two is the parent, and fixed or not."""
+    for mode in ("up", "down"):
+        model = data_of(legs, mode).model
+        pairs = {frozenset(model.body(int(body)).name for body in (s >> 16, s & 0xFFFF)) for s in model.exclude_signature}
+        assert pairs == {frozenset(("torso", "thigh")), frozenset(("torso", "plate"))}
+
+
+def test_frames_and_sensors_between_two_joints_are_lost(tmp_path: Path) -> None:
+    more = "mounts: {knuckle: hip_y.z}\nsensors: {tilt: {type: imu, at: knuckle}, eye: {type: camera, at: hip_y.z, fovy: 60 deg}}\n"
+    made = compiled(tmp_path, LEGS + more + "modes:\n  up: {root: torso, base: fixed}\n")
+    assert made.said == [] and made.artifacts is not None
+    lost = {loss.path: loss.what for loss in made.artifacts.losses if loss.how == "omitted"}
+    assert lost["knuckle"] == "this frame: MuJoCo has none between two joints of a body"
+    assert lost["tilt"] == lost["eye"] == "it: MuJoCo has nothing between two joints of a body that it could sit on"
+    model = data_of(made.artifacts, "up").model
+    assert (model.nsensor, model.ncam) == (0, 0)
+
+
+WRONG = {
+    "three joints": ("spin: {type: continuous, parent: y.origin", "spin: {type: continuous, parent: hip_x.origin", "hip_x"),
+    "one joint": ("spin: {type: continuous, parent: y.origin, child", "spin: {type: continuous, parent: x.origin, child", "y"),
+    "a ball": ("spin: {type: continuous, parent: y.origin, child: plate.origin, axis: [0, 0, 1],",
+               "spin: {type: ball, parent: y.origin, child: plate.origin,", "y"),
+    "a loop's end": ("joints:\n", "joints:\n  closing: {type: ball, loop: true, parent: y.origin, child: thigh.origin}\n", "hip_x"),
+    "a hold": ("base: fixed}", "base: fixed, hold: {hip_x.origin: here}}", "hip_x"),
+    "a root that moves": ("root: thigh", "root: hip_y", "hip_y"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_else_moves_without_a_mass_is_refused(name: str, tmp_path: Path) -> None:
+    old, new, link = WRONG[name]
+    assert old in LEGS + MODES
+    said = compiled(tmp_path, (LEGS + MODES).replace(old, new)).said
+    assert "TC507" in {code for code, *_ in said}, said
+    assert any(message.startswith(f"link `{link}` moves in mode") for _, message, *_ in said)
+    assert all("without a mass it may only join two joints" in (help or "") for code, _, help, _ in said if code == "TC507")
+
+
+def test_it_may_be_the_root_that_is_held(tmp_path: Path) -> None:
+    """Both its neighbours then hang on it, and it is a body."""
+    made = compiled(tmp_path, LEGS + "modes:\n  middle: {root: hip_x, base: held}\n")
+    assert made.said == [] and made.artifacts is not None
+    model = data_of(made.artifacts, "middle").model
+    assert [model.body(int(model.body_parentid[model.body(name).id])).name for name in ("torso", "thigh")] == ["hip_x", "hip_x"]

@@ -1,0 +1,39 @@
+"""Columns laid out by hand against those that pyarrow makes."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from typing import Any
+
+import pyarrow
+import pytest
+
+from thingc.variants import columns
+from thingc.variants.columns import column
+
+VALUES: dict[Any, Callable[[random.Random], Any]] = {
+    pyarrow.int64(): lambda chance: chance.randrange(-2**63, 2**63),
+    pyarrow.float64(): lambda chance: chance.choice([-0.0, 0.0, 7, 1.5, float("inf"), chance.random()]),
+    pyarrow.bool_(): lambda chance: chance.random() < 0.5,
+    pyarrow.string(): lambda chance: chance.choice(["", "a", "\u00e9\n", "\U0001f916"]),
+    pyarrow.binary(): lambda chance: chance.choice([b"", b"\0x", bytes(300)]),
+}
+
+
+@pytest.mark.parametrize("type", VALUES, ids=str)
+def test_a_column_is_the_array_of_pyarrow(type: Any) -> None:
+    chance = random.Random(1)
+    for length in (0, 1, 7, 8, 9, 64, 65):
+        for absent in (0.0, 0.3, 1.0):
+            values = [None if chance.random() < absent else VALUES[type](chance) for _ in range(length)]
+            found, wanted = column(values, type), pyarrow.array(values, type)
+            found.validate(full=True)
+            assert found.type == type and found.null_count == wanted.null_count and repr(found.to_pylist()) == repr(wanted.to_pylist())
+
+
+def test_very_long_texts_are_left_to_pyarrow(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(columns, "LARGEST", 3)
+    assert column(["ab", "cd", None], pyarrow.string()).to_pylist() == ["ab", "cd", None]
+    with pytest.raises(TypeError):
+        column([1.5], pyarrow.int64())
