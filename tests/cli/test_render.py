@@ -306,7 +306,7 @@ def posed_arm(root: Path, shared_store: str) -> Any:
 def test_a_mount_is_where_mujoco_has_its_site(posed_arm: Any) -> None:
     """The arm shows its mounts as sites, which MuJoCo puts into the world by itself."""
     robot, model, data = posed_arm
-    drawn = {mark.label: placed(mark, data, 0.1) for mark in marks.mounts(robot)}
+    drawn = {mark.label: placed(mark, data, 0.1) for mark in marks.mounts(robot, {})}
     assert {"plate.servo_seat", "hand.cap.pen", "hand.pen.tip", "bracket.board"} <= set(drawn)
     assert "elbow_servo.rotor" in drawn and "forearm.rotor_seat" not in drawn, "one frame for the two mounts of a mate"
     site = data.site("hand/tip")
@@ -348,9 +348,9 @@ def test_every_coordinate_of_a_joint_has_its_axis(tmp_path: Path) -> None:
 
 def test_all_mounts_of_a_component(posed_arm: Any) -> None:
     robot, _, _ = posed_arm
-    cap = [mark.label for mark in marks.mounts_of(robot, ["hand.cap"])]
+    cap = [mark.label for mark in marks.mounts_of(robot, {}, ["hand.cap"])]
     assert cap == [f"hand.cap.{name}" for name in next(o for o in robot.assembly.occurrences if o.path == "hand/cap").mounts]
-    whole = {mark.label for mark in marks.mounts_of(robot, ["hand"])}
+    whole = {mark.label for mark in marks.mounts_of(robot, {}, ["hand"])}
     assert set(cap) < whole and all(label.startswith("hand.") for label in whole)
 
 

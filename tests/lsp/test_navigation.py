@@ -148,7 +148,7 @@ def test_definitions(editor: Editor, user: Path) -> None:
 def test_references_and_highlights(editor: Editor, user: Path) -> None:
     editor.open(user / "leg.yaml")
     found = shown(ask(editor, "references", user / "leg.yaml", "kn|ee: {type", context={"includeDeclaration": False}))
-    assert [one.partition(" ")[0] for one in found] == ["leg.yaml", *["study.yaml"] * 2, *["walker.yaml"] * 6]
+    assert [one.partition(" ")[0] for one in found] == ["leg.yaml", *["study.yaml"] * 2, *["walker.yaml"] * 7]
     assert [re.sub(r".*\[(.*)\].*", r"\1", one) for one in found].count("*knee") == 1  # a pattern that it fits
     kinds = [one.kind for one in ask(editor, "documentHighlight", user / "leg.yaml", "{kn|ee: 40")]
     assert kinds == [3, 2]
@@ -186,7 +186,7 @@ REFUSED = {
     ("walker.yaml", "  stan|ce: 20", "k"): "there is an index `k` already",
     ("walker.yaml", "as: |k}", "half"): "there is a parameter `half` already",
     ("walker.yaml", "  w|ag:\n", "leg_knee"):  # the pattern `*knee` would fit it
-        "`wag` cannot be called `leg_knee`: what is written at walker.yaml:58 would mean something else then",
+        "`wag` cannot be called `leg_knee`: what is written at walker.yaml:59 would mean something else then",
     ("walker.yaml", '"str|*"', "x"): "`stretch` only fits the pattern that is written here: rename it where it stands",
     ("walker.yaml", "assembly: hea|d.toml", "x"): "`head.toml` is a file: rename it where it is",
     ("walker.yaml", "  wag: {t|ype: joint}", "x"): "there is no name here",

@@ -193,7 +193,7 @@ class SourceAdhesion:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reference:
+class SourceTarget:
     """A thing of the robot, by its name in the source."""
 
     kind: Literal["joint", "site", "tendon"]
@@ -208,9 +208,9 @@ class SourceAdded:
     section: Literal["tendon", "equality", "actuator"]
     tag: str
     name: str
-    attributes: tuple[tuple[str, str | Reference], ...]
+    attributes: tuple[tuple[str, str | SourceTarget], ...]
     where: Span
-    inside: tuple[tuple[str, Mapping[str, str | Reference]], ...] = ()
+    inside: tuple[tuple[str, Mapping[str, str | SourceTarget]], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from thingc.importing.model import Raw, Reference, SourceAdded, SourceLink, SourcePose, SourceShape
+from thingc.importing.model import Raw, SourceAdded, SourceLink, SourcePose, SourceShape, SourceTarget
 from thingc.importing.quantities import quantity
 from thingc.importing.words import Words
 from thingc.load.scalars import core_value
@@ -107,7 +107,7 @@ def _element(words: Words, one: SourceAdded) -> dict[str, Any]:
     return said
 
 
-def _named(words: Words, value: str | Reference) -> str:
+def _named(words: Words, value: str | SourceTarget) -> str:
     if isinstance(value, str):
         return value
     return {"joint": words.joints, "site": words.sites, "tendon": words.tendons}[value.kind][value.name]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from thingc.importing.mjcf.original import Original, differing, floats, numbers
-from thingc.importing.model import Raw, Reference, SourceAdded
+from thingc.importing.model import Raw, SourceAdded, SourceTarget
 
 WRAPPED_JOINT, PULLEY, SITE = 1, 2, 3
 AT_JOINT, AT_PARENT, AT_TENDON = 0, 1, 3
@@ -47,9 +47,9 @@ class Added:
             for word, names in (("dyn", DYNAMICS), ("gain", GAINS), ("bias", BIASES))
         ]
         if kind == AT_TENDON and target in self.tendons:
-            reference = Reference(kind="tendon", name=self.tendons[target].name)
+            reference = SourceTarget(kind="tendon", name=self.tendons[target].name)
         elif kind in (AT_JOINT, AT_PARENT) and target in self.joints and int(model.jnt_type[target]) > 1:
-            reference = Reference(kind="joint", name=self.original.joints[target])
+            reference = SourceTarget(kind="joint", name=self.original.joints[target])
         else:
             return False
         if not all(words):
@@ -77,7 +77,7 @@ class Added:
         referred = any(model.qpos0[model.jnt_qposadr[joint]] for joint in self.joints if int(model.jnt_type[joint]) > 1)
         if referred or int(model.eq_type[number]) != OF_TENDONS or not all(at in self.tendons for at in ends):
             return False
-        tied = ((f"tendon{k}", Reference(kind="tendon", name=self.tendons[at].name)) for k, at in enumerate(ends, 1))
+        tied = ((f"tendon{k}", SourceTarget(kind="tendon", name=self.tendons[at].name)) for k, at in enumerate(ends, 1))
         said = [("polycoef", numbers(model.eq_data[number][:5])), ("solref", numbers(model.eq_solref[number]))]
         said.append(("solimp", numbers(model.eq_solimp[number])))
         self.equalities.append(SourceAdded(
@@ -101,18 +101,18 @@ class Added:
         usual |= {"solreflimit": _SOLREF, "solimplimit": _SOLIMP, "solreffriction": _SOLREF, "solimpfriction": _SOLIMP}
         return differing(wanted, usual)
 
-    def _path(self, tendon: int) -> list[tuple[str, Mapping[str, str | Reference]]] | None:
+    def _path(self, tendon: int) -> list[tuple[str, Mapping[str, str | SourceTarget]]] | None:
         """What stands in it; None where that is not all there."""
         first, count = int(self.model.tendon_adr[tendon]), int(self.model.tendon_num[tendon])
         found = [*self._steps(range(first, first + count))]
         return found if len(found) == count else None
 
-    def _steps(self, wraps: range) -> Iterator[tuple[str, Mapping[str, str | Reference]]]:
+    def _steps(self, wraps: range) -> Iterator[tuple[str, Mapping[str, str | SourceTarget]]]:
         for wrap in wraps:
             kind, thing, number = int(self.model.wrap_type[wrap]), int(self.model.wrap_objid[wrap]), numbers([self.model.wrap_prm[wrap]])
             if kind == WRAPPED_JOINT and thing in self.joints:
-                yield "joint", {"joint": Reference(kind="joint", name=self.original.joints[thing]), "coef": number}
+                yield "joint", {"joint": SourceTarget(kind="joint", name=self.original.joints[thing]), "coef": number}
             elif kind == SITE and thing in self.sites:
-                yield "site", {"site": Reference(kind="site", name=self.original.sites[thing])}
+                yield "site", {"site": SourceTarget(kind="site", name=self.original.sites[thing])}
             elif kind == PULLEY:
                 yield "pulley", {"divisor": number}
