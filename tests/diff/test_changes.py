@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -89,6 +90,20 @@ def test_how_far_the_robot_reaches(crane: Portrait, tmp_path: Path, shared_store
     comparison = sound(crane, drawn(write(tmp_path, ("0 0 500 mm", "0 0 560 mm")), shared_store))
     (reach,) = [c for c in comparison.changes if c.field == "robot.reach"]
     assert (reach.old, reach.new, reach.because) == (pytest.approx(0.5), pytest.approx(0.56), ("mast/head",))
+
+
+def test_a_quaternion_is_told_as_it_is_written(crane: Portrait, tmp_path: Path, shared_store: str) -> None:
+    """Beside another quaternion; beside angles, or nothing, in angles. The same turn in other words is no change."""
+    yard = "stand: {root: mast, base: fixed, pose: up"
+    turns = ("", ", at: {rpy: 0 0 90 deg}", ", at: {quat: [0.5, 0.5, 0.5, 0.5]}", ", at: {quat: [0.6, 0, 0.8, 0]}")
+    none, angles, one, other = (drawn(write(tmp_path / str(k), (yard, yard + at)), shared_store) for k, at in enumerate(turns))
+    (change,) = [c for c in compare(one, other).changes if c.path == "stand" and not c.caused]
+    assert (change.field, change.words) == ("at.rpy", ("quat [0.5, 0.5, 0.5, 0.5]", "quat [0.6, 0, 0.8, 0]"))
+    assert change.span is not None and change.span.line == 1 + CRANE[: CRANE.index("  stand:")].count("\n")
+    for plain in (none, angles):
+        assert [c.words for c in compare(plain, other).changes if c.path == "stand"] == [None]
+    same = drawn(write(tmp_path / "same", (yard, f"{yard}, at: {{quat: [{math.sqrt(0.5)!r}, 0, 0, {math.sqrt(0.5)!r}]}}")), shared_store)
+    assert compare(angles, same).changes == ()
 
 
 def test_what_is_renamed_says_by_what_it_is_known(crane: Portrait, tmp_path: Path, shared_store: str) -> None:

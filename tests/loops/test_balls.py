@@ -37,7 +37,7 @@ joints:
       - {{axis: [1, 2, 2], kind: motor}}
 poses:
   home: {{hip: {{rpy: 20 -30 25 deg}}}}
-  other: {{hip: {{quaternion: [2, -0.2, 0.6, 0.4]}}}}
+  other: {{hip: {{quat: [2, -0.2, 0.6, 0.4]}}}}
 modes:
   stand: {{root: ground, pose: home}}
   hand: {{root: thigh, base: held, pose: home}}

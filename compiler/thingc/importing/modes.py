@@ -67,7 +67,7 @@ def _state(words: Words, state: SourcePose) -> dict[str, str]:
     for name, value in state.q.items():
         if isinstance(value, tuple):
             if value != (1.0, 0.0, 0.0, 0.0):
-                said[words.joints[name]] = f"{{quaternion: [{', '.join(quantity(one, '') for one in value)}]}}"
+                said[words.joints[name]] = f"{{quat: [{', '.join(quantity(one, '') for one in value)}]}}"
         elif value:
             said[words.joints[name]] = (angle if kinds[name] in TURNS else length)(value)
     return said

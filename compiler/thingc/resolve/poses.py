@@ -89,7 +89,7 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
     """Set a ball by what turns its child from q = 0."""
     if not isinstance(raw, TurnSpec):
         scope.error(
-            Code.POSE, f"joint `{key}` is a ball: a pose turns it by `rpy` or by a quaternion", path, key=True,
+            Code.POSE, f"joint `{key}` is a ball: a pose turns it by `rpy` or by `quat`", path, key=True,
             help=f"write for example `{key}: {{rpy: 0 20 0 deg}}`", notes=_written(key, ball),
         )
         return
@@ -97,8 +97,8 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
         turned = scope.rotation(raw, path)
         quaternion = None if turned is None else Pose(rotation=turned).quaternion()
     else:
-        place, what = (*path, "quaternion"), f"the quaternion of joint `{key}`"
-        w, x, y, z = (scope.number(one, (*place, number), NUMBER, what) for number, one in enumerate(raw.quaternion or ()))
+        place, what = (*path, "quat"), f"`quat` of joint `{key}`"
+        w, x, y, z = (scope.number(one, (*place, number), NUMBER, what) for number, one in enumerate(raw.quat or ()))
         quaternion = None if w is None or x is None or y is None or z is None else (w, x, y, z)
         if quaternion is not None and not any(quaternion):
             scope.error(Code.POSE, f"{what} is 0: it is no turn", place, help="write w, x, y, z; `[1, 0, 0, 0]` turns nothing")

@@ -379,15 +379,15 @@ class TurnSpec(Model):
 
     rpy: Vector3Angle | None = None
     """Extrinsic roll, pitch, yaw in the parent mount's axes, as in URDF."""
-    quaternion: Annotated[list[NumberField], Field(min_length=4, max_length=4)] | None = Field(
+    quat: Annotated[list[NumberField], Field(min_length=4, max_length=4)] | None = Field(
         default=None, examples=[[0.966, 0.259, 0, 0]],
     )
-    """w, x, y, z, of any length but 0."""
+    """w, x, y, z, as in MJCF, of any length but 0."""
 
     @model_validator(mode="after")
     def _one(self) -> TurnSpec:
-        if (self.rpy is None) == (self.quaternion is None):
-            raise rule("where a ball is, is said by `rpy` or by `quaternion`", "write for example `{rpy: 0 20 0 deg}`")
+        if (self.rpy is None) == (self.quat is None):
+            raise rule("where a ball is, is said by `rpy` or by `quat`", "write for example `{rpy: 0 20 0 deg}`")
         return self
 
 

@@ -28,11 +28,13 @@ _DRIVE = "a joint says what moves it: `drive: COMPONENT` with an actuator, or `d
 _ROTOR = "`armature` is the inertia of the rotor as the joint feels it: times the gear ratio squared"
 _GEAR = "a drive is what acts at the joint, behind the gear; `gear_ratio` is of an `Actuator` in Python"
 
-_POSE_KEYS = {
-    **dict.fromkeys(("pos", "position", "translation", "location", "offset"), "xyz"),
+_TURN_KEYS = {
     **dict.fromkeys(("euler", "rotation", "rot", "orientation"), "rpy"),
     "quaternion": "quat", **dict.fromkeys(("axisangle", "zaxis", "xyaxes", "normal"), _RPY),
-    **dict.fromkeys(("x", "y", "z"), _XYZ),
+}
+_POSE_KEYS = {
+    **dict.fromkeys(("pos", "position", "translation", "location", "offset"), "xyz"),
+    **dict.fromkeys(("x", "y", "z"), _XYZ), **_TURN_KEYS,
 }
 
 KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
@@ -86,7 +88,8 @@ KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
         **dict.fromkeys(("actuator", "servo", "motor", "drive"), "the joint that it moves names it: `drive: COMPONENT`"),
         "name": "a component is called by its key",
     },
-    poses.PoseSpec: _POSE_KEYS, assembly.AtSpec: dict.fromkeys(("frame", "parent", "to", "of", "on", "mount", "component"), "in"),
+    poses.PoseSpec: _POSE_KEYS, assembly.TurnSpec: _TURN_KEYS,
+    assembly.AtSpec: dict.fromkeys(("frame", "parent", "to", "of", "on", "mount", "component"), "in"),
     assembly.AttachSpec: {
         **dict.fromkeys(("offset", "distance"), "gap"), **dict.fromkeys(("angle", "rotation", "yaw"), "turn"),
         **dict.fromkeys(("mine", "my", "from", "child"), "mount"), **dict.fromkeys(("on", "target", "parent", "other"), "to"),
