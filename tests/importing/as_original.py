@@ -123,8 +123,8 @@ class Pair:
                 one, other = sorted(ours_of.get(body, -1) if index == 0 else body for body in bodies)
                 found[index][one, other] = min(found[index].get((one, other), 1.0), float(contact.dist))
         theirs, ours = found
-        if theirs.keys() != ours.keys():
-            self.say("contacts", [MISSING], [0.0])
+        if theirs or ours:
+            self.say("contacts", [0.0 if theirs.keys() == ours.keys() else MISSING], [0.0])
         for pair in theirs.keys() & ours.keys():
             if theirs[pair] > -DEEP:
                 self.say("contacts", ours[pair], theirs[pair])

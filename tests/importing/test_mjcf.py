@@ -17,13 +17,13 @@ from thingc.importing import Imported, import_robot
 
 ROBOTS = Path(__file__).parent / "robots"
 ROOTS = {
-    "constructs": ("forearm", "hand", "left", "wheel1", "tip"), "loops": ("rocker", "mast"), "tendons": ("thigh", "foot"),
+    "constructs": ("forearm", "hand", "left", "wheel1", "tip"), "cranks": (), "loops": ("rocker", "mast"), "tendons": ("thigh", "foot"),
     "world": ("one/arm", "two"),
 }
 EXACT, TOUCHING = 1e-9, 1e-6
 LOST = {
     "constructs": ["`<light>`", "how soft constraints are at the reference of joint `shoulder`, 0.174533"],
-    "loops": ["how soft contacts of `mast` are"], "tendons": [],
+    "cranks": [], "loops": ["how soft contacts of `mast` are"], "tendons": [],
     "two_arms": ["contacts of `one/arm` with `world`", "contacts of `two` with `world`"],
 }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from thingc.graph.kinematics import on_loops
 from thingc.graph.types import Adhesion, Assembly, Link, LinkedMode, Mate, Occurrence
@@ -34,8 +34,9 @@ def links_between(
     ))
 
 
-def neighbours(assembly: Assembly) -> Iterator[tuple[int, int]]:
-    """The links on both sides of every joint, in the order of the joints: beyond those that only join it to another one."""
+def neighbours(assembly: Assembly, root: int) -> Iterator[tuple[int, int]]:
+    """The links on both sides of every joint, in the order of the joints: beyond those that only join it to another one, but for the link
+    `root`, which is held and parts what stands on it."""
     ends = [
         (assembly.link_of[mate.parent], assembly.link_of[mate.child]) for mate in assembly.mates if mate.joints or mate.loop is not None
     ]
@@ -43,13 +44,14 @@ def neighbours(assembly: Assembly) -> Iterator[tuple[int, int]]:
     for pair in ends:
         for link in pair:
             at.setdefault(link, []).append(pair)
+    between = assembly.between - {root}
     for pair in ends:
-        yield _beyond(assembly, at, pair[0], pair), _beyond(assembly, at, pair[1], pair)
+        yield _beyond(between, at, pair[0], pair), _beyond(between, at, pair[1], pair)
 
 
-def _beyond(assembly: Assembly, at: dict[int, list[tuple[int, int]]], link: int, pair: tuple[int, int]) -> int:
+def _beyond(between: Collection[int], at: dict[int, list[tuple[int, int]]], link: int, pair: tuple[int, int]) -> int:
     """The first link from `link` on, away from the joint between `pair`, that is more than a joint between two others."""
-    while link in assembly.between:
+    while link in between:
         pair = next(other for other in at[link] if other != pair)
         link = pair[0] if pair[1] == link else pair[1]
     return link

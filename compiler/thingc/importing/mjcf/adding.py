@@ -8,7 +8,7 @@ from thingc.importing.mjcf.original import Original, differing, floats, numbers
 from thingc.importing.model import Raw, SourceAdded, SourceTarget
 
 WRAPPED_JOINT, PULLEY, SITE = 1, 2, 3
-AT_JOINT, AT_PARENT, AT_TENDON = 0, 1, 3
+AT_JOINT, AT_PARENT, AT_CRANK, AT_TENDON, AT_SITE = 0, 1, 2, 3, 4
 OF_TENDONS = 3
 DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle")
 GAINS, BIASES = ("fixed", "affine", "muscle"), ("none", "affine", "muscle")
@@ -41,18 +41,12 @@ class Added:
 
     def actuator(self, number: int) -> bool:
         """Whether it is one that can be added, and is from now on."""
-        model, kind, target = self.model, int(self.model.actuator_trntype[number]), int(self.model.actuator_trnid[number][0])
+        model, acts_on = self.model, self._acts_on(number)
         words = [
             names[at] if (at := int(getattr(model, f"actuator_{word}type")[number])) < len(names) else ""
             for word, names in (("dyn", DYNAMICS), ("gain", GAINS), ("bias", BIASES))
         ]
-        if kind == AT_TENDON and target in self.tendons:
-            reference = SourceTarget(kind="tendon", name=self.tendons[target].name)
-        elif kind in (AT_JOINT, AT_PARENT) and target in self.joints and int(model.jnt_type[target]) > 1:
-            reference = SourceTarget(kind="joint", name=self.original.joints[target])
-        else:
-            return False
-        if not all(words):
+        if not acts_on or not all(words):
             return False
         wanted = [*zip(("dyntype", "gaintype", "biastype"), words, strict=True)]
         wanted += [(f"{word}prm", numbers(getattr(model, f"actuator_{word}prm")[number])) for word in ("dyn", "gain", "bias")]
@@ -62,12 +56,28 @@ class Added:
                 wanted.append((f"{word}range", numbers(getattr(model, f"actuator_{word}range")[number])))
         if any(floats(model.actuator_lengthrange[number])):
             wanted.append(("lengthrange", numbers(model.actuator_lengthrange[number])))
+        if int(model.actuator_trntype[number]) == AT_CRANK:
+            wanted.append(("cranklength", numbers([model.actuator_cranklength[number]])))
         usual = {"dyntype": "none", "gaintype": "fixed", "biastype": "none", "gear": "1 0 0 0 0 0"}
         self.actuators.append(SourceAdded(
             section="actuator", tag="general", name=self.original.actuators[number],
-            attributes=((reference.kind, reference), *differing(wanted, usual)), where=self.original.where("actuator", number),
+            attributes=(*acts_on, *differing(wanted, usual)), where=self.original.where("actuator", number),
         ))
         return True
+
+    def _acts_on(self, number: int) -> tuple[tuple[str, SourceTarget], ...]:
+        """What an actuator acts on, by the attributes that name it; nothing where that is not there."""
+        kind, ends = int(self.model.actuator_trntype[number]), [int(one) for one in self.model.actuator_trnid[number]]
+        first = ends[0]
+        if kind == AT_TENDON and first in self.tendons:
+            return (("tendon", SourceTarget(kind="tendon", name=self.tendons[first].name)),)
+        if kind in (AT_JOINT, AT_PARENT) and first in self.joints and int(self.model.jnt_type[first]) > 1:
+            return (("joint", SourceTarget(kind="joint", name=self.original.joints[first])),)
+        keys = {AT_SITE: ("site", "refsite"), AT_CRANK: ("cranksite", "slidersite")}.get(kind, ())
+        named = tuple((key, site) for key, site in zip(keys, ends, strict=True) if site >= 0) if keys else ()
+        if not all(site in self.sites for _, site in named):
+            return ()
+        return tuple((key, SourceTarget(kind="site", name=self.original.sites[site])) for key, site in named)
 
     def equality(self, number: int) -> bool:
         """Whether it is one of tendons that can be added, and is from now on. It is of lengths beyond those at the reference, which is
