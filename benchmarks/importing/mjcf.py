@@ -22,7 +22,7 @@ import numpy
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 import thingc
 from importing.as_original import Pair
-from thingc.diagnostics import Report
+from thingc.diagnostics import Report, Severity
 from thingc.importing import Imported, import_robot
 from thingc.importing.mjcf.flat import Flat
 from thingc.importing.mjcf.original import Original
@@ -74,7 +74,11 @@ def one(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel, states: int) ->
         for name, content in imported.files.items():
             (Path(folder) / name).parent.mkdir(parents=True, exist_ok=True)
             (Path(folder) / name).write_bytes(content)
-        ours = thingc.compile(Path(folder) / imported.document).modes["source"].model()
+        try:
+            ours = thingc.compile(Path(folder) / imported.document).modes["source"].model()
+        except thingc.CompileError as fault:
+            first = next(one.message for one in fault.diagnostics if one.severity is Severity.ERROR)
+            return f"{took} | COMES IN, and is refused: {first}", False
     pair = paired(file, imported, spec, theirs, ours)
     worst = pair.compare(states=states)
     differ = {kind for kind, far in worst.items() if not far <= (TOUCHING if kind == "contacts" else EXACT)}

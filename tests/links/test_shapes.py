@@ -13,6 +13,7 @@ import pytest
 import trimesh
 from pxr import Usd, UsdPhysics
 
+import thingc
 from thingc import pipeline
 from thingc.emit.artifact import Artifacts, Stored
 from thingc.environment import Environment, Options
@@ -193,9 +194,19 @@ def points_of(solid: object) -> np.ndarray:
 
 def test_colours_are_those_of_shapes_then_of_materials(ours: mujoco.MjModel) -> None:
     seen = {ours.geom(k).name: tuple(ours.mat_rgba[ours.geom_matid[k]]) for k in range(ours.ngeom) if ours.geom_matid[k] >= 0}
-    assert seen["foot"] == (1, 0, 0, 1) and seen["boom_1"] == (0, 1, 0, 1) and seen["hook"] == (0, 0, 0, 1)
+    assert seen["foot"] == (1, 0, 0, 1) and seen["boom:visual_1"] == (0, 1, 0, 1) and seen["hook"] == (0, 0, 0, 1)
     assert ours.geom("hook:collision").friction[0] == 0.7
     assert tuple(ours.geom("hook:collision_1").friction[:2]) == (0.3, 0.01), "its own goes before that of the steel"
+
+
+def test_the_second_shape_of_a_cap_is_not_called_like_another_cap(tmp_path: Path) -> None:
+    link = "{link: true, mass: 1 kg, shapes: [{sphere: {radius: 10 mm}}, {box: 9 9 90 mm}]}"
+    components = f"  cap: {link}\n  cap_1: {link.removesuffix('}')}, at: {{in: cap.origin}}}}\n"
+    modes = "modes:\n  fixed: {root: cap, base: fixed}\n"
+    (tmp_path / "caps.yaml").write_text(f"thingc: assembly/1\nname: caps\ncomponents:\n{components}{modes}")
+    model = thingc.compile(tmp_path / "caps.yaml").modes["fixed"].model()
+    drawn = [model.geom(k).name for k in range(model.ngeom) if not model.geom_contype[k]]
+    assert drawn == ["cap", "cap:visual_1", "cap_1", "cap_1:visual_1"]
 
 
 def test_other_formats_have_primitives_or_say_what_they_lose(crane: Crane) -> None:

@@ -105,7 +105,8 @@ def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str) ->
     elements: list[Element] = []
     for pose, one in zip(poses, shapes, strict=True):
         for index, shape in enumerate(one.visual):
-            attributes = {"name": numbered(one.path, index), "class": "visual", **_shape(shape, pose)}
+            name = f"{one.path}:visual_{index}" if index else one.path  # `cap_1` may be another component
+            attributes = {"name": name, "class": "visual", **_shape(shape, pose)}
             material = material_name(shape.material, shape.color)
             if material is not None:
                 attributes["material"] = material

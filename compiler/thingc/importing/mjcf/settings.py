@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from typing import Any
 
 from thingc.importing.mjcf.original import WORLD, Original, floats, numbers
@@ -72,50 +72,76 @@ def touching(
     parents = {
         head: heads[parent] for head in set(heads.values()) if (parent := int(model.body_parentid[head])) in heads and parent != head
     }
-    excluded: dict[tuple[int, int], tuple[str, str]] = {}
+    apart: dict[tuple[int, int], tuple[int, int]] = {}
+    written: set[tuple[int, int]] = set()
     for one in original.spec.excludes:
         first, second = (numbers_of[name] for name in (one.bodyname1, one.bodyname2))
         if WORLD in (first, second) and WORLD not in on or first not in on or second not in on:
             original.lose(f"that `{one.bodyname1}` and `{one.bodyname2}` never touch", "one of the two is no part of the robot",
                           original.flat.place(one.info))
             continue
-        pair_of = heads[first], heads[second]
-        if pair_of[0] != pair_of[1] and parents.get(pair_of[0]) != pair_of[1] and parents.get(pair_of[1]) != pair_of[0]:
-            excluded[min(pair_of), max(pair_of)] = original.bodies[on[first][0]], original.bodies[on[second][0]]
-        else:
-            excluded[min(pair_of), max(pair_of)] = ("", "")
+        written.add(_pair(first, second))
+        if heads[first] != heads[second]:
+            apart[_pair(heads[first], heads[second])] = first, second
     filtered = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
-    masks = {head: _masks(model, [body for body, first in heads.items() if first == head]) for head in set(heads.values())}
-    fluid = bool(model.opt.density or model.opt.viscosity)
-    for geom in range(model.ngeom):
-        if fluid and model.geom_fluid[geom][0] and int(model.geom_bodyid[geom]) in on:
-            what = f"drag of a geom of `{original.bodies[int(model.geom_bodyid[geom])]}` as an ellipsoid"
-            original.lose(what, "a document has the drag of links", original.where("geom", geom))
-    for head, mask in sorted(masks.items()):
-        weighing = [body for body, first in heads.items() if first == head and model.body_mass[body] > 0.0]
-        if fluid and len(weighing) > 1:
-            what = f"drag of `{original.bodies[head]}`, part by part"
-            original.lose(what, "bodies that are fixed to one another are one link", original.where("body", head))
-        if head != still and len(weighing) > 1 and any(map(any, mask)):
-            why = "MuJoCo takes it from a body's inverse mass, and bodies that are fixed to one another are one"
-            original.lose(f"how soft contacts of `{original.bodies[head]}` are", why, original.where("body", head))
+    members = {head: [body for body, first in heads.items() if first == head] for head in set(heads.values())}
+    masks = {body: _masks(model, body) for body in heads}
+
+    def meet(head: int, other: int) -> bool:
+        """Whether bodies of two links, of which nothing is said, have shapes that would touch."""
+        pairs = ((one, two) for one in members[head] for two in members[other] if _pair(one, two) not in written)
+        return any(_meet(masks[one], masks[two]) for one, two in pairs)
+
+    near = {_pair(head, parent) for head, parent in parents.items()}
     for head, parent in sorted(parents.items()):
-        pair_of = min(head, parent), max(head, parent)
-        if (parent == still or not filtered) and pair_of not in excluded and _meet(masks[head], masks[parent]):
+        if (parent == still or not filtered) and meet(head, parent):
             what = f"contacts of `{original.bodies[head]}` with `{original.bodies[parent]}`"
             original.lose(what, "links of a document that a joint connects never touch", original.where("body", head))
-    return tuple(pair for pair in excluded.values() if pair != ("", ""))
+    for head, other in sorted(apart.keys() - near):
+        if meet(head, other):
+            what = f"contacts of `{original.bodies[other]}` with `{original.bodies[head]}`"
+            why = "two bodies of theirs never touch, and bodies that are fixed to one another are one link"
+            original.lose(what, why, original.where("body", other))
+    touch = {head for head, bodies in members.items() if head != still and any(any(map(any, masks[body])) for body in bodies)}
+    _lose_parts(original, members, touch)
+    named = ((original.bodies[on[body][0]] for body in bodies) for pair, bodies in apart.items() if pair not in near)
+    return tuple((first, second) for first, second in named)
 
 
-def _masks(model: Any, bodies: list[int]) -> list[tuple[int, int]]:
-    return [
+def _lose_parts(original: Original, members: Mapping[int, list[int]], touch: Set[int]) -> None:
+    """What MuJoCo works out body by body, where several are one link; `touch` are the links that move and touch, by their first body."""
+    model = original.model
+    fluid = bool(model.opt.density or model.opt.viscosity)
+    for geom in range(model.ngeom):
+        body = int(model.geom_bodyid[geom])
+        if fluid and model.geom_fluid[geom][0] and any(body in bodies for bodies in members.values()):
+            what = f"drag of a geom of `{original.bodies[body]}` as an ellipsoid"
+            original.lose(what, "a document has the drag of links", original.where("geom", geom))
+    for head, bodies in sorted(members.items()):
+        if sum(model.body_mass[body] > 0.0 for body in bodies) < 2:
+            continue
+        if fluid:
+            what = f"drag of `{original.bodies[head]}`, part by part"
+            original.lose(what, "bodies that are fixed to one another are one link", original.where("body", head))
+        if head in touch:
+            why = "MuJoCo takes it from a body's inverse mass, and bodies that are fixed to one another are one"
+            original.lose(f"how soft contacts of `{original.bodies[head]}` are", why, original.where("body", head))
+
+
+def _pair(one: int, other: int) -> tuple[int, int]:
+    return min(one, other), max(one, other)
+
+
+def _masks(model: Any, body: int) -> set[tuple[int, int]]:
+    """`contype` and `conaffinity` of the geoms of a body; planes of the world are none."""
+    return {
         (int(model.geom_contype[geom]), int(model.geom_conaffinity[geom])) for geom in range(model.ngeom)
-        if int(model.geom_bodyid[geom]) in bodies and (int(model.geom_bodyid[geom]) or int(model.geom_type[geom]))
-    ]
+        if int(model.geom_bodyid[geom]) == body and (body or int(model.geom_type[geom]))
+    }
 
 
-def _meet(ours: list[tuple[int, int]], theirs: list[tuple[int, int]]) -> bool:
-    return any(a & d or c & b for a, b in set(ours) for c, d in set(theirs))
+def _meet(ours: set[tuple[int, int]], theirs: set[tuple[int, int]]) -> bool:
+    return any(a & d or c & b for a, b in ours for c, d in theirs)
 
 
 def poses(
