@@ -6,12 +6,9 @@ MuJoCo is only imported when there is a model that it has not accepted before.
 from __future__ import annotations
 
 import hashlib
-import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report, Severity
@@ -84,21 +81,13 @@ def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: S
 
 
 def _verdicts(candidates: Sequence[Candidate], files: Any) -> Iterator[Verdict]:
-    """What MuJoCo says of each scene, which holds all that the model in it does. It keeps the meshes that it has read: the first scene is
-    compiled by itself, the others a few at a time. Which of them a warning is of nobody knows then: each is compiled again."""
-    from concurrent.futures import ThreadPoolExecutor
-
+    """What MuJoCo says of each scene, which holds all that the model in it does: one after the other, for it keeps what it reads among the
+    `files`, so that two at once are given each other's models, or end the process. It keeps the meshes of the first, too, and needs
+    threads for these alone."""
     for candidate in candidates:
         text = candidate.model.text if candidate is candidates[0] else _without_threads(candidate.model.text)
         files[candidate.file] = text.encode()
-    yield attempt(candidates[0].scene.text, files)
-    cores = os.cpu_count() or 1
-    with ThreadPoolExecutor(cores) as threads:
-        for begin in range(1, len(candidates), cores):
-            texts = [one.scene.text for one in candidates[begin : begin + cores]]
-            with heard() as warnings:
-                verdicts = list(threads.map(partial(_tried, files=files), texts))
-            yield from [attempt(text, files) for text in texts] if warnings else verdicts
+        yield attempt(candidate.scene.text, files)
 
 
 _NUMBERS = re.compile(r'(?<=[" ])-?[0-9][0-9.e+-]*(?=[" ])')
@@ -151,20 +140,12 @@ def doubtful(
     files = _known_files(meshes, store, memo) if known else None
     if files is None:
         return list(candidates)
-    from concurrent.futures import ThreadPoolExecutor
-
-    import mujoco
-
-    def accepted(candidate: Candidate) -> bool:
-        try:
-            mujoco.MjModel.from_xml_string(_without_threads(candidate.model.text), vfs=files)
-        except (ValueError, mujoco.FatalError):
-            return False
-        return True
-
-    with heard() as warnings, ThreadPoolExecutor(min(len(known), os.cpu_count() or 1)) as threads:
-        sound = {one.mode for one, good in zip(known, threads.map(accepted, known), strict=True) if good}
-    return list(candidates) if warnings else [one for one in candidates if one.mode not in sound]
+    sound = set()
+    for one in known:
+        verdict = attempt(_without_threads(one.model.text), files)
+        if verdict.error is None and not verdict.warnings:
+            sound.add(one.mode)
+    return [one for one in candidates if one.mode not in sound]
 
 
 def _known_files(meshes: Sequence[MeshAsset], store: Store, memo: Memo) -> Any | None:
@@ -203,19 +184,14 @@ def _without_threads(text: str) -> str:
 
 def attempt(text: str, files: Any) -> Verdict:
     """Compile one text, with the files that it names (see `in_memory`)."""
-    with heard() as warnings:
-        verdict = _tried(text, files)
-    return replace(verdict, warnings=tuple(warnings))
-
-
-def _tried(text: str, files: Any) -> Verdict:
-    """The same without warnings."""
     import mujoco
 
-    try:
-        return Verdict(error=None, model=mujoco.MjModel.from_xml_string(text, vfs=files))
-    except (ValueError, mujoco.FatalError) as fault:
-        return Verdict(error=str(fault))
+    with heard() as warnings:
+        try:
+            model, error = mujoco.MjModel.from_xml_string(text, vfs=files), None
+        except (ValueError, mujoco.FatalError) as fault:
+            model, error = None, str(fault)
+    return Verdict(error=error, warnings=tuple(warnings), model=model)
 
 
 @contextmanager
