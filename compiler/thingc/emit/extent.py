@@ -25,7 +25,9 @@ def placements(robot: Robot) -> tuple[tuple[tuple[int | None, Pose], ...], tuple
 def bounds(
     bodies: Sequence[tuple[int | None, Pose]], parts: Sequence[Sequence[tuple[Pose, Box | None]]]
 ) -> Box | None:
-    """The box [m] around the robot in the world at q = 0, from its parts' boxes (see `placements`); None without geometry."""
+    """The box [m] around the robot in the world at q = 0, from its parts' boxes (see `placements`); None without geometry. Of a turned
+    box a coordinate is least where each of the three terms that it is the sum of is (Arvo, "Transforming axis-aligned bounding boxes",
+    Graphics Gems, 1990)."""
     low, high = [math.inf] * 3, [-math.inf] * 3
     poses: list[Pose] = []
     for (parent, X_PL), inside in zip(bodies, parts, strict=True):
@@ -35,11 +37,10 @@ def bounds(
             if box is None:
                 continue
             placed = at @ pose
-            for corner in range(8):
-                x, y, z = (box[corner >> k & 1][k] for k in range(3))
-                point = placed.apply((x, y, z))
-                low = [min(a, b) for a, b in zip(low, point, strict=True)]
-                high = [max(a, b) for a, b in zip(high, point, strict=True)]
+            for axis, (row, origin) in enumerate(zip(placed.rotation, placed.translation, strict=True)):
+                ends = [(a * one, a * other) for a, one, other in zip(row, *box, strict=True)]
+                low[axis] = min(low[axis], min(ends[0]) + min(ends[1]) + min(ends[2]) + origin)
+                high[axis] = max(high[axis], max(ends[0]) + max(ends[1]) + max(ends[2]) + origin)
     if low[0] > high[0]:
         return None
     return (low[0], low[1], low[2]), (high[0], high[1], high[2])

@@ -17,6 +17,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import importlib.util
+import itertools
 import os
 import sys
 from collections.abc import Callable, Container, Iterable, Iterator
@@ -44,9 +45,7 @@ class Recorder:
         self.workspace = os.path.join(os.path.abspath(workspace), "")
         self.keyed = keyed
         self.states: dict[str, str] = {}
-        archives = [entry for entry in sys.path if entry and not os.path.isdir(entry)]  # of Python itself, there or not
-        folders = (*installed_roots(), *archives, OWN_FOLDER, os.path.realpath(OWN_FOLDER), *excluded, *map(os.path.realpath, excluded))
-        self._excluded = tuple({os.path.join(folder, "") for folder in folders})
+        self._excluded = (*_with_versions(), *{os.path.join(folder, "") for folder in (*excluded, *map(os.path.realpath, excluded))})
         self._around = (self.workspace, os.path.join(os.path.realpath(workspace), ""), *self._excluded)
         self._written: set[str] = set()
         self._busy = False
@@ -136,13 +135,36 @@ def _absolute(path: Any) -> str | None:
         return None
 
 
+def _with_versions() -> tuple[str, ...]:
+    """The folders whose files count by version: of Python, of what is installed for it, and of thingc."""
+    archives = [entry for entry in sys.path if entry and not os.path.isdir(entry)]  # of Python itself, there or not
+    return tuple({os.path.join(folder, "") for folder in (*installed_roots(), *archives, OWN_FOLDER, os.path.realpath(OWN_FOLDER))})
+
+
+_loaded_before: set[str] = set()
+_last_before = ""
+
+
+def remember_loaded() -> None:
+    """Look at the modules that this process has loaded, before it forks: a child that looked at each of them would have the pages copied
+    that they lie in."""
+    global _last_before
+    _loaded_before.update(_loaded_since())
+    _last_before = next(reversed(sys.modules))
+
+
 def loaded_files() -> list[str]:
-    """The files of all modules that this process has loaded, sorted."""
-    origins = {
-        specification.origin for module in list(sys.modules.values())
-        if (specification := getattr(module, "__dict__", {}).get("__spec__")) is not None and specification.has_location
-    }
-    return sorted(origin for origin in origins if origin is not None)
+    """The files of all modules that this process has loaded, but for those that count by version; sorted."""
+    return sorted(_loaded_before | _loaded_since())
+
+
+def _loaded_since() -> set[str]:
+    """The files of modules that stand behind the one that was the last when `remember_loaded` looked."""
+    fresh = [sys.modules[name] for name in itertools.takewhile(lambda name: name != _last_before, reversed(sys.modules))]
+    specifications = [getattr(module, "__dict__", {}).get("__spec__") for module in fresh]
+    files = {one.origin for one in specifications if one is not None and one.has_location and one.origin is not None}
+    folders = _with_versions()
+    return {file for file in files if not (file + os.sep).startswith(folders)}
 
 
 _listening: list[Recorder] = []

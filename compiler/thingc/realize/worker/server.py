@@ -278,9 +278,11 @@ def _serve(answers: int, jobs: int, scratch: Scratch) -> None:
 
 
 def _prepare(request: Mapping[str, Any]) -> None:
-    """What children would each do again: compile the part files (without running them), load the packages they import."""
+    """What children would each do again: compile the part files (without running them), load the packages they import, look at the modules
+    that are there."""
     from thingc.realize.worker.kernel.mesh_files import reads_with_trimesh
     from thingc.realize.worker.loading import compile_ahead
+    from thingc.realize.worker.reads import remember_loaded
 
     for file, sha256 in request.get("hashes", {}).items():
         compile_ahead(file, sha256)
@@ -289,6 +291,7 @@ def _prepare(request: Mapping[str, Any]) -> None:
         if name not in sys.modules:
             with contextlib.suppress(Exception):
                 importlib.import_module(name)
+    remember_loaded()
 
 
 if __name__ == "__main__":

@@ -85,9 +85,8 @@ def slice_part(mesh: Triangles, how: Slicing) -> Sliced:
     vertices = np.ascontiguousarray(mesh.vertices @ turn.T)
     lengths = _Lengths(how)
     outlines, heights = _outlines(vertices, mesh.faces, lengths.layer)
-    total = np.zeros((3, len(_RAISED)))
-    for height, laid in zip(heights, _Slicer(how, lengths).layers(outlines), strict=True):
-        total += _raised(np.stack(laid), height, lengths.layer)
+    flat = np.stack(list(_Slicer(how, lengths).layers(outlines)))
+    total = _raised(flat, heights, lengths.layer).sum(axis=0)
     solid, joins, sparse = (_moments(sums, turn) for sums in total)
     if not solid.volume > 0.0:
         raise NotSliced("is thinner than a line")
@@ -107,8 +106,8 @@ def _turned_up(up: tuple[float, float, float]) -> NDArray[np.float64]:
 # --- outlines ---------------------------------------------------------------------------------------------------------
 
 
-def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: float) -> tuple[list[Region], list[float]]:
-    """The cut in the middle of each layer, from the bed up, and its height. Where the walls are upright, the same object."""
+def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: float) -> tuple[list[Region], NDArray[np.float64]]:
+    """The cut in the middle of each layer, from the bed up, and its height (n,). Where the walls are upright, the same object."""
     solid = Manifold(Mesh64(vertices, np.ascontiguousarray(faces, dtype=np.uint64)))
     if solid.status() != Error.NoError or solid.is_empty():
         raise NotSliced("has a mesh that is not closed")
@@ -126,7 +125,7 @@ def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: fl
         if slab not in known:
             known[slab] = solid.slice(cut).simplify(_SIMPLE)
         outlines.append(known[slab])
-    return outlines, middles.tolist()
+    return outlines, middles
 
 
 def _slabs(vertices: NDArray[np.float64], faces: NDArray[np.int64], cuts: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -175,11 +174,11 @@ class _Slicer:
     def __init__(self, how: Slicing, lengths: _Lengths) -> None:
         self.how = how
         self.lengths = lengths
+        self.once = _Once()
 
-    def layers(self, outlines: list[Region]) -> Iterator[tuple[NDArray[np.float64], ...]]:
-        """For each layer the plane moments (see `_flat`) of what is laid solid, of joins, and of sparse lines at 100 %."""
-        once = _Once()
-        count = len(outlines)
+    def layers(self, outlines: list[Region]) -> Iterator[NDArray[np.float64]]:
+        """For each layer the plane moments (see `_flat`) of what is laid solid, of joins, and of sparse lines at 100 % (3, 6)."""
+        once = self.once
         above = [*outlines[1:], NOTHING]
         below = [NOTHING, *outlines[:-1]]
         cores = [once(self.core, outline) for outline in outlines]
@@ -198,17 +197,10 @@ class _Slicer:
             for index, kind in enumerate(kinds)
         ]
         sparse = [once(_without, kind.inside, one) for kind, one in zip(kinds, solid, strict=True)]
-        for index in range(count):
-            kind, inside = kinds[index], solid[index]
-            walls = once(self.walls, outlines[index], cores[index])
-            laid = once(_flat, walls) + once(_flat, inside) + once(_flat, kind.top) + once(_flat, kind.bottom)
-            if index:
-                over = once(self.overhang, walls, below[index])
-                bridge = once(self.bridge, inside, *sparse[max(0, index - self.lengths.spanned) : index])
-                laid = laid + (self.lengths.overhang - 1.0) * once(_flat, over)
-                laid = laid + (self.lengths.bridge - 1.0) * (once(_flat, bridge) + once(_flat, kind.bottom))
-            lines = once(self.lines, sparse[index])
-            yield laid, JOINED * self.lengths.spacing * once(_border, lines), once(_flat, lines)
+        walls = [once(self.walls, outline, core) for outline, core in zip(outlines, cores, strict=True)]
+        for index, (kind, inside) in enumerate(zip(kinds, solid, strict=True)):
+            spanned = sparse[max(0, index - self.lengths.spanned) : index]
+            yield once(self.laid, walls[index], inside, kind, sparse[index], below[index] if index else None, *spanned)
 
     def core(self, outline: Region) -> Region:
         """What is left inside the walls, where at least one more line would fit."""
@@ -266,9 +258,20 @@ class _Slicer:
         """What of the walls lies beside the layer below."""
         return _without(walls, _grown(below, self.lengths.nozzle / 2.0))
 
-    def lines(self, sparse: Region) -> Region:
-        """Where lines of sparse infill run."""
-        return _grown(sparse, -self.lengths.spacing / 2.0)
+    def laid(
+        self, walls: Region, inside: Region, kind: _Kinds, sparse: Region, below: Region | None, *spanned: Region,
+    ) -> NDArray[np.float64]:
+        """The moments of a layer as `layers` gives them; `below` is the outline of the layer below (None: the bed), `spanned` what is
+        sparse in those that the strands of a bridge sink into."""
+        once, lengths = self.once, self.lengths
+        bottom = once(_flat, kind.bottom)
+        solid = once(_flat, walls) + once(_flat, inside) + once(_flat, kind.top) + bottom
+        if below is not None:
+            over, bridge = once(self.overhang, walls, below), once(self.bridge, inside, *spanned)
+            solid = solid + (lengths.overhang - 1.0) * once(_flat, over)
+            solid = solid + (lengths.bridge - 1.0) * (once(_flat, bridge) + bottom)
+        lines = _grown(sparse, -lengths.spacing / 2.0)  # where lines of sparse infill run
+        return np.stack([solid, JOINED * lengths.spacing * _border(lines), _flat(lines)])
 
 
 class _Kinds:
@@ -347,6 +350,8 @@ def _edges(region: Region) -> tuple[NDArray[np.float64], ...]:
 
 def _flat(region: Region) -> NDArray[np.float64]:
     """The integrals of 1, x, y, xx, xy, yy over a region, by Green's theorem along its edges (6,)."""
+    if region.is_empty():
+        return np.zeros(6)
     x, y, u, v = _edges(region)
     cross = x * v - u * y
     terms = np.array([
@@ -358,6 +363,8 @@ def _flat(region: Region) -> NDArray[np.float64]:
 
 def _border(region: Region) -> NDArray[np.float64]:
     """The integrals of 1, x, y, xx, xy, yy along the border of a region (6,)."""
+    if region.is_empty():
+        return np.zeros(6)
     x, y, u, v = _edges(region)
     length = np.hypot(u - x, v - y)
     terms = np.array([
@@ -367,10 +374,13 @@ def _border(region: Region) -> NDArray[np.float64]:
     return np.asarray(terms.sum(axis=1) / (1.0, 2.0, 2.0, 3.0, 6.0, 3.0))
 
 
-def _raised(flat: NDArray[np.float64], middle: float, layer: float) -> NDArray[np.float64]:
-    """The integrals of 1, x, y, z, xx, xy, yy, xz, yz, zz over a layer (n, 10) from those over its plane (n, 6)."""
-    thick = middle * middle + layer * layer / 12.0
-    return np.asarray(layer * (flat[:, _RAISED] * (1.0, 1.0, 1.0, middle, 1.0, 1.0, 1.0, middle, middle, thick)))
+def _raised(flat: NDArray[np.float64], middles: NDArray[np.float64], layer: float) -> NDArray[np.float64]:
+    """The integrals of 1, x, y, z, xx, xy, yy, xz, yz, zz over layers (n, 3, 10) from those over their planes (n, 3, 6), whose heights are
+    `middles` (n,)."""
+    factors = np.ones((len(middles), 1, len(_RAISED)))
+    factors[:, 0, (3, 7, 8)] = middles[:, None]
+    factors[:, 0, 9] = middles * middles + layer * layer / 12.0
+    return np.asarray(layer * (flat[:, :, _RAISED] * factors))
 
 
 def _moments(sums: NDArray[np.float64], turn: NDArray[np.float64]) -> Moments:
