@@ -1,4 +1,4 @@
-"""Collisions of boxes at known places, of random boxes against MuJoCo's distances, and of the arm."""
+"""Collisions of boxes at known places, of random primitives against MuJoCo's distances, and of the arm."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from manifold3d import Manifold
 from scipy.spatial.transform import Rotation
 
 from testing.rig import GROUND, HEAD, SLIDERS, Workspace
+from thingc.graph.types import Surface
 from thingc.pose import Pose
-from thingc.solids.shapes import at, box, overlap
+from thingc.primitives import Primitive, PrimitiveShape
+from thingc.realize.store.local import Store
+from thingc.solids.shapes import solid_of
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 
@@ -90,36 +92,45 @@ def test_neighbours_may_touch_and_what_is_rigid_may_overlap(rig: Workspace) -> N
     assert rig.test(text, "  free: {no_collision: {joints: {one: all}}}\n")["by_name"]["free"]["passed"]
 
 
-def test_distances_of_random_boxes_are_mujocos(tmp_path: Path) -> None:
-    """200 pairs of boxes anywhere, with any turn: `mj_geomDistance` is exact for convex shapes that are apart."""
+SIZES: dict[PrimitiveShape, int] = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3}
+"""Shapes that end, and how many numbers each of them has."""
+
+
+def test_distances_of_random_primitives_are_mujocos(tmp_path: Path) -> None:
+    """90 pairs anywhere, with any turn: `mj_geomDistance` is exact for convex shapes that are apart. Some of ours have facets."""
     source = np.random.default_rng(11)
+    store = Store(str(tmp_path))
     apart = together = 0
-    for _ in range(200):
-        sizes = source.uniform(0.005, 0.03, (2, 3))
+    for _ in range(90):
+        shapes = [str(shape) for shape in source.choice(list(SIZES), 2)]
+        sizes = [source.uniform(0.005, 0.03, SIZES[shape]) for shape in shapes]
         places, turns = source.uniform(-0.05, 0.05, (2, 3)), Rotation.random(2, rng=source)
         geoms = "".join(
             f'<body pos="{" ".join(map(str, p))}" quat="{" ".join(map(str, t.as_quat(scalar_first=True)))}">'
-            f'<geom type="box" size="{" ".join(map(str, s))}" mass="1"/></body>'
-            for p, t, s in zip(places, turns, sizes, strict=True)
+            f'<geom type="{shape}" size="{" ".join(map(str, s))}" mass="1"/></body>'
+            for shape, p, t, s in zip(shapes, places, turns, sizes, strict=True)
         )
         model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{geoms}</worldbody></mujoco>")
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
         expected = mujoco.mj_geomDistance(model, data, 0, 1, 1.0, None)
         solids, boxes = [], []
-        for p, t, s in zip(places, turns, sizes, strict=True):
+        for shape, p, t, s in zip(shapes, places, turns, sizes, strict=True):
             pose = Pose(rotation=tuple(map(tuple, t.as_matrix().tolist())), translation=tuple(p.tolist()))
-            solid = Manifold.cube(tuple(2 * s), True)
-            solids.append(at(solid, pose))
-            boxes.append(box(solid, pose))
-        gap = float(solids[0].min_gap(solids[1], 1.0))
-        assert gap == pytest.approx(max(expected, 0.0), abs=1e-6)
+            surface = Surface(solid=Primitive(shape=shape, size=tuple(s.tolist())), material=None, color=None)
+            solid = solid_of(store, [surface])
+            assert solid is not None
+            solids.append(solid.at(pose))
+            boxes.append(solid.box(pose))
+        off = 1e-6 + 1e-3 * sum(max(s) for shape, s in zip(shapes, sizes, strict=True) if shape in ("cylinder", "ellipsoid"))
+        gap = solids[0].gap(solids[1], 0.02)
+        assert gap == pytest.approx(min(max(expected, 0.0), 0.02), abs=off)
         between = np.maximum(boxes[1][0] - boxes[0][1], boxes[0][0] - boxes[1][1])
-        assert float(np.linalg.norm(np.maximum(between, 0.0))) <= gap + 1e-9
-        apart += expected > 0
+        assert min(float(np.linalg.norm(np.maximum(between, 0.0))), 0.02) <= gap + 1e-9
+        apart += 0 < expected < 0.02
         together += expected < 0
-        assert (overlap(*solids)[0] > 0) == (expected < -1e-9) or abs(expected) < 1e-6
-    assert apart > 20 and together > 20
+        assert (solids[0].overlap(solids[1])[0] > 0) == (expected < 0) or abs(expected) < 5e-5
+    assert apart > 10 and together > 10
 
 
 def test_two_hundred_positions_of_the_arm_take_seconds(root: Path, rig: Workspace) -> None:

@@ -1,4 +1,4 @@
-"""`ground_clearance`: the robot keeps a distance from a level plane, with all parts but those that may touch it."""
+"""`ground_clearance`: the robot keeps a distance from a level plane, with all parts and links but those that may touch it."""
 
 from __future__ import annotations
 
@@ -14,12 +14,15 @@ from thingc.checks.kind import CheckKind
 from thingc.checks.outcome import Failure, Measure, Outcome, shown
 from thingc.diagnostics import Code, Note
 from thingc.frozen import dataclass
+from thingc.primitives import Primitive
 from thingc.spec.base import Model
 from thingc.spec.fields import LengthField
 from thingc.spec.named import ComponentField, ModeNames, PoseNames
 from thingc.units import LENGTH, Quantity
 
 if TYPE_CHECKING:
+    from thingc.graph.types import Occurrence, Surface
+    from thingc.pose import Pose
     from thingc.resolve.model import Reference
     from thingc.resolve.tests import Reader
     from thingc.testing.results import Case
@@ -88,28 +91,44 @@ def run(case: Case, check: GroundClearance) -> Outcome:
 
 
 def _heights(case: Case, check: GroundClearance) -> Iterator[tuple[float, str]]:
-    """How high [m] the lowest points of parts are over the plane, each with its path: of the lowest part, and of every one that is too
-    low. Others are left out where their boxes show that they are higher."""
-    from thingc.realize.store.meshes import vertices
+    """How high [m] the lowest points of parts and links are over the plane, each with its path: of the lowest one, and of every one that is
+    too low. Others are left out where their boxes show that they are higher."""
     from thingc.robot import occurrence_poses
-    from thingc.robot.standing import DECIMALS, ROUNDING, of_box, of_points, vertices_of
+    from thingc.robot.standing import DECIMALS, ROUNDING, of_box
 
     spared = {index for reference in check.spared for index in case.linked.components[reference]}
     poses = occurrence_poses(case.robot, case.frames[0].q, case.frames[0].base)
-    boxed = []
-    for occurrence, pose in zip(case.robot.assembly.occurrences, poses, strict=True):
-        record = occurrence.record
-        if record is not None and record.box is not None and "mesh" in record.meshes and occurrence.index not in spared:
-            under = pose.translation[2] + of_box(record.box, pose.rotation[2]) - ROUNDING
-            boxed.append((under, occurrence.path, record.meshes["mesh"], pose))
-    store, memo, lowest = case.request.store, case.request.memo, math.inf
-    for under, path, mesh, pose in sorted(boxed, key=lambda entry: entry[:2]):
+    boxed = [
+        (pose.translation[2] + of_box(occurrence.box, pose.rotation[2]) - ROUNDING, occurrence, pose)
+        for occurrence, pose in zip(case.robot.assembly.occurrences, poses, strict=True)
+        if occurrence.box is not None and any(map(_has_end, occurrence.solids)) and occurrence.index not in spared
+    ]
+    lowest = math.inf
+    for under, occurrence, pose in sorted(boxed, key=lambda entry: (entry[0], entry[1].path)):
         if under >= max(check.plane + check.least, lowest):
             break
-        points = memo(("true mesh_vertices", path), partial(vertices_of, partial(vertices, store), mesh), mesh.sha256)
-        low = pose.translation[2] + of_points(points, pose.rotation[2])
+        low = min(_low(case, occurrence, number, pose) for number, surface in enumerate(occurrence.solids) if _has_end(surface))
         lowest = min(lowest, low)
-        yield round(low - check.plane, DECIMALS) + 0.0, path
+        yield round(low - check.plane, DECIMALS) + 0.0, occurrence.path
+
+
+def _has_end(surface: Surface) -> bool:
+    """Whether it has a lowest point: a plane is ground itself."""
+    return not isinstance(surface.solid, Primitive) or surface.solid.shape != "plane"
+
+
+def _low(case: Case, occurrence: Occurrence, number: int, pose: Pose) -> float:
+    """The lowest z [m] of one of the solids of an occurrence, which stands at a pose."""
+    from thingc.realize.store.meshes import vertices
+    from thingc.robot.standing import of_points, vertices_of
+
+    surface = occurrence.solids[number]
+    if isinstance(surface.solid, Primitive):
+        return pose.translation[2] + surface.solid.lowest(pose.rotation[2])
+    store, mesh, placed = case.request.store, surface.solid, pose @ surface.pose
+    place = ("true mesh_vertices", occurrence.path, number)
+    points = case.request.memo(place, partial(vertices_of, partial(vertices, store), mesh), mesh.sha256)
+    return placed.translation[2] + of_points(points, placed.rotation[2])
 
 
 def _over(height: float) -> str:
@@ -118,8 +137,9 @@ def _over(height: float) -> str:
 
 PAGE = """\
 **Ground clearance** is how high the lowest part is over a level plane: the floor of the scene, or `plane` above it. It is decided on
-the true shapes of the parts, tessellated within the workspace's `mesh` tolerance, whatever their [collision](#collision) shape is. What
-stands or rolls on the floor is named by `except`.
+the true shapes of the parts, tessellated within the workspace's `mesh` tolerance, whatever their [collision](#collision) shape is, and on
+those shapes of [links](#links-of-shapes) that touch (where none does, on those that are drawn), but for planes. What stands or rolls on
+the floor is named by `except`.
 
 <!-- keys: GroundClearanceTest -->
 | key | value | without it | |

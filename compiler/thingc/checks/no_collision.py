@@ -256,6 +256,10 @@ count. Parts that touch are right. An overlap counts where its mean depth (twice
 linear mesh tolerance, by which the two surfaces may be off. With a `clearance` a pair fails where the gap is smaller. A part whose
 surface is not closed is taken as its convex hull.
 
+Of a [link of shapes](#links-of-shapes) those count that touch, where none does those that are drawn: boxes, spheres and
+capsules exactly, cylinders and ellipsoids within 0.1 % of their radius, meshes as those of parts, and planes without an end, as
+simulators have them.
+
 With `joints` it is a sweep: those joints move through their ranges, the others stay as in the pose. One joint is moved in equal steps from
 end to end; several go through positions that are spread evenly over all ranges and begin with their corners. The same
 positions are taken in every run. A sweep looks at positions, not between them.

@@ -113,9 +113,10 @@ class Subject:
             ], sort_keys=True))
             for o in assembly.occurrences if o.record is not None
         })
+        links = sorted({o.definition.text for o in assembly.occurrences if o.listed is not None})  # mesh files by what is in them
         settings = self._compilation.settings
         about = [
-            fingerprint(), documents.root.relative, sorted((path, one.sha256) for path, one in documents.by_path.items()), parts,
+            fingerprint(), documents.root.relative, sorted((path, one.sha256) for path, one in documents.by_path.items()), parts, links,
             sorted(settings.parameters.items()), sorted(settings.choices.items()),
         ]
         return hashlib.sha256(json.dumps(about).encode()).hexdigest()

@@ -23,6 +23,7 @@ def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes
     return Listed(
         drawn=tuple(surface for shape in definition.shapes if shape.drawn for surface in _drawn(shape, material, meshes)),
         touching=tuple(surface for shape in definition.shapes if shape.touches for surface in _touching(shape, material, meshes)),
+        solids=tuple(surface for shape in solid_shapes(definition) for surface in _touching(shape, material, meshes)),
         box=_around([box for box in boxes if box is not None]) if None not in boxes else None,
     )
 

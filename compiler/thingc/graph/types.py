@@ -58,11 +58,12 @@ class Surface(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listed(Brief):
-    """The geometry of a link, whose shapes are listed, in its frame: what is drawn, what touches, and the `box` around all of it (two
-    corners [m]; None: there is nothing, or nobody has measured it yet)."""
+    """The geometry of a link, whose shapes are listed, in its frame: what is drawn, what touches, of which `solids` it is taken to be made,
+    and the `box` around all of it (two corners [m]; None: there is nothing, or nobody has measured it yet)."""
 
     drawn: tuple[Surface, ...]
     touching: tuple[Surface, ...]
+    solids: tuple[Surface, ...]
     box: tuple[Vector, Vector] | None
 
 
@@ -114,6 +115,15 @@ class Occurrence(Brief):
             return tuple(self._surface(piece) for piece in record.convex)
         shape = record.simulated if choice == "mesh" else record.fits.get(choice) or record.meshes.get(choice)
         return () if shape is None else (self._surface(shape),)
+
+    @property
+    def solids(self) -> tuple[Surface, ...]:
+        """What it is made of, in its own frame, however it is drawn or touched: of a part its mesh, of a link the shapes that touch, else
+        those that are drawn."""
+        if self.listed is not None:
+            return self.listed.solids
+        mesh = self.record.meshes.get("mesh") if self.record is not None else None
+        return () if mesh is None else (self._surface(mesh),)
 
     def _surface(self, solid: Mesh | Primitive) -> Surface:
         """A shape of a part, which is of one material."""

@@ -1,4 +1,4 @@
-"""Parts of one link that are in one place: a part given twice, or put onto the wrong mount."""
+"""Parts, and links of shapes, of one body that are in one place: a part given twice, or put onto the wrong mount."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import hashlib
 import json
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 from thingc.diagnostics import Code, Note, Report, allow_hint
 from thingc.frozen import dataclass
-from thingc.graph.types import Assembly, Occurrence
+from thingc.graph.types import Assembly, Occurrence, Surface
 from thingc.memo import Memo
 from thingc.pose import Pose, Vector
+from thingc.primitives import Primitive
 from thingc.realize.store.local import Store
 
 SHARE = 0.2
@@ -28,7 +28,7 @@ Box = tuple[Vector, Vector]
 
 @dataclass(frozen=True, slots=True)
 class _Pair:
-    """Two parts of a link that may share too much, each with its pose in the link's frame."""
+    """Two parts of a body that may share too much, each with its pose in the link's frame."""
 
     one: Occurrence
     other: Occurrence
@@ -52,7 +52,7 @@ def check_overlaps(assembly: Assembly, store: Store, report: Report, memo: Memo)
         pairs += memo(("overlaps", link.name), _candidates, parts, link.poses)
     if not pairs:
         return
-    content = [[_mesh(part) for part in (pair.one, pair.other)] + [repr(pair.at_one), repr(pair.at_other)] for pair in pairs]
+    content = [[_made_of(pair.one), _made_of(pair.other), repr(pair.at_one), repr(pair.at_other)] for pair in pairs]
     key = hashlib.sha256(json.dumps([SHARE, LEAST, content]).encode()).hexdigest()
     if store.get_json(KIND, key) is None and not _look(pairs, store, report, memo):
         store.put_json(KIND, key, True)
@@ -64,7 +64,7 @@ def _look(pairs: Sequence[_Pair], store: Store, report: Report, memo: Memo) -> b
     said: set[tuple[object, object]] = set()
     for pair in pairs:
         where = ("overlap", pair.one.path, pair.other.path)
-        shared = memo(where, partial(_shared, pair, store, memo), _mesh(pair.one), _mesh(pair.other), pair.at_one, pair.at_other)
+        shared = memo(where, partial(_shared, pair, store, memo), pair.one.solids, pair.other.solids, pair.at_one, pair.at_other)
         if shared <= max(LEAST, SHARE * _volume(pair.smaller)):
             continue
         overlapping = True
@@ -76,13 +76,14 @@ def _look(pairs: Sequence[_Pair], store: Store, report: Report, memo: Memo) -> b
 
 def _shared(pair: _Pair, store: Store, memo: Memo, *_: object) -> float:
     """The volume [m^3] that two parts share."""
-    from thingc.solids.shapes import at, overlap, solid_of
+    from thingc.solids.shapes import Solid, solid_of
 
-    def solid(part: Occurrence) -> Any:
-        assert part.record is not None, "candidates have closed meshes"
-        return memo(("solid", part.path), lambda mesh: solid_of(store, mesh)[0], part.record.meshes["mesh"])
+    def solid(part: Occurrence) -> Solid:
+        made = memo(("solid", part.path), partial(solid_of, store), part.solids)
+        assert made is not None, "candidates have a volume"
+        return made
 
-    return overlap(at(solid(pair.one), pair.at_one), at(solid(pair.other), pair.at_other))[0]
+    return solid(pair.one).at(pair.at_one).overlap(solid(pair.other).at(pair.at_other))[0]
 
 
 def _warn(pair: _Pair, shared: float, report: Report) -> bool:
@@ -107,15 +108,17 @@ def _cubic(volume: float) -> str:
 
 
 def _candidates(members: tuple[Occurrence, ...], poses: tuple[Pose, ...]) -> list[_Pair]:
-    """The pairs of a link's parts of which the boxes share as much as would be too much. Parts whose surface has gaps have no inside."""
+    """The pairs of a body's parts of which the boxes share as much as would be too much. What has a surface with gaps has no inside. Of
+    links those alone that list the same: others lie within each other rightly, for their shapes are rough ones that collide."""
     pairs: list[_Pair] = []
-    parts: list[tuple[Occurrence, Pose, Box]] = []
-    for part, pose in zip(members, poses, strict=True):
-        mesh = part.record.meshes.get("mesh") if part.record is not None and part.record.exact else None
-        if part.record is not None and part.record.box is not None and mesh is not None and mesh.closed:
-            parts.append((part, pose, pose.around(part.record.box)))
+    parts = [
+        (part, pose, pose.around(part.box)) for part, pose in zip(members, poses, strict=True)
+        if part.box is not None and _volume(part) > 0.0 and all(map(_is_closed, part.solids))
+    ]
     for number, (one, at_one, box) in enumerate(parts):
         for other, at_other, beside in parts[number + 1 :]:
+            if one.definition != other.definition and (one.listed or other.listed):
+                continue
             common = 1.0
             for axis in range(3):
                 common *= max(0.0, min(box[1][axis], beside[1][axis]) - max(box[0][axis], beside[0][axis]))
@@ -125,8 +128,20 @@ def _candidates(members: tuple[Occurrence, ...], poses: tuple[Pose, ...]) -> lis
 
 
 def _volume(part: Occurrence) -> float:
-    return part.record.volume if part.record is not None else 0.0
+    """What it holds [m^3]; of a link all its shapes, also where they overlap."""
+    if part.record is not None:
+        return part.record.volume if part.record.exact else 0.0
+    return sum(one.solid.volume if isinstance(one.solid, Primitive) else one.volume for one in part.solids)
 
 
-def _mesh(part: Occurrence) -> str:
-    return part.record.meshes["mesh"].sha256 if part.record is not None else ""
+def _is_closed(surface: Surface) -> bool:
+    return surface.solid.shape != "plane" if isinstance(surface.solid, Primitive) else surface.solid.closed
+
+
+def _made_of(part: Occurrence) -> list[tuple[object, ...]]:
+    """What its solid depends on."""
+    return [
+        (one.solid.shape, one.solid.size, one.solid.pose.rotation, one.solid.pose.translation) if isinstance(one.solid, Primitive)
+        else (one.solid.sha256, one.pose.rotation, one.pose.translation)
+        for one in part.solids
+    ]

@@ -1,9 +1,8 @@
-"""The true shapes of the parts of a robot, and which pairs of them are near each other in a pose."""
+"""The true shapes of the parts and links of a robot, and which pairs of them are near each other in a pose."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from thingc.frozen import dataclass
 from thingc.graph.types import Assembly
 from thingc.pose import Pose
 from thingc.robot.types import Keyframe
-from thingc.solids.shapes import PartSolids, at, box, overlap
+from thingc.solids.shapes import Solid, Solids
 
 LOOK = 0.01
 """How far [m] the smallest gap is looked for: beyond it nobody wants to know."""
@@ -43,12 +42,12 @@ class Collisions:
     """The pairs of an assembly that may collide, and their shapes. `tolerance` [m] is how far each tessellated surface may be
     off the true one: an overlap counts from a mean depth of twice that."""
 
-    def __init__(self, assembly: Assembly, shapes: PartSolids, tolerance: float) -> None:
+    def __init__(self, assembly: Assembly, shapes: Solids, tolerance: float) -> None:
         self.assembly = assembly
         self.deep = 2.0 * tolerance
-        self._solids: dict[int, Any] = {}
+        self._solids: dict[int, Solid] = {}
         for occurrence in assembly.occurrences:
-            solid = shapes.solid(occurrence.record) if occurrence.record is not None else None
+            solid = shapes.solid(occurrence)
             if solid is not None:
                 self._solids[occurrence.index] = solid
         near, link_of = set(_neighbours(assembly)), assembly.link_of
@@ -57,7 +56,7 @@ class Collisions:
             (a, b) for k, a in enumerate(indices) for b in indices[k + 1 :]
             if link_of[a] != link_of[b] and _ordered(link_of[a], link_of[b]) not in near
         ]
-        self.hulls = [o.path for o in assembly.occurrences if o.record is not None and o.record.text in shapes.hulls]
+        self.hulls = [o.path for o in assembly.occurrences if o.definition.text in shapes.hulls]
 
     def wrong(self, near: Near, clearance: float) -> bool:
         """Whether two occurrences are nearer than they may be."""
@@ -71,11 +70,11 @@ class Collisions:
         allowances that are known to be `needed` nothing more is found out."""
         if not self.pairs:
             return
-        boxes = {index: box(solid, poses[index]) for index, solid in self._solids.items()}
+        boxes = {index: solid.box(poses[index]) for index, solid in self._solids.items()}
         ones, others = (np.array([boxes[pair[side]] for pair in self.pairs]) for side in (0, 1))
         between = np.maximum(others[:, 0] - ones[:, 1], ones[:, 0] - others[:, 1])
         apart = np.linalg.norm(np.maximum(between, 0.0), axis=1)
-        placed: dict[int, Any] = {}
+        placed: dict[int, Solid] = {}
         for number in np.argsort(apart, kind="stable"):
             pair = self.pairs[number]
             allowance = allowed.get(pair)
@@ -84,12 +83,12 @@ class Collisions:
                 continue
             for index in pair:
                 if index not in placed:
-                    placed[index] = at(self._solids[index], poses[index])
+                    placed[index] = self._solids[index].at(poses[index])
             one, other = (placed[index] for index in pair)
-            gap = float(one.min_gap(other, within))
+            gap = one.gap(other, within)
             if gap >= within:
                 continue
-            volume, depth = overlap(one, other) if gap <= 0.0 else (0.0, 0.0)
+            volume, depth = one.overlap(other) if gap <= 0.0 else (0.0, 0.0)
             if allowance is None:
                 look = min(look, gap)
             yield Near(one=pair[0], other=pair[1], gap=gap, depth=depth, volume=volume, allowance=allowance, where=frame)
@@ -100,7 +99,7 @@ def collisions_of(request: EmitRequest) -> Collisions:
     known = request.made.get("collisions")
     if isinstance(known, Collisions):
         return known
-    made = Collisions(request.assembly, PartSolids(request.store), request.workspace.mesh.linear)
+    made = Collisions(request.assembly, Solids(request.store), request.workspace.mesh.linear)
     request.made["collisions"] = made
     return made
 

@@ -1,0 +1,140 @@
+"""What tests of documents see of links of shapes: MuJoCo's distances on the model that is emitted. No kernel is loaded."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+
+from thingc import pipeline
+from thingc.cli.main import main
+from thingc.environment import Environment, Options
+from thingc.realize.service import GeometryService
+from thingc.robot import occurrence_poses
+from thingc.testing.collisions import collisions_of
+
+SHAPES = {
+    "ground": "{plane: [4 m, 0 m]}",
+    "block": "{box: 60 40 30 mm, at: {rpy: 10 20 30 deg}}",
+    "ball": "{sphere: {radius: 25 mm}, at: {xyz: 5 0 0 mm}}",
+    "rod": "{capsule: {radius: 10 mm, length: 70 mm}, at: {rpy: 80 0 15 deg}}",
+    "drum": "{cylinder: {radius: 25 mm, length: 40 mm}, at: {xyz: 0 4 0 mm, rpy: 30 0 0 deg}}",
+    "egg": "{ellipsoid: 30 20 15 mm, at: {rpy: 0 40 20 deg}}",
+    "gem": "{mesh: gem.stl, at: {xyz: 0 0 3 mm, rpy: 15 0 0 deg}}",
+    "both": "{sphere: {radius: 12 mm}, at: {xyz: 30 0 0 mm}}, {box: 10 30 50 mm, at: {xyz: -20 0 0 mm}}",
+}
+ROUND = {"drum": 0.025, "egg": 0.03}
+"""Of shapes whose distances are those of their facets the radius [m]."""
+
+LOOK = 0.05
+"""How far [m] gaps are looked for: all pairs of triangles nearer than that are."""
+
+SOURCE = np.random.default_rng(3)
+PLACES = {name: SOURCE.uniform(-70, 70, 3) + [0, 0, 120] for name in SHAPES if name != "ground"}
+POSES = [dict.fromkeys(PLACES, 0.0), *({name: float(SOURCE.uniform(-80, 80)) for name in PLACES} for _ in range(5))]
+
+
+def document() -> str:
+    """Every shape on a slide of its own, all of them on a carrier: no joint connects two of them, or one of them with the ground."""
+    links = "".join(f"  {name}: {{link: true, mass: 100 g, shapes: [{shapes}]}}\n" for name, shapes in SHAPES.items())
+    mounts = ", ".join(f"{name}: {{xyz: [{x} mm, {y} mm, {z} mm], rpy: 40 70 0 deg}}" for name, (x, y, z) in PLACES.items())
+    joints = "".join(
+        f"  {name}: {{type: prismatic, parent: carrier.{name}, child: {name}.origin, limit: {{lower: -1 m, upper: 1 m}}}}\n"
+        for name in PLACES
+    )
+    poses = "".join(
+        f"  p{number}: {{{', '.join(f'{name}: {q} mm' for name, q in pose.items())}}}\n" for number, pose in enumerate(POSES)
+    )
+    return (
+        f"thingc: assembly/1\nname: shelf\ncomponents:\n{links}"
+        f"  carrier: {{frame: true, mass: 1 kg, inertia: {{ixx: 1 g*m^2, iyy: 1 g*m^2, izz: 1 g*m^2}}, mounts: {{{mounts}}}}}\n"
+        "joints:\n  carrier: {type: prismatic, parent: ground.origin, child: carrier.origin, axis: [0, 0, 1],\n"
+        "    limit: {lower: 0, upper: 1 m}}\n"
+        f"{joints}poses:\n{poses}modes:\n  bench: {{root: ground}}\n"
+        "tests:\n  free: {no_collision: {pose: all, clearance: 10 mm}}\n"
+        "  high: {ground_clearance: {pose: all, at_least: 1 m}}\n"
+    )
+
+
+@pytest.fixture
+def no_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(GeometryService, "warm", lambda self: pytest.fail("the kernel was begun"))
+    monkeypatch.setattr("thingc.realize.client.Workers.request", lambda *_: pytest.fail("a worker was asked"), raising=False)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("shelf")
+    folder.joinpath("thingc.toml").write_text('thingc = "workspace/1"\n')
+    folder.joinpath("shelf.yaml").write_text(document())
+    trimesh.convex.convex_hull(SOURCE.uniform(-25, 25, (40, 3))).export(folder / "gem.stl")
+    return folder
+
+
+@pytest.fixture
+def model(folder: Path, no_kernel: None) -> mujoco.MjModel:
+    """As it is emitted."""
+    assert run("build", str(folder / "shelf.yaml"), "-o", str(folder / "out"), "--emit", "mjcf", "--store", str(folder / "store"))[0] == 0
+    return mujoco.MjModel.from_xml_path(str(folder / "out" / "shelf" / "mjcf" / "shelf_bench.xml"))
+
+
+def run(*words: str) -> tuple[int, str]:
+    """The exit code of a command, and what it prints."""
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        code = main(list(words))
+    return code, out.getvalue()
+
+
+def distances(model: mujoco.MjModel, q: dict[str, float]) -> dict[tuple[str, str], float]:
+    """The least distance [m] of each two bodies, by names, where joints are at `q` [mm]."""
+    data = mujoco.MjData(model)
+    for name, value in q.items():
+        data.joint(name).qpos[0] = value / 1000
+    mujoco.mj_forward(model, data)
+    bodies = [model.body(model.geom_bodyid[geom]).name for geom in range(model.ngeom)]
+    found: dict[tuple[str, str], float] = {}
+    for a in range(model.ngeom):
+        for b in range(a + 1, model.ngeom):
+            if bodies[a] != bodies[b] and model.geom_contype[a] and model.geom_contype[b]:
+                pair = min(bodies[a], bodies[b]), max(bodies[a], bodies[b])
+                found[pair] = min(found.get(pair, np.inf), mujoco.mj_geomDistance(model, data, a, b, 10.0, None))
+    return found
+
+
+def test_gaps_of_all_pairs_are_mujocos(folder: Path, model: mujoco.MjModel) -> None:
+    with Environment(str(folder / "shelf.yaml"), Options(store=str(folder / "store"))) as environment:
+        compilation = pipeline.compile(environment)
+        (robot,) = compilation.robots
+        collisions = collisions_of(pipeline.request_of(environment, compilation))
+        names = [occurrence.path for occurrence in robot.assembly.occurrences]
+        met = apart = 0
+        for frame, q in zip(robot.keyframes, POSES, strict=True):
+            near = collisions.near(occurrence_poses(robot, frame.q, frame.base), frame, LOOK, LOOK, {})
+            found = {tuple(sorted((names[one.one], names[one.other]))): one for one in near}
+            expected = {pair: distance for pair, distance in distances(model, q).items() if distance < LOOK - 1e-4}
+            assert set(expected) <= set(found)
+            for pair, distance in expected.items():
+                off = 3e-6 + 1e-3 * sum(ROUND.get(name, 0.0) for name in pair)
+                assert found[pair].gap == pytest.approx(max(distance, 0.0), abs=off), pair
+                assert (found[pair].volume > 0.0) == (distance < 0.0) or abs(distance) < 1e-4, pair
+                met, apart = met + (distance < 0.0), apart + (distance > 0.0)
+        assert met > 10 and apart > 30
+
+
+def test_tests_of_a_document_of_links_say_what_is_near_and_low(folder: Path, model: mujoco.MjModel) -> None:
+    """The ground is the plane z = 0: heights over it are exact for every shape."""
+    code, out = run("test", str(folder / "shelf.yaml"), "--format", "json", "--store", str(folder / "store"))
+    results = json.loads(out)["tests"]
+    assert code == 1 and len(results) == 2 * len(POSES)
+    for q, free, high in zip(POSES, results[: len(POSES)], results[len(POSES) :], strict=True):
+        expected = distances(model, q)
+        heights = {other if one == "ground" else one: height for (one, other), height in expected.items() if "ground" in (one, other)}
+        lowest = min(heights, key=lambda name: heights[name])
+        assert high["measured"] == {"clearance": pytest.approx(heights[lowest], abs=3e-6), "part": lowest}
+        assert free["passed"] is (min(expected.values()) > 0.01)
