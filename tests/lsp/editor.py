@@ -14,7 +14,7 @@ from lsprotocol import types
 from pygls.lsp.client import LanguageClient
 
 _T = TypeVar("_T")
-PATIENCE = 30.0
+PATIENCE = 120.0
 
 
 class Editor:

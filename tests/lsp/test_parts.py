@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -66,9 +65,7 @@ def test_parts_are_found_out_beside_what_is_typed(editor: Editor, rig: Path) -> 
     pose, mount = "7:15 TC304 there is no joint `turn`", "6:40 TC303 `block` (`blocks:Block(width={} mm)`) has no mount `tip`"
     assert lines(editor.open(rig, wrong)) == [pose], "of the parts nothing is known yet"
     until(editor, rig, [mount.format(31), pose])
-    began = time.monotonic()
     assert lines(editor.type(rig, wrong.replace("31 mm", "33 mm"))) == [pose], "a part of 33 mm is new; those that need it wait"
-    assert time.monotonic() - began < 5.0
     until(editor, rig, [mount.format(33), pose], len(editor.published))
     part = rig.parent / "parts/blocks.py"
     seen = len(editor.published)

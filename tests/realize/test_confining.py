@@ -129,8 +129,9 @@ def child():
     subprocess.Popen(SLEEP)
     return made()
 def daemon():
-    subprocess.run(["sh", "-c", "setsid sleep 613.7 & exit 0"])
-    time.sleep(1.0)  # until it is the sleep, and no copy of the shell
+    said = subprocess.run(["sh", "-c", "setsid {lone} > /dev/null & echo $!"], stdout=subprocess.PIPE, text=True).stdout
+    while not Path("/proc", said.strip(), "cmdline").read_text().startswith("sleep"):  # it is a copy of the shell at first
+        time.sleep(0.01)
     return made()
 def copy():
     if os.fork() == 0:
@@ -156,14 +157,18 @@ def hanging():
 """
 
 
+LONE = f"sleep 600.{os.getpid()}"
+"""Of this process: tests of other copies of the house may run on the machine."""
+
+
 def marked(place: Any) -> list[str]:
     lines = [" ".join(process.info["cmdline"] or []) for process in psutil.process_iter(["cmdline"])]
-    return [line for line in lines if str(place.root) in line and "mark" in line or "sleep 613.7" in line]
+    return [line for line in lines if str(place.root) in line and "mark" in line or LONE in line]
 
 
 @linux
 def test_what_a_part_leaves_behind_is_ended_and_named(place: Any, define: Callable[..., Any]) -> None:
-    place.write("parts/leaving.py", LEAVING.format(victim="", beside=""))
+    place.write("parts/leaving.py", LEAVING.format(victim="", beside="", lone=LONE))
     names = ("child", "daemon", "copy", "polite", "crashing")
     workers = Workers(2)
     try:
@@ -176,7 +181,7 @@ def test_what_a_part_leaves_behind_is_ended_and_named(place: Any, define: Callab
     finally:
         workers.close()
     assert marked(place) == []
-    for name, words in (("child", f"`{sys.executable}"), ("daemon", "`sleep 613.7`"), ("copy", "a copy of itself")):
+    for name, words in (("child", f"`{sys.executable}"), ("daemon", f"`{LONE}`"), ("copy", "a copy of itself")):
         (left,) = [warning for warning in found[f"leaving:{name}"].warnings if warning.asked is Outside.LEFT]
         assert left.message.startswith(f"leaves {words}") and left.message.endswith(" running, which was ended")
     assert [one for one in found["leaving:polite"].warnings if one.asked is Outside.LEFT] == []
