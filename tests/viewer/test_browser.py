@@ -25,7 +25,7 @@ from thingc.graph import coordinates, joints_of
 from thingc.realize.store.local import Store
 from thingc.robot import body_poses, link_names
 from thingc.statics.loads import loads
-from viewer.browser import address, drawn, links, needed, opened, spot
+from viewer.browser import address, drawn, links, needed, opened, spot, undrawn
 from viewer.conftest import Pages
 from viewer.test_page import element
 
@@ -53,6 +53,7 @@ def test_every_pose_of_every_mode_is_where_mujoco_has_it(browser: Any, pages: Pa
     folder = getattr(pages, robot)
     modes = json.loads((folder / "modes.json").read_text())
     with opened(browser, address(folder / f"html/{robot}.html")) as page:
+        undrawn(page)
         for mode, told in modes.items():
             page.get_by_role("radiogroup", name="mode").get_by_role("radio", name=mode, exact=True).click()
             model, data = model_of(folder, robot, mode)
@@ -70,6 +71,7 @@ def test_random_trees_with_every_kind_of_joint(browser: Any, pages: Pages, tmp_p
     joined = compiled(tmp_path, LEGS + MODES).compilation.assembly
     assert joined is not None and len(joined.between) == 4
     with opened(browser, address(pages.arm / "html/arm.html")) as page:
+        undrawn(page)
         for assembly, far in ((joined, 0.5), *((build(seed, 6).assembly, 2.0) for seed in range(4))):
             made = robots(assembly)
             told = describe(assembly, list(made.values()), small_robot.WORKSPACE, Packed(Store(str(tmp_path))))
@@ -96,6 +98,7 @@ def test_margins_of_any_configuration(browser: Any, pages: Pages, robot: str) ->
     there = "([mode, q]) => { const { viewer } = thingc; viewer.setMode(mode); viewer.restore(q); return viewer.held(); }"
     trees = 0
     with opened(browser, address(folder / f"html/{robot}.html")) as page:
+        undrawn(page)
         for mode in told["modes"]:
             for pose in mode["poses"]:
                 posed = "(at) => { thingc.viewer.setMode(at[0]); thingc.viewer.setPose(at[1]); return thingc.viewer.held().margins; }"
@@ -464,6 +467,7 @@ def test_gravity_is_down_in_every_mode(browser: Any, pages: Pages) -> None:
 def test_a_robot_is_followed_out_of_the_picture(browser: Any, pages: Pages) -> None:
     """By as much as it goes into a pose; not where it stays in the picture, and not where the picture was of a detail."""
     with opened(browser, address(pages.minchw / "html/minchw.html", "#mode=front_foot&pose=stretched")) as page:
+        undrawn(page)
         there = """({ stage }) => { const middle = stage.world.localToWorld(stage.bounds().min.clone().lerp(stage.bounds().max, 0.5));
           return [middle, stage.controls.target].map((point) => point.toArray()); }"""
         def pose(name: str, aside: float, zoom: float) -> tuple[Any, Any]:
