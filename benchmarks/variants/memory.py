@@ -179,7 +179,7 @@ def main() -> None:
             rates: dict[str, list[float]] = {label: [] for label in lanes}
             for turn in range(-1, arguments.rounds):
                 for label, make in lanes.items():
-                    count = max(int(arguments.count * SLOW.get(label, 1.0)), 1 if label in ELSEWHERE else 16)
+                    count = max(int(arguments.count * SLOW.get(label, 1.0)), 1 if label in ELSEWHERE else min(16, arguments.count))
                     clock = processor if label in ELSEWHERE else time.process_time
                     begun = clock()
                     make(count)
