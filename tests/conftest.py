@@ -27,8 +27,9 @@ from thingc.templates import TEMPLATES
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# How fast the machine is today decides about no test.
-settings.register_profile("thingc", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+# Neither chance nor how fast the machine is today decides about a test. `--hypothesis-profile search` looks at other examples every time.
+settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("thingc", settings.get_profile("search"), derandomize=True)
 settings.load_profile("thingc")
 
 
