@@ -187,7 +187,7 @@ def test_parts_and_what_they_read(tmp_path: Path, shared_store: str) -> None:
         watching.says("warning[TC414]")
         assert workers and workers[0].is_running(), "the first worker has done all of it"
         watching.process.kill()
-        assert not psutil.wait_procs(workers, timeout=20.0)[1]
+        assert not psutil.wait_procs(workers, timeout=60.0)[1]
     finally:
         watching.process.kill()
         watching.process.wait()

@@ -76,7 +76,7 @@ def test_parts_are_found_out_beside_what_is_typed(editor: Editor, rig: Path) -> 
     worker = psutil.Process(editor.process.pid).children(recursive=True)
     assert worker, "it is warm"
     editor.process.stdin.close()  # the editor has died
-    assert psutil.wait_procs([psutil.Process(editor.process.pid), *worker], timeout=20.0)[1] == []
+    assert psutil.wait_procs([psutil.Process(editor.process.pid), *worker], timeout=60.0)[1] == []
 
 
 def test_nothing_of_a_workspace_runs_that_is_not_trusted(shared_store: str, rig: Path) -> None:

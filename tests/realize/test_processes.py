@@ -150,7 +150,7 @@ def test_nothing_is_alive_after_the_client_is_killed(client: Callable[..., Any],
     assert len(children) >= wanted
     os.kill(process.pid, signal.SIGKILL)
     process.communicate()
-    assert gone(children, 5) == []
+    assert gone(children, 60) == []
 
 
 def test_what_a_part_has_started_ends_with_it(place: Any, define: Callable[..., Any]) -> None:
