@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -160,6 +161,69 @@ def test_nothing_of_what_is_left_out_is_written(tmp_path: Path) -> None:
     assert {model.actuator(k).name for k in range(model.nu)} == {"crank", "rocker", "slider/suck", "second", "muscle", "tendon"}
     assert {model.eq(k).name for k in range(model.neq)} == {"close:loop", "slider:mimic"} and model.tendon(0).name == "pull"
     assert tuple(model.actuator("rocker").gear) == (4, 0, 0, 0, 0, 0) and tuple(model.actuator("rocker").forcerange) == (-0.75, 0.75)
+
+
+def _imported(folder: Path, text: str) -> Imported:
+    """A robot of a file with that text, whose document compiles."""
+    (folder / "robot.xml").write_text(text)
+    report = Report()
+    imported = import_robot(str(folder / "robot.xml"), report)
+    assert imported is not None and report.diagnostics == []
+    for path, content in imported.files.items():
+        (folder / "out" / path).parent.mkdir(exist_ok=True, parents=True)
+        (folder / "out" / path).write_bytes(content)
+    thingc.compile(folder / "out" / imported.document)
+    return imported
+
+
+def test_names_of_the_source_and_names_made_up_are_others(tmp_path: Path) -> None:
+    """A body called as the link between two joints would be, a mesh in the file itself called as a file is, and a name without end."""
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 2 0 0\nv 0 2 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    imported = _imported(tmp_path, f"""\
+<mujoco>
+  <option timestep="-1"/>
+  <statistic meaninertia="2"/>
+  <extension/>
+  <asset><mesh name="a" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/><mesh name="b" file="a.obj"/></asset>
+  <worldbody>
+    <body name="arm">
+      <joint name="yaw" axis="0 0 1"/><joint name="pitch" axis="0 1 0"/>
+      <geom type="mesh" mesh="a"/><geom type="mesh" mesh="b"/>
+      <body name="arm yaw"><joint name="{'x' * 2000}"/><geom size="0.1"/></body>
+    </body>
+  </worldbody>
+</mujoco>
+""")
+    assert [(one.parent, one.child) for one in imported.robot.hangings] == [
+        ("world", "arm yaw_"), ("arm yaw_", "arm"), ("arm", "arm yaw"),
+    ]
+    assert [name for name in imported.files if name.startswith("meshes/")] == ["meshes/a.obj", "meshes/a_2.obj"]
+    assert imported.files["meshes/a_2.obj"] == (tmp_path / "a.obj").read_bytes() != imported.files["meshes/a.obj"]
+    assert [loss.what for loss in imported.losses] == ["a `timestep` of -1", "`<statistic>`", "`<extension>`", "mesh `a` as it is"]
+
+
+@pytest.mark.parametrize(("inside", "words"), [
+    ('<replicate count=" +2000000000"><geom size="0.1"/></replicate>', "this makes 2,000,000,000 of what is in it, and 10,000 are read"),
+    (f'<replicate count="9000">{"<site/>" * 12}</replicate>', "the model has more than 100,000 elements"),
+])
+def test_models_are_read_within_bounds(inside: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "robot.xml").write_text(f"<mujoco><worldbody><body><joint/>{inside}</body></worldbody></mujoco>")
+    report = Report()
+    assert import_robot(str(tmp_path / "robot.xml"), report) is None
+    assert len(report.diagnostics) == 1 and words in report.diagnostics[0].message
+
+
+def test_thousands_of_things_take_no_longer_each_than_ten(tmp_path: Path) -> None:
+    """Bodies, sites and names that are made up are found by their numbers, not by looking through all of them."""
+    one = '<body pos="0 0 1"><joint/><geom size="0.1"/>{}</body>'
+    seconds = []
+    for count in (100, 1000):
+        text = f"<mujoco><worldbody><body><geom size='1'/><joint/>{one.format('<site/>' * 20) * count}</body></worldbody></mujoco>"
+        (tmp_path / "robot.xml").write_text(text)
+        began = time.process_time()
+        assert import_robot(str(tmp_path / "robot.xml"), Report()) is not None
+        seconds.append(time.process_time() - began)
+    assert seconds[1] < 40.0 * seconds[0]
 
 
 def test_the_same_file_gives_the_same_bytes(case: Case) -> None:

@@ -13,7 +13,7 @@ from thingc.diagnostics import Report
 from thingc.importing import import_robot
 
 HERE = Path(__file__).parent
-WRONG = sorted(path for path in (HERE / "wrong").iterdir() if path.suffix in (".urdf", ".xml"))
+WRONG = sorted(path for path in (HERE / "wrong").iterdir() if path.suffix in (".urdf", ".xml", ".sdf"))
 
 
 @pytest.mark.parametrize("path", WRONG, ids=lambda path: path.stem)
@@ -52,6 +52,18 @@ def test_wrong_command_lines(words: list[str], said: str, capsys: pytest.Capture
     monkeypatch.chdir(HERE)
     assert main(["import", *words]) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", [
+    '<robot name="r"><link name="a" zeta="1" beta="2" alpha="3" gamma="4"/></robot>',
+    '<sdf version="1.9"><model name="m"><link name="a" zeta="1" beta="2" alpha="3" gamma="4"><inertial/></link></model></sdf>',
+])
+def test_what_is_not_read_is_listed_in_the_order_of_the_file(text: str, tmp_path: Path) -> None:
+    path = tmp_path / f"robot.{'urdf' if '<robot' in text else 'sdf'}"
+    path.write_text(text)
+    imported = import_robot(str(path), Report())
+    assert imported is not None
+    assert [one.what for one in imported.losses] == [f"`{name}` of `<link>`" for name in ("zeta", "beta", "alpha", "gamma")]
 
 
 def test_what_is_said_at_the_end(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -14,11 +14,10 @@ from typing import Literal
 
 from thingc.diagnostics import Code, Report
 from thingc.emit.names import safe
-from thingc.emit.xml import NAME, NAMESPACES, NO_CHARACTER, Element
+from thingc.emit.xml import NAMESPACES, Element, unwritable
 from thingc.graph.types import Assembly
 from thingc.resolve.model import RawAttribute
 from thingc.robot.types import Robot
-from thingc.shown import shown
 from thingc.typos import did_you_mean
 
 KINDS = ("link", "joint")
@@ -78,15 +77,16 @@ def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Ele
     if len(path) < 3:
         return f"`{attribute.dotted}` should name what is set", f"write `{path[0]}: {{NAME: {{KEY: VALUE}}}}`", 0
     for number, step in enumerate(path[2:], start=2):
-        if NAME.fullmatch(step) is None:
-            return f"`{step}` cannot be a name in XML", "write letters, digits, `_`, `-` and `.`, and a letter first", number
+        why = unwritable(step, "")
+        if why is not None:
+            return why, "write letters, digits, `_`, `-` and `.`, and a letter first", number
         prefix, colon, _ = step.rpartition(":")
         if colon and prefix not in PREFIXES[target]:
             prefixes = ", ".join(f"`{one}:`" for one in PREFIXES[target])
             return f"`{target}` declares no prefix `{prefix}:`", f"known prefixes: {prefixes}", number
-    strange = NO_CHARACTER.search(attribute.value)
-    if strange is not None:
-        return f"XML has no character `{shown(strange[0])}`", "leave it out", len(path)
+    why = unwritable(path[-1], attribute.value)
+    if why is not None:
+        return why, "leave it out", len(path)
     if any(True for file in files for _ in _named(file, attribute)):
         return None
     cut = {joint.path for robot in robots for closure in robot.closures for joint in closure.joints}

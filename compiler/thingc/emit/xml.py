@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from thingc.resolve.model import RawAttribute
+from thingc.shown import shown
 from thingc.source import Origin
 
 
@@ -168,6 +169,15 @@ NAMESPACES = {"drake": "http://drake.mit.edu", "gz": "http://gazebosim.org/schem
 
 NO_CHARACTER = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What no XML can hold, escaped or not (XML 1.0, `Char`)."""
+
+
+def unwritable(name: str, value: str) -> str | None:
+    """Why an element or attribute of that name, with that value, can stand in no XML; None where it can."""
+    if NAME.fullmatch(name) is None:
+        return f"`{name}` cannot be a name in XML"
+    strange = NO_CHARACTER.search(value)
+    return None if strange is None else f"XML has no character `{shown(strange[0])}`"
+
 
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
 _DASHES = re.compile("-{2,}")  # which XML allows in no comment

@@ -266,6 +266,12 @@ def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: Findings
 
 def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: Findings) -> None:
     twist, lower, upper = joint.twist, joint.limit.lower, joint.limit.upper
+    if not math.isfinite(q):
+        findings.error(
+            Code.POSE_LIMITS, f"pose `{pose.name}` brings `{joint.name}` beyond what a number can be", pose.origin, path=pose.name,
+            help="write a smaller value", notes=noted(f"`{joint.name}` follows another joint here", joint.origin),
+        )
+        return
     below = lower is not None and q < lower - _ROUNDING * max(1.0, abs(lower))
     above = upper is not None and q > upper + _ROUNDING * max(1.0, abs(upper))
     if not below and not above:

@@ -27,7 +27,7 @@ _ALIGNED = 1e-12
 FACING = ("planar", "ball")
 """Kinds of joints whose mounts face each other: they have no one axis."""
 FRICTION = ("slide", "torsion", "roll")
-SAY_THEIR_UNIT = (".dae", ".glb", ".gltf")
+SAY_THEIR_UNIT = (".dae", ".glb")
 UNITS: dict[tuple[float, ...], str] = {(1.0, 1.0, 1.0): "m", (0.01, 0.01, 0.01): "cm", (0.001, 0.001, 0.001): "mm"}
 """Scales of a mesh, whose numbers a source takes for metres, that are a unit."""
 

@@ -23,6 +23,7 @@ from thingc.importing.updating import RECORD, Earlier
 from thingc.importing.urdf import read_urdf
 from thingc.importing.xml_source import MOST_BYTES, read_xml
 from thingc.inertia import MassProperties
+from thingc.shown import shown
 from thingc.typos import did_you_mean
 
 ENDINGS = (".urdf", ".xml", ".sdf", ".xacro")
@@ -92,7 +93,7 @@ def import_robot(
     warn_of_units(robot, files, found, report)
     if report.failed:
         return None
-    written = document_of(robot, roots, os.path.basename(path), {one.link.name: one.how for one in mended}, found, before)
+    written = document_of(robot, roots, shown(os.path.basename(path)), {one.link.name: one.how for one in mended}, found, before)
     written = replace(written, losses=(*written.losses, *left_out))
     document = f"{written.name}.yaml" if before is None else before.document
     asked = {"roots": roots, "repair": repair, "meshes": meshes}

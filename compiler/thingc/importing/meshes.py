@@ -16,7 +16,7 @@ from thingc.importing.naming import distinct
 from thingc.importing.packages import NotFound, Packages
 from thingc.inertia import MassProperties
 
-READ = (".stl", ".obj", ".dae", ".ply", ".glb", ".gltf")
+READ = (".stl", ".obj", ".dae", ".ply", ".glb")
 FOLDER = "meshes"
 SUSPECT, LARGE = 100.0, 5.0
 """How many times further than its joints a mesh may reach, and how far [m] in any case."""

@@ -22,6 +22,8 @@ ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "ellipsoid", "plane"
 Sizes = Vector | tuple[float, float] | tuple[float]
 Raw = tuple[tuple[str, str], ...]
 """Attributes that a simulator of the source has and the language has not, with their values as they are written for it."""
+FAR = 1000.0
+"""Where a slide ends [m] that has no ends: the language wants some."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +105,10 @@ class Following:
 
     def at(self, q: float) -> float:
         """Where it is when the other joint is at `q`."""
-        return sum(one * q**power for power, one in enumerate(self.polynomial or (self.offset, self.multiplier)))
+        at = 0.0
+        for one in reversed(self.polynomial or (self.offset, self.multiplier)):
+            at = at * q + one
+        return at
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,12 +8,14 @@ from collections.abc import Iterable, Mapping
 from thingc.load.scalars import core_value
 
 RESERVED = frozenset({"world", "root", "origin"})
+LONGEST = 100
+"""Characters of a name: of more, the first ones."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 def plain_name(name: str, kind: str) -> str:
     """The name in letters, digits and `_`; `kind` is put before one that begins otherwise, and behind one that means something else."""
-    word = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or kind
+    word = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")[:LONGEST] or kind
     if not _NAME.fullmatch(word):
         word = f"{kind}_{word}"
     return f"{word}_{kind}" if word.lower() in RESERVED or not isinstance(core_value(word), str) else word

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from decimal import Decimal
 
 from thingc.pose import Pose, Vector, rpy_of
+from thingc.shown import shown
 
 TURNS = ("revolute", "continuous", "ball")
 """Kinds of joints whose q is an angle."""
@@ -87,7 +88,7 @@ def quantity(value: float, unit: str) -> str:
 
 def was(word: str, name: str) -> str:
     """A comment where the source has another name."""
-    return "" if word == name else f"  # {name!r} in the source"
+    return "" if word == name else f"  # {shown(repr(name))} in the source"
 
 
 def pose_words(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> str:

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from thingc.diagnostics import Code, Report
 from thingc.importing.model import (
+    FAR,
     Ends,
     Following,
     Hanging,
@@ -28,7 +29,7 @@ from thingc.importing.model import (
 )
 from thingc.importing.sdf_frames import PUTS_IN_PLACE, WORLD, Frames, NamedFrame, key_of
 from thingc.importing.tree import look_at_mimics, root_of, spanned
-from thingc.importing.values import ChildValues
+from thingc.importing.values import ChildValues, unread
 from thingc.importing.xml_source import SourceElement, read_xml
 from thingc.inertia import MassProperties
 from thingc.pose import IDENTITY, NO_POSE, Pose, Vector, along, rotate
@@ -105,7 +106,7 @@ class _Sdf:
         hangings = [one for key, frame in frames.all("joint") if (one := self._hanging(key, frame)) is not None]
         moving = {key for key, frame in frames.all("joint") if frame.element.attributes.get("type") not in ("fixed", "ball")}
         look_at_mimics(hangings, moving, self.report)
-        self._unread(model)
+        self.losses += unread(model, ATTRIBUTES, INSIDE, AS_USUAL)
         return None if len(self.report.diagnostics) > before else self._stood(model, name, links, hangings)
 
     def _look_at_version(self) -> None:
@@ -214,6 +215,9 @@ class _Sdf:
         if kind is None or len(ends) < 2:
             return None
         parent, child = ends["parent"], ends["child"]
+        if parent == child:
+            self.values.fault(element, None, f"parent and child of this joint are both on link `{child}`", "join two links")
+            return None
         here = self.frames.poses[child].inverse()
         around = NO_POSE if parent == WORLD else self.frames.poses[parent]
         moving = KINDS[kind]
@@ -263,6 +267,9 @@ class _Sdf:
         ends, follows = self._ends(axis), self._mimic(axis, frame.scope)
         if kind == "revolute" and ends.lower is None:
             kind = "continuous"
+        if kind == "prismatic" and ends.lower is None:
+            ends = replace(ends, lower=-FAR, upper=FAR, made_up=True)
+            self._lose(f"slide `{key}` without ends", f"a document has them, at {FAR:g} m", element)
         dynamics = self.values.one(axis, "dynamics")
         damping = friction = stiffness = rest = 0.0
         if dynamics is not None:
@@ -373,17 +380,6 @@ class _Sdf:
         kind = "fixed" if joint is None else "continuous" if joint.kind == "revolute" else joint.kind
         assert kind != "planar"
         return SourceLoop(name=one.name, kind=kind, ends=((one.parent, _clean(one.pose @ at)), (one.child, at)), where=one.where)
-
-    def _unread(self, element: SourceElement) -> None:
-        """A loss for each element and attribute that is not read, the whole of it."""
-        for attribute in element.attributes.keys() - ATTRIBUTES.get(element.tag, set()):
-            if not attribute.startswith("xmlns"):
-                self._lose(f"`{attribute}` of `<{element.tag}>`", "it is not read", element)
-        for child in element.children:
-            if child.tag in INSIDE.get(element.tag, ()):
-                self._unread(child)
-            elif child.text.lower() not in AS_USUAL.get(child.tag, ()):
-                self._lose(f"`<{child.tag}>` of `<{element.tag}>`", "it is not read", child)
 
     def _lose(self, what: str, why: str, element: SourceElement) -> None:
         self.losses.append(SourceLoss(what=what, why=why, where=element.where))

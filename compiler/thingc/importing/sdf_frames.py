@@ -13,7 +13,7 @@ from thingc.frozen import dataclass
 from thingc.importing.values import ChildValues
 from thingc.importing.xml_source import SourceElement
 from thingc.pose import NO_POSE, Pose, placed, rotation_of
-from thingc.typos import did_you_mean
+from thingc.typos import circle_words, did_you_mean
 
 WORLD = "world"
 MODEL = "__model__"
@@ -37,6 +37,7 @@ class Frames:
         self.model, self.values = model, values
         self.named: dict[str, NamedFrame] = {}
         self.poses: dict[str, Pose] = {"": NO_POSE}
+        self.links: dict[str, str | None] = {}
         self._find(model, "")
         self.named = {key: replace(frame, relative_to=self._relative_to(frame)) for key, frame in self.named.items()}
         for key in self.named:
@@ -94,10 +95,9 @@ class Frames:
         way: dict[str, NamedFrame] = {}
         while key not in self.poses:
             if key in way:
-                shown = " -> ".join(f"`{one}`" for one in [*[*way][[*way].index(key) :], key])
-                where = way[key].element.where
+                circle = circle_words([*way][[*way].index(key) :])
                 self.values.report.add(
-                    Code.SOURCE_TREE, f"poses are stated in one another, in a circle: {shown}", where,
+                    Code.SOURCE_TREE, f"poses are stated in one another, in a circle: {circle}", way[key].element.where,
                     help="state one of them in the model",
                 )
                 self.poses[key] = NO_POSE
@@ -130,12 +130,14 @@ class Frames:
 
     def link_of(self, key: str) -> str | None:
         """The link that a frame moves with; of a model the one that it names, else its first; None where there is none."""
-        seen: set[str] = set()
-        while key not in seen:
-            seen.add(key)
+        seen: list[str] = []
+        while key not in self.links:
+            self.links[key] = None  # of a circle
+            seen.append(key)
             frame = self.named.get(key)
             if frame is not None and frame.element.tag == "link":
-                return key
+                self.links[key] = key
+                break
             if frame is not None and frame.element.tag != "model":
                 key = self._carrier(frame)
                 continue
@@ -144,7 +146,8 @@ class Frames:
             links = [one for one in inside if self.named[one].element.tag == "link"]
             wanted = [one for one in [key_of(named, key)] if named and one in self.named]
             key = next(iter([*wanted, *links, *inside]), key)
-        return None
+        self.links |= dict.fromkeys(seen, self.links[key])
+        return self.links[key]
 
 
 def key_of(name: str, scope: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Sequence, Set
 from thingc.diagnostics import Code, Note, Report
 from thingc.importing.model import Hanging, SourceLink
 from thingc.source import Span
-from thingc.typos import did_you_mean
+from thingc.typos import circle_words, did_you_mean
 
 MOST_LINKS = 10_000
 
@@ -84,9 +84,21 @@ def spanned(hangings: Sequence[Hanging]) -> tuple[tuple[Hanging, ...], tuple[Han
 
 
 def look_at_mimics(hangings: Sequence[Hanging], moving: Set[str], report: Report) -> None:
-    """Report each joint that mimics itself, or none of those that move along one coordinate."""
+    """Report each joint that mimics itself, or none of those that move along one coordinate; and each circle."""
+    follows = {joint.name: joint.follows for one in hangings for joint in one.joints if joint.follows is not None}
+    done: set[str] = set()
+    for name in follows:
+        way: list[str] = []
+        while name in follows and name not in done:
+            done.add(name)
+            way.append(name)
+            name = follows[name].joint
+        if name in way[:-1]:
+            circle = way[way.index(name) :]
+            message = f"joints mimic each other in a circle: {circle_words(circle)}"
+            report.add(Code.SOURCE_VALUE, message, follows[name].where, help="let one of them move by itself")
     for joint in (joint for one in hangings for joint in one.joints):
-        if joint.follows is None or joint.follows.joint in moving - {joint.name}:
+        if joint.follows is None or joint.name != joint.follows.joint and joint.follows.joint in moving:
             continue
         wanted = joint.follows.joint
         what = "itself" if wanted == joint.name else f"`{wanted}`, which is no joint that moves"
@@ -118,8 +130,7 @@ def _circles(named: dict[str, SourceLink], above: dict[str, Hanging], report: Re
             at = above[at].parent
         if at in way:
             circle = [*reversed(way[way.index(at) :])]
-            shown = " -> ".join(f"`{name}`" for name in [*circle[:8], *(["..."] if len(circle) > 8 else []), circle[0]])
             report.add(
-                Code.SOURCE_TREE, f"links hang on one another in a circle: {shown}", above[circle[0]].where,
+                Code.SOURCE_TREE, f"links hang on one another in a circle: {circle_words(circle)}", above[circle[0]].where,
                 help="one of them has to be the root, or hang on a link outside of the circle",
             )

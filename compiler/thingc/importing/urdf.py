@@ -26,7 +26,7 @@ from thingc.importing.model import (
 )
 from thingc.importing.tree import look_at_mimics, root_of
 from thingc.importing.urdf_blocks import TAGS, read_blocks
-from thingc.importing.values import Values
+from thingc.importing.values import Values, unread
 from thingc.importing.xml_source import SourceElement, read_xml
 from thingc.inertia import MassProperties
 from thingc.pose import NO_POSE, Vector
@@ -108,7 +108,8 @@ class _Urdf:
             if element.attributes.get("type") not in ("fixed", "floating", "planar")
         }
         look_at_mimics(hangings, moving, self.report)
-        self._unread(self.root)
+        blocks = [one.where for one in self.root.children if one.tag in TAGS]
+        self.losses += (one for one in unread(self.root, ATTRIBUTES, INSIDE, {}) if one.where not in blocks)
         if len(self.report.diagnostics) > before:  # what is wrong with a joint must not be said again of the tree
             return None
         root = root_of(links, hangings, self.root.where, self.report)
@@ -295,17 +296,6 @@ class _Urdf:
                 self._lose(f"`lower` and `upper` of a joint, both {lower:g}", "it is read as one without ends, as simulators do", limit)
             return Ends(effort=effort, velocity=velocity)
         return Ends(lower=lower, upper=upper, effort=effort, velocity=velocity)
-
-    def _unread(self, element: SourceElement) -> None:
-        """A loss for each element and attribute that is not read, the whole of it."""
-        for attribute in element.attributes.keys() - ATTRIBUTES[element.tag]:
-            if not attribute.startswith("xmlns"):
-                self._lose(f'`{attribute}` of `<{element.tag}>`', "it is not read", element)
-        for child in element.children:
-            if child.tag in INSIDE.get(element.tag, ()):
-                self._unread(child)
-            elif element is not self.root or child.tag not in TAGS:
-                self._lose(f"`<{child.tag}>` of `<{element.tag}>`", "it is not read", child)
 
     def _lose(self, what: str, why: str, element: SourceElement) -> None:
         self.losses.append(SourceLoss(what=what, why=why, where=element.where))

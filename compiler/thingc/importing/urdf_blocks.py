@@ -32,6 +32,8 @@ ONLY_READING = {"angle", "fusestatic", "discardvisual", "strippath", "meshdir", 
 SENSORS: dict[str, Literal["imu", "camera"]] = {"imu": "imu", "imu_sensor": "imu", "camera": "camera"}
 LOOKING = Pose(rotation=((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
 """A mount that a camera looks along, z, in a frame of Gazebo's, along whose x it looks; y is up here, and z there."""
+MOST_VIEW = math.radians(179.0)
+"""Of a camera, from bottom to top."""
 FIELD_OF_VIEW, WIDTH, HEIGHT = 1.047, 320.0, 240.0
 """Of a camera, as SDF has them where a file says nothing: from left to right [rad], and its picture."""
 
@@ -131,6 +133,9 @@ class _Blocks:
         at, fovy = placed((x, y, z), (roll, pitch, yaw)), 0.0
         if known == "camera":
             at, fovy = at @ LOOKING, self._fovy(element)
+            if not 0.0 < fovy < MOST_VIEW:
+                self._lose(what, "it sees half of everything, or nothing", element)
+                return
         self.sensors[name] = GazeboSensor(name=name, kind=known, link=link, pose=at, fovy=fovy, where=element.where)
         if any(one.tag not in ("pose", "always_on", "visualize", "camera") for one in element.children):
             self._lose(f"rate, noise and plugins of {what}", "a sensor here says what it is and where", element)

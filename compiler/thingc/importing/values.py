@@ -4,16 +4,33 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Collection, Iterator, Mapping
 
 from thingc.diagnostics import Code, Report
-from thingc.importing.model import ShapeKind, Sizes
+from thingc.importing.model import ShapeKind, Sizes, SourceLoss
 from thingc.importing.xml_source import SourceElement
 from thingc.inertia import MassProperties, symmetric
 from thingc.pose import NO_POSE, Pose, Vector, multiply, placed, transpose
 from thingc.source import Span
 
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 NOT_FINITE = {"nan", "inf", "infinity"}
+
+
+def unread(
+    element: SourceElement, attributes: Mapping[str, Collection[str]], inside: Mapping[str, Collection[str]],
+    idle: Mapping[str, Collection[str]],
+) -> Iterator[SourceLoss]:
+    """A loss for each element in another, and each attribute, that is not read, the whole of it: `attributes` and `inside` are those that
+    are, by tag, `idle` by tag the texts with which one that is not says nothing."""
+    for attribute in element.attributes:
+        if attribute not in attributes.get(element.tag, ()) and not attribute.startswith("xmlns"):
+            yield SourceLoss(what=f"`{attribute}` of `<{element.tag}>`", why="it is not read", where=element.where)
+    for child in element.children:
+        if child.tag in inside.get(element.tag, ()):
+            yield from unread(child, attributes, inside, idle)
+        elif child.text.lower() not in idle.get(child.tag, ()):
+            yield SourceLoss(what=f"`<{child.tag}>` of `<{element.tag}>`", why="it is not read", where=child.where)
 
 
 class Values:
@@ -116,18 +133,18 @@ class Values:
         """What an element of `<geometry>` is, and how large [m], as formats after URDF have them; None where that is wrong, and for what
         they have not."""
         match form.tag:
-            case "box":
-                sides = self.numbers(form, "size", 3)
-                return None if sides is None else ("box", (sides[0], sides[1], sides[2]))
+            case "box" | "ellipsoid":
+                key = "size" if form.tag == "box" else "radii"
+                sides = self.numbers(form, key, 3)
+                if sides is not None and min(sides) < 0.0:
+                    self.fault(form, key, f"`{key}` of `<{form.tag}>`: expected numbers at least 0, found {min(sides):g}")
+                return None if sides is None else (form.tag, (sides[0], sides[1], sides[2]))
             case "sphere":
                 radius = self.above_zero(form, "radius", zero=True)
                 return None if radius is None else ("sphere", (radius,))
             case "cylinder" | "capsule":
                 radius, length = (self.above_zero(form, key, zero=True) for key in ("radius", "length"))
                 return None if radius is None or length is None else (form.tag, (radius, length))
-            case "ellipsoid":
-                radii = self.numbers(form, "radii", 3)
-                return None if radii is None else ("ellipsoid", (radii[0], radii[1], radii[2]))
             case "mesh":
                 scale = self.numbers(form, "scale", 3, (1.0, 1.0, 1.0))
                 return None if scale is None else ("mesh", (scale[0], scale[1], scale[2]))

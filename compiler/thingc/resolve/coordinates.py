@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 from thingc.brief import Brief
@@ -95,6 +96,9 @@ class Mimic(Brief):
         return slope, self.at(x) - slope * x
 
     def at(self, x: float) -> float:
-        """q where q(joint) is `x`."""
+        """q where q(joint) is `x`; infinite beyond what a number can be."""
         linear = self.multiplier * x + self.offset
-        return linear if not self.higher else linear + sum(c * x**k for k, c in enumerate(self.higher, start=2))
+        try:
+            return linear if not self.higher else linear + sum(c * x**k for k, c in enumerate(self.higher, start=2))
+        except OverflowError:
+            return math.inf

@@ -8,7 +8,7 @@ from typing import Any
 
 from thingc.diagnostics import Code
 from thingc.resolve.model import RawAttribute
-from thingc.resolve.raw_added import ADD
+from thingc.resolve.raw_added import ADD, text
 from thingc.resolve.raw_fixed import fixed, fixed_in_all
 from thingc.resolve.scope import Scope
 from thingc.source import Path
@@ -36,7 +36,7 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
             continue
         if not isinstance(attributes, Mapping):
             scope.error(
-                Code.VALUE_KIND, f"raw attributes of `{target}` are a mapping, found `{_text(attributes)}`", path,
+                Code.VALUE_KIND, f"raw attributes of `{target}` are a mapping, found `{text(attributes)}`", path,
                 help=f"write for example `{target}: {{joint: {{yaw: {EXAMPLES[target]}}}}}`",
             )
             continue
@@ -52,7 +52,7 @@ def _flattened(scope: Scope, target: str, node: Any, path: Path, keys: tuple[str
     elif isinstance(node, list) and (target != "usd" or any(isinstance(one, (Mapping, list)) for one in node)):
         scope.error(
             Code.VALUE_KIND, f"`{keys[-1]}` is text, a number, true or false in `{target}`, found a list of {len(node)}", path,
-            help=f"write `{' '.join(map(_text, node))}`" if not any(isinstance(one, (Mapping, list)) for one in node)
+            help=f"write `{' '.join(map(text, node))}`" if not any(isinstance(one, (Mapping, list)) for one in node)
             else "elements are added under `raw: mjcf: add:`",
         )
     else:
@@ -63,13 +63,6 @@ def _flattened(scope: Scope, target: str, node: Any, path: Path, keys: tuple[str
             return
         first = len(path) - len(keys)
         yield RawAttribute(
-            target=target, path=keys, value=json.dumps(node) if target == "usd" else _text(node), origin=scope.origin(path),
+            target=target, path=keys, value=json.dumps(node) if target == "usd" else text(node), origin=scope.origin(path),
             keys=tuple(scope.span(path[: first + depth], key=True) for depth in range(1, len(keys) + 1)),
         )
-
-
-def _text(value: object) -> str:
-    """A scalar as XML has it."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return value if isinstance(value, str) else repr(value)

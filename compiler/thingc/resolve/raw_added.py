@@ -44,6 +44,13 @@ def added(scope: Scope, written: Mapping[str, Any]) -> tuple[RawElement, ...]:
     )
 
 
+def text(value: object) -> str:
+    """A scalar as XML has it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return value if isinstance(value, str) else repr(value)
+
+
 def _elements(scope: Scope, section: str, written: Any, path: Path) -> Iterator[RawElement]:
     if not isinstance(written, list):
         scope.error(Code.VALUE_KIND, f"`{path[-1]}` is a list of elements", path, help=f"write for example {_EXAMPLE}")
@@ -71,6 +78,6 @@ def _element(scope: Scope, section: str, tag: str, written: Mapping[str, Any], p
                 help=f"elements in it stand in a list under `{INSIDE}`, numbers in one text: `1 2 3`",
             )
             return
-        values[name] = ("true" if value else "false") if isinstance(value, bool) else value if isinstance(value, str) else repr(value)
+        values[name] = text(value)
     inside = tuple(_elements(scope, section, written[INSIDE], (*path, INSIDE))) if INSIDE in written else ()
     yield RawElement(section=section, tag=tag, attributes=values, children=inside, origin=scope.origin(path, key=True))

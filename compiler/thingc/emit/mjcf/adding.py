@@ -7,17 +7,18 @@ left out of that mode.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from thingc.diagnostics import Code, Report
 from thingc.emit.artifact import Loss
 from thingc.emit.mjcf import elements
-from thingc.emit.xml import Element
+from thingc.emit.xml import Element, unwritable
 from thingc.graph.types import Assembly
 from thingc.resolve.coordinates import CoordinateName
 from thingc.resolve.model import RawElement
 from thingc.robot import in_link
 from thingc.robot.types import Robot
+from thingc.source import Origin
 from thingc.typos import did_you_mean
 
 KINDS = {
@@ -41,6 +42,10 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
     if assembly.added and models:
         targets = [_Target(robot, model) for robot, model in zip(robots, models, strict=True)]
         for element in assembly.added:
+            strange = next(_strange(element), None)
+            if strange is not None:
+                report.add(Code.RAW_UNKNOWN, *strange, path=element.dotted, help="write what MJCF has in its reference")
+                continue
             missing = [target.add(element) for target in targets]
             if None not in missing and not _elsewhere(assembly, missing[0] or ("", "")):
                 kind, name = missing[0] or ("", "")
@@ -57,6 +62,18 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
         for target in targets:
             target.command()
     return lost
+
+
+def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
+    """What can be no element of MJCF, or no attribute, and MuJoCo must not read: where a name ends it would read on."""
+    for name, value in ((element.tag, ""), *element.attributes.items()):
+        why = unwritable(name, value)
+        if why is not None:
+            yield why, element.origin
+    if element.tag == "include":
+        yield "a model includes no files", element.origin
+    for child in element.children:
+        yield from _strange(child)
 
 
 def _elsewhere(assembly: Assembly, missing: tuple[str, str]) -> bool:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 
 from thingc.diagnostics import Code, Report
 from thingc.emit.mjcf.model import FREE_JOINT, class_name
-from thingc.emit.xml import Element
+from thingc.emit.xml import Element, unwritable
 from thingc.graph.types import Assembly
 from thingc.resolve.model import RawAttribute
 from thingc.robot.types import Robot
@@ -76,7 +76,8 @@ def _shape_fault(attribute: RawAttribute) -> tuple[str, str] | None:
             f"`{attribute.dotted}` should name an attribute in a default class",
             "write `default: {CLASS: {ELEMENT: {ATTRIBUTE: VALUE}}}`",
         )
-    return None
+    why = unwritable(path[-1], attribute.value)
+    return None if why is None else (why, "write an attribute of MJCF, and text that XML can hold")
 
 
 def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from thingc.importing.mjcf.original import Original, differing, floats, numbers
+from thingc.importing.mjcf.original import SOLIMP, SOLREF, Original, differing, floats, numbers
 from thingc.importing.model import Raw, SourceAdded, SourceTarget
 
 WRAPPED_JOINT, PULLEY, SITE = 1, 2, 3
@@ -14,7 +14,6 @@ DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle")
 GAINS, BIASES = ("fixed", "affine", "muscle"), ("none", "affine", "muscle")
 PLAIN = ("stiffness", "damping", "frictionloss", "armature", "margin")
 """Numbers of a tendon that are 0 where nothing is said."""
-_SOLREF, _SOLIMP = "0.02 1", "0.9 0.95 0.001 0.5 2"
 
 
 class Added:
@@ -92,7 +91,7 @@ class Added:
         said.append(("solimp", numbers(model.eq_solimp[number])))
         self.equalities.append(SourceAdded(
             section="equality", tag="tendon", name=self.original.equalities[number],
-            attributes=(*tied, *differing(said, {"solref": _SOLREF, "solimp": _SOLIMP})), where=self.original.where("equality", number),
+            attributes=(*tied, *differing(said, {"solref": SOLREF, "solimp": SOLIMP})), where=self.original.where("equality", number),
         ))
         return True
 
@@ -108,7 +107,7 @@ class Added:
             ("solreffriction", numbers(model.tendon_solref_fri[tendon])), ("solimpfriction", numbers(model.tendon_solimp_fri[tendon])),
         ]
         usual = dict.fromkeys(PLAIN, "0")
-        usual |= {"solreflimit": _SOLREF, "solimplimit": _SOLIMP, "solreffriction": _SOLREF, "solimpfriction": _SOLIMP}
+        usual |= {"solreflimit": SOLREF, "solimplimit": SOLIMP, "solreffriction": SOLREF, "solimpfriction": SOLIMP}
         return differing(wanted, usual)
 
     def _path(self, tendon: int) -> list[tuple[str, Mapping[str, str | SourceTarget]]] | None:

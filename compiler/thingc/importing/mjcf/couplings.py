@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.importing.mjcf.adding import Added
 from thingc.importing.mjcf.drives import Actuators
-from thingc.importing.mjcf.original import Original, differing, floats, numbers, pose_of
+from thingc.importing.mjcf.original import SOLREF, Original, differing, floats, numbers, pose_of
 from thingc.importing.model import Following, Raw, SourceLoop
 from thingc.pose import NO_POSE, Pose, shifted
 
 CONNECT, WELD, JOINT = 0, 1, 2
 BODY, SITE = 1, 6
-STIFF = {"solref": "0.02 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
+STIFF = {"solref": SOLREF, "solimp": "0.9999 0.9999 0.001 0.5 2"}
 """How MJCF is written of a joint that follows (`emit.mjcf.model.STIFF`)."""
 
 

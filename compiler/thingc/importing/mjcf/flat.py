@@ -16,16 +16,20 @@ from thingc.diagnostics import Code, Note, Report
 from thingc.frozen import dataclass
 from thingc.importing.model import SourceLoss
 from thingc.importing.packages import NotFound, Packages
+from thingc.importing.values import NOT_FINITE
 from thingc.importing.xml_source import MOST_BYTES, SourceElement, read_xml
 from thingc.source import Span
 
-MOST_COPIES = 10_000
-"""Of an element, by `<replicate>`."""
+MOST_COPIES, MOST_ELEMENTS = 10_000, 100_000
+"""Of an element, by `<replicate>`; and of a model, copies among them."""
+MOST_MESH_BYTES = 500_000_000
+"""Of all meshes together, each as often as it is named: MuJoCo works out a hull of every one."""
 LEFT_OUT = {
     "texture": "it is not read: shapes have the colours of their materials", "hfield": "a document has no height fields",
     "skin": "a document has no skins", "flex": "a document has rigid links only", "flexcomp": "a document has rigid links only",
     "composite": "it is not read: write out the bodies that it stands for", "size": "the sizes of a model follow from its robot",
-    "custom": "a document has no data of others", "light": "lights belong to a scene", "visual": "how it is drawn belongs to a scene",
+    "custom": "a document has no data of others", "extension": "a document has no plugins",
+    "statistic": "MuJoCo works them out of the robot", "light": "lights belong to a scene", "visual": "how it is drawn belongs to a scene",
 }
 REFUSED = {"attach": "attached models are not read", "model": "attached models are not read"}
 FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
@@ -43,12 +47,14 @@ class Flat:
     meshes: Mapping[str, str]
     losses: tuple[SourceLoss, ...]
 
+    def element(self, said: str) -> SourceElement:
+        """What MuJoCo says to be in a line of the text (`line 7`); the root where it says none."""
+        number = [int(one) for one in re.findall(r"line\s*=?\s*(\d{1,9})\b", said)]
+        return self.lines[number[-1] - 1] if number and 1 <= number[-1] <= len(self.lines) else self.root
+
     def place(self, said: str, attribute: str | None = None) -> Span:
-        """The place in the source of what MuJoCo says to be in a line of the text (`line 7`); the root's where it says none."""
-        number = re.findall(r"line\s*=?\s*(\d+)", said)
-        if not number or not 1 <= int(number[-1]) <= len(self.lines):
-            return self.root.where
-        element = self.lines[int(number[-1]) - 1]
+        """The place of that in the source."""
+        element = self.element(said)
         return element.where if attribute is None else element.place(attribute)
 
 
@@ -68,6 +74,9 @@ class _Flattening:
         self.losses: list[SourceLoss] = []
         self.elements: dict[int, tuple[SourceElement, ...]] = {}
         self.strip, self.folder = False, ""
+        self.made = self.mesh_bytes = 0
+        self.contents: dict[str, bytes] = {}
+        self.names: set[str | None] = set()
 
     def flat(self) -> Flat | None:
         before = len(self.report.diagnostics)
@@ -100,6 +109,7 @@ class _Flattening:
         waiting = [element]
         while waiting:
             one = waiting.pop()
+            self.names.add(one.attributes.get("name"))
             inner = one
             if one.tag == "include":
                 found = self._read(one)
@@ -136,14 +146,21 @@ class _Flattening:
         return read_xml(path, data, self.report)
 
     def _write(self, element: SourceElement, copies: int) -> None:
-        """The lines of an element, of which there are so many."""
+        """The lines of an element, of which there are so many; none where there are too many already, which has been reported."""
+        if self.made > MOST_ELEMENTS:
+            return
+        self.made += copies
+        if self.made > MOST_ELEMENTS:
+            message = f"the model has more than {MOST_ELEMENTS:,} elements from here on, those that `<replicate>` copies among them"
+            self.report.add(Code.SOURCE_VALUE, message, element.where, help="no robot needs so many")
+            return
         if element.tag in REFUSED:
             help = "open it in MuJoCo, and import what `MjSpec.to_xml` writes"
             self.report.add(Code.SOURCE_VALUE, f"`<{element.tag}>`: {REFUSED[element.tag]}", element.where, help=help)
             return
         if element.tag == "replicate":
-            written = element.attributes.get("count", "1")
-            copies *= int(written) if re.fullmatch(r"\d{1,9}", written) else 1
+            written = re.match(r"\s*\+?(\d{1,12})", element.attributes.get("count", ""))  # what else stands there, MuJoCo does not read
+            copies *= 1 if written is None else int(written[1])
             if copies > MOST_COPIES:
                 message = f"this makes {copies:,} of what is in it, and {MOST_COPIES:,} are read at most"
                 self.report.add(Code.SOURCE_VALUE, message, element.place("count"), help="no robot needs so many")
@@ -155,6 +172,7 @@ class _Flattening:
         if element.tag == "layer":
             return  # of a texture, which is a loss of its own
         attributes = dict(element.attributes)
+        self._look_at_numbers(element)
         if element.tag == "compiler":
             attributes = {name: value for name, value in attributes.items() if name not in FOLDERS}
         elif element.tag == "material":
@@ -165,6 +183,15 @@ class _Flattening:
         for child in self._children(element):
             self._write(child, copies)
         self._line(f"</{element.tag}>", element)
+
+    def _look_at_numbers(self, element: SourceElement) -> None:
+        """Report those that are not finite: MuJoCo takes them, and most of what it works out of them is none either."""
+        for name, value in element.attributes.items():
+            wrong = next((word for word in value.split() if word.lower().lstrip("+-") in NOT_FINITE), None)
+            if wrong is not None and name != "name" and value not in self.names:
+                message = f"`{name}` of `<{element.tag}>`: expected finite numbers, found `{wrong}`"
+                help = "leave it out: what has no range has no ends" if name.endswith("range") else None
+                self.report.add(Code.SOURCE_VALUE, message, element.place(name), help=help)
 
     def _line(self, text: str, element: SourceElement) -> None:
         self.texts.append(re.sub(r"[\r\n]", " ", text))
@@ -178,8 +205,15 @@ class _Flattening:
         uri = os.path.normpath(os.path.join(self.folder, file))
         name = element.attributes.get("name", os.path.splitext(os.path.basename(file))[0])
         try:
-            with open(self.packages.find(uri), "rb") as stream:
-                content = stream.read()
+            path = self.packages.find(uri)
+            self.mesh_bytes += os.path.getsize(path)
+            if self.mesh_bytes > MOST_MESH_BYTES:
+                message = f"with `{uri}` the meshes have more than {MOST_MESH_BYTES:,} bytes"
+                raise NotFound(message, "use meshes with fewer facets, and name each once")
+            if path not in self.contents:
+                with open(path, "rb") as stream:
+                    self.contents[path] = stream.read()
+            content = self.contents[path]
         except NotFound as fault:
             self.report.add(Code.SOURCE_FILE, str(fault), element.place("file"), help=fault.help)
             return {}

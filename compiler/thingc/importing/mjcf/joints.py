@@ -6,13 +6,10 @@ from typing import Any
 
 from thingc.importing.mjcf.couplings import Couplings
 from thingc.importing.mjcf.drives import Actuators
-from thingc.importing.mjcf.original import Original, differing, floats, numbers
-from thingc.importing.model import Ends, Kind, Raw, SourceJoint
+from thingc.importing.mjcf.original import SOLIMP, SOLREF, Original, differing, floats, numbers
+from thingc.importing.model import FAR, Ends, Kind, Raw, SourceJoint
 
 BALL, SLIDE, HINGE = 1, 2, 3
-FAR = 1000.0
-"""Where a slide ends [m] that has no ends: the language wants some."""
-_SOLREF, _SOLIMP = "0.02 1", "0.9 0.95 0.001 0.5 2"
 
 
 def joint_of(original: Original, joint: int, drives: Actuators, couplings: Couplings) -> SourceJoint:
@@ -62,6 +59,6 @@ def _raw(model: Any, joint: int, dof: int) -> Raw:
     if model.jnt_actfrclimited[joint]:
         wanted.append(("actuatorfrcrange", numbers(model.jnt_actfrcrange[joint])))
     return differing(wanted, {
-        "solreflimit": _SOLREF, "solimplimit": _SOLIMP, "solreffriction": _SOLREF, "solimpfriction": _SOLIMP, "margin": "0",
+        "solreflimit": SOLREF, "solimplimit": SOLIMP, "solreffriction": SOLREF, "solimpfriction": SOLIMP, "margin": "0",
         "actuatorgravcomp": "false",
     })

@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from thingc.importing.mjcf.flat import Flat
 from thingc.importing.model import Raw, SourceLoss
+from thingc.importing.xml_source import SourceElement
 from thingc.pose import NO_POSE, Pose, rotation_of
 from thingc.source import Span
 
 WORLD = 0
 KINDS = ("body", "joint", "geom", "site", "camera", "actuator", "sensor", "equality", "tendon")
 MANY = {"body": "bodies", "equality": "equalities"}
+SOLREF, SOLIMP = "0.02 1", "0.9 0.95 0.001 0.5 2"
+"""How soft constraints are of which nothing is said."""
 
 
 class Original:
     """`spec` is what was written, `model` what it comes to. Things are meant by their number in the model; bodies, joints, sites, actuators
-    and sensors have a name each, made up where the source has none."""
+    and sensors have a name each, made up where the source has none. `geoms_of` and `sites_of` are by body."""
 
     def __init__(self, flat: Flat, spec: Any, model: Any) -> None:
         self.flat, self.spec, self.model = flat, spec, model
         self.losses: list[SourceLoss] = []
+        self.geoms_of, self.sites_of = _by_body(model.geom_bodyid, model.nbody), _by_body(model.site_bodyid, model.nbody)
         self.written = {kind: {one.id: one for one in getattr(spec, MANY.get(kind, f"{kind}s"))} for kind in KINDS}
         self.bodies = self._names("body", lambda one: "body")
         self.bodies[WORLD] = "world"
@@ -36,11 +41,12 @@ class Original:
         """The name of each thing of a kind."""
         taken = {one.name for one in self.written[kind].values()}
         names: dict[int, str] = {}
+        counts: Counter[str] = Counter()
         for number, one in sorted(self.written[kind].items()):
-            name, count = one.name or made_up(one), 1
+            word = name = one.name or made_up(one)
             while not one.name and name in taken:
-                count += 1
-                name = f"{made_up(one)}_{count}"
+                counts[word] += 1
+                name = f"{word}_{counts[word] + 1}"
             taken.add(name)
             names[number] = name
         return names
@@ -48,6 +54,10 @@ class Original:
     def where(self, kind: str, number: int, attribute: str | None = None) -> Span:
         """Where a thing is written."""
         return self.flat.place(self.written[kind][number].info, attribute)
+
+    def element(self, kind: str, number: int) -> SourceElement:
+        """What it is in the source; the root of what stands nowhere."""
+        return self.flat.element(self.written[kind][number].info)
 
     def lose(self, what: str, why: str, where: Span) -> None:
         """Note what a document does not say."""
@@ -66,6 +76,14 @@ class Original:
             compiler = written.compiler
             quat = self.spec.resolve_orientation(degree=compiler.degree, sequence=compiler.eulerseq, orientation=written.alt)
         return pose_of(written.pos, quat)
+
+
+def _by_body(bodies: Iterable[Any], count: int) -> list[list[int]]:
+    """The numbers of what is on each of so many bodies, in their order."""
+    found: list[list[int]] = [[] for _ in range(count)]
+    for number, body in enumerate(bodies):
+        found[int(body)].append(number)
+    return found
 
 
 def floats(values: Any) -> tuple[float, ...]:

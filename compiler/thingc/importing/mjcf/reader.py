@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from typing import Any
 
 from thingc.diagnostics import Code, Report
 from thingc.importing.mjcf.adding import Added
@@ -22,7 +21,7 @@ from thingc.importing.packages import Packages
 from thingc.importing.tree import MOST_LINKS
 from thingc.importing.xml_source import SourceElement
 from thingc.inertia import MassProperties, symmetric
-from thingc.pose import NO_POSE, Pose, multiply, rotation_of, transpose
+from thingc.pose import NO_POSE, Pose, multiply, transpose
 
 FREE, PLANE = 0, 0
 _ALIKE = 1e-9
@@ -46,8 +45,10 @@ def _compiled(flat: Flat, report: Report) -> Original | None:
         for joint in spec.joints:
             joint.align = mujoco.mjtAlignFree.mjALIGNFREE_FALSE
         model = spec.compile()
-    except (ValueError, RuntimeError) as fault:
+    except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as fault:
         text = str(fault)
+        for word, uri in flat.meshes.items():
+            text = text.replace(word, uri)
         said = re.sub(r"^(XML )?Error: |Error: |Schema violation: ", "", text.split("\nElement")[0]).strip()
         attribute = re.search(r"attribute:? '(\w+)'", said)
         where = flat.place(text, None if attribute is None else attribute[1])
@@ -66,6 +67,7 @@ class _Reader:
         self.free = {body for body, joints in enumerate(self.joints) for joint in joints if self.model.jnt_type[joint] == FREE}
         self.mocap = {body for body in range(len(self.parents)) if self.model.body_mocapid[body] >= 0}
         self.shapes = Geoms(original)
+        self.link_names = {*original.bodies.values()}
 
     def robot(self) -> SourceRobot | None:
         """The robot: the bodies that hang on the world, or the largest one that floats."""
@@ -93,17 +95,20 @@ class _Reader:
         excluded = touching(self.original, on, self._heads(on, root), None if base == "free" else root)
         gravity = floats(self.model.opt.gravity)
         states = poses(self.original, on, root, base, {joint.name: joint for one in hangings for joint in one.joints})
+        whole = [*(self._link(body, on) for body in links), *between]
+        simulated, set_up = simulation(self.original), options(self.original)
+        # All that reads has read by now, and noted what it lost.
         losses = sorted((*self.original.flat.losses, *self.original.losses), key=lambda one: (one.where.file, one.where.line))
         flat = self.original.flat
         return SourceRobot(
             name=flat.root.attributes.get("model", "").strip() or "robot", where=flat.root.place("model"),
-            root=self.original.bodies[root], links=(*(self._link(body, on) for body in links), *between),
+            root=self.original.bodies[root], links=tuple(whole),
             hangings=tuple(hangings), base=base,
             pose=NO_POSE if root == WORLD else self._pose(root), losses=tuple(losses), loops=couplings.loops,
             adhesions=drives.adhesions, sensors=sensed, poses=states, excluded=excluded,
             added=(*added.tendons.values(), *added.equalities, *added.actuators),
             gravity=None if gravity == (0.0, 0.0, -9.81) else (gravity[0], gravity[1], gravity[2]),
-            simulation=simulation(self.original), options=options(self.original), files=self.shapes.files,
+            simulation=simulated, options=set_up, files=self.shapes.files,
         )
 
     def _hangings(
@@ -115,6 +120,9 @@ class _Reader:
         *inner, last = self.joints[body] or [-1]
         for joint in inner:
             word = f"{name} {original.joints[joint]}"
+            while word in self.link_names:
+                word += "_"
+            self.link_names.add(word)
             between.append(SourceLink(name=word, where=original.where("joint", joint)))
             yield Hanging(
                 name=word, parent=above, child=word, pose=place, where=original.where("joint", joint),
@@ -174,10 +182,12 @@ class _Reader:
             if body not in bare and body != root:
                 bare.discard(self.parents[body])
         self._mounts = bare
+        self._carried: dict[int, list[int]] = {}
         on: dict[int, tuple[int, Pose]] = {}
         for body in sorted(kept):
             link, pose = on[self.parents[body]] if body in bare else (body, NO_POSE)
             on[body] = (link, pose @ self._pose(body)) if body in bare else (body, NO_POSE)
+            self._carried.setdefault(link, []).append(body)
         return on
 
     def _heads(self, on: dict[int, tuple[int, Pose]], root: int) -> dict[int, int]:
@@ -197,7 +207,7 @@ class _Reader:
                 name=original.sites[site], pose=on[of][1] @ pose_of(self.model.site_pos[site], self.model.site_quat[site]),
                 where=original.where("site", site),
             )
-            for site in range(self.model.nsite) if (of := int(self.model.site_bodyid[site])) in on and on[of][0] == body
+            for of in self._carried[body] for site in original.sites_of[of]
         )
         gravcomp = float(self.model.body_gravcomp[body])
         return SourceLink(
@@ -206,15 +216,12 @@ class _Reader:
         )
 
     def _weight(self, body: int) -> Weight | None:
-        mass, where = float(self.model.body_mass[body]), self.original.flat.root.where
+        mass = float(self.model.body_mass[body])
         if body == WORLD or mass <= 0.0:
             return None
-        written = self.original.written["body"][body]
-        where = self.original.where("body", body)
-        element = next((one for one in self.original.flat.lines if one.where == where), None)
-        inertial = None if element is None else next(element.all("inertial"), None)
+        written, element = self.original.written["body"][body], self.original.element("body", body)
         (x, y, z), moments = floats(self.model.body_ipos[body]), floats(self.model.body_inertia[body])
-        turn = rotation_of(_quaternion(self.model.body_iquat[body]))
+        turn = pose_of((x, y, z), self.model.body_iquat[body]).rotation
         rows = ((moments[0], 0.0, 0.0), (0.0, moments[1], 0.0), (0.0, 0.0, moments[2]))
         inertia = symmetric(multiply(multiply(turn, rows), transpose(turn)))
         full = floats(written.fullinertia)
@@ -225,9 +232,4 @@ class _Reader:
             if all(abs(said[i][j] - inertia[i][j]) <= _ALIKE * largest for i in range(3) for j in range(3)):
                 inertia = said
         properties = MassProperties(mass=mass, centre=(x, y, z), inertia=inertia)
-        return Weight(properties=properties, where=where if inertial is None else inertial.where)
-
-
-def _quaternion(values: Any) -> tuple[float, float, float, float]:
-    w, x, y, z = floats(values)
-    return (w, x, y, z)
+        return Weight(properties=properties, where=next(element.all("inertial"), element).where)

@@ -28,7 +28,11 @@ def simulation(original: Original) -> tuple[tuple[str, float | str], ...]:
         ("timestep", float(option.timestep)), ("integrator", INTEGRATORS[int(option.integrator)]), ("cone", CONES[int(option.cone)]),
         ("impratio", float(option.impratio)),
     ]
-    usual = {"timestep": 0.002, "integrator": "euler", "cone": "pyramidal", "impratio": 1.0}
+    usual: dict[str, float | str] = {"timestep": 0.002, "integrator": "euler", "cone": "pyramidal", "impratio": 1.0}
+    for name, value in said:
+        if isinstance(value, float) and value <= 0.0:
+            original.lose(f"a `{name}` of {value:g}", "that of a document is above 0", original.flat.root.where)
+            usual[name] = value
     return tuple((name, value) for name, value in said if value != usual[name])
 
 
@@ -84,8 +88,10 @@ def touching(
         if heads[first] != heads[second]:
             apart[_pair(heads[first], heads[second])] = first, second
     filtered = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
-    members = {head: [body for body, first in heads.items() if first == head] for head in set(heads.values())}
-    masks = {body: _masks(model, body) for body in heads}
+    members: dict[int, list[int]] = {}
+    for body, head in heads.items():
+        members.setdefault(head, []).append(body)
+    masks = {body: _masks(original, body) for body in heads}
 
     def meet(head: int, other: int) -> bool:
         """Whether bodies of two links, of which nothing is said, have shapes that would touch."""
@@ -102,7 +108,7 @@ def touching(
             what = f"contacts of `{original.bodies[other]}` with `{original.bodies[head]}`"
             why = "two bodies of theirs never touch, and bodies that are fixed to one another are one link"
             original.lose(what, why, original.where("body", other))
-    touch = {head for head, bodies in members.items() if head != still and any(any(map(any, masks[body])) for body in bodies)}
+    touch = {head for head, bodies in members.items() if head != still and any(any(masks[body]) for body in bodies)}
     _lose_parts(original, members, touch)
     named = ((original.bodies[on[body][0]] for body in bodies) for pair, bodies in apart.items() if pair not in near)
     return tuple((first, second) for first, second in named)
@@ -112,9 +118,8 @@ def _lose_parts(original: Original, members: Mapping[int, list[int]], touch: Set
     """What MuJoCo works out body by body, where several are one link; `touch` are the links that move and touch, by their first body."""
     model = original.model
     fluid = bool(model.opt.density or model.opt.viscosity)
-    for geom in range(model.ngeom):
-        body = int(model.geom_bodyid[geom])
-        if fluid and model.geom_fluid[geom][0] and any(body in bodies for bodies in members.values()):
+    for body in sorted(body for bodies in members.values() for body in bodies) if fluid else ():
+        for geom in (geom for geom in original.geoms_of[body] if model.geom_fluid[geom][0]):
             what = f"drag of a geom of `{original.bodies[body]}` as an ellipsoid"
             original.lose(what, "a document has the drag of links", original.where("geom", geom))
     for head, bodies in sorted(members.items()):
@@ -132,16 +137,17 @@ def _pair(one: int, other: int) -> tuple[int, int]:
     return min(one, other), max(one, other)
 
 
-def _masks(model: Any, body: int) -> set[tuple[int, int]]:
-    """`contype` and `conaffinity` of the geoms of a body; planes of the world are none."""
-    return {
-        (int(model.geom_contype[geom]), int(model.geom_conaffinity[geom])) for geom in range(model.ngeom)
-        if int(model.geom_bodyid[geom]) == body and (body or int(model.geom_type[geom]))
-    }
+def _masks(original: Original, body: int) -> tuple[int, int]:
+    """All bits of `contype`, and of `conaffinity`, of the geoms of a body; planes of the world are none."""
+    model, kinds, affinities = original.model, 0, 0
+    for geom in original.geoms_of[body]:
+        if body or model.geom_type[geom]:
+            kinds, affinities = kinds | int(model.geom_contype[geom]), affinities | int(model.geom_conaffinity[geom])
+    return kinds, affinities
 
 
-def _meet(ours: set[tuple[int, int]], theirs: set[tuple[int, int]]) -> bool:
-    return any(a & d or c & b for a, b in ours for c, d in theirs)
+def _meet(ours: tuple[int, int], theirs: tuple[int, int]) -> bool:
+    return bool(ours[0] & theirs[1] or theirs[0] & ours[1])
 
 
 def poses(

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-from typing import Any
 
 from thingc.importing.meshes import READ
-from thingc.importing.mjcf.original import Original, differing, floats, numbers, pose_of
+from thingc.importing.mjcf.original import SOLIMP, SOLREF, Original, differing, floats, numbers, pose_of
 from thingc.importing.model import Raw, ShapeKind, Sizes, SourceShape
-from thingc.pose import IDENTITY, Pose, Vector, rotate, rotation_of, transpose
+from thingc.pose import IDENTITY, Pose, Vector, rotate, transpose
 
 KINDS: dict[int, ShapeKind] = {
     0: "plane", 2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh",
@@ -17,7 +16,7 @@ HIDDEN = 3
 """The first group of geoms that MuJoCo does not show unless asked."""
 FRICTION = (1.0, 0.005, 0.0001)
 USUAL = {
-    "solref": "0.02 1", "solimp": "0.9 0.95 0.001 0.5 2", "margin": "0", "gap": "0", "solmix": "1", "contype": "1", "conaffinity": "1",
+    "solref": SOLREF, "solimp": SOLIMP, "margin": "0", "gap": "0", "solmix": "1", "contype": "1", "conaffinity": "1",
     "friction": numbers(FRICTION), "condim": "3", "priority": "0",
 }
 """What geoms have that say nothing."""
@@ -34,8 +33,8 @@ class Geoms:
     def of(self, body: int) -> tuple[SourceShape, ...]:
         """Of a body, in the order of the source, planes of the world left out."""
         found: list[SourceShape] = []
-        for geom in range(self.model.ngeom):
-            if self.model.geom_bodyid[geom] == body and (body or self.model.geom_type[geom]):
+        for geom in self.original.geoms_of[body]:
+            if body or self.model.geom_type[geom]:
                 found += self._shapes(geom)
         return tuple(found)
 
@@ -91,7 +90,7 @@ class Geoms:
         mesh = self.original.spec.mesh(written.meshname)
         uri = self.original.flat.meshes.get(mesh.file, "")
         (x, y, z), scale = floats(mesh.scale), floats(mesh.scale)
-        p, turn = floats(mesh.refpos), transpose(rotation_of(_four(mesh.refquat)))
+        p, turn = floats(mesh.refpos), transpose(pose_of(mesh.refpos, mesh.refquat).rotation)
         alike = x == y == z
         if os.path.splitext(uri)[1].lower() not in READ or turn != IDENTITY and not alike:
             return (1.0, 1.0, 1.0), centred, self._anew(int(self.model.geom_dataid[geom]), mesh.name or "mesh", geom)
@@ -100,8 +99,8 @@ class Geoms:
         return (x, y, z), self.original.frame(written) @ at, uri
 
     def _anew(self, mesh: int, name: str, geom: int) -> str:
-        """The name of a file with the mesh as MuJoCo has it."""
-        file = f"{name}.obj"
+        """The name of a file with the mesh as MuJoCo has it, which no file of the source has."""
+        file = f"mujoco://{name}.obj"
         if file not in self.files:
             model = self.model
             first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
@@ -133,8 +132,3 @@ class Geoms:
                 "priority": "1",
             }
         return differing(wanted, otherwise)
-
-
-def _four(values: Any) -> tuple[float, float, float, float]:
-    w, x, y, z = floats(values)
-    return (w, x, y, z)
