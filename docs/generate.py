@@ -42,7 +42,7 @@ SUFFIXES = ("yaml", "toml")
 GROUPS = {
     "joints": "joints", "of_joints": "of joints", "drives": "drives", "loops": "loops, by what they leave open where they are cut",
     "bases": "bases of modes, besides `fixed`", "modes": "of modes", "links": "of links", "shapes": "shapes that touch",
-    "sensors": "sensors",
+    "sensors": "sensors", "of_sensors": "of sensors",
 }
 FEATURES = {
     "of_joints.cone": "`limit: {cone: ...}`", "of_joints.velocity": "velocity limit", "of_joints.friction": "dry friction",

@@ -128,6 +128,7 @@ class Code(Enum):
     LEAD = ("TC360", "lead of a screw", "Write `lead: 8 mm`, the advance in one turn; a left-hand thread has a negative one.")
     COORDINATES = ("TC361", "values of several coordinates", "Write a list with one entry for each coordinate of the joint.")
     MIRROR_AXES = ("TC362", "mirrored along two axes", "Mirror the assembly along the axis along which what is in it is mirrored.")
+    UNKNOWN_TENDON = ("TC363", "unknown tendon", "Name a tendon of the same document.")
 
     # --- TC4xx: parts (realize) ------------------------------------------------------------------------------------
     PART_RAISED = ("TC401", "part raised an exception", "Give the part parameters that it can be made with, or mend the part file.")

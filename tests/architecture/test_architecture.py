@@ -20,6 +20,7 @@ PACKAGE = ROOT / "compiler" / "thingc"
 
 BASE = {
     "frozen", "brief", "shown", "source", "typos", "diagnostics", "units", "expressions", "pose", "inertia", "mirror", "primitives",
+    "sensing",
     "memo", "packaging", "exports",
     "installed", "workspace",
 }
@@ -30,7 +31,7 @@ ROOMS: dict[str, set[str]] = {
     "printing": {"brief", "shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "typos"},
     "expressions": {"frozen", "diagnostics", "typos", "units"},
     "pose": {"frozen"}, "inertia": {"frozen", "brief", "pose"}, "mirror": {"pose"},
-    "primitives": {"frozen", "brief", "pose", "inertia"},
+    "primitives": {"frozen", "brief", "pose", "inertia"}, "sensing": {"frozen", "units"},
     "memo": set(), "installed": set(), "later": set(), "exports": set(), "packaging": {"frozen"},
     "archives": {"frozen"}, "gaps": set(), "csvcell": {"shown", "gaps"}, "webpage": {"shown"}, "exchange": set(),
     "workspace": BASE | {"load", "spec"},

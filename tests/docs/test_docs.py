@@ -151,6 +151,7 @@ def test_choices_in_tables_are_those_of_the_models() -> None:
         return {word for inner in get_args(annotation) for word in words(inner)}
 
     elsewhere = {("JointSpec", "type"), ("ComponentDefaults", "collision"), ("ModeSpec", "hold"), ("ModeSpec", "base")}
+    elsewhere |= {("SensorSpec", key) for key in ("type", "noise", "cutoff")}
     for module in (assembly, drives, listed, materials, sensors, stated_masses, variants):
         for marker in re.findall(r"<!-- (keys: [\w ]+) -->", LANGUAGE.read_text()):
             for name in marker.removeprefix("keys: ").split():
@@ -162,6 +163,18 @@ def test_choices_in_tables_are_those_of_the_models() -> None:
                     if (name, key) not in elsewhere:
                         expected = words(model.model_fields[_field(model, key)].annotation)
                         assert expected <= set(re.findall(r"`([^`]+)`", row[1])), (name, key)
+
+
+def test_sensors() -> None:
+    from thingc.sensing import SENSORS
+
+    rows = table(LANGUAGE, "sensors")
+    said = {row[0].strip("`"): (set(re.findall(r"`(\w+)`", row[1])), re.findall(r"`(\w+)`", row[2])) for row in rows}
+    kinds = {
+        kind.name: ({key for group in kind.needs for key in group} or {*kind.may}, [one.name for one in kind.readings])
+        for kind in SENSORS.values()
+    }
+    assert list(said.items()) == list(kinds.items())
 
 
 def test_units() -> None:

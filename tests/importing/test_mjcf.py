@@ -70,6 +70,24 @@ def test_the_source_mode_is_the_source(case: Case) -> None:
     assert "contacts" in worst or case.imported.name in ("loops", "tendons")
 
 
+def test_sensors_read_the_same(case: Case) -> None:
+    """By name, in states with contacts; noise and cutoffs stand there."""
+    words = json.loads(case.imported.files["import.json"])["names"].get("sensors", {})
+    pair, random = case.pair(), numpy.random.default_rng(7)
+    numbers = {one.name or one.objname: one.id for one in case.spec.sensors}
+    assert set(words) == ({*numbers} if case.imported.name == "constructs" else set())
+    for _ in range(20):
+        pair.put(random)
+        pair.control(random)
+        pair.forward()
+        for name, word in words.items():
+            theirs, ours = (data.sensor(of) for data, of in ((pair.a, numbers[name]), (pair.b, word)))
+            assert ours.data == pytest.approx(theirs.data, abs=EXACT, rel=1e-7), name
+    for name, word in words.items():
+        theirs, ours = pair.theirs.sensor(numbers[name]), pair.ours.sensor(word)
+        assert (float(ours.noise[0]), float(ours.cutoff[0])) == (float(theirs.noise[0]), float(theirs.cutoff[0])), name
+
+
 def test_what_is_lost_is_said(case: Case) -> None:
     assert [loss.what for loss in case.imported.losses] == LOST[case.imported.name]
 

@@ -84,6 +84,7 @@ sensors:
   tilt: {type: imu, at: crown}
   bend: {type: joint, joint: leg_0.knee}
   wag: {type: joint}
+  strain: {type: tendon, tendon: stay}
 
 tests:
   light: {mass: {of: leg_*, max: "=20 g * width / 1 mm"}}

@@ -18,8 +18,8 @@ PROSE = {
     "base", "build", "description", "doc", "emit", "file", "interface", "mesh", "name", "number", "packages", "parts", "reason", "supplier",
 }
 """Keys of text that names nothing in a document: words for people, files, things of other libraries, settings of a workspace."""
-NUMBERED = {"allow"}
-"""Mappings whose keys are codes."""
+NUMBERED = {"allow", "noise", "cutoff"}
+"""Mappings whose keys are codes, or words of ours."""
 
 
 def texts(shape: AnnotationShape, key: str) -> Iterator[tuple[str, AnnotationShape]]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.diff.change import What
 from thingc.diff.portrait import ComponentNode, Edge, Fact, Leaf, LinkOf, Named, PartShape, Portrait, Row, StatedThing, TestOutcome, Value
+from thingc.diff.sensors import sensor_values
 from thingc.diff.tendons import tendon_facts
 from thingc.diff.written import DocumentTrees
 from thingc.emit import with_pieces
@@ -237,14 +238,10 @@ class _Reader:
                 path: self._placed(value, pose.origins.get(path, ())) for path, value in pose.values.items()
             }, span=pose.origin[0])
         for sensor in assembly.sensors:
-            at = None if sensor.occurrence is None else Named(
-                what="component", path=assembly.occurrences[sensor.occurrence].path, mount=sensor.mount,
-            )
             section = self.written.section(definition.document, "sensors", sensor.path)
-            joint = None if sensor.joint is None else Named(what="joint", path=sensor.joint)
             self._add("sensor", sensor.path, {
-                key: self.written.fact(value, section, (key,), otherwise=sensor.origin[0])
-                for key, value in (("type", sensor.kind), ("at", at), ("fovy", sensor.fovy), ("joint", joint))
+                ".".join(keys): self.written.fact(value, section, keys, otherwise=sensor.origin[0])
+                for keys, value in sensor_values(assembly, sensor)
             }, span=sensor.origin[0])
         for linked in assembly.tests:
             test = linked.test

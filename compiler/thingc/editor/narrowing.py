@@ -293,7 +293,10 @@ class _Narrowing:
         mount = _ref("mount")
         if shown:
             mount = {"anyOf": [one_of(shown.items(), pattern=rf"^({'|'.join(shown)})$"), _ref("mount")]}
-        self._put("SensorSpec", "at", mount)
+        for key in ("at", "in"):
+            self._put("SensorSpec", key, mount)
+        for key in ("of", "with"):
+            self._put("SensorSpec", key, _ref("component"))
         self._offer("SensorSpec", "joint", [(name, joint.what) for name, joint in self.facts.joints.items()])
 
     def _tests(self) -> None:

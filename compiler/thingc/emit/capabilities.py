@@ -14,7 +14,7 @@ from typing import Any, Generic, Literal, TypedDict, TypeVar
 
 from thingc.emit.artifact import Loss
 from thingc.frozen import dataclass
-from thingc.graph.types import ActuatorModel, Assembly, JointEdge
+from thingc.graph.types import ActuatorModel, Assembly, JointEdge, LinkedSensor
 from thingc.inertia import ZERO, physical_fault
 from thingc.joints import JointKind
 from thingc.pose import NO_POSE, Vector
@@ -190,6 +190,36 @@ class Sensors(TypedDict, Generic[By]):
     force: Cell[By]
     joint: Cell[By]
     camera: Cell[By]
+    accelerometer: Cell[By]
+    gyro: Cell[By]
+    magnetometer: Cell[By]
+    velocimeter: Cell[By]
+    rangefinder: Cell[By]
+    touch: Cell[By]
+    contact: Cell[By]
+    pose: Cell[By]
+    twist: Cell[By]
+    centre: Cell[By]
+    tendon: Cell[By]
+    drive: Cell[By]
+    clock: Cell[By]
+    energy: Cell[By]
+
+
+def all_sensors(cell: Cell[By]) -> Sensors[By]:
+    """The same of every kind."""
+    return {
+        "imu": cell, "force": cell, "joint": cell, "camera": cell, "accelerometer": cell, "gyro": cell, "magnetometer": cell,
+        "velocimeter": cell, "rangefinder": cell, "touch": cell, "contact": cell, "pose": cell, "twist": cell, "centre": cell,
+        "tendon": cell, "drive": cell, "clock": cell, "energy": cell,
+    }
+
+
+class OfSensors(TypedDict):
+    """What a sensor has, of those that are written."""
+
+    noise: Plain
+    cutoff: Plain
 
 
 class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
@@ -205,6 +235,7 @@ class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
     links: Links
     shapes: ContactShapes[Shape]
     sensors: Sensors[Sensor]
+    of_sensors: OfSensors
 
 
 AnyCapabilities = Capabilities[Any, Any, Any, Any, Any]
@@ -321,6 +352,16 @@ class _Lost:
             (modes["simulation"], "how it is stepped (`simulation`)", bool(simulation.keys() - {"timestep"})),
         )
 
+    def of_sensor(self, sensor: LinkedSensor) -> Iterator[Loss]:
+        """Of a sensor, or what of one is not written. The range of a rangefinder is no cutoff of what it reads."""
+        cell, of = self.says["sensors"][sensor.kind], self.says["of_sensors"]
+        yield from self(cell, None, sensor.path, "this sensor", sensor.origin)
+        if isinstance(cell, (Says, Loses)):
+            if sensor.noise:
+                yield from self(of["noise"], None, sensor.path, "its noise", sensor.origin)
+            if sensor.cutoff and sensor.kind != "rangefinder":
+                yield from self(of["cutoff"], None, sensor.path, "its cutoff", sensor.origin)
+
     def of_assembly(self, assembly: Assembly) -> Iterator[Loss]:
         """Of all modes alike."""
         links = self.says["links"]
@@ -330,7 +371,7 @@ class _Lost:
         for tendon in assembly.tendons:
             yield from self(self.says["of_joints"]["tendon"], None, tendon.path, "this tendon, and what acts along it", tendon.origin)
         for sensor in assembly.sensors:
-            yield from self(self.says["sensors"][sensor.kind], None, sensor.path, "this sensor", sensor.origin)
+            yield from self.of_sensor(sensor)
         for pose in assembly.poses:
             yield from self(self.says["modes"]["poses"], None, pose.name, "this pose", pose.origin)
         touching = [one.material for one in assembly.occurrences]

@@ -18,7 +18,7 @@ import numpy as np
 import trimesh
 
 from thingc.emit.artifact import Artifacts, Loss
-from thingc.emit.capabilities import BESIDE, SAYS, Capabilities, Loses, Omits, Says, joint_cell, losses
+from thingc.emit.capabilities import BESIDE, SAYS, Capabilities, Loses, Omits, Says, all_sensors, joint_cell, losses
 from thingc.emit.geometry import ENDLESS, channels, linear, material_name, numbered
 from thingc.emit.request import EmitRequest
 from thingc.frozen import dataclass
@@ -68,7 +68,8 @@ CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
         "box": BESIDE, "cylinder": BESIDE, "capsule": BESIDE, "sphere": BESIDE, "ellipsoid": BESIDE, "plane": BESIDE, "hull": BESIDE,
         "mesh": BESIDE,
     },
-    "sensors": {"imu": BESIDE, "force": BESIDE, "joint": BESIDE, "camera": BESIDE},
+    "sensors": all_sensors(BESIDE),
+    "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},
 }
 """What glTF can say of a robot: neither masses nor drives are what a picture is asked for."""
 

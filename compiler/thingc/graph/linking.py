@@ -51,7 +51,7 @@ def link(
     links = links_of(tree, occurrences, mates, findings, memo)
     check_loops(mates, link_of, links, findings)
     modes = modes_of(tree, model, link_of, findings)
-    sensors = sensors_of(tree)
+    sensors = sensors_of(tree, link_of)
     adhesions = adhesions_of(tree, model)
     between = links_between(links, link_of, occurrences, mates, modes, adhesions)
     joints = tuple(joint for mate in mates for joint in mate.joints)

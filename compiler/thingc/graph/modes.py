@@ -17,6 +17,7 @@ from thingc.graph.types import (
     JointEdge,
     LinkedHold,
     LinkedMode,
+    LinkedMount,
     LinkedSensor,
     LinkedTendon,
     RootChoice,
@@ -130,34 +131,45 @@ def _feet(tree: Tree, mode: Mode, findings: Findings) -> Iterator[Foot]:
         yield Foot(mount=choice, friction=SLIDE if friction is None else friction, origin=reference.origin)
 
 
-def sensors_of(tree: Tree) -> tuple[LinkedSensor, ...]:
+def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
     """Every sensor of every document, an assembly's before those of what is nested in it."""
     sensors: list[LinkedSensor] = []
     for instance, definition in tree.assemblies:
-        for sensor in definition.sensors:
-            mount = tree.find(instance, sensor.mount) if sensor.mount is not None else None
-            if sensor.mount is not None and mount is None:
+        for one in definition.sensors:
+            mounts = {reference: _mount(tree, instance, reference) for reference in (one.mount, one.seen_from) if reference is not None}
+            touching = [link for component in one.touching for link in _links_named(tree, component, link_of, instance)]
+            if None in mounts.values() or len(touching) < len(one.touching):
                 continue
             sensors.append(LinkedSensor(
-                path=instance.within(sensor.name), kind=sensor.kind,
-                site=instance.within(_path(sensor.mount)) if sensor.mount is not None else None,
-                occurrence=mount.occurrence if mount is not None else None, mount=mount.mount if mount is not None else None,
-                joint=instance.within(sensor.joint) if sensor.joint is not None else None, fovy=sensor.fovy,
-                origin=sensor.origin + instance.origin,
+                path=instance.within(one.name), kind=one.kind, origin=one.origin + instance.origin,
+                at=None if one.mount is None else mounts[one.mount], seen_from=None if one.seen_from is None else mounts[one.seen_from],
+                joint=instance.within(one.joint) if one.joint is not None else None,
+                tendon=instance.within(one.tendon) if one.tendon is not None else None,
+                touching=tuple(touching), volume=one.volume, fovy=one.fovy, noise=one.noise, cutoff=one.cutoff,
             ))
     return tuple(sensors)
+
+
+def _mount(tree: Tree, instance: Instance, reference: Reference) -> LinkedMount | None:
+    """A mount that the document of `instance` names; None where it is wrong (reported)."""
+    found = tree.find(instance, reference)
+    if found is None:
+        return None
+    return LinkedMount(path=instance.within(_path(reference)), occurrence=found.occurrence, mount=found.mount)
 
 
 def _path(reference: Reference) -> str:
     return "/".join((*reference.path, reference.mount or "origin"))
 
 
-def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int]) -> Iterator[int]:
-    """The links of a component: of an assembly all that it has part in, through a mount the one that carries it."""
+def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int], within: Instance | None = None) -> Iterator[int]:
+    """The links of a component of the document `within`, else of the top one: of an assembly all that it has part in, through a mount the
+    one that carries it."""
+    document = within or tree.top
     if reference.mount is not None:
-        mount = tree.find(tree.top, reference)
+        mount = tree.find(document, reference)
         return iter(() if mount is None else (link_of[mount.occurrence],))
-    place = tree.component(tree.top, reference)
+    place = tree.component(document, reference)
     if place is None:
         return iter(())
     return iter(dict.fromkeys(link_of[leaf.index] for leaf in place.leaves() if leaf.index is not None))

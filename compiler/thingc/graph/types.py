@@ -26,9 +26,9 @@ from thingc.resolve.model import (
     RawAttribute,
     RawElement,
     Reference,
-    SensorType,
     Test,
 )
+from thingc.sensing import SensorType
 from thingc.source import Origin
 
 
@@ -266,18 +266,42 @@ class Foot(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LinkedMount(Brief):
+    """A mount that a document speaks of: the path of its site (`hand/tip`), and which mount of which occurrence it is."""
+
+    path: str
+    occurrence: int
+    mount: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LinkedSensor(Brief):
-    """A sensor at its path (`leg/imu`). `kind` is `imu | force | joint | camera`; `site` the path of the mount that it sits on,
-    the mount `mount` of `occurrence` (None where it measures `joint`, a joint path); `fovy` [rad] of a camera."""
+    """A sensor at its path (`leg/imu`). By its `kind` it sits `at` a mount, and is seen from another; `joint` and `tendon` are the paths of
+    what is measured, or driven; `touching` are the indices of the link that is touched, and of the one that touches it, if it is not
+    anything; `volume` is in the frame of the mount; `fovy` [rad] of a camera; `noise` and `cutoff` [SI] are by reading."""
 
     path: str
     kind: SensorType
-    site: str | None
-    occurrence: int | None
-    mount: str | None
-    joint: str | None
-    fovy: float | None
     origin: Origin
+    at: LinkedMount | None = None
+    seen_from: LinkedMount | None = None
+    joint: str | None = None
+    tendon: str | None = None
+    touching: tuple[int, ...] = ()
+    volume: Primitive | None = None
+    fovy: float | None = None
+    noise: dict[str, float] = field(default_factory=dict)
+    cutoff: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def mounts(self) -> tuple[LinkedMount, ...]:
+        """Those that it speaks of."""
+        return tuple(one for one in (self.at, self.seen_from) if one is not None)
+
+    @property
+    def site(self) -> str | None:
+        """The path of the mount that it sits on."""
+        return None if self.at is None else self.at.path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,7 @@ from thingc.brief import Brief
 from thingc.frozen import dataclass
 from thingc.inertia import MassProperties
 from thingc.pose import NO_POSE, Pose, Quaternion, Vector, rotate
+from thingc.sensing import SensorType
 from thingc.source import Span
 
 Kind = Literal["revolute", "continuous", "prismatic", "planar", "ball"]
@@ -220,17 +221,22 @@ class SourceAdded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceSensor:
-    """What is measured at a `site` or a `joint` of that name, or seen from `pose` in a `link`, with an angle of view [rad]; `parts` says
-    for each sensor of the source which part of it it is."""
+    """What is measured at a `site`, `seen_from` another, or of a `joint` of that name, or seen from `pose` in a `link` with an angle of
+    view [rad]; `volume` is a shape and its sizes as MuJoCo has them [m]; `noise` and `cutoff` are by reading [SI]; `parts` says for each
+    sensor of the source which reading of it it is."""
 
-    kind: Literal["imu", "force", "joint", "camera"]
+    kind: SensorType
     name: str
     where: Span
     site: str | None = None
+    seen_from: str | None = None
     joint: str | None = None
     link: str | None = None
     pose: Pose = NO_POSE
     fovy: float = 0.0
+    volume: tuple[str, tuple[float, ...]] | None = None
+    noise: Mapping[str, float] = field(default_factory=dict)
+    cutoff: Mapping[str, float] = field(default_factory=dict)
     parts: tuple[tuple[str, str], ...] = ()
 
 

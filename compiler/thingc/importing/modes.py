@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
-from thingc.importing.model import SourcePose
+from thingc.importing.model import SourcePose, SourceSensor
 from thingc.importing.naming import distinct
-from thingc.importing.quantities import TURNS, angle, length, pose_words, quantity, quaternion_words, was
+from thingc.importing.quantities import TURNS, angle, length, lengths, pose_words, quantity, quaternion_words, was
 from thingc.importing.words import Words
 from thingc.pose import MATE, NO_POSE
+from thingc.sensing import SENSORS
+from thingc.units import ACCELERATION, ANGLE, ANGULAR_VELOCITY, FORCE, LENGTH, TORQUE, VELOCITY, Dimension
 
 
 def _start(words: Words) -> dict[str, str]:
@@ -91,13 +93,51 @@ def sensor_lines(words: Words) -> Iterator[str]:
     """The section `sensors`, where there are any."""
     if words.robot.sensors:
         yield from ("", "sensors:")
+    turning = {joint.name for hanging in words.order for joint in hanging.joints if joint.kind in TURNS}
     for one, word in zip(words.robot.sensors, words.sensors, strict=True):
-        match one.kind:
-            case "joint":
-                joint = words.joints[one.joint or ""]
-                said = "" if joint == word else f", joint: {joint}"
-            case "camera":
-                said = f", at: {words.links[one.link or '']}.{words.cameras[one.name]}, fovy: {angle(one.fovy)}"
-            case _:
-                said = f", at: {(words.frames | words.sites)[one.site or '']}"
-        yield f"  {word}: {{type: {one.kind}{said}}}"
+        said: dict[str, str] = {"type": one.kind}
+        if one.joint is not None and (one.kind != "joint" or words.joints[one.joint] != word):
+            said["joint"] = words.joints[one.joint]
+        if one.kind == "camera":
+            said |= {"at": f"{words.links[one.link or '']}.{words.cameras[one.name]}", "fovy": angle(one.fovy)}
+        frames = words.frames | words.sites
+        said |= {key: frames[site] for key, site in (("at", one.site), ("in", one.seen_from)) if site is not None}
+        if one.volume is not None:
+            said["volume"] = _volume(*one.volume)
+        turns = one.joint in turning
+        if one.kind == "rangefinder" and one.cutoff:
+            said["range"] = length(one.cutoff["distance"])
+        said |= {
+            key: _readings(one, numbers, turns) for key, numbers in (("noise", one.noise), ("cutoff", one.cutoff))
+            if numbers and "range" not in said
+        }
+        yield f"  {word}: {{{', '.join(f'{key}: {value}' for key, value in said.items())}}}"
+
+
+def _readings(one: SourceSensor, numbers: Mapping[str, float], turns: bool) -> str:
+    """Noise or cutoff, by reading where there are several."""
+    units: dict[str, Dimension | str] = {reading.name: reading.unit for reading in SENSORS[one.kind].readings if reading.unit is not None}
+    said = {}
+    for name, value in numbers.items():
+        unit = units[name]
+        if isinstance(unit, str):
+            unit = (TURN if turns else SLIDE)[unit]
+        said[name] = length(value) if unit == LENGTH else angle(value) if unit == ANGLE else quantity(value, UNITS[unit])
+    return next(iter(said.values())) if len(units) == 1 else f"{{{', '.join(f'{name}: {value}' for name, value in said.items())}}}"
+
+
+TURN = {"lower": ANGLE, "velocity": ANGULAR_VELOCITY, "effort": TORQUE}
+SLIDE = {"lower": LENGTH, "velocity": VELOCITY, "effort": FORCE}
+"""What readings of coordinates are in."""
+UNITS = {ACCELERATION: "m/s^2", ANGULAR_VELOCITY: "rad/s", VELOCITY: "m/s", FORCE: "N", TORQUE: "N*m"}
+"""In which noise and cutoffs are written."""
+
+
+def _volume(shape: str, size: Sequence[float]) -> str:
+    match shape:
+        case "sphere":
+            return f"{{sphere: {{radius: {length(size[0])}}}}}"
+        case "cylinder" | "capsule":
+            return f"{{{shape}: {{radius: {length(size[0])}, length: {length(2.0 * size[1])}}}}}"
+        case _:
+            return f"{{{shape}: {lengths([side if shape == 'ellipsoid' else 2.0 * side for side in size])}}}"

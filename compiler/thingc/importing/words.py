@@ -48,7 +48,7 @@ class Words:
         )
         self.sensors: list[str] = []
         for sensor in robot.sensors:
-            named = (self.joints if sensor.kind == "joint" else self.sites).get(sensor.name, sensor.name)
+            named = (self.joints if sensor.joint is not None else self.sites).get(sensor.name, sensor.name)
             self.sensors += distinct([named], "sensor", taken=self.sensors).values()
         self.tendons = distinct([one.name for one in robot.added if one.section == "tendon"], "tendon")
         self.added = distinct([one.name for one in robot.added if one.section == "actuator"], "drive", taken=self.joints.values())

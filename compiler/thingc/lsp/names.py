@@ -189,6 +189,8 @@ class _Reader:
             yield from self.in_section(base, "poses", "pose", text)
         elif what in ("mode", "modes"):
             yield from self.in_section(base, "modes", "mode", text)
+        elif what == "tendon":
+            yield from self.in_section(base, "tendons", "tendon", text)
         elif what == "material":
             yield from self.material(base, text)
         elif what == "parameter of a nested assembly":

@@ -121,6 +121,7 @@ def _definition(
     stated = (spec.modes, context.values(scope, "modes", spec.modes), *context.around(table))
     own_modes = context.sound("modes", stated, lambda: modes(table, scope)) if top else ()
     stepped = Layers(((spec.simulation, ("simulation",)),)) if top and spec.simulation else Layers(())
+    pulled = tuple(tendons(table, scope))
     return AssemblyDefinition(
         document=table.document.relative, name=spec.name, description=spec.description, parameters=table.parameters, text=table.text,
         label=table.label,
@@ -129,7 +130,8 @@ def _definition(
         mounts={name: one for name, one in table.exports.items() if one is not None},
         poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=own_modes,
         simulation=simulation(scope, stepped), step_origin=step_origin(scope, stepped),
-        raw=raw(scope, spec.raw), added=added(scope, spec.raw), tendons=tuple(tendons(table, scope)), sensors=tuple(sensors(table, scope)),
+        raw=raw(scope, spec.raw), added=added(scope, spec.raw), tendons=pulled,
+        sensors=tuple(sensors(table, scope, pulled)),
         tests=tuple(tests(context, table, scope, own_modes)) if top and spec.tests else (),
         origin=scope.origin(("name",)), materials_known=not table.materials_unreadable, whole=not scope.doubts, loose=tuple(table.loose),
     )

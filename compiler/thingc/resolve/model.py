@@ -7,16 +7,18 @@ Everything is SI.
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Any, Literal
+from typing import Any
 
 from thingc.brief import Brief
 from thingc.frozen import dataclass
 from thingc.joints import JointKind, Twist
 from thingc.joints.bases import BaseType
 from thingc.pose import Pose, Vector
+from thingc.primitives import Primitive
 from thingc.realize.record import DriveType, PartDefinition, Value
 from thingc.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
 from thingc.resolve.link_definition import LinkDefinition
+from thingc.sensing import SensorType
 from thingc.source import Origin, Span
 
 COUNTED = "the reference is repeated this often"
@@ -263,20 +265,25 @@ class NamedPose(Brief):
     origin: Origin
 
 
-SensorType = Literal["imu", "force", "joint", "camera"]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor(Brief):
-    """What a robot measures. `kind` is `imu | force | joint | camera`; the first two and a camera sit on `mount`; `joint` is
-    the path of the joint that is measured (`leg/knee`); `fovy` [rad] the angle of view of a camera from bottom to top."""
+    """What a robot measures. By its `kind` it sits on `mount`, and is seen from the mount `seen_from`; `joint` is the path of the joint
+    (`leg/knee`) that is measured or driven, `tendon` the name of such a tendon; `touching` are the component whose link is touched, and the
+    one that touches it, if it is not anything. `volume` is in the frame of the mount; `fovy` [rad] the angle of view of a camera from
+    bottom to top; `noise` and `cutoff` [SI] are by the names of its readings."""
 
     name: str
     kind: SensorType
-    mount: Reference | None
-    joint: str | None
-    fovy: float | None
     origin: Origin
+    mount: Reference | None = None
+    seen_from: Reference | None = None
+    joint: str | None = None
+    tendon: str | None = None
+    touching: tuple[Reference, ...] = ()
+    volume: Primitive | None = None
+    fovy: float | None = None
+    noise: dict[str, float] = field(default_factory=dict)
+    cutoff: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

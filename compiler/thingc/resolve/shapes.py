@@ -20,6 +20,7 @@ from thingc.resolve.scope import Scope
 from thingc.resolve.table import Context, Node, Table
 from thingc.source import Path
 from thingc.spec.listed import ShapeSpec
+from thingc.spec.sensors import VolumeSpec
 from thingc.units import LENGTH, NUMBER, parse_quantity, shortened
 
 
@@ -32,7 +33,7 @@ def of_link(context: Context, table: Table, node: Node) -> LinkDefinition | None
 
 def _shape(context: Context, table: Table, scope: Scope, spec: ShapeSpec, path: Path) -> ListedShape | None:
     pose = NO_POSE if spec.at is None else scope.pose(spec.at, (*path, "at"))
-    solid = _mesh(context, scope, spec, path) if spec.mesh is not None else _primitive(scope, spec, path, pose or NO_POSE)
+    solid = _mesh(context, scope, spec, path) if spec.mesh is not None else primitive(scope, spec, path, pose or NO_POSE)
     if solid is None or pose is None:
         return None
     return ListedShape(
@@ -92,7 +93,7 @@ def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:
     return x * unit, y * unit, z * unit
 
 
-def _primitive(scope: Scope, spec: ShapeSpec, path: Path, pose: Pose) -> Primitive | None:
+def primitive(scope: Scope, spec: ShapeSpec | VolumeSpec, path: Path, pose: Pose) -> Primitive | None:
     """The primitive, of which documents say whole lengths; None where one of them is wrong (reported)."""
     at: Path = (*path, spec.kind)
     written = getattr(spec, spec.kind)

@@ -75,9 +75,7 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
         (h.mount.path, h.mount.occurrence, h.mount.mount or "origin", h.origin) for m in assembly.modes for h in m.holds
     ]
     wanted += [(f.mount.path, f.mount.occurrence, f.mount.mount or "origin", f.origin) for m in assembly.modes for f in m.feet]
-    for s in assembly.sensors:
-        if s.site is not None and s.occurrence is not None and s.mount is not None:
-            wanted.append((s.site, s.occurrence, s.mount, s.origin))
+    wanted += [(mount.path, mount.occurrence, mount.mount, s.origin) for s in assembly.sensors for mount in s.mounts]
     for path, occurrence, mount, origin in wanted:
         if path not in named:
             named.add(path)

@@ -20,7 +20,7 @@ Declared = Literal[
 Meant = Literal[
     "assembly document", "choice", "component", "coordinate", "expression", "joint", "joint or nested assembly", "material",
     "materials document", "mode", "modes", "mount", "mount of its own", "mount or export", "parameter of a nested assembly",
-    "parameter of a part", "part", "pose", "pose of a nested assembly", "poses", "raw", "root", "rule", "setting",
+    "parameter of a part", "part", "pose", "pose of a nested assembly", "poses", "raw", "root", "rule", "setting", "tendon",
 ]
 """What a text may mean. `coordinate` is one of a joint of the same document; `modes` and `poses` are names, patterns or `all`; `setting` is
 a parameter or the path of anything else in an assembly, `choice` what is set at such a path, `rule` a comparison over such and over
@@ -74,6 +74,7 @@ PartParameter = Annotated[str, Means("parameter of a part")]
 PoseField = Annotated[Name, Means("pose")]
 RootField = Annotated[ReferenceField, Means("root")]
 ShownMountField = Annotated[ReferenceField, Means("mount or export")]
+TendonField = Annotated[Name, Means("tendon")]
 PoseValueField = Annotated[JointValueField, Means("pose of a nested assembly")]
 ModeNames = Annotated[str, Means("modes")] | Annotated[list[Annotated[str, Means("modes")]], Field(min_length=1)]
 PoseNames = Annotated[str, Means("poses")] | Annotated[list[Annotated[str, Means("poses")]], Field(min_length=1)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from thingc.emit.capabilities import SAYS, Capabilities, Loses, Omits, Says
+from thingc.emit.capabilities import SAYS, Capabilities, Loses, Omits, Says, all_sensors
 
 JointForm = Literal["each", "threaded", "ball"]
 """How a joint is written: a hinge or a slide for each coordinate, a hinge and a slide that are tied together, or a ball."""
@@ -15,10 +15,12 @@ DriveForm = Literal["joint", "ball"]
 LoopForm = Literal["weld", "connect", "two connects", "connect and tendon", "weld or connect"]
 """By which equalities a loop is closed."""
 
-SensorForm = Literal["imu", "force", "joint", "camera"]
+SensorForm = Literal["elements", "camera"]
+"""How a sensor is written: an element for each of its readings, or a camera."""
 
 _EACH: Says[JointForm] = Says("each")
 _EACH_OF_SEVERAL: Says[JointForm] = Says("each", "hinges and slides of one body")
+_ELEMENTS: Says[SensorForm] = Says("elements")
 _DRIVES: Says[DriveForm] = Says("joint")
 
 CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
@@ -53,5 +55,6 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "ellipsoid": SAYS, "plane": SAYS, "hull": SAYS,
         "mesh": Loses(None, "approximated", ": MuJoCo touches the convex hull of a mesh"),
     },
-    "sensors": {"imu": Says("imu"), "force": Says("force"), "joint": Says("joint"), "camera": Says("camera")},
+    "sensors": {**all_sensors(_ELEMENTS), "camera": Says("camera")},
+    "of_sensors": {"noise": SAYS, "cutoff": SAYS},
 }

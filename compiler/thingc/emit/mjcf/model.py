@@ -178,6 +178,7 @@ class _Builder:
             self.grow(made[site.body], ("site", site.path), elements.site, site.path, site.pose, site.origin)
         closures.sites(self.robot, world, made)
         sensors.cameras(self.robot, made)
+        sensors.volumes(self.robot, made)
         # The sites of a link belong to it, not to what hangs on it: children come last.
         for element in made.values():
             element.children.sort(key=lambda child: child.tag == "body")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from thingc.emit.capabilities import OMITTED, SAYS, Capabilities, Loses, Omits, Says
+from thingc.emit.capabilities import OMITTED, SAYS, Capabilities, Loses, Omits, Says, all_sensors
 
 JointForm = Literal["each", "universal", "ball"]
 """How a joint is written: one of SDF's for each coordinate, one with two axes, or one without any."""
@@ -14,7 +14,8 @@ DriveForm = Literal["position controller", "velocity controller", "force"]
 
 LoopForm = Literal["joint"]
 
-SensorForm = Literal["imu", "force_torque", "camera"]
+SensorForm = Literal["imu", "force_torque", "camera", "magnetometer", "gpu_lidar", "contact"]
+"""The type of a sensor."""
 
 _EACH: Says[JointForm] = Says("each")
 _CHAIN: Loses[JointForm] = Loses("each", "approximated", " as one joint's: its coordinates are joints here, with links of 1e-9 kg between")
@@ -58,6 +59,10 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "ellipsoid": SAYS, "plane": SAYS, "hull": SAYS, "mesh": SAYS,
     },
     "sensors": {
+        **all_sensors(OMITTED),
         "imu": Says("imu"), "force": Says("force_torque"), "joint": Omits(": SDF has none of a joint's state"), "camera": Says("camera"),
+        "accelerometer": Says("imu", "an `imu`"), "gyro": Says("imu", "an `imu`"), "magnetometer": Says("magnetometer"),
+        "rangefinder": Says("gpu_lidar", "a `gpu_lidar` of one ray"), "contact": Says("contact"),
     },
+    "of_sensors": {"noise": OMITTED, "cutoff": OMITTED},
 }

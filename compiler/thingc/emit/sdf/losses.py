@@ -50,6 +50,13 @@ def _of_sensors(robot: Robot) -> Iterator[Loss]:
         elif sensor.kind == "force" and (place := elsewhere(robot, sensor)) is not None:
             what = f"the force at its mount: it reads what passes {place}"
             yield _loss(mode, sensor.path, what, "approximated", sensor.origin)
+        elif sensor.kind == "contact":
+            links = [robot.assembly.links[link] for link in sensor.touching]
+            if not any(robot.assembly.occurrences[member].touching for member in links[0].members):
+                yield _loss(None, sensor.path, "this sensor: its link has nothing that touches", "omitted", sensor.origin)
+            elif len(links) > 1:
+                what = f"that only what touches `{links[1].name}` counts"
+                yield _loss(None, sensor.path, what, "omitted", sensor.origin)
 
 
 def _loss(mode: str | None, path: str, what: str, how: str, origin: Origin) -> Loss:

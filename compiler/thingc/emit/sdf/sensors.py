@@ -1,4 +1,4 @@
-"""Sensors that SDF has: `imu`, `force` (a `force_torque` on the joint that carries the link) and `camera`."""
+"""Sensors that SDF has, on their links; a `force` is a `force_torque` on the joint that carries the link."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from thingc.emit.capabilities import written
 from thingc.emit.names import Names
-from thingc.emit.sdf.capabilities import CAPABILITIES
+from thingc.emit.sdf.capabilities import CAPABILITIES, SensorForm
 from thingc.emit.sensors import body_of, on_free_root
 from thingc.emit.xml import Element, number, numbers
 from thingc.graph.types import LinkedSensor
@@ -28,25 +28,55 @@ RATE = 30.0
 
 
 def sensors_of_link(robot: Robot, body: int, link: Element, names: Names) -> None:
-    """The imus and cameras on a link."""
+    """The sensors on a link, whose collisions are in it already: all but those of forces."""
     for sensor, site in _on(robot, body):
         form = written(CAPABILITIES["sensors"][sensor.kind])
-        if form == "imu":
-            element = link.add("sensor", {"name": names.take(sensor.path, sensor.origin), "type": "imu"}, sensor.origin)
-            _place(element, site.pose)
-            element.say("always_on", "true")
-        elif form == "camera" and sensor.fovy is not None:
-            element = link.add("sensor", {"name": names.take(sensor.path, sensor.origin), "type": "camera"}, sensor.origin)
-            _place(element, site.pose @ LOOKING)
-            element.say("always_on", "true")
-            element.say("update_rate", number(RATE))
-            camera = element.add("camera")
-            camera.say("horizontal_fov", number(2.0 * math.atan(math.tan(sensor.fovy / 2.0) * WIDTH / HEIGHT)))
-            image, clip = camera.add("image"), camera.add("clip")
-            image.say("width", number(WIDTH))
-            image.say("height", number(HEIGHT))
-            clip.say("near", number(NEAR))
-            clip.say("far", number(FAR))
+        match form:
+            case "imu" | "magnetometer":
+                _sensor(link, sensor, form, site.pose, names)
+            case "camera" if sensor.fovy is not None:
+                _camera(_sensor(link, sensor, form, site.pose @ LOOKING, names), sensor.fovy)
+            case "gpu_lidar":
+                _ray(_sensor(link, sensor, form, site.pose @ LOOKING, names), sensor.cutoff.get("distance", math.inf))
+    collisions = [child.attributes["name"] for child in link.children if child.tag == "collision"]
+    for sensor in robot.assembly.sensors:
+        if written(CAPABILITIES["sensors"][sensor.kind]) == "contact" and sensor.touching[0] == robot.bodies[body].link and collisions:
+            contact = _sensor(link, sensor, "contact", None, names).add("contact")
+            for name in collisions:
+                contact.say("collision", name)
+
+
+def _sensor(parent: Element, sensor: LinkedSensor, form: SensorForm, pose: Pose | None, names: Names) -> Element:
+    element = parent.add("sensor", {"name": names.take(sensor.path, sensor.origin), "type": form}, sensor.origin)
+    if pose is not None:
+        _place(element, pose)
+    element.say("always_on", "true")
+    return element
+
+
+def _camera(element: Element, fovy: float) -> None:
+    """Of the vertical angle of view [rad]."""
+    element.say("update_rate", number(RATE))
+    camera = element.add("camera")
+    camera.say("horizontal_fov", number(2.0 * math.atan(math.tan(fovy / 2.0) * WIDTH / HEIGHT)))
+    image, clip = camera.add("image"), camera.add("clip")
+    image.say("width", number(WIDTH))
+    image.say("height", number(HEIGHT))
+    clip.say("near", number(NEAR))
+    clip.say("far", number(FAR))
+
+
+def _ray(element: Element, reach: float) -> None:
+    """One ray, that sees as far as `reach` [m]."""
+    element.say("update_rate", number(RATE))
+    lidar = element.add("lidar")
+    scan = lidar.add("scan").add("horizontal")
+    scan.say("samples", "1")
+    scan.say("min_angle", "0")
+    scan.say("max_angle", "0")
+    distance = lidar.add("range")
+    distance.say("min", "0")
+    distance.say("max", "inf" if math.isinf(reach) else number(reach))
 
 
 def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names: Names) -> None:
@@ -54,9 +84,7 @@ def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names:
     what the link does to its parent."""
     for sensor, site in _on(robot, body):
         if written(CAPABILITIES["sensors"][sensor.kind]) == "force_torque" and not on_free_root(robot, sensor):
-            element = joint.add("sensor", {"name": names.take(sensor.path, sensor.origin), "type": "force_torque"}, sensor.origin)
-            _place(element, shifted(*at).inverse() @ site.pose)
-            element.say("always_on", "true")
+            element = _sensor(joint, sensor, "force_torque", shifted(*at).inverse() @ site.pose, names)
             measured = element.add("force_torque")
             measured.say("frame", "sensor")
             measured.say("measure_direction", "child_to_parent")

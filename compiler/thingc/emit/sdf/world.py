@@ -14,9 +14,13 @@ GRIP = 100.0
 
 SYSTEMS: dict[SensorForm, tuple[str, str]] = {
     "imu": ("gz-sim-imu-system", "gz::sim::systems::Imu"), "force_torque": ("gz-sim-forcetorque-system", "gz::sim::systems::ForceTorque"),
-    "camera": ("gz-sim-sensors-system", "gz::sim::systems::Sensors"),
+    "magnetometer": ("gz-sim-magnetometer-system", "gz::sim::systems::Magnetometer"),
+    "contact": ("gz-sim-contact-system", "gz::sim::systems::Contact"),
 }
-"""What of Gazebo's a kind of sensor needs in the world."""
+"""What of Gazebo's a type of sensor needs in the world."""
+
+RENDERED: frozenset[SensorForm | None] = frozenset({"camera", "gpu_lidar"})
+"""Sensors that see: what they need of Gazebo's in the world is one for all."""
 
 
 def config(name: str, version: str, description: str) -> Element:
@@ -44,9 +48,9 @@ def world(robot: Robot, folder: str) -> Element:
     forms = {written(CAPABILITIES["sensors"][sensor.kind]) for sensor in robot.assembly.sensors}
     for form, (filename, name) in SYSTEMS.items():
         if form in forms:
-            sensing = element.add("plugin", {"filename": filename, "name": name})
-            if form == "camera":
-                sensing.say("render_engine", "ogre2")
+            element.add("plugin", {"filename": filename, "name": name})
+    if not RENDERED.isdisjoint(forms):
+        element.add("plugin", {"filename": "gz-sim-sensors-system", "name": "gz::sim::systems::Sensors"}).say("render_engine", "ogre2")
     element.say("gravity", numbers(robot.gravity))
     _light(element, "sun" if robot.assembly.name != "sun" else "light")
     _floor(element, "floor" if robot.assembly.name != "floor" else "ground")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, Never
 
-from thingc.emit.capabilities import OMITTED, SAYS, Capabilities, Loses, Omits, Says
+from thingc.emit.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Loses, Omits, Says, all_sensors
 
 JointForm = Literal["each", "threaded"]
 """How a joint is written: a turn or a slide for each coordinate, or a turn and a slide that follows it."""
@@ -59,5 +59,6 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
         "box": _ITSELF, "cylinder": _ITSELF, "capsule": Says("cylinder and balls", "a cylinder between two balls"), "sphere": _ITSELF,
         "ellipsoid": Omits(": URDF has none"), "plane": Omits(": URDF has none"), "hull": _ITSELF, "mesh": _ITSELF,
     },
-    "sensors": {"imu": _NONE, "force": _NONE, "joint": _NONE, "camera": _NONE},
+    "sensors": all_sensors(_NONE),
+    "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},
 }

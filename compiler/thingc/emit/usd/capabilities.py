@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, Never
 
-from thingc.emit.capabilities import OMITTED, SAYS, Capabilities, Loses, Omits, Says
+from thingc.emit.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Loses, Omits, Says, all_sensors
 
 JointForm = Literal["single", "generic", "spherical"]
 """How a joint is written: a `PhysicsRevoluteJoint` or a `PhysicsPrismaticJoint`, a `PhysicsJoint`, or a `PhysicsSphericalJoint`."""
@@ -61,5 +61,6 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
         "ellipsoid": Says("Sphere", "a sphere that is stretched"), "plane": Says("Plane"), "hull": Says("Mesh"),
         "mesh": Loses("Mesh", "approximated", ": its convex hull touches"),
     },
-    "sensors": {"imu": _NONE, "force": _NONE, "joint": _NONE, "camera": _NONE},
+    "sensors": all_sensors(_NONE),
+    "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},
 }

@@ -19,12 +19,13 @@ UNSAID = ("actlimited", "actearly", "armature", "delay")
 
 
 class Actuators:
-    """`of_joint` by the number of the joint; `adhesions`; others are `added`, or losses. `joints` are those that are kept, `on` is
-    the link of each body that is kept, with the body's pose in it."""
+    """`of_joint` by the number of the joint, `driven` the names of these joints by that of the actuator; `adhesions`; others are `added`,
+    or losses. `joints` are those that are kept, `on` is the link of each body that is kept, with the body's pose in it."""
 
     def __init__(self, original: Original, joints: set[int], on: Mapping[int, tuple[int, Pose]], added: Added) -> None:
         self.original, self.model = original, original.model
         self.of_joint: dict[int, SourceDrive] = {}
+        self.driven: dict[int, str] = {}
         adhesions = []
         for number in range(self.model.nu):
             transmission, target = int(self.model.actuator_trntype[number]), int(self.model.actuator_trnid[number][0])
@@ -43,6 +44,7 @@ class Actuators:
                 why = "" if drive is not None else "a drive of a document is a motor, or of position or velocity with a gain"
                 if drive is not None:
                     self.of_joint[target] = drive
+                    self.driven[number] = original.joints[target]
             if why and added.actuator(number):
                 self._unsaid(number, what)
             elif why:

@@ -91,7 +91,7 @@ class _Reader:
             one for body in links if body != root for one in self._hangings(body, on, between, drives, couplings)
         ]
         base: SourceBase = "free" if root in self.free else "held" if root in self.mocap else "fixed"
-        sensed = sensors(self.original, on, kept)
+        sensed = sensors(self.original, on, kept, drives.driven, root)
         excluded = touching(self.original, on, self._heads(on, root), None if base == "free" else root)
         gravity = floats(self.model.opt.gravity)
         states = poses(self.original, on, root, base, {joint.name: joint for one in hangings for joint in one.joints})

@@ -4,53 +4,131 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Literal
 
-from thingc.importing.mjcf.original import Original, pose_of
+from thingc.frozen import dataclass
+from thingc.importing.mjcf.original import Original, floats, pose_of
 from thingc.importing.model import SourceSensor
 from thingc.pose import Pose, turned_y
+from thingc.sensing import ReadingName, SensorType
 
 SITE = 6
-Ours = Literal["imu", "force", "joint"]
-AT_SITE: dict[str, tuple[Ours, str]] = {
-    "accelerometer": ("imu", "accelerometer"), "gyro": ("imu", "gyro"), "force": ("force", "force"), "torque": ("force", "torque"),
-    "framequat": ("imu", "quat"),
+VOLUMES = {2: ("sphere", 1), 3: ("capsule", 2), 4: ("ellipsoid", 3), 5: ("cylinder", 2), 6: ("box", 3)}
+"""By the type of a site its shape, and how many sizes that has."""
+AT_SITE: dict[str, tuple[SensorType, ReadingName]] = {
+    "force": ("force", "force"), "torque": ("force", "torque"),
+    "accelerometer": ("accelerometer", "accelerometer"), "gyro": ("gyro", "gyro"), "magnetometer": ("magnetometer", "magnetometer"),
+    "velocimeter": ("velocimeter", "velocity"), "rangefinder": ("rangefinder", "distance"), "touch": ("touch", "force"),
+    "framepos": ("pose", "position"), "framequat": ("pose", "quat"),
+    "framelinvel": ("twist", "linear"), "frameangvel": ("twist", "angular"),
 }
-AT_JOINT = {"jointpos": "position", "jointvel": "velocity", "jointactuatorfrc": "effort"}
+AT_JOINT: dict[str, ReadingName] = {"jointpos": "position", "jointvel": "velocity", "jointactuatorfrc": "effort"}
+OF_DRIVE: dict[str, ReadingName] = {"actuatorpos": "position", "actuatorvel": "velocity", "actuatorfrc": "effort"}
+OF_ALL: dict[str, tuple[SensorType, ReadingName]] = {
+    "clock": ("clock", "time"), "e_potential": ("energy", "potential"), "e_kinetic": ("energy", "kinetic"),
+}
+OF_ROOT: dict[str, ReadingName] = {"subtreecom": "position", "subtreelinvel": "velocity", "subtreeangmom": "momentum"}
+IMU: frozenset[SensorType] = frozenset({"accelerometer", "gyro"})
 LOOKING = turned_y(math.pi)
 """A camera of MuJoCo looks along its -z, up its y; a document's along the mount's z, up the mount's y."""
 
 
-def sensors(original: Original, on: Mapping[int, tuple[int, Pose]], kept: set[int]) -> tuple[SourceSensor, ...]:
-    """Those of kinds that the language has, several that are of one together; all others are losses."""
-    import mujoco
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Place:
+    """What a sensor is and where: a document's kind, and the names of a site, of the one that it is seen from, of a joint."""
 
-    model = original.model
-    kinds = {int(value): name.removeprefix("mjSENS_").lower() for name, value in mujoco.mjtSensor.__members__.items()}
-    found: dict[tuple[str, str], SourceSensor] = {}
-    for number in range(model.nsensor):
-        name, where, thing = original.sensors[number], original.where("sensor", number), int(model.sensor_objid[number])
-        kind, at_site = kinds.get(int(model.sensor_type[number]), "sensor"), int(model.sensor_objtype[number]) == SITE
-        site: str | None = None
-        joint: str | None = None
-        ours: Ours
-        if at_site and kind in AT_SITE and int(model.site_bodyid[thing]) in kept:
-            (ours, part), site = AT_SITE[kind], original.sites[thing]
-        elif kind in AT_JOINT and int(model.jnt_bodyid[thing]) in kept:
-            ours, part, joint = "joint", AT_JOINT[kind], original.joints[thing]
-        else:
-            original.lose(f"sensor `{name}` of kind `{kind}`", "a document has no such sensor", where)
-            continue
-        key = ours, site or joint or ""
-        first = found.get(key)
-        if first is None:
-            first = SourceSensor(kind=ours, name=key[1], where=where, site=site, joint=joint)
-        found[key] = SourceSensor(
-            kind=first.kind, name=first.name, where=first.where, site=site, joint=joint, parts=(*first.parts, (name, part)),
+    kind: SensorType
+    site: str | None = None
+    seen_from: str | None = None
+    joint: str | None = None
+
+
+class _Sensing:
+    """`kept` are the bodies that are kept, `driven` the joints of drives by the number of the actuator, `root` the root body."""
+
+    def __init__(self, original: Original, kept: set[int], driven: Mapping[int, str], root: int) -> None:
+        import mujoco
+
+        self.original, self.model, self.kept, self.driven, self.root = original, original.model, kept, driven, root
+        types = mujoco.mjtSensor.__members__.items()
+        self.kinds: dict[int, str] = {int(value): name.removeprefix("mjSENS_").lower() for name, value in types}
+
+    def all(self) -> tuple[SourceSensor, ...]:
+        """Those of kinds that the language has, several that are of one together; all others are losses."""
+        read: list[tuple[int, _Place, ReadingName]] = []
+        for number in range(self.model.nsensor):
+            found = self._place(number)
+            if found is None:
+                name, kind = self.original.sensors[number], self._kind(number)
+                where = self.original.where("sensor", number)
+                self.original.lose(f"sensor `{name}` of kind `{kind}`", "a document has no such sensor", where)
+            else:
+                read.append((number, *found))
+        at = {(place.kind, place.site) for _, place, _ in read}
+        imus = {site for _, site in at if {kind for kind, other in at if other == site} >= IMU}
+        made: dict[_Place, list[tuple[int, ReadingName]]] = {}
+        for number, place, reading in read:
+            of_imu = place.kind in IMU or (place.kind, reading, place.seen_from) == ("pose", "quat", None)
+            if of_imu and place.site in imus:
+                place = _Place(kind="imu", site=place.site)
+            made.setdefault(place, []).append((number, reading))
+        return tuple(self._sensor(place, readings) for place, readings in made.items())
+
+    def _kind(self, number: int) -> str:
+        return self.kinds.get(int(self.model.sensor_type[number]), "sensor")
+
+    def _place(self, number: int) -> tuple[_Place, ReadingName] | None:
+        model, original, kind = self.model, self.original, self._kind(number)
+        thing, of = int(model.sensor_objid[number]), int(model.sensor_objtype[number])
+        if kind in AT_SITE and of == SITE and int(model.site_bodyid[thing]) in self.kept and int(model.sensor_dim[number]) <= 4:
+            sensor, reading = AT_SITE[kind]
+            reference, reference_type = int(model.sensor_refid[number]), int(model.sensor_reftype[number])
+            if reference >= 0 and (reference_type != SITE or int(model.site_bodyid[reference]) not in self.kept):
+                return None
+            if sensor == "touch" and int(model.site_type[thing]) not in VOLUMES:
+                return None
+            seen_from = original.sites[reference] if reference >= 0 else None
+            return _Place(kind=sensor, site=original.sites[thing], seen_from=seen_from), reading
+        if kind in AT_JOINT and int(model.jnt_bodyid[thing]) in self.kept:
+            return _Place(kind="joint", joint=original.joints[thing]), AT_JOINT[kind]
+        if kind in OF_DRIVE and thing in self.driven:
+            return _Place(kind="drive", joint=self.driven[thing]), OF_DRIVE[kind]
+        if kind in OF_ROOT and thing == self.root:
+            return _Place(kind="centre"), OF_ROOT[kind]
+        if kind in OF_ALL:
+            sensor, reading = OF_ALL[kind]
+            return _Place(kind=sensor), reading
+        return None
+
+    def _sensor(self, place: _Place, readings: list[tuple[int, ReadingName]]) -> SourceSensor:
+        """One of a document, of these sensors of the source."""
+        model, original = self.model, self.original
+        numbers: dict[str, dict[str, float]] = {"noise": {}, "cutoff": {}}
+        for number, reading in readings:
+            for key, said in numbers.items():
+                value = float(getattr(model, f"sensor_{key}")[number])
+                if value and reading in ("quat", "magnetometer", "momentum", "time"):
+                    what = f"{key} of sensor `{original.sensors[number]}`"
+                    original.lose(what, f"a document says none of a `{reading}`", original.where("sensor", number))
+                elif value:
+                    said[reading] = value
+        volume: tuple[str, tuple[float, ...]] | None = None
+        if place.kind == "touch":
+            site = int(model.sensor_objid[readings[0][0]])
+            shape, count = VOLUMES[int(model.site_type[site])]
+            volume = shape, floats(model.site_size[site])[:count]
+        return SourceSensor(
+            kind=place.kind, name=place.site or place.joint or place.kind, where=original.where("sensor", readings[0][0]), site=place.site,
+            seen_from=place.seen_from, joint=place.joint, volume=volume, noise=numbers["noise"], cutoff=numbers["cutoff"],
+            parts=tuple((original.sensors[number], reading) for number, reading in readings),
         )
-        if model.sensor_cutoff[number] or model.sensor_noise[number]:
-            original.lose(f"cutoff and noise of sensor `{name}`", "a document does not say them", where)
-    return (*found.values(), *_cameras(original, on))
+
+
+def sensors(
+    original: Original, on: Mapping[int, tuple[int, Pose]], kept: set[int], driven: Mapping[int, str], root: int,
+) -> tuple[SourceSensor, ...]:
+    """Those of kinds that the language has, and cameras; all others are losses. `driven` are the names of joints by the number of the
+    actuator that drives them, `root` is the root body."""
+    return (*_Sensing(original, kept, driven, root).all(), *_cameras(original, on))
 
 
 def _cameras(original: Original, on: Mapping[int, tuple[int, Pose]]) -> list[SourceSensor]:
