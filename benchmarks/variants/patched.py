@@ -2,8 +2,9 @@
 
 Every number that stands in a document and models no part is set by its path, a few at a time, to N random values near its own (a twentieth
 off, at most); of the settings that are sound the model of `thingc.family(DOCUMENT).models` is compared with the one that MuJoCo compiles
-from the text of a compilation: every array, and every number of `opt`, `stat` and `vis`. In all modes; the arm and MInchW unless documents
-are named. With `--parts` one of those numbers is one that models parts, with one of three values.
+from the text of a compilation: every array, and every number of `opt`, `stat` and `vis`. In all modes; the arm, MInchW and the documents of
+`tests/families`, which have what these have not, unless documents are named. With `--parts` one of those numbers is one that models parts,
+with one of three values.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import argparse
 import random
 import sys
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -26,7 +28,11 @@ from thingc.source import MappingNode, Node, ScalarNode
 from thingc.units import Quantity
 
 ROOT = Path(__file__).resolve().parents[2]
-SECTIONS = ("parameters", "components", "joints", "poses", "modes", "simulation", "defaults")
+sys.path.insert(0, str(ROOT / "tests"))
+
+from families.documents import WORKSPACE  # noqa: E402
+
+SECTIONS = ("parameters", "components", "joints", "tendons", "poses", "modes", "simulation", "defaults")
 AT_ONCE = 4
 SHARES = (0.97, 1.01, 1.04)
 """Of its own value, those that a number has which models parts."""
@@ -115,20 +121,33 @@ def compared(document: str, count: int, store: str | None, visual: bool, parts: 
 def main() -> int:
     """Compare and print; 1 where anything differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("documents", nargs="*", default=[f"{ROOT}/assemblies/arm.yaml", f"{ROOT}/assemblies/minchw/minchw.yaml"])
+    parser.add_argument("documents", nargs="*", metavar="DOCUMENT")
     parser.add_argument("--count", type=int, default=2000, help="settings of each document (default: %(default)s)")
     parser.add_argument("--store", help="where modelled parts are kept")
     parser.add_argument("--visual", action="store_true", help="with what is only drawn")
     parser.add_argument("--parts", action="store_true", help="with numbers that model parts")
     arguments = parser.parse_args()
-    wrong = 0
-    for document in arguments.documents:
-        begun = time.monotonic()
-        tally = compared(document, arguments.count, arguments.store, arguments.visual, arguments.parts)
-        wrong += sum(number for what, number in tally.items() if what.isupper() or what.split()[0].isupper())
-        print(f"{document}: {', '.join(f'{number} {what}' for what, number in sorted(tally.items()))} ({time.monotonic() - begun:.0f} s)")
+    with tempfile.TemporaryDirectory() as folder:
+        wrong = sum(printed(document, arguments) for document in arguments.documents or usual(Path(folder)))
     print(f"MuJoCo {mujoco.__version__}")
     return 1 if wrong else 0
+
+
+def usual(folder: Path) -> list[str]:
+    """The documents that are taken where none is named, those of tests written into `folder`."""
+    for name, text in WORKSPACE.items():
+        (folder / name).write_text(text)
+    own = [str(folder / name) for name in ("everything.yaml", "strung.yaml")]
+    return [f"{ROOT}/assemblies/arm.yaml", f"{ROOT}/assemblies/minchw/minchw.yaml", *own]
+
+
+def printed(document: str, arguments: argparse.Namespace) -> int:
+    """How many models of a document are not as they should be; what came of it is printed."""
+    begun = time.monotonic()
+    tally = compared(document, arguments.count, arguments.store, arguments.visual, arguments.parts)
+    words = ", ".join(f"{number} {what}" for what, number in sorted(tally.items()))
+    print(f"{document}: {words} ({time.monotonic() - begun:.0f} s)", flush=True)
+    return sum(number for what, number in tally.items() if what.isupper() or what.split()[0].isupper())
 
 
 if __name__ == "__main__":

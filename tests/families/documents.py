@@ -101,3 +101,83 @@ modes: [standing]
 pose: level
 reach: {of: hook, from: stand}
 """
+
+STRUNG = f"""\
+thingc: assembly/1
+name: strung
+parameters:
+  lever: {{value: 12 mm/rad, doc: of the cable about the pitch}}
+  thickness: {{value: 20 mm, min: 5 mm}}
+components:
+  post: {{frame: true, mass: 2 kg, {INERTIA}, mounts: {{top: {{xyz: 0 0 600 mm}}, tie: {{xyz: 50 0 500 mm}}}}}}
+  hip: {{frame: true}}
+  thigh:
+    frame: true
+    mass: 0.8 kg
+    com: [5 mm, 0, -100 mm]
+    {INERTIA}
+    mounts: {{knee: {{xyz: 0 0 -200 mm}}, tie: {{xyz: 30 0 -90 mm}}}}
+  shank:
+    link: true
+    mass: 0.4 kg
+    shapes:
+      - {{box: [=thickness, =thickness, 160 mm], at: {{xyz: 0 0 -80 mm}}, friction: {{slide: 0.7}}}}
+    mounts: {{end: {{xyz: 0 0 -180 mm}}}}
+  foot: {{frame: true, mass: 0.1 kg, {INERTIA}}}
+joints:
+  roll:
+    type: revolute
+    parent: post.top
+    child: hip.origin
+    axis: [1, 0, 0]
+    limit: {{lower: -60 deg, upper: 60 deg}}
+    dynamics: {{damping: 0.2 N*m*s/rad, stiffness: 3 N*m/rad, rest: 5 deg}}
+  pitch:
+    type: revolute
+    parent: hip.origin
+    child: thigh.origin
+    axis: [0, 1, 0]
+    limit: {{lower: -90 deg, upper: 90 deg, effort: 12 N*m}}
+    dynamics: {{friction: 0.02 N*m, armature: 0.003 kg*m^2}}
+    drive: {{kind: position, kp: 30 N*m/rad, effort: 12 N*m}}
+  knee:
+    type: revolute
+    parent: thigh.knee
+    child: shank.origin
+    axis: [0, 0.6, 0.8]
+    offset: 4 deg
+    limit: {{lower: -100 deg, upper: 100 deg}}
+    dynamics: {{damping: 0.1 N*m*s/rad}}
+  strut:
+    type: prismatic
+    parent: shank.end
+    child: foot.origin
+    mimic: {{joint: knee, polynomial: [5 mm, 9 mm/rad, -4 mm/rad^2, 1 mm/rad^3]}}
+tendons:
+  cable:
+    joints: {{pitch: =lever, knee: -8 mm/rad}}
+    limit: {{lower: -20 mm, upper: 25 mm}}
+    dynamics: {{stiffness: 200 N/m, damping: 3 N*s/m, rest: 5 mm}}
+    drive: {{kind: position, kp: 900 N/m, effort: 40 N}}
+  band: {{joints: {{roll: 1, pitch: -0.5}}, dynamics: {{friction: 0.1 N*m}}}}
+mounts: {{stand: post.origin, sole: foot.origin}}
+poses: {{bent: {{roll: 10 deg, pitch: 20 deg, knee: -30 deg}}}}
+modes:
+  standing: {{root: post, base: fixed, pose: bent}}
+  footed: {{root: foot, base: free, pose: bent, at: {{xyz: 0 0 300 mm}}}}
+raw:
+  mjcf:
+    add:
+      tendon:
+        - spatial: {{name: string, stiffness: 5, range: 0.01 0.9, in: [{{site: {{site: post.tie}}}}, {{site: {{site: thigh.tie}}}}]}}
+      actuator:
+        - general: {{name: winch, tendon: string, dyntype: filterexact, dynprm: 0.05, gainprm: 3}}
+      sensor:
+        - tendonpos: {{name: reach, tendon: string}}
+"""
+"""Axes of joints, two joints on one body, springs with a rest, a mimic by a polynomial, a link of shapes, tendons, and what raw adds."""
+
+WORKSPACE = {
+    "thingc.toml": 'thingc = "workspace/1"\n', "everything.yaml": EVERYTHING, "tool.yaml": TOOL, "many.yaml": MANY, "strung.yaml": STRUNG,
+}
+"""All of them, by file."""

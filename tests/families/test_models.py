@@ -48,12 +48,24 @@ def compiled(family: thingc.RobotFamily, one: Mapping[str, Any], mode: str) -> m
     ).modes[mode].model()
 
 
+STRUNG: dict[str, tuple[float, str]] = {
+    "lever": (0.012, "m/rad"), "tendons.cable.joints.knee": (-0.008, "m/rad"), "tendons.band.joints.pitch": (-0.5, ""),
+    "tendons.cable.limit.upper": (0.025, "m"), "tendons.cable.dynamics.rest": (0.005, "m"),
+    "tendons.cable.dynamics.stiffness": (200.0, "N/m"), "tendons.cable.dynamics.damping": (3.0, "N*s/m"),
+    "tendons.cable.drive.kp": (900.0, "N/m"), "tendons.band.dynamics.friction": (0.1, "N*m"),
+    "joints.roll.dynamics.rest": (0.09, "rad"), "joints.roll.dynamics.stiffness": (3.0, "N*m/rad"),
+    "joints.pitch.dynamics.armature": (0.003, "kg*m^2"), "joints.knee.offset": (0.07, "rad"), "components.thigh.mass": (0.8, "kg"),
+    "components.shank.mass": (0.4, "kg"), "poses.bent.knee": (-0.52, "rad"),
+}
+"""What is set of `strung.yaml`, about what it says, and its units."""
+
 UNITS = {
     "load": "kg", "length": "m", "stiff": "N*m/rad", "components.crank.mass": "kg", "components.base.inertia.ixy": "kg*m^2",
     "joints.lift.limit.upper": "rad", "joints.lift.limit.velocity": "rad/s", "joints.gear.mimic.offset": "rad",
     "joints.gear.dynamics.armature": "kg*m^2", "joints.turn.drive.kv": "N*m*s/rad", "joints.neck.limit.cone": "rad",
     "poses.low.lift": "rad", "defaults.joint.dynamics.damping": "N*m*s/rad", "teeth": "",
     "components.tool.components.finger.mass": "kg", "modes.stuck.contacts.adhesion.hook": "N", "joints.flip.drive.effort": "N*m",
+    **{name: unit for name, (_, unit) in STRUNG.items()},
 }
 
 
@@ -67,6 +79,19 @@ def test_models_are_the_compiled_ones(everything: thingc.RobotFamily, mode: str,
     form = everything._of(mode, True).forms.of(everything._reader.read(many[0]))
     assert form.refused is None and form.why == {} and (len(form.plans) == 1 or mode == "stuck")
     assert form.plans and form.plan_for(everything._reader.read(many[-1])) is not None
+
+
+@pytest.mark.parametrize("name", [None, *STRUNG])
+def test_tendons_and_springs_are_written_into_arrays(strung: thingc.RobotFamily, name: str | None) -> None:
+    """All of them together, and each by itself: what MuJoCo works out of one may be worked out because of another."""
+    source, mode = random.Random(8), "footed" if name is None else "standing"
+    names = STRUNG if name is None else {name: STRUNG[name]}
+    many = [{name: value * source.uniform(0.95, 1.05) for name, (value, _) in names.items()} for _ in range(4)]
+    for one, model in zip(many, strung.models(many, mode=mode, share=True, visual=True), strict=True):
+        whole = compiled(strung, one, mode)
+        assert isinstance(model, mujoco.MjModel) and differing(model, whole) == []
+    plan = strung._of(mode, True).forms.of(strung._reader.read(many[-1])).plan_for(strung._reader.read(many[-1]))
+    assert plan is not None and type(plan[0].made).__name__ == "Arrays"
 
 
 def test_a_shared_model_is_lent_and_others_are_one_s_own(everything: thingc.RobotFamily) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 from thingc.patching.inertial import BOXES, Bodies, Worked
-from thingc.patching.places import INERT, Entry, places
+from thingc.patching.places import INERT, TENSED, Entry, places
 from thingc.patching.statistics import Statistics
 
 if TYPE_CHECKING:
@@ -72,7 +72,10 @@ class Arrays:
             [column(tokens[word]) if word in tokens else float(word) for words in said for word in words] for said in inertials.values()
         ]
         self._traced = np.array([[word in tokens for words in said for word in words] for said in inertials.values()], dtype=bool)
-        self._constants = not self._bodies and self.written <= INERT
+        self._resting = [  # tendons whose springs rest where those of the joints do
+            self.model.tendon(tendon.get("name", "")).id for tendon in root.iterfind("tendon/*") if "springlength" not in tendon.attrib
+        ]
+        self._constants = not self._bodies and self.written <= (INERT - TENSED if self.model.ntendon else INERT)
         self._data = mujoco.MjData(self.model)
         stated = {name for element in root.iter("statistic") for name in element.attrib}
         self._statistics = Statistics(self.model, self._data, stated)
@@ -118,6 +121,7 @@ class Arrays:
     def put(self, prepared: Prepared, index: int) -> None:
         """Make `model` that of a variant."""
         import mujoco
+        import numpy as np
 
         model = self.model
         for (target, entries, _, _), block in zip(self._writes, prepared.blocks):
@@ -134,7 +138,11 @@ class Arrays:
                         view[:] = boxes[name][index]
                     views[-1][:] = geoms[boxes["bvh_nodeid"][index]]
         if not self._constants:
-            mujoco.mj_setConst(model, self._data)
+            mujoco.mj_setConst(model, self._data)  # which leaves it where the springs of its joints rest
+            model.tendon_lengthspring[self._resting] = self._data.ten_length[self._resting, None]
+            if not np.array_equal(self._data.qpos, model.qpos0):
+                self._data.qpos[:] = model.qpos0
+                mujoco.mj_kinematics(model, self._data)
             self._statistics.write()
 
 

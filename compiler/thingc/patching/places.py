@@ -32,10 +32,13 @@ class Entry:
 
 INERT = frozenset((
     "jnt_range", "jnt_actfrcrange", "jnt_stiffness", "dof_damping", "dof_frictionloss", "actuator_ctrlrange", "actuator_forcerange",
-    "actuator_gainprm", "actuator_biasprm", "key_qpos", "key_qvel", "key_ctrl", "key_mpos", "key_mquat", "numeric_data", "opt.timestep",
+    "actuator_gainprm", "actuator_biasprm", "tendon_range", "tendon_stiffness", "tendon_damping", "tendon_frictionloss",
+    "tendon_lengthspring", "key_qpos", "key_qvel", "key_ctrl", "key_mpos", "key_mquat", "numeric_data", "opt.timestep",
     "opt.gravity", "stat.center", "stat.extent", "eq_data", "geom_friction", "site_pos", "site_quat", "qpos_spring",
 ))
 """Fields of which MuJoCo works nothing out when it sets constants."""
+TENSED = frozenset(("qpos_spring", "site_pos"))
+"""Those of which it works something out where there are tendons: how long they are."""
 
 _JOINT = {
     "damping": "dof_damping", "frictionloss": "dof_frictionloss", "armature": "dof_armature", "stiffness": "jnt_stiffness",
@@ -46,6 +49,10 @@ _PLAIN = {
     ("key", "qpos"): "key_qpos", ("key", "ctrl"): "key_ctrl", ("key", "mpos"): "key_mpos", ("key", "mquat"): "key_mquat",
     ("geom", "friction"): "geom_friction",
 }
+_TENDON = {
+    "range": "tendon_range", "stiffness": "tendon_stiffness", "damping": "tendon_damping", "frictionloss": "tendon_frictionloss",
+    "armature": "tendon_armature", "springlength": "tendon_lengthspring",
+}
 _ACTUATOR = {"ctrlrange": "actuator_ctrlrange", "forcerange": "actuator_forcerange"}
 _GAINS = {
     ("position", "kp"): (("actuator_gainprm", 0, 1.0), ("actuator_biasprm", 1, -1.0)),
@@ -54,6 +61,9 @@ _GAINS = {
 }
 _GROUPS = {"option": "opt", "statistic": "stat"}
 _DRIVES = ("position", "velocity", "motor", "adhesion")
+_TENDONS = ("fixed", "spatial")
+_KINDS = {**dict.fromkeys(_DRIVES, "actuator"), **dict.fromkeys(_TENDONS, "tendon")}
+"""What the model calls an element of a tag, where that is not its tag."""
 
 
 def places(
@@ -75,7 +85,7 @@ def places(
                 continue
             for k, word in enumerate(words):
                 if word in tokens:
-                    found += [(tokens[word], place) for place in _places(model, element, attribute, k)]
+                    found += [(tokens[word], place) for place in _places(model, element, above, attribute, k)]
     return found, inertials
 
 
@@ -89,7 +99,7 @@ def _walk(root: Element) -> Iterator[tuple[Element, Element]]:
             waiting.append(element)
 
 
-def _places(model: Any, element: Element, attribute: str, k: int) -> list[Entry]:
+def _places(model: Any, element: Element, above: Element, attribute: str, k: int) -> list[Entry]:
     tag = element.tag
     unknown = NotInArrays(f"{tag}.{attribute}")
     name = element.get("name", "")
@@ -98,9 +108,14 @@ def _places(model: Any, element: Element, attribute: str, k: int) -> list[Entry]
         if value is None or isinstance(value, int):
             raise unknown
         return [Entry(field=f"{_GROUPS[tag]}.{attribute}", index=k)]
+    if above.tag == "fixed" and attribute == "coef":
+        return [_at(model, "wrap_prm", int(model.tendon_adr[model.tendon(above.get("name", "")).id]) + list(above).index(element), 0)]
     owner = _owner(model, element)
     if owner is None or not name:
         raise unknown
+    if tag in _TENDONS and attribute in _TENDON:
+        both = attribute == "springlength" and len(element.get(attribute, "").split()) == 1
+        return [_at(model, _TENDON[attribute], owner.id, column) for column in ((0, 1) if both else (k,))]
     if tag == "joint" and element.get("joint1") is not None:
         if attribute != "polycoef":
             raise unknown
@@ -128,7 +143,7 @@ def _places(model: Any, element: Element, attribute: str, k: int) -> list[Entry]
 
 
 def _owner(model: Any, element: Element) -> Any:
-    kind = "equality" if element.tag == "joint" and element.get("joint1") else "actuator" if element.tag in _DRIVES else element.tag
+    kind = "equality" if element.tag == "joint" and element.get("joint1") else _KINDS.get(element.tag, element.tag)
     accessor: Callable[[str], Any] | None = getattr(model, kind, None)
     try:
         return accessor(element.get("name", "")) if accessor is not None else None

@@ -18,8 +18,8 @@ _PLANE = 0.1
 
 
 class Statistics:
-    """Those of one model, again and again: what belongs to what does not change. `data` is as `mj_setConst` leaves it when they are
-    written: the model at rest. Those that are `stated` in its text stay as they are."""
+    """Those of one model, again and again: what belongs to what does not change. `data` is of the model at `qpos0` when they are
+    written. Those that are `stated` in its text stay as they are."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, stated: Collection[str] = ()) -> None:
         import mujoco
