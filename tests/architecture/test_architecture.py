@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -210,7 +211,8 @@ def room_of(path: Path) -> str:
     return first.removesuffix(".py")
 
 
-def imported(path: Path) -> set[str]:
+@cache
+def imported(path: Path) -> frozenset[str]:
     """Every module that a file names in an import, wherever it stands."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
@@ -220,7 +222,7 @@ def imported(path: Path) -> set[str]:
             assert node.level == 0, f"{path}: relative imports hide the direction"
             assert node.module is not None
             found |= {f"{node.module}.{alias.name}" for alias in node.names} if node.module == "thingc" else {node.module}
-    return found
+    return frozenset(found)
 
 
 @pytest.mark.parametrize("path", modules(), ids=lambda p: str(p.relative_to(PACKAGE)))
