@@ -280,12 +280,16 @@ def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=1.0)
+    parser.add_argument("--most", type=int, help="no more inputs than that")
     parser.add_argument("--seed", type=int, default=int(time.time()))
     parser.add_argument("--keep", type=Path, default=Path("fuzz-findings"))
     parser.add_argument("--lock", type=Path, required=True, help="a parts.lock.json of this repository's robots (see `make fuzz`)")
     options = parser.parse_args()
     print(f"seed {options.seed}", flush=True)
-    result = run(60.0 * options.minutes, options.seed, options.keep, options.lock.read_text(), tell=lambda text: print(text, flush=True))
+    result = run(
+        60.0 * options.minutes, options.seed, options.keep, options.lock.read_text(), options.most,
+        tell=lambda text: print(text, flush=True),
+    )
     for failure in result.failures[:20]:
         print(failure)
     return 1 if result.failures else 0

@@ -26,7 +26,7 @@ from thingc.realize import EndingWorkers
 from thingc.realize.decisions import Decision
 
 WISH = Wish(targets=("mjcf", "bom"))
-PATIENCE = 60.0
+PATIENCE = 300.0
 
 
 class Working:

@@ -268,7 +268,9 @@ def test_the_second_batch_in_a_folder_is_told(tmp_path: Path, shared_store: str)
     env = environment(shared_store, with_emitter(tmp_path))
     process = started(here, env, "--jobs", "1")
     wait_for_lines(here, 1, process)
+    process.send_signal(signal.SIGSTOP)  # else it may be done before the second looks
     second = thingc("batch", "faults.yaml", *ALONE, "--resume", cwd=here, env=env)
+    process.send_signal(signal.SIGCONT)
     assert second.returncode == 2 and f"error[{Code.BATCH_LOCKED.code}]" in second.stderr
     assert process.wait(120) == 0
     assert_whole(here, 12)
