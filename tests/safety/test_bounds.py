@@ -15,7 +15,7 @@ SECONDS = 7.0
 """Five that the check may compute, and what it takes to start and to print."""
 MEMORY = 1000.0
 
-SHORTER = ["--time-limit", "0.5 s"]
+SHORTER = ["--time-limit", "0.2 s"]
 """For what may meet the limit, all but one of which need not be waited for."""
 
 SAID = {
