@@ -195,6 +195,7 @@ class Code(Enum):
     CHATTER = ("TC612", "gain that chatters", "Lower the gain, state the rotor's `armature`, or take shorter steps.", Stage.BUILD)
     OFF_FEET = ("TC790", "mode that does not stand on its feet", "Start in a pose that puts the feet down.", Stage.CHECK)
     START_LIMITS = ("TC791", "mode that starts outside joint limits", "Give the mode a pose within the limits.", Stage.CHECK)
+    COLLISION_MISSING = ("TC704", "no such collision shape", "Choose another `collision`, or give the Thing a `collision()`.")
     STATED = ("TC792", "centre or inertia of another body", "Mend the number or its unit.", Stage.CHECK)
     # --- TC65x: tests of the document (thingc test) ----------------------------------------------------------------
     TEST_MASS = ("TC651", "mass outside its bounds", "Change what weighs too much or too little, or the bound.")
@@ -213,7 +214,6 @@ class Code(Enum):
     RAW_UNKNOWN = ("TC701", "raw attribute of nothing", "Name a kind of element and an element that the model has.")
     MJCF_REFUSED = ("TC702", "MuJoCo refuses the model", "Change what stands at the place named, as MuJoCo's words say.")
     MJCF_WARNING = ("TC703", "MuJoCo warns of the model", "Change what stands at the place named, as MuJoCo's words say.", Stage.BUILD)
-    COLLISION_MISSING = ("TC704", "no such collision shape", "Choose another `collision`, or give the Thing a `collision()`.")
     LOSS_DENIED = ("TC706", "a target cannot say this", "Leave it out of the document, or allow the loss where it is meant.", Stage.DENY)
     RAW_FIXED = ("TC707", "raw attribute that identifies", "Say it in the words of the document, as the hint shows.")
     TOO_LIGHT = ("TC708", "link too light for MuJoCo", "Check the units of its files, sizes and masses, or attach it to another link.")

@@ -28,7 +28,7 @@ from graph.builder import (
     t,
     warnings,
 )
-from thingc.realize.record import PartRecord
+from thingc.realize.record import Mesh, PartRecord
 from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Process
 
 
@@ -127,6 +127,20 @@ def test_warnings_of_a_part_are_said_once() -> None:
     report = warnings(model, odd)
     assert said(report) == [("PART_WARNING", "`p:Plate`: a fillet failed", None, 3)]
     assert notes(report) == [("in the part file, here", "/robots/parts/p.py", 9)]
+
+
+@pytest.mark.parametrize(("choice", "why"), [
+    ("part", "its Thing has no `collision()`"), ("decompose", "there is no convex decomposition of it"),
+    ("capsule", "no capsule could be fitted to it"),
+])
+def test_collision_shapes_that_are_not_there(choice: str, why: str) -> None:
+    """Of a part whose meshes are known: of others nobody can tell."""
+    mesh = Mesh(sha256="0" * 64, size=1, vertices=8, faces=12, closed=True, flat=False)
+    model = assembly("a", [component("one", "p:Plate", line=3, collision=choice)])
+    message = f"`one` (p:Plate) asks for `collision: {choice}`, but {why}"
+    report = faults(model, box("p:Plate", meshes=dict.fromkeys(("visual", "mesh", "hull"), mesh)))
+    assert said(report) == [("COLLISION_MISSING", message, "write `collision: hull`, or `none` if it shall touch nothing", 3)]
+    linked(model, box("p:Plate"))
 
 
 # --- expectations --------------------------------------------------------------------------------------------------

@@ -20,7 +20,6 @@ from mjcf.test_mjcf_model import arm, load
 from thingc.diagnostics import Diagnostic
 from thingc.emit.mjcf.target import emit
 from thingc.realize.store.local import Store
-from thingc.resolve.model import Overrides
 
 
 @pytest.fixture
@@ -253,19 +252,6 @@ def test_raw_names_of_a_nested_document(store: Store) -> None:
     assert model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_WARMSTART
     assert model.material("petg_e6e6fa").shininess == 0.25
     assert model.joint("hand/pitch").damping[0] == 0.4
-
-
-MISSING = [
-    ("part", "`a` (boxes:Box) asks for `collision: part`, but its Thing has no `collision()`"),
-    ("decompose", "`a` (boxes:Box) asks for `collision: decompose`, but there is no convex decomposition of it"),
-    ("capsule", "`a` (boxes:Box) asks for `collision: capsule`, but no capsule could be fitted to it"),
-]
-
-
-@pytest.mark.parametrize(("choice", "message"), MISSING)
-def test_collision_that_is_not_there(store: Store, choice: str, message: str) -> None:
-    made = Made(segments=[Segment("a", [Piece("a", plain(store), overrides=Overrides(collision=choice))])])
-    assert said(made, store) == [("TC704", "error", 20, message)]
 
 
 def plain(store: Store) -> object:

@@ -19,12 +19,6 @@ from thingc.realize.record import Mesh, PartDefinition
 from thingc.resolve.model import Material
 from thingc.source import Origin
 
-ABSENT = {
-    "decompose": "there is no convex decomposition of it", "part": "its Thing has no `collision()`", "hull": "it has no hull",
-    "mesh": "it has no mesh",
-}
-"""Why there is no shape, by what `collision` chose."""
-
 PIECES = {"decompose": "convex"}
 """What the files of pieces are called where that is not what `collision` chose."""
 
@@ -148,7 +142,7 @@ def inputs_of(assembly: Assembly) -> tuple[object, ...]:
 
 def geometry(assembly: Assembly, folder: str, takes: Takes, report: Report, *, own: bool = False) -> Geometry:
     """The geometry of every occurrence, as far as a target `takes` it; with `own` mesh files are their own bytes where those are known.
-    Two definitions whose meshes would have one name in the target's `folder`, and a shape to collide with that there is not, are errors."""
+    Two definitions whose meshes would have one name in the target's `folder` are an error."""
     return _Collector(folder, takes, report, own).collect(assembly)
 
 
@@ -199,11 +193,8 @@ class _Collector:
         choice = occurrence.overrides.collision
         if choice == "none":
             return ()
-        pieces = occurrence.touching
-        if not pieces:
-            self.missing(occurrence, ABSENT.get(choice, f"no {choice} could be fitted to it"))
         shapes: list[Shape] = []
-        for index, piece in enumerate(pieces):
+        for index, piece in enumerate(occurrence.touching):
             if not self.takes(occurrence, piece.solid):
                 continue
             suffix = f"_{choice}" if choice in ("hull", "mesh") else f"_{PIECES.get(choice, choice)}_{index}"
@@ -238,13 +229,3 @@ class _Collector:
             origin=occurrence.origin, own=own, scale=surface.scale,
         ))
         return Shape(kind="mesh", mesh=name, pose=surface.pose, material=surface.material, color=surface.color)
-
-    def missing(self, occurrence: Occurrence, why: str) -> None:
-        choice = occurrence.overrides.collision
-        self.report.add(
-            Code.COLLISION_MISSING,
-            f"`{occurrence.path}` ({occurrence.definition.label}) asks for `collision: {choice}`, but {why}",
-            occurrence.origin,
-            path=occurrence.path,
-            help="write `collision: hull`, or `none` if it shall touch nothing",
-        )

@@ -6,6 +6,7 @@ from collections.abc import Container, Mapping, Sequence
 
 from thingc.diagnostics import Code, Report
 from thingc.graph.between import links_between
+from thingc.graph.contacts import check_contacts
 from thingc.graph.expectations import check_expectations
 from thingc.graph.findings import Findings
 from thingc.graph.kinematics import forward_kinematics, neighbourhood, on_loops
@@ -57,6 +58,7 @@ def link(
     joints = tuple(joint for mate in mates for joint in mate.joints)
     tests = tests_of(tree, model.tests, joints, findings)
     base = tree.top.index
+    check_contacts(occurrences, findings)
     faulty = check_stated(links, link_of, occurrences, findings)
     if not findings.incomplete:
         # Only of whole assemblies: what was left out may be what carries the mass, or what sits on the mount.
