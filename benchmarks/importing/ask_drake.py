@@ -21,6 +21,8 @@ def answer(asked):
     around = plant.GetModelInstanceName(model)
 
     def found(get, name):
+        if name == "world" and get == plant.GetFrameByName:
+            return plant.world_frame()
         *inside, own = name.split("::")
         return get(own, plant.GetModelInstanceByName("::".join([around, *inside])))
 

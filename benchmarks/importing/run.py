@@ -1,83 +1,117 @@
-"""Real robots, imported: `python benchmarks/importing/run.py PYTHON FILE_OR_FOLDER...`, a table of what came back.
+"""Real robots of URDF and SDF, imported: `python benchmarks/importing/run.py NAME=FILE_OR_FOLDER...`, what came back, and a table of it.
 
-PYTHON is the interpreter of an environment with pinocchio (`pip install pin`), which reads the originals; `pip install example-robot-data`
-brings 69 files. Compared, at random states: poses of all links, mass matrix, bias, gravity, limits, and for five links as roots poses
-relative to it, and the mass matrix with it held. What differs has to be explained by a loss or a repair.
+`--pinocchio` and `--drake` are the interpreters of environments with these (`pip install pin`, `pip install drake`): pinocchio reads the
+originals of URDF, Drake those of SDF, of which the joints that close loops are taken out before. `pip install example-robot-data` brings
+files of both. Compared, at random states: poses of all links, mass matrix, bias, gravity, limits, and for five links as roots poses
+relative to it, and the mass matrix with it held, but of what Drake reads as fixed to the world. What differs has to be explained by a loss
+or a repair.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import random
 import subprocess
 import sys
 import tempfile
 import time
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import mujoco
 import numpy
+from tally import Tally, collections
 
 import thingc
-from thingc.diagnostics import Report
+from thingc.diagnostics import Report, Severity
 from thingc.importing import Imported, import_robot
+from thingc.importing.sdf import ENDLESS
 
 ROOTS = 5
 POSE, RELATIVE = 1e-9, 1e-9
+ORIGINAL = {".urdf": "ask_original.py", ".sdf": "ask_drake.py"}
+"""Who reads a file as it was."""
+KINDS = ("poses", "mass matrix", "bias", "gravity", "limits", "rooted poses", "rooted mass matrix")
 
 
 def main() -> int:
     """Exit code 1 where something differs that nothing explains."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("python")
-    parser.add_argument("paths", nargs="+", type=Path)
+    parser.add_argument("--pinocchio")
+    parser.add_argument("--drake")
+    parser.add_argument("paths", nargs="+", metavar="NAME=PATH")
     parser.add_argument("--states", type=int, default=50)
     arguments = parser.parse_args()
-    files = [file for path in arguments.paths for file in (sorted(path.rglob("*.urdf")) if path.is_dir() else [path])]
-    failed = 0
-    print("| robot | links | joints | s | poses | mass matrix | bias | gravity | rooted: poses | rooted: mass matrix | |")
-    print("|---" * 11 + "|")
-    for file in files:
-        row, fine = one(file, arguments.python, arguments.states)
-        failed += not fine
+    pythons = {suffix: python for suffix, python in ((".urdf", arguments.pinocchio), (".sdf", arguments.drake)) if python is not None}
+    tally = Tally(" and ".join(name for name in ("pinocchio", "drake") if getattr(arguments, name) is not None))
+    print(f"| robot | links | joints | s | {' | '.join(KINDS)} | |")
+    print("|---" * (len(KINDS) + 5) + "|")
+    for name, file in collections(arguments.paths, *pythons):
+        row, fine = one(file, pythons[file.suffix], arguments.states)
+        tally.add(name, row[-1], fine)
         print(f"| {file.stem} | {' | '.join(row)} |", flush=True)
-    print(f"\n{len(files) - failed} of {len(files)} are as they were, or said why not", file=sys.stderr)
-    return int(failed > 0)
+    print(f"\n{tally}")
+    return int(tally.failed > 0)
 
 
 def one(file: Path, python: str, count: int) -> tuple[list[str], bool]:
     """The row of a robot, and whether all of it is as it was, or explained."""
     chance, report, begun = random.Random(file.stem), Report(), time.perf_counter()
     first = import_robot(str(file), report, repair="nearest")
+    empty = [""] * (len(KINDS) + 2)
     if first is None:
         said = report.ordered()[0]
-        return [*["" for _ in range(9)], f"refused: {said.code.code} {said.message}"], True
+        return ["", *empty, f"refused: {said.code.code} {said.message}"], True
     links = [link.name for link in first.robot.links]
     roots = chance.sample(links, min(ROOTS, len(links)))
     imported = import_robot(str(file), Report(), roots=roots, repair="nearest")
     assert imported is not None
     took = time.perf_counter() - begun
+    names = json.loads(imported.files["import.json"])["names"]
+    balls = {joint.name for one in imported.robot.hangings for joint in one.joints if joint.kind == "ball"}
+    known, joints = names["links"] | names["frames"], {name: word for name, word in names["joints"].items() if name not in balls}
+    row = [str(len(links)), str(len(joints)), f"{took:.2f}"]
     with tempfile.TemporaryDirectory() as folder:
         for name, content in imported.files.items():
             (Path(folder) / name).parent.mkdir(parents=True, exist_ok=True)
             (Path(folder) / name).write_bytes(content)
-        compiled = thingc.compile(Path(folder) / f"{imported.name}.yaml")
+        try:
+            compiled = thingc.compile(Path(folder) / imported.document)
+        except thingc.CompileError as fault:
+            said = next(one for one in fault.diagnostics if one.severity is Severity.ERROR)
+            return [*row, *empty[2:], f"COMES IN, and is refused: {said.message}"], False
         models = {name: mode.model() for name, mode in compiled.modes.items()}
-    names = json.loads(imported.files["import.json"])["names"]
-    known, joints = names["links"] | names["frames"], names["joints"]
-    states = [[[chance.uniform(-1.0, 1.0) for _ in joints] for _ in range(2)] for _ in range(count)]
-    request = {"file": str(file), "joints": list(joints), "links": list(known), "roots": roots, "states": states}
-    asked = subprocess.run([python, Path(__file__).parent / "ask_original.py"], input=json.dumps(request), text=True, capture_output=True)
+        states = [[[chance.uniform(-1.0, 1.0) for _ in joints] for _ in range(2)] for _ in range(count)]
+        original = opened(file, {loop.name for loop in imported.robot.loops}, Path(folder))
+        request = {"file": str(original), "joints": list(joints), "links": list(known), "roots": roots, "states": states}
+        script = Path(__file__).parent / ORIGINAL[file.suffix]
+        asked = subprocess.run([python, script], input=json.dumps(request), text=True, capture_output=True)
     if asked.returncode:
-        return [str(len(links)), str(len(joints)), f"{took:.2f}", *["" for _ in range(6)], asked.stderr.splitlines()[-1]], False
+        return [*row, *empty[2:], asked.stderr.splitlines()[-1]], False
     worst = compared(imported, models, json.loads(asked.stdout), states, known, joints, roots)
     fine = all(value <= (POSE if "poses" in key else RELATIVE) for key, value in worst.items())
     lost = [loss for loss in imported.losses if "inertia" in loss.what]
+    ends = [loss for loss in imported.losses if worst["limits"] > RELATIVE and loss.what.startswith(("slide", "`lower` and `upper`"))]
     said = [f"{len(imported.repaired)} repaired"] * bool(imported.repaired) + [f"{len(lost)} inertias without a mass lost"] * bool(lost)
+    said += [f"{len(ends)} joints said to have other ends"] * bool(ends)
     why = "as it was" if fine else ", ".join(said) or "DIFFERS"
-    row = [str(len(links)), str(len(joints)), f"{took:.2f}", *(f"{value:.0e}" for value in worst.values()), why]
-    return row, fine or bool(said) and max(worst["poses"], worst["rooted poses"]) <= POSE
+    fine = fine or bool(said) and max(worst["poses"], worst["rooted poses"]) <= POSE
+    return [*row, *(f"{value:.0e}" for value in worst.values()), why], fine
+
+
+def opened(file: Path, loops: set[str], folder: Path) -> Path:
+    """The file, or a copy in `folder` without the joints of these names, which close its loops."""
+    if not loops:
+        return file
+    tree = ET.parse(file)
+    for around in [*tree.iter("model")]:
+        for joint in around.findall("joint"):
+            if joint.get("name") in loops:
+                around.remove(joint)
+    tree.write(folder / file.name)
+    return folder / file.name
 
 
 def compared(
@@ -86,13 +120,17 @@ def compared(
 ) -> dict[str, float]:
     """The largest difference of each kind: poses in m (and of rotations), others relative to the largest entry; nan where something is
     missing."""
-    worst = dict.fromkeys(("poses", "mass matrix", "bias", "gravity", "rooted poses", "rooted mass matrix"), 0.0)
+    worst = dict.fromkeys(KINDS, 0.0)
 
     def told(kind: str, ours: numpy.ndarray, other: object, scale: float | None = None) -> None:
         other = numpy.array(other)
         size = 1.0 if scale is not None else float(numpy.abs(other).max(initial=0.0)) or 1.0
         worst[kind] = max(worst[kind], float(numpy.abs(ours - other).max(initial=0.0)) / size)
 
+    for name, ends in theirs["ends"].items():
+        ours = models["source"].joint(joints[name])
+        for here, there in zip(ours.range if ours.limited[0] else (-math.inf, math.inf), ends, strict=True):
+            worst["limits"] = max(worst["limits"], 0.0 if here == there or abs(there) >= ENDLESS <= abs(here) else abs(here - there))
     modes = dict(zip(("source", *dict.fromkeys(roots)), models.values(), strict=True))
     for mode, model in modes.items():
         data = mujoco.MjData(model)
@@ -118,7 +156,8 @@ def compared(
                 at, there = numpy.linalg.inv(poses[mode]), numpy.linalg.inv(frames[mode])
                 for name in known:
                     told("rooted poses", at @ poses[name], there @ frames[name], 1.0)
-                told("rooted mass matrix", full[numpy.ix_(dofs, dofs)], other["held"][mode])
+                if mode in other["held"]:
+                    told("rooted mass matrix", full[numpy.ix_(dofs, dofs)], other["held"][mode])
     return worst
 
 

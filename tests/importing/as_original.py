@@ -10,6 +10,8 @@ import mujoco
 import numpy
 
 FREE, BALL = 0, 1
+QS = {FREE: 7, BALL: 4, 2: 1, 3: 1}
+"""How many numbers of qpos a joint has, by its kind."""
 MISSING = math.inf
 DEEP, NOTHING = 1e-3, 1e-6
 
@@ -105,6 +107,50 @@ class Pair:
         self.trajectory(random, steps)
         return self.worst
 
+    def compare_rooted(self, model: mujoco.MjModel, root: str, free: mujoco.MjModel | None, states: int = 1) -> None:
+        """Of `model`, which is ours rooted at the link that theirs calls `root`: poses relative to it, and the mass matrix with it held,
+        that of `free`, theirs with a base that floats, projected (None: not compared). Balls, which have other axes where they are
+        crossed backwards, are at 0, and so are their velocities."""
+        random, data = numpy.random.default_rng(5), mujoco.MjData(model)
+        body = next(k for k, name in self.named["body"].items() if name == root)
+        single = {k: word for k, word in self.joints.items() if self.theirs.jnt_type[k] != BALL}
+        ours = [int(model.joint(word).dofadr[0]) for word in single.values()]
+        for _ in range(states):
+            self.put(random)
+            for k, word in self.joints.items():
+                at, here = int(self.theirs.jnt_qposadr[k]), int(model.joint(word).qposadr[0])
+                if k not in single:
+                    self.a.qpos[at : at + 4] = data.qpos[here : here + 4] = (1.0, 0.0, 0.0, 0.0)
+                else:
+                    data.qpos[here] = self.a.qpos[at]
+            mujoco.mj_forward(model, data)
+            mujoco.mj_forward(self.theirs, self.a)
+            back, there = (numpy.linalg.inv(one) for one in (_placed(data, self.bodies[body]), _matrix(self.a.body(body))))
+            of = {word: self.a.body(k) for k, word in self.bodies.items()} | {word: self.a.site(k) for k, word in self.sites.items()}
+            for word, theirs in of.items():
+                self.say("rooted poses", back @ _placed(data, word), there @ _matrix(theirs))
+            if free is not None:
+                full = numpy.zeros((model.nv, model.nv))
+                mujoco.mj_fullM(model, data, full)
+                self.say("rooted mass matrix", full[numpy.ix_(ours, ours)], self._held(free, body, [*single]), relative=True)
+
+    def _held(self, free: mujoco.MjModel, body: int, joints: list[int]) -> numpy.ndarray:
+        """The mass matrix of theirs, as it stands, with a body held: the base moves so that it stays."""
+        data, first = mujoco.MjData(free), min(k for k in self.bodies if k)
+        base = next(k for k in range(free.njnt) if free.jnt_type[k] == FREE and free.jnt_bodyid[k] == first)
+        alike = [k for k in range(free.njnt) if k != base or free.njnt == self.theirs.njnt]
+        for k, other in enumerate(alike):
+            count, at, here = QS[int(self.theirs.jnt_type[k])], int(self.theirs.jnt_qposadr[k]), int(free.jnt_qposadr[other])
+            data.qpos[here : here + count] = self.a.qpos[at : at + count]
+        mujoco.mj_forward(free, data)
+        full, jacobian = numpy.zeros((free.nv, free.nv)), numpy.zeros((6, free.nv))
+        mujoco.mj_fullM(free, data, full)
+        mujoco.mj_jacBody(free, data, jacobian[:3], jacobian[3:], body)
+        moves = [int(free.jnt_dofadr[base]) + k for k in range(6)]
+        rows = [int(free.jnt_dofadr[alike[k]]) for k in joints]
+        still = numpy.vstack((-numpy.linalg.solve(jacobian[:, moves], jacobian[:, rows]), numpy.eye(len(rows))))
+        return still.T @ full[numpy.ix_([*moves, *rows], [*moves, *rows])] @ still
+
     def poses(self) -> None:
         for k, word in self.bodies.items():
             ours = self.b.site(word) if mujoco.mj_name2id(self.ours, mujoco.mjtObj.mjOBJ_SITE, word) >= 0 else self.b.body(word)
@@ -183,3 +229,30 @@ class Pair:
             mujoco.mj_step(self.ours, self.b)
         for at, here, _, _ in self.dofs:
             self.say("trajectory", self.b.qpos[here], self.a.qpos[at])
+
+
+def floating(spec: mujoco.MjSpec, root: int) -> mujoco.MjModel | None:
+    """An original whose first body has this number, with that as a base that floats; None where it is the world, or MuJoCo lets it not."""
+    if root == 0:
+        return None
+    copied = spec.copy()
+    body = copied.bodies[root]
+    body.mocap = False
+    if not body.joints:
+        body.add_freejoint()
+    try:
+        return copied.compile()
+    except ValueError:
+        return None
+
+
+def _placed(data: mujoco.MjData, word: str) -> numpy.ndarray:
+    """4 x 4, of the site of that name, else the body."""
+    is_site = mujoco.mj_name2id(data.model, mujoco.mjtObj.mjOBJ_SITE, word) >= 0
+    return _matrix(data.site(word) if is_site else data.body(word))
+
+
+def _matrix(of: object) -> numpy.ndarray:
+    found = numpy.eye(4)
+    found[:3, :3], found[:3, 3] = of.xmat.reshape(3, 3), of.xpos
+    return found

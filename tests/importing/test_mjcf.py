@@ -12,7 +12,7 @@ import numpy
 import pytest
 
 import thingc
-from importing.as_original import BALL, Pair
+from importing.as_original import Pair, floating
 from thingc.diagnostics import Report
 from thingc.importing import Imported, import_robot
 
@@ -93,72 +93,15 @@ def test_what_is_lost_is_said(case: Case) -> None:
 
 
 def test_any_link_can_be_the_root(case: Case) -> None:
-    """Poses relative to the root, and the mass matrix with it held: that of the original with a base that floats, projected. A ball that is
-    crossed backwards has other axes in MuJoCo: it stays at 0, and its velocities are not compared."""
+    """Poses relative to the root, and the mass matrix with it held: that of the original with a base that floats, projected."""
     names = json.loads(case.imported.files["import.json"])["names"]
-    pair, random = case.pair(), numpy.random.default_rng(5)
-    pair.put(random)
-    free = _floating(case)
-    for mode in [*case.modes][1:]:
-        model, (name, word) = case.modes[mode], next((a, b) for a, b in (names["links"] | names["frames"]).items() if b == mode)
-        data = mujoco.MjData(model)
-        for k, joint in pair.joints.items():
-            at, here = pair.theirs.jnt_qposadr[k], model.joint(joint).qposadr[0]
-            count = 4 if pair.theirs.jnt_type[k] == BALL else 1
-            if count == 4:
-                pair.a.qpos[at : at + count] = (1.0, 0.0, 0.0, 0.0)
-            data.qpos[here : here + count] = pair.a.qpos[at : at + count]
-        mujoco.mj_forward(model, data)
-        mujoco.mj_forward(pair.theirs, pair.a)
-        back, there = (numpy.linalg.inv(one) for one in (_pose(model, data, word), _matrix(pair.a.body(name))))
-        of = {word: ("body", k) for k, word in pair.bodies.items()} | {word: ("site", k) for k, word in pair.sites.items()}
-        for one, (kind, k) in of.items():
-            theirs = _matrix(pair.a.body(k) if kind == "body" else pair.a.site(k))
-            assert numpy.abs(back @ _pose(model, data, one) - there @ theirs).max() < EXACT, (mode, one)
-        if free is not None and mode in ("forearm", "wheel1", "rocker", "mast", "thigh", "foot"):
-            _held(pair, free, model, data, name)
-
-
-def _floating(case: Case) -> mujoco.MjModel | None:
-    """The original with a base that floats; None where that is the world."""
-    spec, root = case.spec.copy(), case.imported.robot.root
-    if root == "world":
-        return None
-    if not spec.body(root).joints:
-        spec.body(root).add_freejoint()
-    return spec.compile()
-
-
-def _held(pair: Pair, free: mujoco.MjModel, model: mujoco.MjModel, data: mujoco.MjData, root: str) -> None:
-    """The mass matrix with a link held."""
-    floating = mujoco.MjData(free)
-    rows, ours = list[int](), list[int]()
-    for k, word in pair.joints.items():
-        joint = free.joint(pair.theirs.joint(k).name) if pair.theirs.joint(k).name else free.joint(k)
-        count, many = (4, 3) if pair.theirs.jnt_type[k] == BALL else (1, 1)
-        floating.qpos[joint.qposadr[0] :][:count] = pair.a.qpos[pair.theirs.jnt_qposadr[k] :][:count]
-        rows += range(joint.dofadr[0], joint.dofadr[0] + many)
-        ours += range(model.joint(word).dofadr[0], model.joint(word).dofadr[0] + many)
-    mujoco.mj_forward(free, floating)
-    full, mine, jacobian = numpy.zeros((free.nv, free.nv)), numpy.zeros((model.nv, model.nv)), numpy.zeros((6, free.nv))
-    mujoco.mj_fullM(free, floating, full)
-    mujoco.mj_fullM(model, data, mine)
-    mujoco.mj_jacBody(free, floating, jacobian[:3], jacobian[3:], free.body(root).id)
-    still = numpy.vstack((-numpy.linalg.solve(jacobian[:, :6], jacobian[:, rows]), numpy.eye(len(rows))))
-    theirs = still.T @ full[numpy.ix_([*range(6), *rows], [*range(6), *rows])] @ still
-    assert numpy.abs(mine[numpy.ix_(ours, ours)] - theirs).max() <= EXACT * numpy.abs(theirs).max()
-
-
-def _pose(model: mujoco.MjModel, data: mujoco.MjData, word: str) -> numpy.ndarray:
-    """4 x 4, of the site of that name, else the body."""
-    is_site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, word) >= 0
-    return _matrix(data.site(word) if is_site else data.body(word))
-
-
-def _matrix(of: object) -> numpy.ndarray:
-    found = numpy.eye(4)
-    found[:3, :3], found[:3, 3] = of.xmat.reshape(3, 3), of.xpos
-    return found
+    pair = case.pair()
+    free = floating(case.spec, 0 if case.imported.robot.root == "world" else min(k for k in pair.bodies if k))
+    for name, (mode, model) in zip(ROOTS[Path(case.imported.robot.where.file).stem], [*case.modes.items()][1:], strict=True):
+        assert mode == (names["links"] | names["frames"])[name]
+        pair.compare_rooted(model, name, free)
+    assert all(far <= EXACT for far in pair.worst.values()), pair.worst
+    assert ("rooted mass matrix" in pair.worst) == (free is not None and len(case.modes) > 1)
 
 
 def test_what_a_document_cannot_say_is_listed_with_its_line() -> None:

@@ -115,6 +115,14 @@ def test_a_loop_is_closed_where_the_tree_is_whole(tmp_path: Path) -> None:
     assert abs(data.efc_pos).max() < 1e-12
 
 
+def test_a_slide_without_ends_gets_some_that_are_listed(tmp_path: Path) -> None:
+    found, report = read(tmp_path, sdf(joint("j", "a", "b", "prismatic") + REST))
+    assert found is not None and not report.failed
+    assert [loss.what for loss in found.losses] == ["slide `j` without ends"]
+    (tmp_path / "m.yaml").write_bytes(found.files["m.yaml"])
+    assert tuple(thingc.compile(tmp_path / "m.yaml").modes["source"].model().joint("j").range) == (-1000.0, 1000.0)
+
+
 def test_a_joint_against_the_tree_is_turned_around(tmp_path: Path) -> None:
     """`c` comes to `b`, which hangs already: q still means what it did, of `b` relative to `c`."""
     found, report = read(tmp_path, sdf(joint("j", "a", "b") + joint("k", "c", "b", axis="<xyz>0 0.6 0.8</xyz>") + joint("l", "c", "d")))

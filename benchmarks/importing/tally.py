@@ -1,0 +1,47 @@
+"""Robots that came in, counted by collection: as they were, with losses that say what differs, refused with a reason, or wrong."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from datetime import date
+from pathlib import Path
+
+from thingc import __version__
+
+HOW = ("as it was", "with losses that say so", "refused, and why", "wrong")
+
+
+class Tally:
+    """What is said in the end: a table, dated, of the collections of a run; `reader` is what the originals were read by."""
+
+    def __init__(self, reader: str) -> None:
+        self.reader = reader
+        self.counts: dict[str, Counter[str]] = {}
+
+    def add(self, collection: str, said: str, fine: bool) -> None:
+        """A robot of which this was `said`."""
+        how = HOW[3] if not fine else HOW[0] if said == HOW[0] else HOW[2] if said.startswith("refused") else HOW[1]
+        self.counts.setdefault(collection, Counter())[how] += 1
+
+    @property
+    def failed(self) -> int:
+        """How many are wrong."""
+        return sum(counts[HOW[3]] for counts in self.counts.values())
+
+    def __str__(self) -> str:
+        rows = [["collection", "robots", *HOW], *(
+            [name, str(counts.total()), *(str(counts[how]) for how in HOW)] for name, counts in self.counts.items()
+        )]
+        lines = [f"| {' | '.join(row)} |" for row in rows]
+        head = f"{date.today().isoformat()}, thingc {__version__}, {self.reader}"
+        return "\n".join([head, "", lines[0], "|---" * len(rows[0]) + "|", *lines[1:]])
+
+
+def collections(arguments: Sequence[str], *endings: str) -> Iterator[tuple[str, Path]]:
+    """Every file of some kinds in what `NAME=FILE_OR_FOLDER` names, with the name of its collection."""
+    for argument in arguments:
+        name, _, path = argument.rpartition("=")
+        folder = Path(path)
+        files = sorted(one for one in folder.rglob("*") if one.suffix in endings) if folder.is_dir() else [folder]
+        yield from ((name or folder.name, file) for file in files)
