@@ -19,6 +19,7 @@ from mjcf.handmade import Made, Piece, Segment, box_part, drive, raw
 from mjcf.test_mjcf_model import arm, load
 from thingc.diagnostics import Diagnostic
 from thingc.emit.mjcf.target import emit
+from thingc.memo import Memo
 from thingc.realize.store.local import Store
 
 
@@ -326,6 +327,26 @@ def test_a_new_mesh_is_read(store: Store, monkeypatch: pytest.MonkeyPatch) -> No
     broken = kept(store, b"v 0 0 0\nf 1 1 1\n", 4, 4)
     made.segments[0].pieces[0].part = replace(part, record=replace(part.record, meshes={**part.record.meshes, "visual": broken}))
     assert [(code, line) for code, _, line, _ in said(made, store)] == [("TC702", 20)]
+
+
+def test_of_the_next_model_of_a_session_new_meshes_are_read_and_no_others(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    counted = compiled(monkeypatch)
+    made, memo = arm(store), Memo()
+
+    def found(segment: int, mesh: bytes) -> list[tuple[str, int | None]]:
+        piece = made.segments[segment].pieces[0]
+        meshes = {**piece.part.record.meshes, "visual": kept(store, mesh, 4, 4)}
+        piece.part = replace(piece.part, record=replace(piece.part.record, meshes=meshes))
+        request = replace(made.request(store), memo=memo, repeated=True)
+        emit(request)
+        return [(d.code.code, d.span.line if d.span else None) for d in request.report.ordered()]
+
+    good = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    assert found(0, good) == []
+    assert found(0, b"# " + b"x" * 9000 + b"\n" + good) == []
+    assert found(1, b"# " + b"y" * 5000 + b"\n" + good) == []
+    assert len(counted) == 3 and counted[1] > 9000 and 5000 < counted[2] < 9000
+    assert found(0, b"v 0 0 0\nf 1 1 1\n") == [("TC702", 20)]
 
 
 def test_raw_attributes_of_meshes_are_tried_on_the_mesh(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 from thingc.diagnostics import Code, Note, Report, Severity
 from thingc.emit.geometry import MeshAsset
 from thingc.emit.mjcf import start
-from thingc.emit.mjcf.known import Known, about_meshes, mujoco_version, tetrahedron
+from thingc.emit.mjcf.known import Known, about_meshes, mujoco_version
 from thingc.emit.xml import Element, RawValue, Written, write
 from thingc.frozen import dataclass
 from thingc.memo import Memo
@@ -129,41 +129,37 @@ def doubtful(
     """Those of the models that `check` has to look at: of the others MuJoCo takes them without a word, which is found out quickly, for the
     many models of a session.
 
-    Only where it has taken every mesh and the same scene before, and with `starts` looked at the same first instant. A model is compiled
-    by itself, with tetrahedra in the place of the meshes; where anything is said against it, `check` has to find out what and why.
+    Only where it has taken the same scene before, but for its numbers, and with `starts` looked at the same first instant. A model is
+    compiled by itself, with tetrahedra in the place of the meshes that MuJoCo has taken before; where anything is said against it, `check`
+    has to find out what and why.
     """
-    known = [one for one in candidates if memo.last(("mujoco scene", one.mode), (one.scene.text,)) is not None]
+    known = [one for one in candidates if memo.last(*_scene(one)) is not None]
+    accepted = Known(store, mujoco_version())
     if starts and known:
-        instants = Known(store, mujoco_version())
-        known = [one for one in known if instants.start(start.key(one.model.text), meshes)]
+        known = [one for one in known if accepted.start(start.key(one.model.text), meshes)]
     known = [one for one in known if not about_meshes(one.root)]
-    files = _known_files(meshes, store, memo) if known else None
-    if files is None:
+    if not known:
         return list(candidates)
+    files = memo("mujoco files", lambda meshes: in_memory(accepted.data((), meshes)), tuple(meshes))
     sound = set()
     for one in known:
         verdict = attempt(_without_threads(one.model.text), files)
         if verdict.error is None and not verdict.warnings:
             sound.add(one.mode)
+    if len(sound) == len(known):
+        accepted.accept_meshes(meshes)
     return [one for one in candidates if one.mode not in sound]
 
 
-def _known_files(meshes: Sequence[MeshAsset], store: Store, memo: Memo) -> Any | None:
-    """`_files`, made once for the same meshes."""
-    files = memo.last("mujoco files", (tuple(meshes),))
-    if files is None:
-        files = _files(meshes, store)
-        if files is not None:
-            memo.keep("mujoco files", (tuple(meshes),), files)
-    return files
+def took_scenes(candidates: Sequence[Candidate], memo: Memo) -> None:
+    """Note that MuJoCo has taken the scenes of these without a word."""
+    for candidate in candidates:
+        memo.keep(*_scene(candidate), True)
 
 
-def _files(meshes: Sequence[MeshAsset], store: Store) -> Any | None:
-    """MuJoCo's file system with a tetrahedron for every mesh, or None where one of them is not known."""
-    known = Known(store, mujoco_version())
-    if not all(known.mesh(mesh) for mesh in meshes):
-        return None
-    return in_memory({mesh.file: tetrahedron(mesh.file) for mesh in meshes})
+def _scene(candidate: Candidate) -> tuple[tuple[str, str], tuple[str]]:
+    """Where it is noted that a scene was taken, and what that holds for: its text without numbers."""
+    return ("mujoco scene", candidate.mode), (_NUMBERS.sub("", candidate.scene.text),)
 
 
 def in_memory(data: Mapping[str, bytes]) -> Any:

@@ -46,9 +46,12 @@ class Known:
 
     def accept(self, texts: Sequence[str], meshes: Sequence[MeshAsset], *, started: bool) -> None:
         """Remember a model, and the meshes in it; with `started` also that its first instant was in order."""
-        kept = list(meshes)
-        self.store.put_json(MODEL, self._model_key((*texts, str(started)), kept), True)
-        for mesh in kept:
+        self.store.put_json(MODEL, self._model_key((*texts, str(started)), meshes), True)
+        self.accept_meshes(meshes)
+
+    def accept_meshes(self, meshes: Iterable[MeshAsset]) -> None:
+        """Remember the meshes of a model that was accepted."""
+        for mesh in meshes:
             if not self.mesh(mesh):
                 self.store.put_json(MESH, self._mesh_key(mesh), True)
                 self._meshes.add(self._mesh_key(mesh))

@@ -74,8 +74,7 @@ def models(request: EmitRequest) -> Models:
         waiting = check.doubtful(due, geometry.meshes, request.store, request.memo, starts=starts)
         check.check(waiting, geometry.meshes, request.store, report, starts=starts)
         if not report.diagnostics:
-            for one in waiting:
-                request.memo.keep(("mujoco scene", one.mode), (one.scene.text,), True)
+            check.took_scenes(waiting, request.memo)
             check.took(due, request.verify, request.memo)
     made = Models(candidates=every, assets=geometry.assets, losses=tuple(lost))
     request.made["mjcf"] = made
