@@ -174,6 +174,15 @@ def test_models_are_read_within_bounds(inside: str, words: str, tmp_path: Path) 
     assert len(report.diagnostics) == 1 and words in report.diagnostics[0].message
 
 
+@pytest.mark.parametrize("said", ['inttotal="1e12"', 'timestep="1e-300"', 'timestep="0"'])
+def test_lengths_of_muscles_are_not_looked_for_without_end(said: str, tmp_path: Path) -> None:
+    (tmp_path / "robot.xml").write_text(f"""<mujoco><compiler><lengthrange {said}/></compiler>
+<worldbody><body><joint name="j"/><geom size="1"/></body></worldbody><actuator><muscle joint="j"/></actuator></mujoco>""")
+    report = Report()
+    assert import_robot(str(tmp_path / "robot.xml"), report) is None
+    assert [one.message for one in report.diagnostics] == ["this takes more than 100,000 steps of simulation for every muscle"]
+
+
 def test_thousands_of_things_take_no_longer_each_than_ten(tmp_path: Path) -> None:
     """Bodies, sites and names that are made up are found by their numbers, not by looking through all of them."""
     one = '<body pos="0 0 1"><joint/><geom size="0.1"/>{}</body>'

@@ -7,6 +7,7 @@ cannot have, and what would take memory without end, is left out and listed.
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -22,6 +23,8 @@ from thingc.source import Span
 
 MOST_COPIES, MOST_ELEMENTS = 10_000, 100_000
 """Of an element, by `<replicate>`; and of a model, copies among them."""
+MOST_STEPS = 100_000
+"""Of the simulation by which MuJoCo finds out how long a muscle gets."""
 MOST_MESH_BYTES = 500_000_000
 """Of all meshes together, each as often as it is named: MuJoCo works out a hull of every one."""
 LEFT_OUT = {
@@ -171,6 +174,10 @@ class _Flattening:
             return
         if element.tag == "layer":
             return  # of a texture, which is a loss of its own
+        if element.tag == "lengthrange" and _steps(element) > MOST_STEPS:
+            message = f"this takes more than {MOST_STEPS:,} steps of simulation for every muscle"
+            self.report.add(Code.SOURCE_VALUE, message, element.where, help="write a smaller `inttotal`, or a larger `timestep`")
+            return
         attributes = dict(element.attributes)
         self._look_at_numbers(element)
         if element.tag == "compiler":
@@ -225,3 +232,12 @@ class _Flattening:
         word = f"{hashlib.sha256(made_of + content).hexdigest()}{os.path.splitext(uri)[1].lower()}"
         self.files[word], self.meshes[word] = content, uri
         return {"name": name, "file": word}
+
+
+def _steps(element: SourceElement) -> float:
+    """How many steps a `<lengthrange>` asks for; none where MuJoCo will say that it is wrong."""
+    try:
+        total, step = (float(element.attributes.get(name, usual)) for name, usual in (("inttotal", "10"), ("timestep", "0.01")))
+    except ValueError:
+        return 0.0
+    return total / step if step > 0.0 else math.inf
