@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 from tally import Tally, collections
 
 import thingc
-from importing.as_original import Pair, floating
+from importing.as_original import Pair, floating, in_files
 from thingc.diagnostics import Report, Severity
 from thingc.importing import Imported, import_robot
 from thingc.importing.mjcf.flat import Flat
@@ -117,7 +117,7 @@ def paired(file: Path, imported: Imported, spec: mujoco.MjSpec, theirs: mujoco.M
     assert root is not None
     original = Original(Flat(root=root, text="", lines=(), files={}, meshes={}, losses=()), spec, theirs)
     named = {"body": original.bodies, "joint": original.joints, "site": original.sites, "actuator": original.actuators}
-    return Pair(theirs, ours, named, json.loads(imported.files["import.json"])["names"])
+    return Pair(theirs, ours, named, in_files(imported))
 
 
 def _free_of_contacts(pair: Pair) -> float:

@@ -24,7 +24,9 @@ import mujoco
 import numpy
 from tally import Tally, collections
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 import thingc
+from importing.as_original import in_files
 from thingc.diagnostics import Report, Severity
 from thingc.importing import Imported, import_robot
 from thingc.importing.sdf import ENDLESS
@@ -69,7 +71,7 @@ def one(file: Path, python: str, count: int) -> tuple[list[str], bool]:
     imported = import_robot(str(file), Report(), roots=roots, repair="nearest")
     assert imported is not None
     took = time.perf_counter() - begun
-    names = json.loads(imported.files["import.json"])["names"]
+    names = in_files(imported)
     balls = {joint.name for one in imported.robot.hangings for joint in one.joints if joint.kind == "ball"}
     known, joints = names["links"] | names["frames"], {name: word for name, word in names["joints"].items() if name not in balls}
     row = [str(len(links)), str(len(joints)), f"{took:.2f}"]

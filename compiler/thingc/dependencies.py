@@ -18,7 +18,7 @@ def inputs(environment: Environment, compilation: Compilation) -> dict[str, str 
     workspace, documents = environment.workspace, compilation.documents
     assert workspace is not None and documents is not None
     states = {**workspace.inputs, **{document.path: document.sha256 for document in documents.by_path.values()}}
-    states.update({path: state_of(path) for path in looked_at(environment, compilation) if path not in states})
+    states.update({path: state_of(path, environment.store) for path in looked_at(environment, compilation) if path not in states})
     changed = any(state is not None and os.stat(path).st_mtime_ns >= environment.started for path, state in states.items())
     return None if changed else states
 

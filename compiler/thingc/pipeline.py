@@ -160,9 +160,12 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
         schemas = environment.geometry.describe(references, lambda: [*map(import_module, (*PASSES, *environment.options.ahead))])
     else:
         schemas = environment.parts.describe(references) if references else {}
+    from thingc.realize.store.digests import digest_of
     from thingc.resolve import Sources
 
-    return Sources(workspace=workspace, documents=documents, specs=specs, schemas=schemas)
+    kept = environment.store if environment.options.code else None
+    digest = partial(digest_of, store=kept)
+    return Sources(workspace=workspace, documents=documents, specs=specs, schemas=schemas, digest=digest)
 
 
 def _may_name_parts(environment: Environment) -> bool:
@@ -205,7 +208,6 @@ def choose(environment: Environment, sources: Sources, choices: Mapping[str, str
 def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], parts: Sequence[str]) -> tuple[Sources, Report]:
     """`own` and the further assemblies and parts that are named, and what is wrong with those."""
     from thingc.load import load_more
-    from thingc.resolve import Sources
     from thingc.spec import part_references, validate
 
     documents, specs, report = own.documents, own.specs, Report()
@@ -215,7 +217,7 @@ def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], 
         specs = specs.joined(validate(replace(documents, by_path=added), report))
     wanted = [*parts, *(reference for reference, _ in part_references(specs, documents))]
     schemas = {**own.schemas, **environment.parts.describe([one for one in wanted if one not in own.schemas])}
-    return Sources(workspace=own.workspace, documents=documents, specs=specs, schemas=schemas), report
+    return replace(own, documents=documents, specs=specs, schemas=schemas), report
 
 
 def model(environment: Environment, own: Sources, settings: Settings, report: Report) -> AssemblyDefinition | None:

@@ -46,11 +46,13 @@ def fingerprint() -> str:
     return digest.hexdigest()
 
 
-def state_of(path: str) -> str | None:
-    """The SHA-256 of a file's content, `folder:` and one of a folder's names, or None where there is neither."""
+def state_of(path: str, store: Store | None = None) -> str | None:
+    """The SHA-256 of a file's content, `folder:` and one of a folder's names, or None where there is neither. `store` keeps digests of
+    large files."""
+    from thingc.realize.store.digests import digest_of
+
     try:
-        with open(path, "rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        return digest_of(path, store)
     except IsADirectoryError:
         names = "\n".join(sorted(os.listdir(path)))
         return FOLDER + hashlib.sha256(names.encode("utf-8", "surrogateescape")).hexdigest()
@@ -89,7 +91,7 @@ def save(
 def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | None:
     """What a run with the same inputs said and answered, or None where anything has changed."""
     kept = store.get_json("stamp", key)
-    if not isinstance(kept, dict) or any(state_of(path) != state for path, state in kept["inputs"].items()):
+    if not isinstance(kept, dict) or any(state_of(path, store) != state for path, state in kept["inputs"].items()):
         return None
     if kept["fingerprint"] != fingerprint():
         return None

@@ -107,10 +107,24 @@ def test_tables_of_keys_have_every_field_and_no_other() -> None:
     from pydantic import BaseModel
 
     from thingc.checks import kinds
-    from thingc.spec import assembly, drives, listed, materials, modes, poses, sensors, stated_masses, tendons, tests, variants, workspace
+    from thingc.spec import (
+        assembly,
+        drives,
+        listed,
+        materials,
+        modes,
+        names,
+        poses,
+        sensors,
+        stated_masses,
+        tendons,
+        tests,
+        variants,
+        workspace,
+    )
 
     checks = [sys.modules[kind.model.__module__] for kind in kinds().values()]
-    rooms = (assembly, drives, listed, materials, modes, poses, sensors, stated_masses, tendons, tests, *checks, variants, workspace)
+    rooms = (assembly, drives, listed, materials, modes, names, poses, sensors, stated_masses, tendons, tests, *checks, variants, workspace)
     models = {
         name: value for module in rooms
         for name, value in vars(module).items()

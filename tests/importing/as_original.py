@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import mujoco
 import numpy
+from ruamel.yaml import YAML
+
+from thingc.importing import Imported
 
 FREE, BALL = 0, 1
 QS = {FREE: 7, BALL: 4, 2: 1, 3: 1}
@@ -16,10 +20,26 @@ MISSING = math.inf
 DEEP, NOTHING = 1e-3, 1e-6
 
 
+SECTIONS = {"links": "components", "frames": "mounts", "sites": "mounts", "loops": "joints"}
+
+
+def in_files(imported: Imported) -> dict[str, dict[str, str]]:
+    """What files call everything of a source, by kind: as the document says under `names:`, else as the document calls it."""
+    given = YAML(typ="safe").load(imported.files[imported.document]).get("names", {})
+    known = json.loads(imported.files["import.json"])["names"]
+    found = {
+        kind: {name: given.get(SECTIONS.get(kind, kind), {}).get(word, word) for name, word in words.items()}
+        for kind, words in known.items()
+    }
+    for name, word in known.get("actuators", {}).items():
+        found["actuators"][name] = given.get("actuators", {}).get(word) or given.get("joints", {}).get(word, word)
+    return found
+
+
 @dataclass
 class Pair:
     """Two models, and which number in `ours` each body, joint, site and actuator of `theirs` has. `named` are the names of theirs by
-    number, made up where the file has none; `words` what `import.json` calls them. What is not of the robot touches nothing in theirs."""
+    number, made up where the file has none; `words` what ours calls them. What is not of the robot touches nothing in theirs."""
 
     theirs: mujoco.MjModel
     ours: mujoco.MjModel

@@ -12,7 +12,7 @@ import numpy
 import pytest
 
 import thingc
-from importing.as_original import Pair, floating
+from importing.as_original import Pair, floating, in_files
 from thingc.diagnostics import Report
 from thingc.importing import Imported, import_robot
 
@@ -43,8 +43,7 @@ class Case:
             "actuator": {one.id: one.name or one.target for one in self.spec.actuators},
             "joint": {one.id: one.name or f"{one.parent.name}_joint" for one in self.spec.joints},
         }
-        words = json.loads(self.imported.files["import.json"])["names"]
-        return Pair(self.spec.compile(), self.modes[mode], named, words)
+        return Pair(self.spec.compile(), self.modes[mode], named, in_files(self.imported))
 
 
 @pytest.fixture(scope="module", params=sorted(ROOTS))
@@ -72,7 +71,7 @@ def test_the_source_mode_is_the_source(case: Case) -> None:
 
 def test_sensors_read_the_same(case: Case) -> None:
     """By name, in states with contacts; noise and cutoffs stand there."""
-    words = json.loads(case.imported.files["import.json"])["names"].get("sensors", {})
+    words = in_files(case.imported).get("sensors", {})
     pair, random = case.pair(), numpy.random.default_rng(7)
     numbers = {one.name or one.objname: one.id for one in case.spec.sensors}
     assert set(words) == ({*numbers} if case.imported.name == "constructs" else set())
@@ -119,9 +118,9 @@ def test_nothing_of_what_is_left_out_is_written(tmp_path: Path) -> None:
     compiled = thingc.compile(tmp_path / imported.document)
     model = compiled.modes["source"].model()
     assert {model.body(k).name for k in range(1, model.nbody)} == {"trunk", "crank", "rod", "end", "rocker", "slider"}
-    assert {model.actuator(k).name for k in range(model.nu)} == {"crank", "rocker", "slider/suck", "second", "muscle", "tendon"}
+    assert {model.actuator(k).name for k in range(model.nu)} == {"twist", "strong", "slider/suck", "second", "muscle", "tendon"}
     assert {model.eq(k).name for k in range(model.neq)} == {"close:loop", "slider:mimic"} and model.tendon(0).name == "pull"
-    assert tuple(model.actuator("rocker").gear) == (4, 0, 0, 0, 0, 0) and tuple(model.actuator("rocker").forcerange) == (-0.75, 0.75)
+    assert tuple(model.actuator("strong").gear) == (4, 0, 0, 0, 0, 0) and tuple(model.actuator("strong").forcerange) == (-0.75, 0.75)
 
 
 def _imported(folder: Path, text: str) -> Imported:

@@ -13,6 +13,7 @@ import numpy
 import pytest
 
 import thingc
+from importing.as_original import in_files
 from thingc.diagnostics import Report
 from thingc.importing import Imported, import_robot
 
@@ -59,6 +60,7 @@ class Case:
     modes: dict[str, Model]
     links: dict[str, str]
     joints: dict[str, str]
+    words: dict[str, str]
 
     def states(self) -> Iterator[tuple[dict[str, float], dict[str, float]]]:
         random = numpy.random.default_rng(7)
@@ -77,7 +79,7 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
     folder = tmp_path_factory.mktemp("imported")
     for name, content in imported.files.items():
         (folder / name).write_bytes(content)
-    names = json.loads(imported.files["import.json"])["names"]
+    names, words = in_files(imported), json.loads(imported.files["import.json"])["names"]
     compiled = thingc.compile(folder / "constructs.yaml")
     text = SOURCE.read_text().replace("</robot>", f"{EXTENSION}</robot>")
     fixed, floating = mujoco.MjSpec.from_string(text), mujoco.MjSpec.from_string(text)
@@ -87,6 +89,7 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
         imported=imported, original=Model(models[0], mujoco.MjData(models[0])), free=Model(models[1], mujoco.MjData(models[1])),
         modes={name: Model(model := mode.model(), mujoco.MjData(model)) for name, mode in compiled.modes.items()},
         links=names["links"] | names["frames"], joints=names["joints"],
+        words=words["links"] | words["frames"],
     )
 
 
@@ -94,7 +97,7 @@ def test_every_link_and_joint_is_there(case: Case) -> None:
     model = case.original.model
     assert set(case.links) | {"world"} == {model.body(k).name for k in range(model.nbody)}
     assert set(case.joints) == {model.joint(k).name for k in range(model.njnt)}
-    assert case.links["base-link"] == "base_link" and case.links["1st_tool"] == "link_1st_tool" and case.links["root"] == "root_link"
+    assert case.words["base-link"] == "base_link" and case.words["1st_tool"] == "link_1st_tool" and case.words["root"] == "root_link"
 
 
 def test_the_source_mode_moves_as_the_source(case: Case) -> None:
@@ -113,7 +116,7 @@ def test_the_source_mode_moves_as_the_source(case: Case) -> None:
 @pytest.mark.parametrize("root", ROOTS)
 def test_any_link_can_be_the_root(case: Case, root: str) -> None:
     """Poses relative to the root, and the mass matrix with it held: that of the floating original, projected."""
-    ours = case.modes[case.links[root]]
+    ours = case.modes[case.words[root]]
     mine, theirs = ours.dofs(tuple(case.joints.values())), case.free.dofs(tuple(case.joints))
     body = case.free.model.body(root).id
     for q, v in list(case.states())[:10]:

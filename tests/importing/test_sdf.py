@@ -10,6 +10,7 @@ import numpy
 import pytest
 
 import thingc
+from importing.as_original import in_files
 from thingc.diagnostics import Report
 from thingc.importing import Imported, import_robot
 
@@ -36,7 +37,7 @@ def models(imported: Imported, tmp_path_factory: pytest.TempPathFactory) -> dict
 
 
 def test_it_is_the_robot_that_drake_reads(imported: Imported, models: dict[str, mujoco.MjModel]) -> None:
-    names = json.loads(imported.files["import.json"])["names"]
+    names, words = in_files(imported), json.loads(imported.files["import.json"])["names"]["links"]
     known, asked = names["links"] | names["frames"] | names["sites"], DRAKE["asked"]
     joints = [names["joints"][name] for name in asked["joints"]]
     for mode, model in models.items():
@@ -58,8 +59,8 @@ def test_it_is_the_robot_that_drake_reads(imported: Imported, models: dict[str, 
                 mujoco.mj_forward(model, data)
                 close(data.qfrc_bias[dofs], theirs["gravity"])
             else:
-                root = next(name for name, word in known.items() if word == mode)
-                at, there = numpy.linalg.inv(pose(data, mode)), numpy.linalg.inv(frames[root])
+                root = next(name for name, word in words.items() if word == mode)
+                at, there = numpy.linalg.inv(pose(data, known[root])), numpy.linalg.inv(frames[root])
                 for name, frame in frames.items():
                     assert numpy.abs(at @ pose(data, known[name]) - there @ frame).max() < 1e-9, name
                 close(ours, theirs["held"][root])
@@ -69,10 +70,10 @@ def test_limits_drives_and_springs(models: dict[str, mujoco.MjModel]) -> None:
     """Read off the file by hand."""
     model = models["source"]
     assert {model.joint(k).name: tuple(model.joint(k).range) for k in range(model.njnt) if model.joint(k).limited[0]} == {
-        "shoulder": (-1.2, 1.5), "elbow": (-0.4, 2.0), "gripper_slide": (-0.02, 0.05), "gripper_grip": (-0.5, 0.8),
+        "shoulder": (-1.2, 1.5), "elbow": (-0.4, 2.0), "gripper::slide": (-0.02, 0.05), "gripper::grip": (-0.5, 0.8),
     }
     assert {model.actuator(k).name: model.actuator(k).ctrlrange[1] for k in range(model.nu)} == {
-        "shoulder": 30.0, "spin": 3.0, "gripper_slide": 40.0,
+        "shoulder": 30.0, "spin": 3.0, "gripper::slide": 40.0,
     }
     assert model.joint("elbow").stiffness[0] == 3.5 and model.joint("shoulder").damping[0] == 0.7
     assert model.joint("shoulder").frictionloss[0] == 0.2

@@ -85,6 +85,7 @@ sensors:
   bend: {type: joint, joint: leg_0.knee}
   wag: {type: joint}
   strain: {type: tendon, tendon: stay}
+names: {components: {tail: tail-1}, mounts: {nose: nose-1}, joints: {sway: sway-1}, sensors: {"tilt:gyro": gyro}, poses: {stretch: long}}
 
 tests:
   light: {mass: {of: leg_*, max: "=20 g * width / 1 mm"}}

@@ -22,6 +22,7 @@ from thingc.emit.artifact import CARRIED, counts_of
 from thingc.environment import Environment, Options, attempted, store_of
 from thingc.output import OutputError, build_folder, unswept, verify
 from thingc.pipeline import UnknownChoice
+from thingc.realize.store.local import Store
 
 EPILOG = """\
 {about}
@@ -82,10 +83,11 @@ def _build(
         "compat": chosen_compat(arguments), "strict": arguments.strict,
         "output": os.path.abspath(arguments.output) if arguments.output else None, "deny_loss": arguments.deny_loss,
     })
-    earlier = stamp.load(store_of(options), key) if not arguments.twice else None
+    store = store_of(options)
+    earlier = stamp.load(store, key) if not arguments.twice else None
     if earlier is not None:
         said, answer = earlier
-        if _stands(answer):
+        if _stands(answer, store):
             parts = sorted({*answer["reused"], *answer["modelled"]})
             return said, {**answer, "modelled": [], "reused": parts, "unchanged": True}
     return attempted(arguments.document, options, partial(_built, wish_of(arguments, targets), key))
@@ -123,12 +125,12 @@ def answer_of(built: Built, folder: str) -> dict[str, Any]:
     }
 
 
-def _stands(answer: Mapping[str, Any]) -> bool:
+def _stands(answer: Mapping[str, Any], store: Store) -> bool:
     """Whether the folder that an earlier run wrote is still where it was, and what it wrote, with nothing beside it to be swept away."""
     folder = answer["folder"]
     if build_folder(*answer["place"]) != folder or unswept(folder):
         return False
-    return stamp.state_of(os.path.join(folder, "manifest.json")) == answer["manifest"] and verify(folder) is not None
+    return stamp.state_of(os.path.join(folder, "manifest.json")) == answer["manifest"] and verify(folder, store) is not None
 
 
 def unsaid(counts: Mapping[str, int]) -> str:

@@ -98,6 +98,7 @@ def _render(arguments: argparse.Namespace, environment: Environment) -> list[Dia
     if common.exit_code(diagnostics):
         return diagnostics
     robot = compilation.robots[0]
+    assembly = robot.assembly
     pose = _pose(robot, arguments.pose, environment.document)
     marks = _marks(robot, arguments, next((frame.q for frame in robot.keyframes if frame.name == pose), {}))
     ready()
@@ -113,7 +114,7 @@ def _render(arguments: argparse.Namespace, environment: Environment) -> list[Dia
     png = picture(
         read[f"mjcf/{robot.name}_{robot.mode.name}.xml"].decode(),
         {path.removeprefix(prefix): data for path, data in read.items() if path.startswith(prefix)},
-        pose=pose,
+        pose=pose if assembly.names is None or pose is None else assembly.names.poses.get(pose, pose),
         gravity=robot.gravity,
         shot=Shot(size=arguments.size, azimuth=arguments.azimuth, elevation=arguments.elevation),
         marks=marks,

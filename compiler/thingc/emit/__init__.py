@@ -43,30 +43,33 @@ GROUP = "thingc.emitters"
 class Target:
     """A target of our own: what it is, in few words (`says`); its `emitters`, `module:function`; what its files are called (`writes`); and
     whether a build writes it `unasked`, where nobody names targets. `capabilities` is the module that has the `CAPABILITIES` of a
-    format that is of whole robots."""
+    format that is of whole robots. What reads it looks things up `by_name`: they have the names that documents give them for files."""
 
     says: str
     emitters: tuple[str, ...]
     writes: tuple[str, ...]
     unasked: bool = True
     capabilities: str | None = None
+    by_name: bool = False
 
 
 TARGETS: dict[str, Target] = {
     "mjcf": Target(  # `modes.json` states addresses in the models, so the two go together
         says="MuJoCo models and scenes, one per mode", emitters=("thingc.emit.mjcf.target:emit", "thingc.emit.modes:emit"),
-        writes=("mjcf/*.xml", "mjcf/assets/*.obj", "modes.json"), capabilities="thingc.emit.mjcf.capabilities",
+        writes=("mjcf/*.xml", "mjcf/assets/*.obj", "modes.json"), capabilities="thingc.emit.mjcf.capabilities", by_name=True,
     ),
-    "mjz": Target(says="each model in one file with its meshes", emitters=("thingc.emit.mjcf.archive:emit",), writes=("mjcf/*.mjz",)),
+    "mjz": Target(
+        says="each model in one file with its meshes", emitters=("thingc.emit.mjcf.archive:emit",), writes=("mjcf/*.mjz",), by_name=True,
+    ),
     "stl": Target(says="print files", emitters=("thingc.emit.stl:emit",), writes=("stl/*.stl",)),
     "step": Target(says="the whole robot", emitters=("thingc.emit.step:emit",), writes=("step/*.step",)),
     "glb": Target(
         says="each mode for viewers of glTF", emitters=("thingc.emit.glb:emit",), writes=("glb/*.glb",), unasked=False,
-        capabilities="thingc.emit.glb",
+        capabilities="thingc.emit.glb", by_name=True,
     ),
     "urdf": Target(
         says="each mode for ROS", emitters=("thingc.emit.urdf.target:emit",), writes=("urdf/*.urdf", "urdf/meshes/*.obj"), unasked=False,
-        capabilities="thingc.emit.urdf.capabilities",
+        capabilities="thingc.emit.urdf.capabilities", by_name=True,
     ),
     "ros": Target(
         says="a ROS 2 package with all modes", emitters=("thingc.emit.ros.target:emit",), unasked=False,
@@ -74,12 +77,12 @@ TARGETS: dict[str, Target] = {
             "ros/*/package.xml", "ros/*/CMakeLists.txt", "ros/*/urdf/*.urdf", "ros/*/meshes/*.obj", "ros/*/launch/*.launch.py",
             "ros/*/config/*.srdf", "ros/*/config/*.yaml", "ros/*/config/*.rviz",
         ),
-        capabilities="thingc.emit.ros.capabilities",
+        capabilities="thingc.emit.ros.capabilities", by_name=True,
     ),
     "sdf": Target(
         says="each mode for Gazebo", emitters=("thingc.emit.sdf.target:emit",),
         writes=("sdf/*.sdf", "sdf/*/model.sdf", "sdf/*/model.config", "sdf/*/meshes/*.obj"), unasked=False,
-        capabilities="thingc.emit.sdf.capabilities",
+        capabilities="thingc.emit.sdf.capabilities", by_name=True,
     ),
     "usd": Target(
         says="each mode for Isaac Sim and Newton", emitters=("thingc.emit.usd.target:emit",), writes=("usd/*.usda",), unasked=False,
@@ -164,10 +167,12 @@ def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
 
 def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
     """Artifacts per target, in the order asked; each loss with the first target that has it."""
+    from thingc.emit.called import called
+
     artifacts: dict[str, Artifacts] = {}
     told: dict[Loss, None] = {}
     for target in targets:
-        made = emitter(target)(request)
+        made = emitter(target)(called(request) if target not in TARGETS or TARGETS[target].by_name else request)
         if astray := _unstated(target, made.files):
             request.report.add(
                 Code.UNSTATED, f"the target `{target}` writes `{astray[0]}`, which `{module_of(target)}.WRITES` does not name", None,

@@ -1,4 +1,4 @@
-"""Names outside of MJCF: a path with `_` for its `/`, each for one thing alone."""
+"""Names outside of MJCF: a path with `_` for its `/`, each for one thing alone; also for `::`, with which Gazebo parts names."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from thingc.source import Origin
 
 def safe(path: str) -> str:
     """`hand/tip` as `hand_tip`."""
-    return path.replace("/", "_")
+    return path.replace("/", "_").replace("::", "_")
 
 
 def package_name(robot: str) -> str:

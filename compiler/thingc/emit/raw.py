@@ -105,7 +105,7 @@ def _named(file: Element, attribute: RawAttribute) -> list[Element]:
     referring = {id(below) for element in file.walk() if element.tag in REFERRING for below in element.walk() if below is not element}
     return [
         element for element in file.walk()
-        if element.tag == attribute.path[0] and element.attributes.get("name") == name and id(element) not in referring
+        if element.tag == attribute.path[0] and in_files(element.attributes.get("name", "")) == name and id(element) not in referring
     ]
 
 

@@ -14,6 +14,7 @@ from thingc.graph.links import connected_components, links_of
 from thingc.graph.listed import Meshes
 from thingc.graph.mates import check_loops, loops_in, mates_of, stated_joints
 from thingc.graph.modes import added_of, adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of, tendons_of
+from thingc.graph.names import names_of
 from thingc.graph.part_instances import PartInstances
 from thingc.graph.physics import check_links, check_stated
 from thingc.graph.plausible import check_plausible
@@ -54,6 +55,7 @@ def link(
     modes = modes_of(tree, model, link_of, findings)
     sensors = sensors_of(tree, link_of)
     adhesions = adhesions_of(tree, model)
+    names = names_of(tree, occurrences, links, mates, exported, sensors, model.poses, findings)
     between = links_between(links, link_of, occurrences, mates, modes, adhesions)
     joints = tuple(joint for mate in mates for joint in mate.joints)
     tests = tests_of(tree, model.tests, joints, findings)
@@ -81,7 +83,7 @@ def link(
         name=model.name, definition=model, base=base, occurrences=occurrences, mates=mates, links=links,
         link_of=link_of, rest=tuple(at[index] for index in range(len(occurrences))), exported=exported, poses=model.poses,
         modes=modes, adhesions=adhesions, raw=raw_of(tree), added=added_of(tree), tendons=tendons_of(tree), sensors=sensors, tests=tests,
-        between=between,
+        between=between, names=names,
     )
     check_plausible(tree, assembly, findings)
     return assembly

@@ -138,7 +138,8 @@ class Occurrence(Brief):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActuatorModel(Brief):
     """A joint's drive with defaults from the Thing's actuator filled in; SI. `effort` the force limit; `axis` of a drive of a ball is
-    the one about which it turns it, a unit vector that is fixed in the child, in the parent mount's axes at q = 0."""
+    the one about which it turns it, a unit vector that is fixed in the child, in the parent mount's axes at q = 0. `name` is what files
+    call it where that is not what they call the joint."""
 
     kind: DriveType
     kp: float | None
@@ -147,6 +148,7 @@ class ActuatorModel(Brief):
     velocity: float | None
     origin: Origin
     axis: Vector | None = None
+    name: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -278,7 +280,8 @@ class LinkedMount(Brief):
 class LinkedSensor(Brief):
     """A sensor at its path (`leg/imu`). By its `kind` it sits `at` a mount, and is seen from another; `joint` and `tendon` are the paths of
     what is measured, or driven; `touching` are the indices of the link that is touched, and of the one that touches it, if it is not
-    anything; `volume` is in the frame of the mount; `fovy` [rad] of a camera; `noise` and `cutoff` [SI] are by reading."""
+    anything; `volume` is in the frame of the mount; `fovy` [rad] of a camera; `noise` and `cutoff` [SI] are by reading. `parts`
+    says which readings files have a name of its own for."""
 
     path: str
     kind: SensorType
@@ -292,6 +295,7 @@ class LinkedSensor(Brief):
     fovy: float | None = None
     noise: dict[str, float] = field(default_factory=dict)
     cutoff: dict[str, float] = field(default_factory=dict)
+    parts: dict[str, str] = field(default_factory=dict)
 
     @property
     def mounts(self) -> tuple[LinkedMount, ...]:
@@ -302,6 +306,10 @@ class LinkedSensor(Brief):
     def site(self) -> str | None:
         """The path of the mount that it sits on."""
         return None if self.at is None else self.at.path
+
+    def part(self, reading: str) -> str:
+        """What the sensor of one reading is called (`gyro`) where a format has one for each."""
+        return self.parts.get(reading, f"{self.path}:{reading}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -359,6 +367,19 @@ class MountAt(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FileNames(Brief):
+    """What files call things that have another path: components (which is what links are called after), exported mounts, whole joints,
+    drives by the coordinate that they drive, sensors (or a part of one, `imu:gyro`) and poses."""
+
+    components: dict[str, str] = field(default_factory=dict)
+    mounts: dict[str, str] = field(default_factory=dict)
+    joints: dict[str, str] = field(default_factory=dict)
+    actuators: dict[str, str] = field(default_factory=dict)
+    sensors: dict[str, str] = field(default_factory=dict)
+    poses: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LinkedTest(Brief):
     """A test of the top document with its references worked out: mounts, and components to all occurrences that they hold."""
 
@@ -373,8 +394,8 @@ class Assembly(Brief):
 
     `base` is the occurrence whose frame is the assembly's; `rest[i]` the pose of occurrence i in it at q = 0;
     `link_of[i]` the link of occurrence i. `mates` without those that close loops has one edge fewer than there are occurrences.
-    `raw` has nested documents' joint and body names already prefixed with their path. `between` are the links (by index) that only join
-    two joints of another one: they weigh nothing, and show nothing.
+    `names` is None where files call everything by its path. `raw` has nested documents' joint and body names already prefixed with their
+    path. `between` are the links (by index) that only join two joints of another one: they weigh nothing, and show nothing.
     """
 
     name: str
@@ -394,6 +415,7 @@ class Assembly(Brief):
     tendons: tuple[LinkedTendon, ...] = ()
     sensors: tuple[LinkedSensor, ...] = ()
     tests: tuple[LinkedTest, ...] = ()
+    names: FileNames | None = None
     between: frozenset[int] = frozenset()
 
     @property

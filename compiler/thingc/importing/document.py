@@ -17,7 +17,7 @@ from thingc.frozen import dataclass
 from thingc.importing.model import Hanging, SourceJoint, SourceLink, SourceLoss, SourceRobot, SourceShape
 from thingc.importing.modes import mode_lines, sensor_lines
 from thingc.importing.quantities import TURNS, angle, ends, length, lengths, mass, pose_words, quantity, was
-from thingc.importing.raw import raw_lines
+from thingc.importing.raw import name_lines, raw_lines
 from thingc.importing.updating import Earlier
 from thingc.importing.words import Words
 from thingc.layout import format_document
@@ -69,7 +69,7 @@ class _Document(Words):
         text = "\n".join((
             f"# From {self.origin}. What is not in it is listed in import.json.", "thingc: assembly/1", f"name: {self.name}", "",
             *self._components(), "", *self._joints(), *self._shown(), *mode_lines(self, self.roots), *sensor_lines(self),
-            *raw_lines(self), "",
+            *name_lines(self), *raw_lines(self), "",
         ))
         report = Report()
         formatted = format_document(f"{self.name}.yaml", text.encode(), report)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -71,6 +72,22 @@ def _controls(words: Words, state: SourcePose) -> Raw:
 def _says(shape: SourceShape, attribute: str) -> bool:
     """Whether the model that is written of a shape says an attribute already, because of its friction."""
     return {"friction": 0, "priority": 0, "condim": 1}.get(attribute, 3) < len(shape.friction)
+
+
+def name_lines(words: Words) -> Iterator[str]:
+    """`names:`, what files call things as the source does; nothing where nothing has another name."""
+    kinds = words.in_files()
+    if kinds:
+        yield from ("", "names:")
+    for kind, names in kinds.items():
+        yield f"  {kind}:"
+        yield from (f"    {word}: {quoted(name)}" for word, name in names.items())
+
+
+def quoted(name: str) -> str:
+    """A text as YAML has it: in quotes unless it is a plain word."""
+    plain = re.fullmatch(r"[A-Za-z_][\w.-]*", name, re.ASCII) and isinstance(core_value(name), str)
+    return name if plain else json.dumps(name, ensure_ascii=False)
 
 
 def raw_lines(words: Words) -> Iterator[str]:

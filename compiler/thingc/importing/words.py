@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from thingc.file_names import TAKEN, is_file_name
 from thingc.importing.model import Hanging, SourceLink, SourceRobot, SourceShape
 from thingc.importing.naming import distinct, plain_name
 from thingc.importing.updating import Earlier
@@ -66,6 +67,30 @@ class Words:
     def _is_mount(self, one: Hanging) -> bool:
         link = self.link_of[one.child]
         return not (one.joints or link.weight or link.shapes or one.child in self.below)
+
+    def in_files(self) -> dict[str, dict[str, str]]:
+        """What the source calls things that have another name here, by kind, as `names:` of a document has it. Of two that would have one
+        name in files the first has it, links before sites."""
+        joints = [joint for one in self.order for joint in one.joints]
+        kinds: dict[str, list[tuple[str, str, str]]] = {  # what it is called here, in the source, and in files without a word
+            "components": [(word, name, word) for name, word in self.links.items()],
+            "mounts": [(word, name, word) for name, word in (*self.frames.items(), *self.sites.items())],
+            "joints": [(word, name, word) for name, word in (*self.joints.items(), *self.loops.items())],
+            "actuators": [(self.joints[one.name], one.drive.name, one.name) for one in joints if one.drive is not None],
+            "sensors": [
+                named for one, word in zip(self.robot.sensors, self.sensors, strict=True)
+                for named in ([(f"{word}:{part}", of, "") for of, part in one.parts] or [(word, one.name, word)])
+            ],
+            "poses": [(word, name, word) for name, word in self.poses.items()],
+        }
+        found: dict[str, dict[str, str]] = {}
+        for kind, things in kinds.items():
+            taken = {*TAKEN.get(kind, ()), *(self.links if kind == "mounts" else ())}
+            for word, name, usual in things:
+                if name not in taken and name != usual and is_file_name(name):
+                    found.setdefault(kind, {})[word] = name
+                taken.add(name)
+        return found
 
     def others(self) -> dict[str, dict[str, str]]:
         """What other things of the source are called, as files have it: those kinds of which there are any."""

@@ -24,7 +24,7 @@ FIRST: dict[type[BaseModel], tuple[str, ...]] = {
     AtSpec: ("in",), WorldAtSpec: ("on",), HoldSpec: ("at",), ModeSpec: ("extends",),
     AssemblySpec: (
         "name", "description", "parameters", "materials", "defaults", "components", "joints", "tendons", "links", "mounts", "poses",
-        "modes", "sensors",
+        "modes", "sensors", "names",
     ),
 }
 """Models whose keys do not stand as a person reads them (those of defaults and poses come before their own): these keys first, the

@@ -191,6 +191,8 @@ class _Reader:
             yield from self.in_section(base, "modes", "mode", text)
         elif what == "tendon":
             yield from self.in_section(base, "tendons", "tendon", text)
+        elif what == "sensor":
+            yield from self.in_section(base, "sensors", "sensor", text.partition(":")[0])
         elif what == "material":
             yield from self.material(base, text)
         elif what == "parameter of a nested assembly":

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Callable
 
 from thingc.brief import Brief
 from thingc.frozen import dataclass
 from thingc.load.paths import libraries
 from thingc.pose import Vector
+from thingc.realize.store.digests import digest_of
 
 LARGEST = 200_000_000
 """Bytes of a mesh file: more is a mistake, or a bomb."""
@@ -45,16 +47,11 @@ class MeshFile(Brief):
         return self.suffix, self.sha256, self.beside, self.scale
 
 
-def mesh_file(absolute: str, path: str, scale: Vector) -> MeshFile:
-    """The mesh file at an absolute path, which is `path` in the workspace. Raises `OSError`."""
+def mesh_file(absolute: str, path: str, scale: Vector, digest: Callable[[str], str] = digest_of) -> MeshFile:
+    """The mesh file at an absolute path, which is `path` in the workspace; `digest` gives the SHA-256 of a file. Raises `OSError`."""
     folder = os.path.dirname(absolute)
     beside = [(name, os.path.join(folder, name)) for name in libraries(absolute)]
     return MeshFile(
-        path=path, sha256=_digest(absolute), scale=scale, folder=folder,
-        beside=tuple((name, _digest(place)) for name, place in beside if os.path.isfile(place)),
+        path=path, sha256=digest(absolute), scale=scale, folder=folder,
+        beside=tuple((name, digest(place)) for name, place in beside if os.path.isfile(place)),
     )
-
-
-def _digest(path: str) -> str:
-    with open(path, "rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -18,6 +18,7 @@ from thingc.resolve.materials import in_scope, unreadable
 from thingc.resolve.mimics import mimics
 from thingc.resolve.model import AssemblyDefinition, Component, LinkName
 from thingc.resolve.modes import modes, simulation, step_origin
+from thingc.resolve.names import names
 from thingc.resolve.parameters import canonical, check_bounds, declared, worked_out
 from thingc.resolve.placement import Places, check, own_placements
 from thingc.resolve.poses import poses
@@ -131,7 +132,7 @@ def _definition(
         poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=own_modes,
         simulation=simulation(scope, stepped), step_origin=step_origin(scope, stepped),
         raw=raw(scope, spec.raw), added=added(scope, spec.raw), tendons=pulled,
-        sensors=tuple(sensors(table, scope, pulled)),
+        sensors=tuple(sensors(table, scope, pulled)), names=tuple(names(table, scope)),
         tests=tuple(tests(context, table, scope, own_modes)) if top and spec.tests else (),
         origin=scope.origin(("name",)), materials_known=not table.materials_unreadable, whole=not scope.doubts, loose=tuple(table.loose),
     )

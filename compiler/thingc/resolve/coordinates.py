@@ -64,6 +64,12 @@ class CoordinateName(str):
         name.path = name.joint.replace(".", "/") + ("" if name.number is None else f"_{name.number}")
         return name
 
+    def in_files(self, path: str) -> CoordinateName:
+        """The same coordinate, which artifacts call `path`."""
+        name = CoordinateName(self)
+        name.path = path
+        return name
+
     def numbered(self, number: int) -> CoordinateName:
         """The coordinate with this number of the joint of this name."""
         return CoordinateName(f"{self.joint}[{number}]")

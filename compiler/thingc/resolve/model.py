@@ -7,7 +7,7 @@ Everything is SI.
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Any
+from typing import Any, Literal
 
 from thingc.brief import Brief
 from thingc.frozen import dataclass
@@ -254,6 +254,20 @@ class LinkName(Brief):
     origin: Origin
 
 
+NamedKind = Literal["components", "mounts", "joints", "actuators", "sensors", "poses"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NameInFiles(Brief):
+    """`names: {joints: {joint_1: "1"}}`: what files call a thing of the document. `own` is what the document calls it, of coordinates as
+    artifacts have it (`wrist_0`)."""
+
+    kind: NamedKind
+    own: str
+    name: str
+    origin: Origin
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NamedPose(Brief):
     """A pose with its globs and nested poses worked out: joint path (`hand/finger`) to q [rad or m], and where each
@@ -462,6 +476,7 @@ class AssemblyDefinition(Brief):
     added: tuple[RawElement, ...] = ()
     tendons: tuple[Tendon, ...] = ()
     sensors: tuple[Sensor, ...] = ()
+    names: tuple[NameInFiles, ...] = ()
     tests: tuple[Test, ...] = ()
     step_origin: Origin = ()
     loose: tuple[Reference, ...] = ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from functools import partial
 from typing import assert_never
 
@@ -62,14 +63,18 @@ def _mesh(context: Context, scope: Scope, spec: ShapeSpec, path: Path) -> MeshFi
         own = (absolute, *((stat.st_ino, stat.st_size, stat.st_mtime_ns)))
         beside = tuple(os.path.join(os.path.dirname(absolute), name) for name in libraries(absolute))
         times = tuple(os.stat(one).st_mtime_ns if os.path.isfile(one) else 0 for one in beside)
-        return context.memo(("mesh", absolute, scale), partial(_file, scale), *own, times, workspace.relative(absolute))
+        return context.memo(
+            ("mesh", absolute, scale), partial(_file, scale, context.digest), *own, times, workspace.relative(absolute),
+        )
     except OSError:
         return None
 
 
-def _file(scale: Vector, absolute: str, _inode: int, _size: int, _changed: int, _times: object, path: str) -> MeshFile:
+def _file(
+    scale: Vector, digest: Callable[[str], str], absolute: str, _inode: int, _size: int, _changed: int, _times: object, path: str,
+) -> MeshFile:
     """The file, of which the memo compares the times."""
-    return mesh_file(absolute, path, scale)
+    return mesh_file(absolute, path, scale, digest)
 
 
 def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:

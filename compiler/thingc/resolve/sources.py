@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING
 
 from thingc.frozen import dataclass
+from thingc.realize.store.digests import digest_of
 
 if TYPE_CHECKING:
     from thingc.load import Documents
@@ -26,9 +27,11 @@ class Settings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sources:
-    """Documents, their models (or the sound rest of these) by path in the workspace, and what the parts that they name take."""
+    """Documents, their models (or the sound rest of these) by path in the workspace, what the parts that they name take, and who
+    tells the SHA-256 of a file."""
 
     workspace: Workspace
     documents: Documents
     specs: Specs
     schemas: Mapping[str, PartSchema | PartFailure]
+    digest: Callable[[str], str] = digest_of

@@ -13,6 +13,7 @@ from thingc.diagnostics import Code, Report
 from thingc.expressions import Expression, Found
 from thingc.memo import Memo
 from thingc.realize.record import PartDefinition, PartFailure, PartSchema, Value
+from thingc.realize.store.digests import digest_of
 from thingc.resolve.coordinates import CoordinateName
 from thingc.resolve.link_definition import LinkDefinition
 from thingc.resolve.model import AssemblyDefinition, Component, ExtraMount, Joint, Material, NamedPose, Reference
@@ -142,7 +143,7 @@ class Context:
 
     `tables` is keyed by document and canonical parameters (equal definitions are one object); `nesting` holds the
     documents being resolved, outermost first, `route` the components that nest them; `said` is that of every scope; `overfull`: too many
-    occurrences were reported.
+    occurrences were reported; `digest` gives the SHA-256 of a file.
     """
 
     documents: Documents
@@ -162,6 +163,7 @@ class Context:
     recalled: Mapping[tuple[str, tuple[tuple[str, Value], ...]], Table] = field(default_factory=dict)
     memo: Memo = field(default_factory=Memo)
     of_any_text: Memo = field(default_factory=Memo)
+    digest: Callable[[str], str] = digest_of
 
     def recall(self) -> None:
         """Take over from the last run what was sound there: nested documents with their parameters, and material documents."""

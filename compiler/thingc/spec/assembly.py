@@ -59,6 +59,7 @@ from thingc.spec.named import (
     PartParameter,
     PoseValueField,
 )
+from thingc.spec.names import NamesSpec
 from thingc.spec.poses import PoseSpec
 from thingc.spec.raw_fields import RawField
 from thingc.spec.sensors import SensorSpec
@@ -434,6 +435,8 @@ class AssemblySpec(Model):
     """Attributes by path, checked by the target alone."""
     sensors: dict[NewSensor, SensorSpec] = Field(default={}, examples=[{"imu": {"type": "imu", "at": "body.imu"}}])
     """What the robot measures."""
+    names: NamesSpec | None = Field(default=None, examples=[{"joints": {"joint_1": "1"}}])
+    """What files call things that have another name in this document."""
     tests: dict[NewTest, TestSpec] = Field(default={}, examples=[{"light": {"mass": {"max": "2.2 kg"}}}])
     """What has to be true of the robot; `thingc test` runs them."""
     allow: Allow = allow()

@@ -20,7 +20,7 @@ Declared = Literal[
 Meant = Literal[
     "assembly document", "choice", "component", "coordinate", "expression", "joint", "joint or nested assembly", "material",
     "materials document", "mode", "modes", "mount", "mount of its own", "mount or export", "parameter of a nested assembly",
-    "parameter of a part", "part", "pose", "pose of a nested assembly", "poses", "raw", "root", "rule", "setting", "tendon",
+    "parameter of a part", "part", "pose", "pose of a nested assembly", "poses", "raw", "root", "rule", "sensor", "setting", "tendon",
 ]
 """What a text may mean. `coordinate` is one of a joint of the same document; `modes` and `poses` are names, patterns or `all`; `setting` is
 a parameter or the path of anything else in an assembly, `choice` what is set at such a path, `rule` a comparison over such and over
@@ -67,12 +67,17 @@ MaterialsDocument = Annotated[str, Means("materials document")]
 ModeField = Annotated[Name, Means("mode")]
 MountField = Annotated[ReferenceField, Means("mount")]
 NestedParameter = Annotated[str, Means("parameter of a nested assembly")]
+OwnComponentKey = Annotated[str, Means("component")]
+OwnExportKey = Annotated[str, Means("mount or export")]
+OwnJointKey = Annotated[str, Means("joint")]
+OwnPoseKey = Annotated[str, Means("pose")]
 OwnMountField = Annotated[ReferenceField, Means("mount of its own")]
 OwnMountKey = Annotated[str, Means("mount of its own")]
 PartField = Annotated[str, Means("part")]
 PartParameter = Annotated[str, Means("parameter of a part")]
 PoseField = Annotated[Name, Means("pose")]
 RootField = Annotated[ReferenceField, Means("root")]
+SensorKey = Annotated[str, Means("sensor")]
 ShownMountField = Annotated[ReferenceField, Means("mount or export")]
 TendonField = Annotated[Name, Means("tendon")]
 PoseValueField = Annotated[JointValueField, Means("pose of a nested assembly")]

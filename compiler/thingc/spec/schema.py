@@ -16,7 +16,7 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema
 
 from thingc.checks import kinds
-from thingc.spec import assembly, drives, listed, materials, modes, poses, sensors, stated_masses, tendons, variants, workspace
+from thingc.spec import assembly, drives, listed, materials, modes, names, poses, sensors, stated_masses, tendons, variants, workspace
 from thingc.spec.validation import KINDS, model_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -29,7 +29,7 @@ def json_schema(kind: str) -> dict[str, Any]:
     schema = model.model_json_schema(schema_generator=_Generator)
     checks = [sys.modules[check.model.__module__] for check in kinds().values()]
     documented = _documentation(
-        poses, assembly, drives, listed, materials, modes, sensors, stated_masses, tendons, *checks, variants, workspace,
+        poses, assembly, drives, listed, materials, modes, names, sensors, stated_masses, tendons, *checks, variants, workspace,
     )
     documented["TestSpec"] = {check.name: check.summary for check in kinds().values()}
     for name, definition in {**schema.get("$defs", {}), model.__name__: schema}.items():

@@ -82,7 +82,8 @@ def _elsewhere(assembly: Assembly, missing: tuple[str, str]) -> bool:
     if any((one.section, one.attributes.get("name")) == missing for one in assembly.added):
         return True
     joints = {joint.path: joint for mate in assembly.mates for joint in mate.joints}
-    return (kind == "joint" and name in joints) or (kind == "actuator" and name in joints and joints[name].actuator is not None)
+    drives = {joint.actuator.name or path for path, joint in joints.items() if joint.actuator is not None}
+    return (kind == "joint" and name in joints) or (kind == "actuator" and name in drives)
 
 
 class _Target:
@@ -137,7 +138,8 @@ class _Target:
 
     def found(self, kind: str, path: str) -> str | None:
         """What the model calls an element of a kind; a mount that has no site gets one."""
-        name = CoordinateName(path.replace("/", ".")).path if kind == "joint" else path
+        plain = kind != "joint" or path in self.names.get(kind, ())
+        name = path if plain else CoordinateName(path.replace("/", ".")).path
         if name in self.names.get(kind, ()) or kind not in (*KINDS.values(),):
             return name
         assembly = self.robot.assembly

@@ -120,14 +120,14 @@ def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str) ->
 
 def drive(joint: CoreJoint, drive: ActuatorModel) -> tuple[Element, ...]:
     """The actuator of a joint."""
-    attributes = {"name": joint.path, "joint": joint.path, **drive_attributes(joint, drive)}
+    attributes = {"name": drive.name or joint.path, "joint": joint.path, **drive_attributes(joint, drive)}
     return (Element(tag=drive.kind, attributes=attributes, origin=drive.origin),)
 
 
 def drive_of_ball(name: str, joint: CoreJoint, drive: ActuatorModel, axis: Vector) -> tuple[Element, ...]:
     """An actuator of the ball `name`, about an axis that is given in its body's axes, as the gear of the torque. Where the tree crosses the
     joint backwards, the axis goes with the parent in the tree."""
-    attributes = {"name": joint.path, "jointinparent" if joint.reversed else "joint": name, **drive_attributes(joint, drive)}
+    attributes = {"name": drive.name or joint.path, "jointinparent" if joint.reversed else "joint": name, **drive_attributes(joint, drive)}
     return (Element(tag=drive.kind, attributes=attributes | {"gear": numbers(axis)}, origin=drive.origin),)
 
 

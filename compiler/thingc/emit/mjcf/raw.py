@@ -149,8 +149,8 @@ def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
     if kind == "joint":
         return name == FREE_JOINT
     if kind == "actuator":
-        driven = {joint.path for mate in assembly.mates for joint in mate.joints if joint.actuator is not None}
-        return _slashed(name) in driven
+        joints = (joint for mate in assembly.mates for joint in mate.joints)
+        return _slashed(name) in {_slashed(one.actuator.name or one.path) for one in joints if one.actuator is not None}
     if kind == "key":
         return any(pose.name in _names(attribute) for pose in assembly.poses)
     return False

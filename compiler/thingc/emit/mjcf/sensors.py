@@ -79,7 +79,7 @@ def sensors(robot: Robot, section: Element) -> None:
         if written(CAPABILITIES["sensors"][sensor.kind]) != "elements" or _missing(robot, sensor):
             continue
         for reading in SENSORS[sensor.kind].readings:
-            attributes = {"name": f"{sensor.path}:{reading.name}", **_objects(robot, sensor, reading.name)}
+            attributes = {"name": sensor.part(reading.name), **_objects(robot, sensor, reading.name)}
             for key, numbers_ in (("noise", sensor.noise), ("cutoff", sensor.cutoff)):
                 if reading.name in numbers_:
                     attributes[key] = number(numbers_[reading.name])
@@ -109,7 +109,9 @@ def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[s
         case "tendon":
             return {"tendon": sensor.tendon or ""}
         case "drive":
-            return {"actuator": sensor.joint or sensor.tendon or ""}
+            drives = {one.path: one.actuator.name for body in robot.bodies for one in body.joints if one.actuator is not None}
+            pulling = sensor.joint or sensor.tendon or ""
+            return {"actuator": drives.get(pulling) or pulling}
         case "camera" | "clock" | "energy":
             return {}
         case _:

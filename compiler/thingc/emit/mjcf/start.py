@@ -138,6 +138,7 @@ def look(model: Any, robot: Robot) -> Start:
     start = frames.get(robot.mode.pose or "")
     inside: tuple[Inside, ...] = ()
     worst: dict[str, Gains] = {}
+    drives = {one.actuator.name: one.path for body in robot.bodies for one in body.joints if one.actuator is not None}
     try:
         _pose(model, data, start)
         mujoco.mj_kinematics(model, data)
@@ -150,7 +151,8 @@ def look(model: Any, robot: Robot) -> Start:
         for number in dict.fromkeys((start, *frames.values())):
             _pose(model, data, number)
             mujoco.mj_fwdPosition(model, data)
-            for path, gains in gains_of(model, data):
+            for name, gains in gains_of(model, data):
+                path = drives.get(name) or _path(name)
                 if not gains.calm and (path not in worst or gains.inertia < worst[path].inertia):
                     worst[path] = gains
     except mujoco.FatalError:
@@ -182,7 +184,7 @@ def _inside(model: Any, data: Any) -> Iterator[Inside]:
 
 
 def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
-    """Every drive of a joint by its path, at positions that `mj_fwdPosition` has seen, with dense constraints of equality alone.
+    """Every drive of a joint by its name, at positions that `mj_fwdPosition` has seen, with dense constraints of equality alone.
 
     A drive acts along g, its row of the transmission's Jacobian: of a hinge the joint's own dof, of a ball an axis in its three. The
     inertia is 1 / (g M^-1 g'), with what constraints of equality (loops, joints that mimic) tie together moving together: with the
@@ -216,7 +218,7 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
         if inverse <= 1e-9 * alone:  # what it is tied to cannot move
             continue
         bias, gear = model.actuator_biasprm[actuator], float(along[0] @ along[0])
-        yield _path(model.actuator(actuator).name), Gains(
+        yield model.actuator(actuator).name, Gains(
             stiffness=-float(bias[1]) + float(np.ravel(model.jnt_stiffness[joint])[0]) / gear, kv=-float(bias[2]),
             damping=float(np.ravel(model.dof_damping[model.jnt_dofadr[joint]])[0]) / gear, inertia=1.0 / inverse,
             saturates=bool(model.actuator_forcelimited[actuator]), dt=float(model.opt.timestep), integrator=integrator,

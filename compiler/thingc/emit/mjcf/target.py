@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from thingc.diagnostics import Code
 from thingc.emit.artifact import Artifacts, Content, Loss, Stored
+from thingc.emit.called import called
 from thingc.emit.capabilities import losses
 from thingc.emit.geometry import Geometry
 from thingc.emit.mjcf import adding, check, compat, raw, scene
@@ -84,6 +85,7 @@ def models(request: EmitRequest) -> Models:
 def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str], dict[str, Stored]]:
     """The model of each chosen mode as text, by mode, with the `floor` of its scene or without, and the meshes that they name, by file;
     nothing else: MuJoCo is not asked."""
+    request = called(request)
     geometry, _, roots = _roots(request)
     texts: dict[str, str] = {}
     for robot, root in zip(request.robots, roots, strict=True):

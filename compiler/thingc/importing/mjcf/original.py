@@ -14,6 +14,9 @@ from thingc.source import Span
 
 WORLD = 0
 KINDS = ("body", "joint", "geom", "site", "camera", "actuator", "sensor", "equality", "tendon")
+ROUNDED = 1e-14
+"""How far numbers that are the same may be apart, of the largest of them."""
+
 MANY = {"body": "bodies", "equality": "equalities"}
 SOLREF, SOLIMP = "0.02 1", "0.9 0.95 0.001 0.5 2"
 """How soft constraints are of which nothing is said."""
@@ -103,5 +106,16 @@ def numbers(values: Any) -> str:
 
 
 def differing(wanted: Sequence[tuple[str, str]], otherwise: dict[str, str]) -> Raw:
-    """Those attributes that would be written otherwise."""
-    return tuple((name, value) for name, value in wanted if otherwise.get(name) != value)
+    """Those attributes that would be written otherwise: by more than what MuJoCo rounds where it works a number out of others."""
+    return tuple((name, value) for name, value in wanted if not _alike(value, otherwise.get(name, "")))
+
+
+def _alike(one: str, other: str) -> bool:
+    if one == other:
+        return True
+    try:
+        these, those = [float(word) for word in one.split()], [float(word) for word in other.split()]
+    except ValueError:
+        return False
+    near = ROUNDED * max(map(abs, (*these, *those)), default=0.0)
+    return len(these) == len(those) and all(abs(a - b) <= near for a, b in zip(these, those, strict=True))

@@ -1,0 +1,159 @@
+"""What files call things of a robot: the names that its documents give them, found by those who read the files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+import pytest
+from ruamel.yaml import YAML
+
+import thingc
+from thingc import modes
+from thingc.diagnostics import Severity
+
+ARM = """thingc: assembly/1
+name: arm
+components:
+  upper:
+    link: true
+    mass: 1 kg
+    shapes: [{box: 50 50 200 mm}]
+    mounts: {elbow: {xyz: 0 0 100 mm}}
+  lower:
+    link: true
+    mass: 1 kg
+    shapes: [{box: 50 50 200 mm}]
+    mounts: {hand: {xyz: 0 0 100 mm}}
+joints:
+  elbow:
+    type: revolute
+    parent: upper.elbow
+    child: lower.origin
+    axis: [0, 1, 0]
+    limit: {lower: -90 deg, upper: 90 deg}
+    drive: {kind: position, kp: 5 N*m/rad, effort: 9 N*m}
+  follower:
+    type: revolute
+    parent: upper.origin
+    child: pulley.origin
+    axis: [0, 1, 0]
+    mimic: {joint: elbow, multiplier: 0.5}
+mounts: {hand: lower.hand}
+sensors:
+  imu: {type: imu, at: hand}
+names:
+  components: {lower: forearm-link}
+  mounts: {hand: "tool/0"}
+  joints: {elbow: "2"}
+  actuators: {elbow: elbow motor}
+  sensors: {imu: tool-imu, "imu:gyro": gyro.0}
+"""
+PULLEY = "  pulley: {link: true, mass: 100 g, shapes: [{sphere: {radius: 20 mm}}]}\n"
+PAIR = """thingc: assembly/1
+name: pair
+components:
+  base:
+    link: true
+    mass: 5 kg
+    shapes: [{box: 400 400 50 mm}]
+    mounts: {left: {xyz: 0 100 200 mm}, right: {xyz: 0 -100 200 mm}}
+  left: {assembly: arm.yaml, at: {in: base.left}}
+  right: {assembly: arm.yaml, at: {in: base.right}}
+poses: {bent: {left.elbow: 30 deg, right.elbow: -30 deg}}
+modes:
+  stand: {root: base, base: fixed, pose: bent, actuators: ["left.*"]}
+  hang: {root: left.hand, base: fixed, at: {xyz: 0 0 2 m}, pose: bent}
+names:
+  components: {base: base-link}
+  poses: {bent: "bent: 30"}
+raw:
+  mjcf:
+    joint: {left.elbow: {margin: 0.01}}
+    actuator: {left.elbow: {group: 2}}
+    equality: {"left.follower:mimic": {solref: 0.03 1}}
+    add:
+      tendon: [{fixed: {name: cable, in: [{joint: {joint: left.elbow, coef: 2}}]}}]
+  urdf: {joint: {left.elbow: {safety_controller: {k_velocity: 10}}}}
+"""
+
+
+@pytest.fixture(scope="module")
+def document(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("pair")
+    (folder / "arm.yaml").write_text(ARM.replace("joints:\n", f"{PULLEY}joints:\n", 1))
+    (folder / "pair.yaml").write_text(PAIR)
+    return folder / "pair.yaml"
+
+
+@pytest.fixture(scope="module")
+def pair(document: Path) -> thingc.Compiled:
+    return thingc.compile(document)
+
+
+@pytest.fixture(scope="module")
+def files(document: Path) -> Path:
+    """All of it as a build folder."""
+    folder = document.parent / "built"
+    said = thingc.family(document).write({}, folder, emit=["mjcf", "urdf", "sdf", "ros", "usd"])
+    assert not [one for one in said if one.severity is Severity.ERROR]
+    return folder
+
+
+def test_mujoco_finds_everything_by_the_names_of_the_documents(pair: thingc.Compiled) -> None:
+    model = pair.modes["stand"].model()
+    assert {model.body(k).name for k in range(1, model.nbody)} == {
+        "base-link", "left/forearm-link", "left/pulley", "right/forearm-link", "right/pulley",
+    }
+    assert [model.joint(k).name for k in range(model.njnt)] == ["left/2", "left/follower", "right/2", "right/follower"]
+    assert [model.actuator(k).name for k in range(model.nu)] == ["left/elbow motor"]
+    assert model.actuator(0).trnid[0] == model.joint("left/2").id
+    assert {"left/tool/0", "right/tool/0"} <= {model.site(k).name for k in range(model.nsite)}
+    assert [model.sensor(k).name for k in range(3)] == ["left/tool-imu:accelerometer", "left/gyro.0", "left/tool-imu:quat"]
+    assert model.key("bent: 30").qpos[model.joint("left/2").qposadr[0]] == pytest.approx(0.5235987755982988)
+
+
+def test_raw_attributes_find_things_by_either_name(pair: thingc.Compiled) -> None:
+    model = pair.modes["stand"].model()
+    assert model.joint("left/2").margin[0] == 0.01 and model.joint("right/2").margin[0] == 0.0
+    assert model.actuator("left/elbow motor").group[0] == 2
+    assert model.eq("left/follower:mimic").solref[0] == 0.03
+    assert model.tendon_num[model.tendon("cable").id] == 1 and model.wrap_objid[0] == model.joint("left/2").id
+
+
+def test_a_state_goes_from_one_mode_to_another(files: Path) -> None:
+    """The tool stays where it is as the root changes from the base to it."""
+    stand, hang = (mujoco.MjModel.from_xml_path(str(files / f"mjcf/pair_{mode}.xml")) for mode in ("stand", "hang"))
+    robot, before, after = modes.Modes.load(files / "modes.json"), mujoco.MjData(stand), mujoco.MjData(hang)
+    mujoco.mj_resetDataKeyframe(stand, before, stand.key("bent: 30").id)
+    robot.switch(("stand", before), ("hang", after), tolerance=10.0)
+    assert {name: float(after.joint(name).qpos[0]) for name in ("left/2", "right/2")} == pytest.approx(
+        {"left/2": 0.5235987755982988, "right/2": -0.5235987755982988},
+    )
+
+
+def test_urdf_sdf_and_ros_call_it_so(files: Path) -> None:
+    """With `_` for what parts a path; the parts of a file name one another by the same names."""
+    urdf, sdf = (ElementTree.parse(files / path).getroot() for path in ("urdf/pair_stand.urdf", "sdf/pair_stand/model.sdf"))
+    links = {link.attrib["name"] for link in urdf.iter("link")}
+    assert {"base-link", "left_forearm-link", "right_forearm-link", "left_tool_0"} <= links and "left_lower" not in links
+    joints = {joint.attrib["name"]: joint for joint in urdf.findall("joint")}
+    assert joints["left_2"].find("child").attrib["link"] == "left_forearm-link"
+    assert joints["left_follower"].find("mimic").attrib["joint"] == "left_2"
+    assert joints["left_2"].find("safety_controller").attrib == {"k_velocity": "10"}
+    assert {one.attrib["name"] for one in sdf.iter("joint")} >= {"left_2", "right_2"}
+    assert next(one for one in sdf.iter("joint") if one.attrib["name"] == "left_2").find("child").text == "left_forearm-link"
+    assert {one.attrib["name"] for one in sdf.iter("sensor")} == {"left_tool-imu", "right_tool-imu"}
+    config = YAML(typ="safe").load(files / "ros/pair_description/config/controllers.yaml")
+    assert any("left_2" in one["ros__parameters"].get("joints", ()) for one in config.values())
+
+
+def test_the_viewer_and_usd_have_the_words_of_the_document(files: Path) -> None:
+    stage = (files / "usd/pair_stand.usda").read_text()
+    assert '"left_lower"' in stage and "forearm" not in stage
+
+
+def test_documents_are_spoken_of_in_their_own_words(pair: thingc.Compiled) -> None:
+    assert {"left/lower", "right/lower"} <= set(pair.links)
+    assert [frame.name for frame in pair.modes["stand"].robot.keyframes] == ["bent"]
