@@ -90,7 +90,10 @@ def test_a_broken_save_keeps_the_last_schema_and_the_next_one_mends_it(watched: 
     arm = watched.folder / "assemblies/arm.yaml"
     text, before = arm.read_text(), watched.schema("assemblies/arm.yaml")
     kept = "assemblies/arm.yaml: not well-formed just now; it keeps its last schema"
-    watched.after(arm, text + "x: [\n", lambda: kept in watched.text())
+    arm.write_text("")  # by an editor that has not written it yet
+    assert wait_until(lambda: kept in watched.text(), PATIENCE)
+    assert watched.schema("assemblies/arm.yaml") == before
+    watched.after(arm, text + "x: [\n", lambda: watched.text().count(kept) == 2)
     assert watched.schema("assemblies/arm.yaml") == before
     fresh = text.replace("  home: {", "  away: {}\n  home: {")
     watched.after(arm, fresh, lambda: "away" in json.dumps(watched.schema("assemblies/arm.yaml")["$defs"]["ModeSpec"]))

@@ -14,7 +14,7 @@ from typing import NoReturn
 
 COMMANDS = {
     "new": "make a workspace that builds at once, with a robot to change",
-    "import": "write a robot of another format (URDF) as a document, and what that cannot say of it",
+    "import": "write a robot of another format (URDF, xacro, MJCF, SDF) as a document, and what that cannot say of it",
     "build": "write simulation models and manufacturing files of a robot",
     "watch": "build a robot again after every save, with the CAD kernel loaded",
     "view": "show a robot in the browser, as its document stands after every save",
