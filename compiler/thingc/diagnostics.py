@@ -129,6 +129,7 @@ class Code(Enum):
     COORDINATES = ("TC361", "values of several coordinates", "Write a list with one entry for each coordinate of the joint.")
     MIRROR_AXES = ("TC362", "mirrored along two axes", "Mirror the assembly along the axis along which what is in it is mirrored.")
     UNKNOWN_TENDON = ("TC363", "unknown tendon", "Name a tendon of the same document.")
+    TENDON_PATH = ("TC364", "path of a tendon", "Follow the rule in the message: a path goes from mount to mount.")
 
     # --- TC4xx: parts (realize) ------------------------------------------------------------------------------------
     PART_RAISED = ("TC401", "part raised an exception", "Give the part parameters that it can be made with, or mend the part file.")

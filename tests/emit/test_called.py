@@ -25,7 +25,7 @@ components:
     link: true
     mass: 1 kg
     shapes: [{box: 50 50 200 mm}]
-    mounts: {hand: {xyz: 0 0 100 mm}}
+    mounts: {hand: {xyz: 0 0 100 mm}, above: {xyz: 0 0 150 mm}}
 joints:
   elbow:
     type: revolute
@@ -40,12 +40,12 @@ joints:
     child: pulley.origin
     axis: [0, 1, 0]
     mimic: {joint: elbow, multiplier: 0.5}
-mounts: {hand: lower.hand}
+mounts: {hand: lower.hand, above: lower.above}
 sensors:
   imu: {type: imu, at: hand}
 names:
   components: {lower: forearm-link}
-  mounts: {hand: "tool/0"}
+  mounts: {hand: "tool/0", above: side}
   joints: {elbow: "2"}
   actuators: {elbow: elbow motor}
   sensors: {imu: tool-imu, "imu:gyro": gyro.0}
@@ -61,6 +61,11 @@ components:
     mounts: {left: {xyz: 0 100 200 mm}, right: {xyz: 0 -100 200 mm}}
   left: {assembly: arm.yaml, at: {in: base.left}}
   right: {assembly: arm.yaml, at: {in: base.right}}
+tendons:
+  string:
+    path: [base.right, {around: left.hand, sphere: 30 mm, side: left.above}, base.left, {pulley: 2}, left.hand, right.hand]
+    dynamics: {stiffness: 5 N/m}
+    drive: {kind: motor, effort: 3 N}
 poses: {bent: {left.elbow: 30 deg, right.elbow: -30 deg}}
 modes:
   stand: {root: base, base: fixed, pose: bent, actuators: ["left.*"]}
@@ -119,7 +124,33 @@ def test_raw_attributes_find_things_by_either_name(pair: thingc.Compiled) -> Non
     assert model.joint("left/2").margin[0] == 0.01 and model.joint("right/2").margin[0] == 0.0
     assert model.actuator("left/elbow motor").group[0] == 2
     assert model.eq("left/follower:mimic").solref[0] == 0.03
-    assert model.tendon_num[model.tendon("cable").id] == 1 and model.wrap_objid[0] == model.joint("left/2").id
+    cable = model.tendon("cable").id
+    assert model.tendon_num[cable] == 1 and model.wrap_objid[model.tendon_adr[cable]] == model.joint("left/2").id
+
+
+def test_tendons_on_paths_go_through_what_files_call_otherwise(pair: thingc.Compiled, document: Path) -> None:
+    """They are as long as those of the documents without names."""
+    for name in ("arm", "pair"):
+        whole = (document.parent / f"{name}.yaml").read_text()
+        plain = document.parent / "plain" / f"{name}.yaml"
+        plain.parent.mkdir(exist_ok=True)
+        plain.write_text(whole.split("names:\n")[0])
+    for mode in ("stand", "hang"):
+        model, other = pair.modes[mode].model(), thingc.compile(plain).modes[mode].model()
+        string = model.tendon("string").id
+        through = model.wrap_objid[model.tendon_adr[string] :][: model.tendon_num[string]]
+        assert through[-2:].tolist() == [model.site("left/tool/0").id, model.site("right/tool/0").id]
+        assert model.wrap_prm[model.tendon_adr[string] + 1] == model.site("left/side").id
+        lengths = [at_bent(one).tendon("string").length[0] for one in (model, other)]
+        assert lengths[0] == pytest.approx(lengths[1], abs=1e-12) and lengths[0] > 0.1
+        assert model.tendon_lengthspring[string] == pytest.approx(other.tendon_lengthspring[other.tendon("string").id])
+
+
+def at_bent(model: mujoco.MjModel) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    return data
 
 
 def test_a_state_goes_from_one_mode_to_another(files: Path) -> None:

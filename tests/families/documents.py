@@ -108,21 +108,32 @@ name: strung
 parameters:
   lever: {{value: 12 mm/rad, doc: of the cable about the pitch}}
   thickness: {{value: 20 mm, min: 5 mm}}
+  reach: {{value: 60 mm, doc: how far from the post the rope comes from it}}
+  drum: {{value: 25 mm, min: 5 mm}}
+  axle: {{value: 70 mm, doc: where the drum is on the thigh}}
 components:
-  post: {{frame: true, mass: 2 kg, {INERTIA}, mounts: {{top: {{xyz: 0 0 600 mm}}, tie: {{xyz: 50 0 500 mm}}}}}}
+  post:
+    frame: true
+    mass: 2 kg
+    {INERTIA}
+    mounts: {{top: {{xyz: 0 0 600 mm}}, tie: {{xyz: 50 0 500 mm}}, eye: {{xyz: [=reach, 20 mm, 500 mm]}}}}
   hip: {{frame: true}}
   thigh:
     frame: true
     mass: 0.8 kg
     com: [5 mm, 0, -100 mm]
     {INERTIA}
-    mounts: {{knee: {{xyz: 0 0 -200 mm}}, tie: {{xyz: 30 0 -90 mm}}}}
+    mounts:
+      knee: {{xyz: 0 0 -200 mm}}
+      tie: {{xyz: 30 0 -90 mm}}
+      drum: {{xyz: [=axle, 0 mm, -150 mm], rpy: 90 0 0 deg}}
+      by: {{xyz: 300 0 -150 mm}}
   shank:
     link: true
     mass: 0.4 kg
     shapes:
       - {{box: [=thickness, =thickness, 160 mm], at: {{xyz: 0 0 -80 mm}}, friction: {{slide: 0.7}}}}
-    mounts: {{end: {{xyz: 0 0 -180 mm}}}}
+    mounts: {{end: {{xyz: 0 0 -180 mm}}, middle: {{xyz: 0 0 -60 mm}}}}
   foot: {{frame: true, mass: 0.1 kg, {INERTIA}}}
 joints:
   roll:
@@ -160,6 +171,17 @@ tendons:
     dynamics: {{stiffness: 200 N/m, damping: 3 N*s/m, rest: 5 mm}}
     drive: {{kind: position, kp: 900 N/m, effort: 40 N}}
   band: {{joints: {{roll: 1, pitch: -0.5}}, dynamics: {{friction: 0.1 N*m}}}}
+  rope:
+    path:
+      - post.eye
+      - {{around: thigh.drum, cylinder: =drum, side: thigh.by}}
+      - shank.end
+      - {{pulley: 2}}
+      - thigh.tie
+      - {{around: shank.middle, sphere: 15 mm}}
+      - shank.end
+    dynamics: {{stiffness: 40 N/m}}
+    drive: {{kind: position, kp: 60 N/m}}
 mounts: {{stand: post.origin, sole: foot.origin}}
 poses: {{bent: {{roll: 10 deg, pitch: 20 deg, knee: -30 deg}}}}
 modes:

@@ -55,7 +55,8 @@ STRUNG: dict[str, tuple[float, str]] = {
     "tendons.cable.drive.kp": (900.0, "N/m"), "tendons.band.dynamics.friction": (0.1, "N*m"),
     "joints.roll.dynamics.rest": (0.09, "rad"), "joints.roll.dynamics.stiffness": (3.0, "N*m/rad"),
     "joints.pitch.dynamics.armature": (0.003, "kg*m^2"), "joints.knee.offset": (0.07, "rad"), "components.thigh.mass": (0.8, "kg"),
-    "components.shank.mass": (0.4, "kg"), "poses.bent.knee": (-0.52, "rad"),
+    "components.shank.mass": (0.4, "kg"), "poses.bent.knee": (-0.52, "rad"), "reach": (0.06, "m"),
+    "tendons.rope.dynamics.stiffness": (40.0, "N/m"), "tendons.rope.drive.kp": (60.0, "N/m"),
 }
 """What is set of `strung.yaml`, about what it says, and its units."""
 
@@ -64,6 +65,7 @@ UNITS = {
     "joints.lift.limit.upper": "rad", "joints.lift.limit.velocity": "rad/s", "joints.gear.mimic.offset": "rad",
     "joints.gear.dynamics.armature": "kg*m^2", "joints.turn.drive.kv": "N*m*s/rad", "joints.neck.limit.cone": "rad",
     "poses.low.lift": "rad", "defaults.joint.dynamics.damping": "N*m*s/rad", "teeth": "",
+    "drum": "m", "axle": "m",
     "components.tool.components.finger.mass": "kg", "modes.stuck.contacts.adhesion.hook": "N", "joints.flip.drive.effort": "N*m",
     **{name: unit for name, (_, unit) in STRUNG.items()},
 }
@@ -92,6 +94,29 @@ def test_tendons_and_springs_are_written_into_arrays(strung: thingc.RobotFamily,
         assert isinstance(model, mujoco.MjModel) and differing(model, whole) == []
     plan = strung._of(mode, True).forms.of(strung._reader.read(many[-1])).plan_for(strung._reader.read(many[-1]))
     assert plan is not None and type(plan[0].made).__name__ == "Arrays"
+
+
+@pytest.mark.parametrize("name", ["drum", "axle"])
+def test_shapes_that_tendons_go_around_are_followed(strung: thingc.RobotFamily, name: str) -> None:
+    """Also where the rope comes to touch one, or no longer does."""
+    value = {"drum": 0.025, "axle": 0.07}[name]
+    many = [{name: value * share} for share in (1.0, 1.03, 0.21, 2.0, 1.1, 0.97)]
+    for visual in (True, False):
+        met = set()
+        for one, model in zip(many, strung.models(many, mode="standing", share=True, visual=visual), strict=True):
+            assert isinstance(model, mujoco.MjModel), model
+            whole = compiled(strung, one, "standing")
+            lengths = [lengths_of(one) for one in (model, whole)]
+            assert lengths[0] == lengths[1] and (not visual or differing(model, whole) == [])
+            met.add(tuple(lengths[0]))
+        assert len(met) == len(many)
+
+
+def lengths_of(model: mujoco.MjModel) -> list[float]:
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    return [*data.ten_length.tolist(), *model.tendon_lengthspring.ravel().tolist(), *data.ctrl.tolist()]
 
 
 def test_a_shared_model_is_lent_and_others_are_one_s_own(everything: thingc.RobotFamily) -> None:

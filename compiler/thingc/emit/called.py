@@ -12,7 +12,18 @@ from typing import TypeVar
 
 from thingc.emit.mjcf.adding import KINDS, OBJECTS
 from thingc.emit.request import EmitRequest
-from thingc.graph.types import ActuatorModel, Assembly, FileNames, JointEdge, LinkedMode, LinkedMount, LinkedSensor, Mate, RootChoice
+from thingc.graph.types import (
+    ActuatorModel,
+    Assembly,
+    FileNames,
+    JointEdge,
+    LinkedMode,
+    LinkedMount,
+    LinkedSensor,
+    LinkedTendon,
+    Mate,
+    RootChoice,
+)
 from thingc.resolve.coordinates import CoordinateName, Mimic
 from thingc.resolve.model import NamedPose, RawAttribute, RawElement
 from thingc.robot.types import Closure, CoreJoint, Keyframe, Robot
@@ -102,7 +113,7 @@ class _Caller:
             adhesions=tuple(replace(one, path=self.mount(one.path)) for one in assembly.adhesions),
             raw=tuple(map(self._attribute, assembly.raw)),
             added=tuple(map(self._element, assembly.added)),
-            tendons=tuple(replace(one, moves=self.of_joints(one.moves)) for one in assembly.tendons),
+            tendons=tuple(map(self._tendon, assembly.tendons)),
             sensors=tuple(map(self._sensor, assembly.sensors)),
             names=None,
         )
@@ -133,6 +144,10 @@ class _Caller:
 
     def _linked(self, mount: LinkedMount | None) -> LinkedMount | None:
         return None if mount is None else replace(mount, path=self.mount(mount.path))
+
+    def _tendon(self, tendon: LinkedTendon) -> LinkedTendon:
+        steps = (replace(step, mount=self._linked(step.mount), side=self._linked(step.side)) for step in tendon.steps)
+        return replace(tendon, moves=self.of_joints(tendon.moves), steps=tuple(steps))
 
     def _sensor(self, sensor: LinkedSensor) -> LinkedSensor:
         names, begin = self.names.sensors, f"{sensor.path}:"

@@ -73,6 +73,7 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
     order = [joint.path for body in robot.bodies if body.parent is not None for joint in body.joints]
     order += [joint.path for closure in robot.closures for joint in closure.joints]
     stands = ((frame.name, frame.base) for frame in robot.keyframes)
+    moved = {one.path: one.moves for one in tendons.present(robot) if one.moves}
     bases = {name: base.rows() for name, base in stands if base is not None and base != robot.bodies[0].X_PL}
     return {
         "version": VERSION,
@@ -83,7 +84,7 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
         **({"X_world_at": robot.mode.at.rows()} if robot.moves else {}),
         "links": _links(robot, names, memo),
         "joints": _joints(robot, names, memo, separator),
-        **({"tendons": {one.path: one.moves for one in tendons.present(robot)}} if robot.assembly.tendons else {}),
+        **({"tendons": moved} if moved else {}),
         "holds": {
             closure.path: {
                 "link": names[closure.child], "carries": "force" if closure.kind == "ball" else "force and torque",

@@ -13,11 +13,12 @@ from thingc.graph.kinematics import forward_kinematics, neighbourhood, on_loops
 from thingc.graph.links import connected_components, links_of
 from thingc.graph.listed import Meshes
 from thingc.graph.mates import check_loops, loops_in, mates_of, stated_joints
-from thingc.graph.modes import added_of, adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of, tendons_of
+from thingc.graph.modes import added_of, adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of
 from thingc.graph.names import names_of
 from thingc.graph.part_instances import PartInstances
 from thingc.graph.physics import check_links, check_stated
 from thingc.graph.plausible import check_plausible
+from thingc.graph.tendons import rested, tendons_of
 from thingc.graph.tests import tests_of
 from thingc.graph.types import Assembly, Mate, Occurrence
 from thingc.graph.unroll import Instance, Tree
@@ -54,6 +55,7 @@ def link(
     check_loops(mates, link_of, links, findings)
     modes = modes_of(tree, model, link_of, findings)
     sensors = sensors_of(tree, link_of)
+    tendons = tendons_of(tree, link_of, findings)
     adhesions = adhesions_of(tree, model)
     names = names_of(tree, occurrences, links, mates, exported, sensors, model.poses, findings)
     between = links_between(links, link_of, occurrences, mates, modes, adhesions)
@@ -77,12 +79,13 @@ def link(
         if not leaves.unknown and not unmodelled:
             _say_apart(tree, model, at, findings)
         return None
+    tendons = tuple(rested(tendon, occurrences, at, findings) for tendon in tendons)
     if findings.failed:
         return None
     assembly = Assembly(
         name=model.name, definition=model, base=base, occurrences=occurrences, mates=mates, links=links,
         link_of=link_of, rest=tuple(at[index] for index in range(len(occurrences))), exported=exported, poses=model.poses,
-        modes=modes, adhesions=adhesions, raw=raw_of(tree), added=added_of(tree), tendons=tendons_of(tree), sensors=sensors, tests=tests,
+        modes=modes, adhesions=adhesions, raw=raw_of(tree), added=added_of(tree), tendons=tendons, sensors=sensors, tests=tests,
         between=between, names=names,
     )
     check_plausible(tree, assembly, findings)

@@ -10,7 +10,6 @@ from thingc.diagnostics import Code
 from thingc.graph.findings import Findings, noted
 from thingc.graph.kinematics import balls, coordinates
 from thingc.graph.types import (
-    ActuatorModel,
     Adhesion,
     ExportedMount,
     Foot,
@@ -19,7 +18,6 @@ from thingc.graph.types import (
     LinkedMode,
     LinkedMount,
     LinkedSensor,
-    LinkedTendon,
     RootChoice,
 )
 from thingc.graph.unroll import Instance, Tree
@@ -136,7 +134,7 @@ def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
     sensors: list[LinkedSensor] = []
     for instance, definition in tree.assemblies:
         for one in definition.sensors:
-            mounts = {reference: _mount(tree, instance, reference) for reference in (one.mount, one.seen_from) if reference is not None}
+            mounts = {reference: mount_of(tree, instance, reference) for reference in (one.mount, one.seen_from) if reference is not None}
             touching = [link for component in one.touching for link in _links_named(tree, component, link_of, instance)]
             if None in mounts.values() or len(touching) < len(one.touching):
                 continue
@@ -150,7 +148,7 @@ def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
     return tuple(sensors)
 
 
-def _mount(tree: Tree, instance: Instance, reference: Reference) -> LinkedMount | None:
+def mount_of(tree: Tree, instance: Instance, reference: Reference) -> LinkedMount | None:
     """A mount that the document of `instance` names; None where it is wrong (reported)."""
     found = tree.find(instance, reference)
     if found is None:
@@ -213,23 +211,6 @@ def added_of(tree: Tree) -> tuple[RawElement, ...]:
         return replace(element, attributes=attributes, children=children, origin=element.origin + instance.origin)
 
     return tuple(within(instance, element) for instance, definition in tree.assemblies for element in definition.added)
-
-
-def tendons_of(tree: Tree) -> tuple[LinkedTendon, ...]:
-    """The tendons of every document, at their paths."""
-    tendons: list[LinkedTendon] = []
-    for instance, definition in tree.assemblies:
-        for one in definition.tendons:
-            drive = one.drive
-            tendons.append(LinkedTendon(
-                path=instance.within(one.name), moves={instance.within(name.path): factor for name, factor in one.moves}, turns=one.turns,
-                limit=one.limit, dynamics=one.dynamics, origin=one.origin + instance.origin,
-                actuator=None if drive is None else ActuatorModel(
-                    kind=drive.kind or "motor", kp=drive.kp, kv=drive.kv, effort=drive.effort, velocity=drive.velocity,
-                    origin=drive.origin + instance.origin,
-                ),
-            ))
-    return tuple(tendons)
 
 
 def check_poses(

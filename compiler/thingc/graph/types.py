@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field
+from typing import Literal
 
 from thingc.brief import Brief
 from thingc.frozen import dataclass
@@ -313,9 +314,23 @@ class LinkedSensor(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TendonStep(Brief):
+    """Of the path of a tendon: a `mount` that it goes through, or, with a `shape` of a `radius` [m], that it goes around, on the side of
+    the mount `side` if there is one; or (without a mount) a pulley, behind which lengths are divided by `divisor`."""
+
+    mount: LinkedMount | None
+    shape: Literal["sphere", "cylinder"] | None
+    radius: float | None
+    side: LinkedMount | None
+    divisor: float | None
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LinkedTendon(Brief):
     """A tendon at its path (`hand/grip`): `moves` by joint path how much longer it gets per unit of q, `turns` whether its length is an
-    angle [rad], else it is [m]."""
+    angle [rad], else it is [m]. One on a path has `steps`, and a `width` [m] if one is stated; its spring rests where it is stated, else
+    where its length is that at q = 0."""
 
     path: str
     moves: dict[str, float]
@@ -324,9 +339,16 @@ class LinkedTendon(Brief):
     dynamics: Dynamics
     actuator: ActuatorModel | None
     origin: Origin
+    steps: tuple[TendonStep, ...] = ()
+    width: float | None = None
+
+    @property
+    def mounts(self) -> tuple[LinkedMount, ...]:
+        """Those that it speaks of."""
+        return tuple(one for step in self.steps for one in (step.mount, step.side) if one is not None)
 
     def length(self, q: Mapping[str, float]) -> float:
-        """How long it is at `q` (every joint by path, rad or m)."""
+        """How long one over joints is at `q` (every joint by path, rad or m)."""
         return sum(factor * q[path] for path, factor in self.moves.items())
 
 

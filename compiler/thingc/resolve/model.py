@@ -232,9 +232,22 @@ class Joint(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PathStep(Brief):
+    """Of the path of a tendon: a `mount` that it goes through, or, with a `shape` of a `radius` [m], that it goes around, on the side of
+    the mount `side` if there is one; or (without a mount) a pulley, behind which lengths are divided by `divisor`."""
+
+    mount: Reference | None = None
+    shape: Literal["sphere", "cylinder"] | None = None
+    radius: float | None = None
+    side: Reference | None = None
+    divisor: float | None = None
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Tendon(Brief):
     """A sum of coordinates, its length: `moves` has the factor of each [by the units of q], `turns` says whether the length is an angle
-    [rad], else it is [m]. Limit, dynamics and drive are along it."""
+    [rad], else it is [m]. Or the length of a `path`, drawn with a `width` [m]. Limit, dynamics and drive are along it."""
 
     name: str
     moves: tuple[tuple[CoordinateName, float], ...]
@@ -243,6 +256,8 @@ class Tendon(Brief):
     dynamics: Dynamics
     drive: Drive | None
     origin: Origin
+    path: tuple[PathStep, ...] = ()
+    width: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,30 +1,81 @@
-"""Tendons: sums of coordinates that springs, limits and drives act along."""
+"""Tendons: sums of coordinates, or paths through mounts, that springs, limits and drives act along."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, Literal
 
 from thingc.diagnostics import Code, Note
 from thingc.joints import dimensions_of
+from thingc.resolve import references
 from thingc.resolve.coordinates import CoordinateName, Dynamics, Limit
-from thingc.resolve.model import Drive, Tendon
+from thingc.resolve.model import Drive, PathStep, Tendon
 from thingc.resolve.references import suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
 from thingc.source import Path
-from thingc.spec.tendons import TendonSpec
-from thingc.units import ANGLE, LENGTH, Dimension, Quantity
+from thingc.spec.tendons import AroundSpec, PulleySpec, TendonSpec
+from thingc.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 
 
 def tendons(table: Table, scope: Scope) -> Iterator[Tendon]:
     """The tendons of the document, in its order. One that is wrong is left out (reported)."""
     for name, spec in table.spec.tendons.items():
         path: Path = ("tendons", name)
+        if spec.path is not None:
+            steps = tuple(_steps(table, scope, name, spec.path, (*path, "path")))
+            width, what = None, f"`width` of tendon `{name}`"
+            if spec.width is not None:
+                width = scope.number(spec.width, (*path, "width"), LENGTH, what, above=0.0)
+            tendon = _tendon(scope, name, spec, path, LENGTH, ())
+            if len(steps) == len(spec.path) and _sound(scope, name, steps, (*path, "path")):
+                yield replace(tendon, path=steps, width=width)
+            continue
         terms = _terms(table, scope, name, spec, path)
         if terms is not None:
             coordinate, moves = terms
             yield _tendon(scope, name, spec, path, coordinate, moves)
+
+
+def _steps(table: Table, scope: Scope, name: str, written: Sequence[str | AroundSpec | PulleySpec], path: Path) -> Iterator[PathStep]:
+    """The sound steps of a path; what is wrong with others is reported."""
+    for number, one in enumerate(written):
+        place: Path = (*path, number)
+        if isinstance(one, str):
+            mount = references.shown_mount(table, scope, one, place)
+            if mount is not None:
+                yield PathStep(mount=mount, origin=scope.origin(place))
+        elif isinstance(one, PulleySpec):
+            divisor = scope.number(one.pulley, (*place, "pulley"), NUMBER, f"a pulley of tendon `{name}`", above=0.0)
+            if divisor is not None:
+                yield PathStep(divisor=divisor, origin=scope.origin(place))
+        else:
+            shape: Literal["sphere", "cylinder"] = "sphere" if one.sphere is not None else "cylinder"
+            centre = references.shown_mount(table, scope, one.around, (*place, "around"))
+            radius = scope.number(getattr(one, shape), (*place, shape), LENGTH, f"a radius of tendon `{name}`", above=0.0)
+            side = None if one.side is None else references.shown_mount(table, scope, one.side, (*place, "side"))
+            if centre is not None and radius is not None and (side is not None or one.side is None):
+                yield PathStep(mount=centre, shape=shape, radius=radius, side=side, origin=scope.origin(place))
+
+
+def _sound(scope: Scope, name: str, steps: Sequence[PathStep], path: Path) -> bool:
+    """Whether each piece of a path, between pulleys, goes from a mount to a mount, with at most one shape between two of them."""
+    kinds = ["pulley" if step.mount is None else "shape" if step.shape is not None else "mount" for step in steps]
+    for number, (kind, before, after) in enumerate(zip(kinds, ["pulley", *kinds], [*kinds[1:], "pulley"], strict=False)):
+        if kind == "shape" and not before == after == "mount":
+            fault = f"tendon `{name}` goes around something that is not between two mounts"
+            help = "name a mount before it, and one behind it"
+        elif kind == "mount" and before == after == "pulley":
+            fault = f"tendon `{name}` goes from here to nowhere"
+            help = "a path needs two mounts, and so does each of its pieces between pulleys"
+        elif kind == "pulley" and (number == 0 or after == "pulley"):
+            fault, help = f"a pulley of tendon `{name}` has no path before it, or behind it", "take it out"
+        else:
+            continue
+        scope.error(Code.TENDON_PATH, fault, (*path, number), help=help)
+        return False
+    return True
 
 
 def _terms(
@@ -33,7 +84,7 @@ def _terms(
     """The dimension of the length, that of its first term, and the factors by coordinate."""
     moves: list[tuple[CoordinateName, float]] = []
     length: Dimension | None = None
-    for text, raw in spec.joints.items():
+    for text, raw in (spec.joints or {}).items():
         place: Path = (*path, "joints", text)
         balls = (one for one in table.joints.values() if one is not None and one.kind.at_once and text in (one.name.joint, one.name))
         joint = next(balls, None) or table.joints.get(CoordinateName(text))
@@ -75,7 +126,8 @@ def _tendon(
         what = f"`{section}.{key}` of tendon `{name}`"
         return None if raw is None else scope.number(raw, (*path, section, key), of[key], what, least=least)
 
-    limit = Limit(lower=number("limit", "lower", least=None), upper=number("limit", "upper", least=None))
+    least = 0.0 if spec.path is not None else None  # a path has no length below 0
+    limit = Limit(lower=number("limit", "lower", least=least), upper=number("limit", "upper", least=least))
     if limit.lower is not None and limit.upper is not None and not limit.lower < limit.upper:
         scope.error(
             Code.LIMIT, f"limits of tendon `{name}` leave no room: expected lower < upper", (*path, "limit", "lower"), help="swap them",
@@ -83,7 +135,7 @@ def _tendon(
         limit = Limit()
     dynamics = Dynamics(
         **{key: number("dynamics", key) for key in ("damping", "friction", "armature", "stiffness")},
-        rest=number("dynamics", "rest", least=None),
+        rest=number("dynamics", "rest", least=least),
     )
     if dynamics.rest is not None and spec.dynamics is not None and spec.dynamics.stiffness is None:
         scope.error(

@@ -60,8 +60,8 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
 
 
 def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[Site]:
-    """Exported mounts at every level, frames, links that are part of another, the roots, holds and feet of every mode, and where sensors
-    sit, each name once."""
+    """Exported mounts at every level, frames, links that are part of another, the roots, holds and feet of every mode, where sensors
+    sit and tendons go, each name once."""
     placed = in_link(assembly)
     named: set[str] = set()
     wanted = [(mount.path, mount.occurrence, mount.mount, mount.origin) for mount in assembly.exported]
@@ -76,6 +76,7 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
     ]
     wanted += [(f.mount.path, f.mount.occurrence, f.mount.mount or "origin", f.origin) for m in assembly.modes for f in m.feet]
     wanted += [(mount.path, mount.occurrence, mount.mount, s.origin) for s in assembly.sensors for mount in s.mounts]
+    wanted += [(mount.path, mount.occurrence, mount.mount, t.origin) for t in assembly.tendons for mount in t.mounts]
     for path, occurrence, mount, origin in wanted:
         if path not in named:
             named.add(path)

@@ -17,6 +17,7 @@ from thingc.graph import joints_of, leaders
 from thingc.graph.types import JointEdge
 from thingc.joints import velocities
 from thingc.pose import NO_POSE, Pose, dot
+from thingc.robot.tendons import rates
 from thingc.robot.types import Robot
 from thingc.statics.loads import loads
 from thingc.statics.types import DriveTransmission, Efforts, answer
@@ -50,7 +51,7 @@ def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tup
     for tendon in robot.assembly.tendons:
         if tendon.path in robot.pulled and tendon.actuator is not None:
             by_leader: dict[str, float] = {}
-            for path, own in tendon.moves.items():
+            for path, own in rates(robot, tendon, q, bodies).items():
                 leader, factor, _ = following[path]
                 by_leader[leader] = by_leader.get(leader, 0.0) + own * factor
             limit = tendon.actuator.effort

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from thingc.pose import Pose, Vector, cross, dot
 from thingc.robot.kinematics import in_world
+from thingc.robot.tendons import course_of, rates
 from thingc.robot.types import Robot
 
 
@@ -43,7 +44,10 @@ def loads(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[
         for cut in closure.joints:
             load_of[cut.path] = cut.dynamics.sprung(q[cut.path])
     for tendon in robot.assembly.tendons:
-        pull = tendon.dynamics.sprung(tendon.length(q))
-        for path, factor in tendon.moves.items():
+        if tendon.dynamics.stiffness is None:
+            continue
+        long = course_of(robot, tendon, bodies).length if tendon.steps else tendon.length(q)
+        pull = tendon.dynamics.sprung(long)
+        for path, factor in rates(robot, tendon, q, bodies).items():
             load_of[path] = load_of.get(path, 0.0) + factor * pull
     return load_of

@@ -179,6 +179,7 @@ class _Builder:
         closures.sites(self.robot, world, made)
         sensors.cameras(self.robot, made)
         sensors.volumes(self.robot, made)
+        tendons.shapes(self.robot, made)
         # The sites of a link belong to it, not to what hangs on it: children come last.
         for element in made.values():
             element.children.sort(key=lambda child: child.tag == "body")
