@@ -80,7 +80,7 @@ class Watch:
         elif event in ("exec", "compile"):
             code = arguments[0] if event == "exec" else None
             file = getattr(code, "co_filename", arguments[1] if event == "compile" else "")
-            if event == "exec" and isinstance(file, str) and os.path.realpath(file).startswith(self.workspace + os.sep):
+            if event == "exec" and os.path.isabs(file) and os.path.realpath(file).startswith(self.workspace + os.sep):  # not "<string>"
                 self._note(f"exec {file}")
         elif event.startswith(_PROCESSES):
             self._note(event)

@@ -116,8 +116,9 @@ class Closure(Brief):
 
 
 def residual_words(residual: tuple[float, float]) -> str:
-    """How far from closed [m, rad], for people: `12.3 mm and 4.56 deg`."""
-    return f"{round(1000.0 * residual[0], 4):.3g} mm and {round(math.degrees(residual[1]), 4):.3g} deg"
+    """How far from closed [m, rad], for people: `12.3 mm and 4.56 deg`. Digits below 1e-4 are the solver's, and differ by machine."""
+    apart, turned = round(1000.0 * residual[0], 4), round(math.degrees(residual[1]), 4)
+    return f"{apart:.3g} mm and {turned:.3g} deg" if apart or turned else "less than 0.0001 mm and 0.0001 deg"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
