@@ -97,8 +97,8 @@ def run(arguments: argparse.Namespace) -> int:
         lines.say(made)
         if made.number == 1 and common.exit_code(made.diagnostics) != common.USAGE:
             common.say(server.address)
-            if not arguments.no_open:
-                webbrowser.open(server.address)
+            if not arguments.no_open and not webbrowser.open(server.address):
+                common.say("no browser could be started: open that address in one", stream=sys.stderr)
 
     with server, nullcontext() if beside is None else beside.followed(server):
         return until_interrupted(live, hear)

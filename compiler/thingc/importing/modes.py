@@ -39,6 +39,8 @@ def mode_lines(words: Words, roots: Sequence[str]) -> Iterator[str]:
     at, begin, shared = pose_words(words.robot.pose), f", pose: {word}" if start else "", _shared(words)
     place, more = (f", at: {{{at}}}" if at else ""), "".join(f", {key}: {value}" for key, value in shared.items())
     yield f"  source: {{root: {words.links[words.robot.root]}, base: {words.robot.base}{place}{begin}{more}}}"
+    # A robot that is held elsewhere would stand in the floor of its scene; how high it stands is worked out where something touches.
+    floor = any(shape.use == "collision" for link in words.robot.links for shape in link.shapes)
     taken = ["source"]
     for name in roots:
         mode = distinct([name], "link", taken)[name]
@@ -52,6 +54,8 @@ def mode_lines(words: Words, roots: Sequence[str]) -> Iterator[str]:
             elif "rpy:" in at and not turned:
                 turned = "rpy: 0 0 0"
             turned = ", ".join([*(["xyz: 0 0 0"] if "xyz:" in at else []), *([turned] if turned else [])])
+        elif floor:
+            turned = f"on: floor, {turned}" if turned else "on: floor"
         where = f", at: {{{turned}}}" if turned else ""
         extends = "extends: source, " if shared else ""
         yield f"  {mode}: {{{extends}root: {(words.links | words.frames)[name]}, base: held{where}{'' if shared else begin}}}"
