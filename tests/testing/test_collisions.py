@@ -130,7 +130,7 @@ def test_distances_of_random_primitives_are_mujocos(tmp_path: Path) -> None:
         apart += 0 < expected < 0.02
         together += expected < 0
         assert (solids[0].overlap(solids[1])[0] > 0) == (expected < 0) or abs(expected) < 5e-5
-    assert apart > 10 and together > 10
+    assert apart > 10 and together > 5
 
 
 def test_two_hundred_positions_of_the_arm_take_seconds(root: Path, rig: Workspace) -> None:
