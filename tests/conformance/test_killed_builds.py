@@ -95,7 +95,10 @@ def test_an_interrupted_build_leaves_nothing(scene: Scene, tmp_path: Path) -> No
     slow = rig.SOLIDS.replace("self.body = Pos(x / 2", "__import__('time').sleep(600)\n            self.body = Pos(x / 2")
     assert slow != rig.SOLIDS
     scene = replace(scene, root=write(tmp_path / "ws", rig.DOCUMENTS | {"parts/solids.py": slow}))
+    # What a shell has begun in its background (`make test &`) ignores SIGINT, and so would what that begins.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     process = scene.start(60, tmp_path / "out", tmp_path / "store")
+    signal.signal(signal.SIGINT, before)
     assert process.stderr is not None
     readable, _, _ = select.select([process.stderr], [], [], TIMEOUT)
     assert readable, "modelling has begun"
