@@ -30,7 +30,7 @@ from thingc.importing.model import (
 from thingc.importing.sdf_frames import PUTS_IN_PLACE, WORLD, Frames, NamedFrame, key_of
 from thingc.importing.tree import look_at_mimics, root_of, spanned
 from thingc.importing.values import ChildValues, unread
-from thingc.importing.xml_source import SourceElement, read_xml
+from thingc.importing.xml_source import SourceElement, read_robot
 from thingc.inertia import MassProperties
 from thingc.pose import IDENTITY, NO_POSE, Pose, Vector, along, rotate
 from thingc.typos import did_you_mean
@@ -73,16 +73,8 @@ AS_USUAL = {
 
 def read_sdf(path: str, data: bytes, report: Report) -> SourceRobot | None:
     """The robot of a file, an absolute path, with these bytes; None where it is none, which has been reported: all that is wrong."""
-    root = read_xml(path, data, report)
-    if root is None:
-        return None
-    if root.tag != "sdf":
-        report.add(
-            Code.SOURCE_XML, f"an SDF file begins with `<sdf>`, and this one with `<{root.tag}>`", root.where,
-            help="name a file of a robot: `.sdf`",
-        )
-        return None
-    return _Sdf(root, report).robot()
+    root = read_robot(path, data, report, "sdf", "an SDF")
+    return None if root is None else _Sdf(root, report).robot()
 
 
 class _Sdf:

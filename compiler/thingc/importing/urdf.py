@@ -27,7 +27,7 @@ from thingc.importing.model import (
 from thingc.importing.tree import look_at_mimics, root_of
 from thingc.importing.urdf_blocks import TAGS, read_blocks
 from thingc.importing.values import Values, unread
-from thingc.importing.xml_source import SourceElement, read_xml
+from thingc.importing.xml_source import SourceElement, read_robot
 from thingc.inertia import MassProperties
 from thingc.pose import NO_POSE, Vector
 from thingc.typos import did_you_mean
@@ -55,14 +55,8 @@ INSIDE: dict[str, set[str]] = {
 def read_urdf(path: str, data: bytes, report: Report, *, files: Sequence[str] = ()) -> SourceRobot | None:
     """The robot of a file, an absolute path, with these bytes; None where it is none, which has been reported: all that is wrong. `files`
     are those that xacro has made it from."""
-    root = read_xml(path, data, report, files=files)
+    root = read_robot(path, data, report, "robot", "a URDF", files=files)
     if root is None:
-        return None
-    if root.tag != "robot":
-        report.add(
-            Code.SOURCE_XML, f"a URDF file begins with `<robot>`, and this one with `<{root.tag}>`", root.where,
-            help="name a file of a robot: `.urdf`",
-        )
         return None
     macro = next((element for element in _walk(root) if element.tag.startswith("xacro:")), None)
     if macro is not None:

@@ -56,6 +56,18 @@ class _Stop(Exception):
     """Reading ends here: what is wrong has been reported."""
 
 
+def read_robot(path: str, data: bytes, report: Report, tag: str, form: str, *, files: Sequence[str] = ()) -> SourceElement | None:
+    """As `read_xml`, the root of a file of the format `form`, which begins with `tag`; None for any other, too, which has been reported."""
+    root = read_xml(path, data, report, files=files)
+    if root is None or root.tag == tag:
+        return root
+    report.add(
+        Code.SOURCE_XML, f"{form} file begins with `<{tag}>`, and this one with `<{root.tag}>`", root.where,
+        help=f"name a file of a robot: `.{form.split()[-1].lower()}`",
+    )
+    return None
+
+
 def read_xml(path: str, data: bytes, report: Report, *, files: Sequence[str] = ()) -> SourceElement | None:
     """The root of a file, an absolute path, with these bytes; None where it is none, which has been reported. Elements that xacro has made
     say where they were written, in one of the `files`."""
