@@ -86,7 +86,7 @@ def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector
         normal = cross(p, q)
         if math.sqrt(dot(normal, normal)) < TINY:  # both in one line with the centre: any plane through them is as good
             largest = max(range(3), key=lambda k: abs(x[k]))
-            normal = cross(x, tuple(0.0 if k == largest else 1.0 for k in range(3)))  # type: ignore[arg-type]
+            normal = cross(x, (float(largest != 0), float(largest != 1), float(largest != 2)))
         y = _unit(cross(_unit(normal), x))
 
     def flat(v: Vector) -> Point:
