@@ -8,9 +8,9 @@ that it wrote. What `thingc` says of wrong documents is frozen already, as the t
     python benchmarks/corpus.py freeze build/corpus.json      # some ten minutes on two cores that do nothing else
     python benchmarks/corpus.py compare build/corpus.json     # the same again; prints what differs, 1 where anything does
 
-`--only PATTERN...` takes part of it (`--only 'robots/*' 'designs/00?'`; `make frozen ONLY='trees/*'`): of the time, the designs, whose
-parts are all of other sizes, take most. What is frozen is written as it comes, so that one that is stopped keeps what it has. Both are of
-one machine with one set of installed packages: another kernel or another MuJoCo may write other digits.
+`--only PATTERN...` takes part of it (`--only 'robots/*' 'designs/00?'`, or a page, `docs/things.md`; `make frozen ONLY='trees/*'`): of the
+time, the designs, whose parts are all of other sizes, take most. What is frozen is written as it comes, so that one that is stopped keeps
+what it has. Both are of one machine with one set of installed packages: another kernel or another MuJoCo may write other digits.
 """
 
 from __future__ import annotations
@@ -89,8 +89,8 @@ def freeze(entries: dict[str, Entry], file: Path) -> None:
 
 
 def fits(name: str, only: Sequence[str]) -> bool:
-    """Whether an entry is asked for."""
-    return any(fnmatch(name, pattern) for pattern in only)
+    """Whether an entry is asked for, by its name or as one of a page."""
+    return any(fnmatch(name, pattern) or fnmatch(name, f"{pattern}/*") for pattern in only)
 
 
 def compared(before: dict[str, Entry], now: dict[str, Entry]) -> int:
@@ -118,8 +118,8 @@ def entries(folder: Path, only: Sequence[str]) -> Iterator[tuple[str, Entry]]:
                 if fits(which, only):
                     yield which, build(robots, document, *words)
     for page in sorted((ROOT / "docs").glob("*.md")):
-        if fits(f"docs/{page.name}", only) and any(not pages.meant_to_be_wrong(block) for block in pages.documents(page)):
-            yield from documents(f"docs/{page.name}", pages.unpack(page, fresh(folder / "docs" / page.stem)))
+        if any(not pages.meant_to_be_wrong(block) for block in pages.documents(page)):
+            yield from documents(f"docs/{page.name}", pages.unpack(page, fresh(folder / "docs" / page.stem)), only)
     examples = shutil.copytree(ROOT / "tests" / "cases", folder / "cases") / "codes"
     for document in sorted([*examples.glob("*/*.right.*"), *examples.glob("*/*/right/*")]):
         name = f"codes/{document.relative_to(examples).as_posix().partition('/')[2]}"
@@ -147,11 +147,12 @@ def entries(folder: Path, only: Sequence[str]) -> Iterator[tuple[str, Entry]]:
         yield "variants", run(variants, out, ["batch", "sampled.yaml", "-o", str(out), "--pictures", "none"])
 
 
-def documents(name: str, folder: Path) -> Iterator[tuple[str, Entry]]:
-    """Every assembly that stands in a folder."""
+def documents(page: str, folder: Path, only: Sequence[str]) -> Iterator[tuple[str, Entry]]:
+    """Every assembly of a page that is asked for, which lies in a folder."""
     for document in sorted([*folder.glob("*.yaml"), *folder.glob("*.toml")]):
-        if ASSEMBLY.search(document.read_text()):
-            yield f"{name}/{document.name}", build(folder, document, *ALL)
+        name = f"{page}/{document.name}"
+        if fits(name, only) and ASSEMBLY.search(document.read_text()):
+            yield name, build(folder, document, *ALL)
 
 
 def build(folder: Path, document: Path, *words: str) -> Entry:

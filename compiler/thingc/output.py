@@ -27,7 +27,7 @@ from thingc.emit import written
 from thingc.emit.artifact import MANIFEST, Content, Stored
 from thingc.exchange import exchange
 from thingc.frozen import dataclass
-from thingc.realize.store.digests import digest_of
+from thingc.realize.store.digests import Digests, digest_of
 from thingc.realize.store.local import Store
 
 Waiting = Callable[[str], None]
@@ -71,8 +71,6 @@ class UnexpectedFilesError(OutputError):
 
 NOTHING = hashlib.sha256(b"").hexdigest()
 """The content of a file that a power failure has emptied, or that somebody has: there is nothing to lose."""
-Signature = tuple[int, int, int, int, int]
-"""Device, inode, size and times (of the content, of the entry) of a file: while they stand, so does its content."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +110,7 @@ def write_build(
         os.makedirs(os.path.dirname(folder), exist_ok=True)
         with _locked(folder, on_wait):
             _mend(folder)
-            known: dict[Signature, str] = {}
+            known: Digests = {}
             unexpected = _refuse_strangers(folder, document, files, known, force=force)
             fresh = _beside(folder, "new")
             try:
@@ -223,7 +221,7 @@ def unswept(folder: str) -> bool:
 
 
 def unexpected_files(
-    folder: str, document: str, *, also: Collection[str] = (), known: dict[Signature, str] | None = None,
+    folder: str, document: str, *, also: Collection[str] = (), known: Digests | None = None,
 ) -> UnexpectedFiles:
     """What a build of `document` must not delete from `folder`: what its manifest does not list, or lists with another content;
     everything where the manifest is missing, damaged or of another document. Links are files here; empty folders do not count.
@@ -246,16 +244,9 @@ def unexpected_files(
     return UnexpectedFiles(document, tuple(sorted(others)), tuple(changed))
 
 
-def _content_of(path: str, known: dict[Signature, str]) -> str | None:
+def _content_of(path: str, known: Digests) -> str | None:
     """The SHA-256 of a file; None for a link, or what is no file."""
-    state = os.lstat(path)
-    if not stat.S_ISREG(state.st_mode):
-        return None
-    signature = (state.st_dev, state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns)
-    if signature not in known:
-        with open(path, "rb") as stream:
-            known[signature] = hashlib.file_digest(stream, "sha256").hexdigest()
-    return known[signature]
+    return digest_of(path, known=known) if _is_plain(path) else None
 
 
 def _check_paths(name: str, files: Mapping[str, Content]) -> None:
@@ -328,7 +319,7 @@ def _mend(folder: str) -> None:
 
 
 def _refuse_strangers(
-    folder: str, document: str, also: Collection[str], known: dict[Signature, str], *, force: bool,
+    folder: str, document: str, also: Collection[str], known: Digests, *, force: bool,
 ) -> UnexpectedFiles:
     """What is given up by `force`; raises `UnexpectedFilesError` where there is anything else."""
     if not os.path.lexists(folder):
@@ -388,7 +379,7 @@ def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs | None) 
 
 
 def _swap(
-    fresh: str, folder: str, document: str, also: Collection[str], known: dict[Signature, str], *, given_up: Collection[str],
+    fresh: str, folder: str, document: str, also: Collection[str], known: Digests, *, given_up: Collection[str],
 ) -> None:
     """Put `fresh` in the place of `folder`, whose old content is deleted.
 

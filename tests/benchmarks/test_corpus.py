@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -28,3 +30,10 @@ def test_what_is_frozen_is_found_again_and_a_change_is_seen(tmp_path: Path, shar
     kept.write_text(json.dumps(entries))
     changed = corpus("compare", kept, "--store", shared_store)
     assert changed.returncode == 1 and changed.stdout == f"robots/end_effector.yaml: {name}\n1 entries: 1 x .xml differ\n"
+
+
+@pytest.mark.parametrize(("pattern", "fits"), [("docs/things.md", True), ("*", True), ("docs/*", True), ("docs/thing", False)])
+def test_the_entries_of_a_page_are_asked_for_by_its_name(pattern: str, fits: bool) -> None:
+    program = f"import corpus; print(corpus.fits('docs/things.md/rack.yaml', [{pattern!r}]))"
+    said = subprocess.run([sys.executable, "-c", program], cwd=ROOT / "benchmarks", capture_output=True, text=True)
+    assert said.stdout == f"{fits}\n", said.stderr

@@ -3,11 +3,16 @@ given. Each is a whole process, and what it used is what the kernel says it used
 
 from __future__ import annotations
 
+import select
+import time
 from pathlib import Path
 
 import pytest
 from bombs import BOMBS
 from harness import ran
+
+from thingc.cli import confined as bounds
+from thingc.diagnostics import Diagnostic
 
 pytestmark = pytest.mark.slow
 
@@ -55,3 +60,19 @@ def test_a_limit_that_is_met_is_one_diagnostic(tmp_path: Path) -> None:
     assert done.code == 1
     assert done.out.startswith("error[TC346]: the check was not done after 1 s of computing and was ended")
     assert done.seconds < 4.0
+
+
+def test_who_waits_for_ever_is_ended_and_who_computes_slowly_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bounds, "PATIENCE", 0.3)
+
+    def slowly() -> str:
+        for _ in range(3):
+            time.sleep(0.7)
+            until = time.process_time() + 0.05
+            while time.process_time() < until:
+                pass
+        return "done"
+
+    assert bounds.confined(slowly, 5.0) == "done"
+    hung = bounds.confined(lambda: select.select([], [], []), 1.0)
+    assert isinstance(hung, Diagnostic) and hung.message == "the check has hung: after 0.3 s in which it did nothing it was ended"

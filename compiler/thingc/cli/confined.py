@@ -13,7 +13,6 @@ import os
 import select
 import signal
 import sys
-import time
 from collections.abc import Callable
 from typing import Any, NoReturn
 
@@ -24,7 +23,7 @@ from thingc.stamp import packed, unpacked
 MEMORY = 900_000_000
 """Bytes of address space that the child may have beyond what it begins with, so that all of it stays below a gigabyte."""
 PATIENCE = 20.0
-"""Seconds of waiting allowed for each second of computing: a machine may be busy, a read may hang for ever."""
+"""Seconds without any computing that are allowed for each second of it: a machine may be busy, a read may hang for ever."""
 _REFUSED = (
     "os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.startfile", "os.system", "pty.spawn", "socket.", "subprocess.Popen",
     "os.remove", "os.rename", "os.rmdir", "os.mkdir", "os.link", "os.symlink", "os.chmod", "os.chown", "os.truncate", "os.kill",
@@ -54,7 +53,7 @@ def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -
         os.close(reading)
         _in_child(work, seconds, memory, writing)
     os.close(writing)
-    data, in_time = _collected(reading, seconds * PATIENCE)
+    data, in_time = _collected(reading, child, seconds * PATIENCE)
     if not in_time:
         with contextlib.suppress(ProcessLookupError):
             os.kill(child, signal.SIGKILL)
@@ -80,25 +79,38 @@ def _load_ahead() -> None:
     import thingc.spec.validation  # noqa: F401
 
 
-def _collected(reading: int, patience: float) -> tuple[bytes, bool]:
-    """What the child writes until it ends, and whether it did within `patience` [s]."""
-    until = time.monotonic() + patience
+def _collected(reading: int, child: int, patience: float) -> tuple[bytes, bool]:
+    """What the child writes until it ends, and whether it did: it is given up when for `patience` [s] it has neither said nor computed
+    anything. How long it may compute the system sees to."""
     pieces: list[bytes] = []
+    computed = _computed(child)
     with os.fdopen(reading, "rb", buffering=0) as stream:
         while True:
-            left = until - time.monotonic()
-            if left <= 0.0 or not select.select([stream], [], [], left)[0]:
+            if select.select([stream], [], [], patience)[0]:
+                piece = stream.read(1 << 16)
+                if not piece:
+                    return b"".join(pieces), True
+                pieces.append(piece)
+                continue
+            before, computed = computed, _computed(child)
+            if computed == before:
                 return b"", False
-            piece = stream.read(1 << 16)
-            if not piece:
-                return b"".join(pieces), True
-            pieces.append(piece)
+
+
+def _computed(child: int) -> int:
+    """The processor time of a process so far, in ticks of the system; 0 where the system does not say."""
+    try:
+        with open(f"/proc/{child}/stat", "rb") as stream:
+            fields = stream.read().rpartition(b")")[2].split()
+    except OSError:
+        return 0
+    return int(fields[11]) + int(fields[12])
 
 
 def _costly(in_time: bool, status: int, seconds: float, memory: int) -> Diagnostic:
     ended_by = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
     if not in_time:
-        message = f"the check has hung: after {seconds * PATIENCE:g} s it was ended"
+        message = f"the check has hung: after {seconds * PATIENCE:g} s in which it did nothing it was ended"
         help = "see whether the machine is busy, or a file of the workspace cannot be read"
     elif ended_by == signal.SIGXCPU:
         message = f"the check was not done after {seconds:g} s of computing and was ended"

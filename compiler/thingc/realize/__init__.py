@@ -17,17 +17,18 @@ if TYPE_CHECKING:
     from thingc.realize.lock.values import BadLock
     from thingc.realize.service import GeometryService
     from thingc.realize.slices import Slicing
+    from thingc.realize.store.digests import Digests
     from thingc.realize.store.local import BlobMissing, Store, StoreUnusable
     from thingc.realize.store.meshes import arrays
 
 __all__ = [
-    "ABSENT", "BadLock", "BlobMissing", "Decision", "EndingWorkers", "GeometryService", "LockedGeometry", "Module", "NoWorkers",
+    "ABSENT", "BadLock", "BlobMissing", "Decision", "Digests", "EndingWorkers", "GeometryService", "LockedGeometry", "Module", "NoWorkers",
     "PartAnswers", "PartInputs", "Slicing", "Store", "StoreUnusable", "Workers", "arrays", "part_inputs", "read_lock",
 ]
 
 __getattr__ = exported(__name__, {
-    "ABSENT": "client", "BadLock": "lock.values", "BlobMissing": "store.local", "Decision": "decisions", "EndingWorkers": "client",
-    "GeometryService": "service", "LockedGeometry": "lock.locked", "Module": "key.modules", "NoWorkers": "client", "PartAnswers":
-    "answers", "PartInputs": "inputs", "Slicing": "slices", "Store": "store.local", "StoreUnusable": "store.local", "Workers":
-    "client", "arrays": "store.meshes", "part_inputs": "inputs", "read_lock": "lock.lock",
+    "ABSENT": "client", "BadLock": "lock.values", "BlobMissing": "store.local", "Decision": "decisions", "Digests": "store.digests",
+    "EndingWorkers": "client", "GeometryService": "service", "LockedGeometry": "lock.locked", "Module": "key.modules",
+    "NoWorkers": "client", "PartAnswers": "answers", "PartInputs": "inputs", "Slicing": "slices", "Store": "store.local",
+    "StoreUnusable": "store.local", "Workers": "client", "arrays": "store.meshes", "part_inputs": "inputs", "read_lock": "lock.lock",
 })

@@ -14,8 +14,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
-from thingc.output import NOTHING, Signature, same_file
+from thingc.output import NOTHING, same_file
 from thingc.output import unexpected_files as unexpected_in_build
+from thingc.realize import Digests
 from thingc.stamp import state_of
 from thingc.variants import places
 
@@ -219,7 +220,7 @@ def _delete(folders: list[str], stopped: threading.Event) -> None:
 
 def unexpected_files(folder: str, assembly: str) -> list[str]:
     """Everything in the folder that no batch over `assembly` wrote, or that was changed since, by path in it, sorted."""
-    known: dict[Signature, str] = {}  # variants share their meshes
+    known: Digests = {}  # variants share their meshes
     paths = [name for name in os.listdir(folder) if name.removesuffix(".new") not in places.OWN and not _OLD.fullmatch(name)]
     for inner, pattern in (
         (places.VARIANTS, _VARIANT), (places.CHUNKS, _CHUNK), (places.ASSETS, _ASSET), (places.PICTURES, _PICTURE),
