@@ -36,9 +36,11 @@ def chromium() -> Iterator[Any]:
 
 @contextmanager
 def opened(browser: Any, address: str, size: tuple[int, int] = (760, 480)) -> Iterator[Any]:
-    """A page that has been read to its end and shows its robot; nothing may go wrong in it, and nothing be asked of a network."""
-    context = browser.new_context(viewport={"width": size[0], "height": size[1]}, reduced_motion="reduce", accept_downloads=True)
-    page = context.new_page()
+    """A page that has been read to its end and shows its robot; nothing may go wrong in it, and nothing be asked of a network. Of a browser
+    it has a process of its own; a context of one keeps that, and what was compiled in it, from page to page."""
+    page = browser.new_page()
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    page.emulate_media(reduced_motion="reduce")
     faults: list[str] = []
     page.on("pageerror", lambda fault: faults.append(str(fault)))
     page.on("console", lambda said: faults.append(said.text) if said.type == "error" else None)
@@ -47,7 +49,7 @@ def opened(browser: Any, address: str, size: tuple[int, int] = (760, 480)) -> It
     page.wait_for_function("() => globalThis.thingc?.ready")
     yield page
     assert faults == []
-    context.close()
+    page.close()
 
 
 def address(path: Path, fragment: str = "") -> str:

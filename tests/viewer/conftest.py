@@ -1,4 +1,4 @@
-"""The pages of the arm and of MInchW, built once, and one browser for all tests of a file."""
+"""The pages of the arm and of MInchW, built once, and one context of a browser for all tests of a file."""
 
 from __future__ import annotations
 
@@ -38,4 +38,6 @@ def pages(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Pages:
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     with chromium() as steered:
-        yield steered
+        context = steered.new_context()
+        context.new_page()  # with the last page of a context its process would end
+        yield context
