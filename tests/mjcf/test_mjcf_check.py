@@ -319,6 +319,53 @@ def test_one_of_several_models_is_warned_of(store: Store, monkeypatch: pytest.Mo
     assert len(counted) == 3
 
 
+def test_modes_that_differ_in_names_and_gravity_start_alike(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are all compiled, and one of them is looked at in its first instant."""
+    from thingc.emit.mjcf import check
+
+    looked: list[str] = []
+    counted = compiled(monkeypatch)
+    true = check.start.look
+
+    def looking(model: Any, robot: Any) -> check.start.Start:
+        looked.append(robot.mode.name)
+        return true(model, robot)
+
+    monkeypatch.setattr(check.start, "look", looking)
+
+    def of_three(made: Made) -> list[str]:
+        request = made.request(store, ("floor", "fixed"), ("wall", "fixed"), ("adrift", "free"))
+        floor, wall, adrift = request.robots
+        request = replace(request, robots=(floor, replace(wall, gravity=(9.81, 0.0, 0.0)), adrift))
+        emit(request)
+        return [d.code.code for d in request.report.ordered()]
+
+    assert of_three(arm(store)) == []
+    assert len(counted) == 3 and looked == ["floor", "adrift"]
+    chattering = arm(store)
+    assert chattering.segments[1].actuator is not None
+    chattering.segments[1].actuator = replace(chattering.segments[1].actuator, kp=1e9)
+    for _ in range(2):  # nothing that is not in order is known
+        assert of_three(chattering) == ["TC612"]
+    assert looked[2:] == 2 * ["floor", "adrift"]
+
+
+def test_textures_are_painted_once(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    from thingc.emit.mjcf import check
+
+    pixels: list[int] = []
+    true = check.attempt
+
+    def painting(text: str, files: Any) -> check.Verdict:
+        verdict = true(text, files)
+        pixels.append(verdict.model.ntexdata)
+        return verdict
+
+    monkeypatch.setattr(check, "attempt", painting)
+    assert said(arm(store), store, ("bench", "fixed"), ("adrift", "free")) == []
+    assert pixels[0] > 100_000 and pixels[1] < 100
+
+
 def test_a_new_mesh_is_read(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     """One part changed into noise after everything was known: that one is read, and refused."""
     made = arm(store)

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report, Severity
@@ -54,40 +55,53 @@ class Verdict:
 
 def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: Store, report: Report, *, starts: bool = True) -> None:
     """Compile every candidate's scene, and with it the model in it; errors and warnings go to `report` at their origin. With `starts`
-    the first instant of each is looked at, too (`start.py`).
+    the first instant of each is looked at, too (`start.py`); of several that start alike, that of the first.
 
     What MuJoCo has accepted before, it is not asked again (`known.py`).
     """
-    known = Known(store, mujoco_version())
-    waiting = [candidate for candidate in candidates if not known.model(candidate.texts, meshes, started=starts)]
-    if not waiting:
-        return
-    fresh = {one.mode for one in waiting if starts and not known.start(start.key(one.model.text), meshes)}
-    files = in_memory(known.data([candidate.root for candidate in waiting], meshes, whole=bool(fresh)))
-    instants: list[start.Start] = []
-    for candidate, verdict in zip(waiting, _verdicts(waiting, files), strict=True):
+    known = Known(store, mujoco_version(), meshes)
+    waiting = [candidate for candidate in candidates if not known.model(candidate.texts, started=starts)]
+    alike: dict[str, Candidate] = {}
+    leaders: dict[str, Candidate] = {}  # whose first instant is looked at, by mode; of the other modes it was in order before
+    for one in waiting if starts else ():
+        key = start.key(one.model.text, one.robot)
+        if key in alike or not known.start(key):
+            leaders[one.mode] = alike.setdefault(key, one)
+    found: dict[str, start.Start] = {}
+    for candidate, verdict, files in _verdicts(waiting, {one.mode for one in alike.values()}, known):
         if verdict.error is not None:
             _explain(candidate, files, report, scene_error=verdict.error)
             continue
-        if candidate.mode in fresh:
-            instants.append(start.look(verdict.model, candidate.robot))
-            if instants[-1].in_order:
-                known.accept_start(start.key(candidate.model.text), meshes)
-        if not verdict.warnings and (candidate.mode not in fresh or instants[-1].in_order):
-            known.accept(candidate.texts, meshes, started=starts)
+        leader = leaders.get(candidate.mode)
+        if leader is candidate:
+            found[candidate.mode] = start.look(verdict.model, candidate.robot)
+            if found[candidate.mode].in_order:
+                known.accept_start(start.key(candidate.model.text, candidate.robot))
+        elif leader is not None and leader.mode in found:
+            found[candidate.mode] = replace(found[leader.mode], robot=candidate.robot)
+        if not verdict.warnings and (leader is None or candidate.mode in found and found[candidate.mode].in_order):
+            known.accept(candidate.texts, started=starts)
         for warning in verdict.warnings:
             _say(Code.MJCF_WARNING, "warns of", warning, candidate, candidate.model, report, severity=Severity.WARNING)
-    start.say(instants, report)
+    start.say([found[one.mode] for one in waiting if one.mode in found], report)
 
 
-def _verdicts(candidates: Sequence[Candidate], files: Any) -> Iterator[Verdict]:
-    """What MuJoCo says of each scene, which holds all that the model in it does: one after the other, for it keeps what it reads among the
-    `files`, so that two at once are given each other's models, or end the process. It keeps the meshes of the first, too, and needs
-    threads for these alone."""
-    for candidate in candidates:
-        text = candidate.model.text if candidate is candidates[0] else _without_threads(candidate.model.text)
-        files[candidate.file] = text.encode()
-        yield attempt(candidate.scene.text, files)
+def _verdicts(candidates: Sequence[Candidate], looked: Collection[str], known: Known) -> Iterator[tuple[Candidate, Verdict, Any]]:
+    """What MuJoCo says of each scene, which holds all that the model in it does, and the files that it has read. Modes that are `looked` at
+    need their true meshes, and come first. One after the other, for it keeps what it reads among the files, so that two at once are given
+    each other's models, or end the process. It keeps the meshes of the first, too, and needs threads for these alone; and the textures,
+    which are the same in all scenes, it need not paint again."""
+    first = True
+    for whole in (True, False):
+        batch = [one for one in candidates if (one.mode in looked) is whole]
+        if not batch:
+            continue
+        files = in_memory(known.data([one.root for one in batch], whole=whole))
+        for candidate in batch:
+            model, scene = candidate.model.text, candidate.scene.text
+            files[candidate.file] = (model if first else _without_threads(model)).encode()
+            yield candidate, attempt(scene if first else _unpainted(scene), files), files
+            first = False
 
 
 _NUMBERS = re.compile(r'(?<=[" ])-?[0-9][0-9.e+-]*(?=[" ])')
@@ -134,20 +148,20 @@ def doubtful(
     has to find out what and why.
     """
     known = [one for one in candidates if memo.last(*_scene(one)) is not None]
-    accepted = Known(store, mujoco_version())
+    accepted = Known(store, mujoco_version(), meshes)
     if starts and known:
-        known = [one for one in known if accepted.start(start.key(one.model.text), meshes)]
+        known = [one for one in known if accepted.start(start.key(one.model.text, one.robot))]
     known = [one for one in known if not about_meshes(one.root)]
     if not known:
         return list(candidates)
-    files = memo("mujoco files", lambda meshes: in_memory(accepted.data((), meshes)), tuple(meshes))
+    files = memo("mujoco files", lambda _: in_memory(accepted.data(())), tuple(meshes))
     sound = set()
     for one in known:
         verdict = attempt(_without_threads(one.model.text), files)
         if verdict.error is None and not verdict.warnings:
             sound.add(one.mode)
     if len(sound) == len(known):
-        accepted.accept_meshes(meshes)
+        accepted.accept_meshes()
     return [one for one in candidates if one.mode not in sound]
 
 
@@ -176,6 +190,11 @@ def _without_threads(text: str) -> str:
     """A model that reads its meshes one after the other: threads take longer where MuJoCo has read them already, or each is a
     tetrahedron."""
     return text if " usethread=" in text else text.replace("<compiler ", '<compiler usethread="false" ', 1)
+
+
+def _unpainted(scene: str) -> str:
+    """A scene whose textures are the smallest that there are: a sky is six squares, one above the other."""
+    return re.sub(r'(<texture [^>]*) width="\d+" height="\d+"', r'\1 width="1" height="6"', scene)
 
 
 def attempt(text: str, files: Any) -> Verdict:

@@ -32,58 +32,52 @@ _SIDES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
 
 
 class Known:
-    """The memory of one version of MuJoCo, kept in a store."""
+    """The memory of one version of MuJoCo, kept in a store, of models with these `meshes`."""
 
-    def __init__(self, store: Store, version: str) -> None:
+    def __init__(self, store: Store, version: str, meshes: Sequence[MeshAsset]) -> None:
         self.store = store
         self.version = version
-        self._meshes: set[str] = set()
+        self._meshes = meshes
+        self._contents = {mesh.file: mesh.stored.sha256 for mesh in meshes}
 
-    def model(self, texts: Sequence[str], meshes: Sequence[MeshAsset], *, started: bool) -> bool:
+    @functools.cached_property
+    def _new(self) -> dict[str, str]:
+        """What the meshes that no accepted model had are remembered by, by file."""
+        keys = {mesh.file: self._mesh_key(mesh) for mesh in self._meshes}
+        return {file: key for file, key in keys.items() if self.store.get_json(MESH, key) is None}
+
+    def model(self, texts: Sequence[str], *, started: bool) -> bool:
         """Whether exactly these files were accepted together; with `started` only if their first instant was in order, too."""
         answers = (True,) if started else (True, False)
-        return any(self.store.get_json(MODEL, self._model_key((*texts, str(one)), meshes)) is not None for one in answers)
+        return any(self.store.get_json(MODEL, self._key((*texts, str(one)))) is not None for one in answers)
 
-    def accept(self, texts: Sequence[str], meshes: Sequence[MeshAsset], *, started: bool) -> None:
+    def accept(self, texts: Sequence[str], *, started: bool) -> None:
         """Remember a model, and the meshes in it; with `started` also that its first instant was in order."""
-        self.store.put_json(MODEL, self._model_key((*texts, str(started)), meshes), True)
-        self.accept_meshes(meshes)
+        self.store.put_json(MODEL, self._key((*texts, str(started))), True)
+        self.accept_meshes()
 
-    def accept_meshes(self, meshes: Iterable[MeshAsset]) -> None:
+    def accept_meshes(self) -> None:
         """Remember the meshes of a model that was accepted."""
-        for mesh in meshes:
-            if not self.mesh(mesh):
-                self.store.put_json(MESH, self._mesh_key(mesh), True)
-                self._meshes.add(self._mesh_key(mesh))
+        while self._new:
+            self.store.put_json(MESH, self._new.popitem()[1], True)
 
-    def start(self, key: str, meshes: Sequence[MeshAsset]) -> bool:
-        """Whether a first instant with these meshes was in order."""
-        return self.store.get_json(START, self._model_key((key,), meshes)) is not None
+    def start(self, key: str) -> bool:
+        """Whether a first instant was in order."""
+        return self.store.get_json(START, self._key((key,))) is not None
 
-    def accept_start(self, key: str, meshes: Sequence[MeshAsset]) -> None:
+    def accept_start(self, key: str) -> None:
         """Remember that it was."""
-        self.store.put_json(START, self._model_key((key,), meshes), True)
+        self.store.put_json(START, self._key((key,)), True)
 
-    def mesh(self, mesh: MeshAsset) -> bool:
-        """Whether a mesh was in a model that was accepted."""
-        key = self._mesh_key(mesh)
-        if key not in self._meshes and self.store.get_json(MESH, key) is not None:
-            self._meshes.add(key)
-        return key in self._meshes
-
-    def data(self, models: Iterable[Element], meshes: Iterable[MeshAsset], *, whole: bool = False) -> dict[str, bytes]:
+    def data(self, models: Iterable[Element], *, whole: bool = False) -> dict[str, bytes]:
         """What MuJoCo shall read as each file: its bytes where it is not known, else a tetrahedron.
 
         All bytes are the files' own if they have to be (`whole`), or when raw attributes may change what MuJoCo makes of meshes.
         """
         whole = whole or any(about_meshes(model) for model in models)
         return {
-            mesh.file: (
-                self.store.read(mesh.stored.sha256)
-                if whole or not self.mesh(mesh)
-                else tetrahedron(mesh.file)
-            )
-            for mesh in meshes
+            mesh.file: self.store.read(mesh.stored.sha256) if whole or mesh.file in self._new else tetrahedron(mesh.file)
+            for mesh in self._meshes
         }
 
     def _mesh_key(self, mesh: MeshAsset) -> str:
@@ -91,8 +85,8 @@ class Known:
         scale = f" {mesh.scale}" if mesh.own is not None else ""
         return f"{self.version} {mesh.stored.sha256} {extension} {'shell' if is_shell(mesh) else 'solid'}{scale}"
 
-    def _model_key(self, texts: Iterable[str], meshes: Iterable[MeshAsset]) -> str:
-        content: list[object] = [self.version, list(texts), {mesh.file: mesh.stored.sha256 for mesh in meshes}]
+    def _key(self, texts: Sequence[str]) -> str:
+        content: list[object] = [self.version, texts, self._contents]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

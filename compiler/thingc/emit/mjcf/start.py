@@ -25,12 +25,14 @@ DEEP = 0.5e-3
 SHOWN = 3
 """Further pairs that a message names."""
 
-_INDIFFERENT = re.compile(r' (?:range|ctrlrange|rgba)="[^"]*"')
+_INDIFFERENT = re.compile(r' (?:range|ctrlrange|rgba|gravity)="[^"]*"')
 
 
-def key(text: str) -> str:
-    """What the first instant of a model depends on, as a digest of its text: everything but colours and the limits of joints."""
-    return hashlib.sha256(_INDIFFERENT.sub("", text).encode()).hexdigest()
+def key(text: str, robot: Robot) -> str:
+    """What the first instant of a robot depends on, as a digest: the keyframe that it starts in, and of its model's `text` everything but
+    names, colours, the limits of joints, and where down is, so that on a wall a robot starts as on the floor."""
+    model = _INDIFFERENT.sub("", text.partition("<mujoco ")[2].partition(">")[2])
+    return hashlib.sha256(f"{robot.mode.pose}\n{model}".encode()).hexdigest()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
