@@ -71,6 +71,8 @@ def test_the_space_of_variants_and_of_parameters(many: thingc.RobotFamily, every
     assert own["heavy"].choices == (False, True) and own["stiff"].high is None and not own["stiff"].bounded
     with pytest.raises(KeyError):
         own["x"]
+    with pytest.raises(ValueError, match=r"expected 3 numbers \(length, load, joints.lift.limit.upper\), found 1"):
+        space.at([0.3])
 
 
 def test_optuna_suggests_settings(many: thingc.RobotFamily) -> None:

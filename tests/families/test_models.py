@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import textwrap
 from collections.abc import Mapping
@@ -142,6 +143,13 @@ def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thin
         ({"joints.lift.limit.uper": 1.0}, "TC809", "`joints.lift.limit` has no `uper`"),
         ({"joints.x*.dynamics.damping": 1.0}, "TC809", "nothing in the document is meant by `joints.x*.dynamics.damping`"),
         ({**good, "load": 30.0}, "TC803", "must be at most 20 kg"),
+        ({**good, "load": math.nan}, "TC803", "parameter `load`: expected a number with a unit, found `nan kg`"),
+        ({"load": -(10**400)}, "TC803", "parameter `load`: expected a number with a unit, found `-inf kg`"),
+        ({"load": np.True_}, "TC803", "parameter `load` of `everything` is a mass (such as 120 g), found true or false (`true`)"),
+        ({"load": np.array([0.1, 0.2])}, "TC803", "parameter `load`: expected a number with a unit, found `array([0.1, 0.2])`"),
+        ({"load": "\ud800"}, "TC803", "parameter `load`: half a character (U+D800) cannot stand in a document"),
+        ({"joints.lift.limit.upper": "\x071 rad"}, "TC809", "`joints.lift.limit.upper`: a control character (U+0007) cannot stand in"),
+        ({5: 1.0}, "TC809", "nothing in the document is meant by `5`"),
         ({**good, "joints.lift.limit.upper": -3.0}, "TC324", "limits of joint `lift` are reversed"),
     ]
     found = list(everything.models([one for case in wrong for one in (good, case[0])], share=True, visual=True))
@@ -149,8 +157,13 @@ def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thin
     for (given, code, words), refused in zip(wrong, found[1::2], strict=True):
         assert isinstance(refused, NoModel) and not refused and refused.settings == given
         assert refused.problems[0].code.code.startswith(code) and words in refused.problems[0].message, refused.problems[0].message
-    with pytest.raises(UnknownChoice, match="has no mode `stading`"):
-        everything.model({}, mode="stading")
+    for number in (5, "load", None, [("load", 0.5)]):
+        (refused,) = everything.models([number])  # type: ignore[list-item]
+        assert isinstance(refused, NoModel)
+        assert refused.problems[0].message == f"settings are a mapping from names to values, found {type(number).__name__} `{number}`"
+    for mode in ("stading", 5):
+        with pytest.raises(UnknownChoice, match=f"has no mode `{mode}`"):
+            everything.model({}, mode=mode)  # type: ignore[arg-type]
 
 
 def test_text_and_numbers_say_the_same(everything: thingc.RobotFamily) -> None:
@@ -173,6 +186,17 @@ def test_one_name_may_mean_many(everything: thingc.RobotFamily) -> None:
 def test_explained(everything: thingc.RobotFamily, name: str, way: str, words: str) -> None:
     explained = everything.explain(name)
     assert isinstance(explained, Explanation) and explained.way == way and words in str(explained)
+
+
+@pytest.mark.parametrize(("name", "value", "words"), [
+    ("laod", None, "`everything` has no parameter `laod`"),
+    ("joints.lft.limit.upper", None, "`joints` has no `lft`"),
+    ("joints.lift", None, "`joints.lift` is no value, but has values inside"),
+    ("load", 30.0, "parameter `load` must be at most 20 kg, found `30 kg`"),
+])
+def test_what_cannot_be_set_is_not_explained(everything: thingc.RobotFamily, name: str, value: float | None, words: str) -> None:
+    refused = everything.explain(name, value)
+    assert isinstance(refused, NoModel) and refused.problems[0].message == words
 
 
 def test_where_a_number_decides_otherwise_it_is_compiled(everything: thingc.RobotFamily) -> None:

@@ -190,6 +190,8 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: P
         ({"reward": "fast"}, UnknownVariant, "there is no task `fast`: known tasks: `forward`, `hold`"),
         ({"descriptor": ("lenght",)}, UnknownVariant, "`pendulum` has nothing to set called `lenght`: did you mean `length`"),
         ({"settings": []}, FamilyError, "expected at least one of `settings`"),
+        ({"settings": [5]}, FamilyError, "expected settings as a mapping from names to numbers or texts, found `5`"),
+        ({"noise": -0.1}, FamilyError, "expected `noise` to be a number of at least 0, found -0.1"),
         ({"settings": [{"length": 7.0}]}, FamilyError, r"the settings \{'length': 7.0\} are refused: .*at most 900 mm"),
     ):
         with pytest.raises(kind, match=words):

@@ -26,13 +26,14 @@ from thingc.source import ScalarNode, node_at
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.typos import did_you_mean
 from thingc.units import Quantity
+from thingc.variants.planning import Variant
 from thingc.variants.values import unit_in
 
 if TYPE_CHECKING:
     import mujoco
 
     from thingc.resolve import Sources
-    from thingc.variants.planning import Plan, Variant
+    from thingc.variants.planning import Plan
 
 
 class RobotFamily:
@@ -183,25 +184,15 @@ class RobotFamily:
         """Which way a number goes into the models of a mode, by parameter or path: found out by setting it to `value` (None: what stands
         in the document) and to numbers near it. `NoModel` where it cannot be set to that."""
         models = self._of(mode, False)
-        settings: dict[str, Any] = {}
-        for one in self._reader.meant(name):
-            if value is not None:
-                settings[one] = value
-                continue
-            kind = self._reader.kind(one)
-            if not isinstance(kind, Quantity):
-                return Explanation(name=name, mode=models.mode, way="passes", why="it is no number in the document")
-            settings[one] = kind.value
+        settings: dict[str, Any] = {one: self._stated(one) if value is None else value for one in self._reader.meant(name)}
         read = self._reader.read(settings or {name: ""})
-        if read.report is not None:
-            return NoModel(settings=settings, problems=tuple(read.report.ordered()))
-        if not read.names:
-            return Explanation(name=name, mode=models.mode, way="passes", why="it is no number")
         form: Form[Any] = Form()
-        plan = models.plan(read, form)
+        plan = models.plan(read, form) if settings.keys() <= set(read.names) else None
         if plan is None:
-            why = "; ".join(dict.fromkeys(form.why.values())) or form.refused or "these settings are refused"
-            return Explanation(name=name, mode=models.mode, way="passes", why=why)
+            why = "; ".join(dict.fromkeys(form.why.values())) or form.refused
+            if not why and (problems := models.problems(read)):
+                return NoModel(settings=settings, problems=problems)
+            return Explanation(name=name, mode=models.mode, way="passes", why=why or "it is no number in the document")
         if isinstance(plan.made, TextTemplate):
             return Explanation(name=name, mode=models.mode, way="text" if plan.exchange is None else "parts", why=plan.made.why)
         return Explanation(name=name, mode=models.mode, way="arrays", fields=tuple(sorted(plan.made.written)))
@@ -209,13 +200,18 @@ class RobotFamily:
     # --- how ------------------------------------------------------------------------------------------------------------
 
     def _read(self, settings: Any) -> tuple[Mapping[str, Any], Read]:
-        if not isinstance(settings, Mapping):  # a variant of a plan
+        if isinstance(settings, Variant):
             settings = {**settings.parameters, **settings.choices}
-        return settings, self._reader.read(settings)
+        return settings if isinstance(settings, Mapping) else {}, self._reader.read(settings)
+
+    def _stated(self, name: str) -> Any:
+        """What stands in the document [SI]; an empty text where nothing does."""
+        kind = self._reader.kind(name)
+        return kind.value if isinstance(kind, Quantity) else "" if kind is None else kind
 
     def _known(self, mode: str) -> str:
         if mode not in self.modes:
-            raise UnknownChoice(f"`{self.name}` has no mode `{mode}`", did_you_mean(mode, self.modes, what="modes"))
+            raise UnknownChoice(f"`{self.name}` has no mode `{mode}`", did_you_mean(str(mode), self.modes, what="modes"))
         return mode
 
     def _of(self, mode: str | None, visual: bool, floor: bool = False) -> ModelsOfMode:

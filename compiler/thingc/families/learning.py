@@ -329,10 +329,10 @@ def _choices(family: RobotFamily, settings: Iterable[Settings] | Draw | None) ->
     if callable(settings):
         return Choices(draw=settings)
     if settings is not None:
-        many = [dict(one) for one in settings]
+        many = list(settings)
         if not many:
             raise FamilyError("expected at least one of `settings`: there is nothing to simulate")
-        return Choices(many=many)
+        return Choices(many=[dict(_key(one)) for one in many])
     planned = [variant for variant in family.variants if variant.failed is None]
     kept = [variant for variant, found in zip(planned, family.evaluate(planned)) if found.kept]
     if not kept:
@@ -343,7 +343,13 @@ def _choices(family: RobotFamily, settings: Iterable[Settings] | Draw | None) ->
 
 
 def _key(settings: Settings) -> tuple[tuple[str, Any], ...]:
-    return tuple(sorted(settings.items()))
+    """What settings are kept by. Raises `FamilyError` for what is no mapping from names to numbers or texts."""
+    try:
+        key = tuple(sorted(settings.items()))
+        hash(key)
+    except (AttributeError, TypeError):
+        raise FamilyError(f"expected settings as a mapping from names to numbers or texts, found `{settings!r}`") from None
+    return key
 
 
 class _Descriptor:

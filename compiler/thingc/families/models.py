@@ -228,6 +228,11 @@ class ModelsOfMode:
             self.session.emit(compilation, ["mjcf"])  # which says what it is about
             return tuple(report.ordered())
 
+    def problems(self, read: Read) -> tuple[Diagnostic, ...]:
+        """Why there is no model of settings; empty where there is one."""
+        found = self._compiled(read)
+        return found if isinstance(found, tuple) else ()
+
     def source(self, read: Read) -> ModelSource:
         """What the model of settings that are not refused is made from."""
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))

@@ -101,8 +101,11 @@ class Space(Sequence[SpaceDimension]):
         return tuple((one.low, one.high) for one in self._drawn() if one.low is not None and one.high is not None)
 
     def at(self, vector: Sequence[float]) -> dict[str, float]:
-        """The settings of a vector of the numbers that are bounded, in their order; whole numbers are rounded."""
+        """The settings of a vector of the numbers that are bounded, in their order; whole numbers are rounded. Raises `ValueError` for a
+        vector of another length."""
         numbers = [one for one in self._drawn() if not one.choices]
+        if len(vector) != len(numbers):
+            raise ValueError(f"expected {len(numbers)} numbers ({', '.join(one.name for one in numbers)}), found {len(vector)}")
         return {one.name: float(round(value)) if one.whole else float(value) for one, value in zip(numbers, vector, strict=True)}
 
 

@@ -80,13 +80,19 @@ def decode(file: str, data: bytes, report: Report) -> Source | None:
         )
         return None
     source = Source(file, text)
-    bad = re.search(_FORBIDDEN_ASCII if text.isascii() else _FORBIDDEN, text)
+    bad = forbidden(text)
     if bad is not None:
-        character = bad.group()
-        name = _SPOKEN.get(character, "a control character")
-        report.add(
-            Code.SYNTAX, f"{name} (U+{ord(character):04X}) cannot stand in a document", source.span(bad.start(), bad.end()),
-            help="delete it; it is invisible in most editors",
-        )
+        at, words = bad
+        report.add(Code.SYNTAX, words, source.span(at, at + 1), help="delete it; it is invisible in most editors")
         return None
     return source
+
+
+def forbidden(text: str) -> tuple[int, str] | None:
+    """Where the first character stands that no document may have, and what is said of it."""
+    bad = re.search(_FORBIDDEN_ASCII if text.isascii() else _FORBIDDEN, text)
+    if bad is None:
+        return None
+    character = bad.group()
+    name = _SPOKEN.get(character, "half a character" if "\ud800" <= character <= "\udfff" else "a control character")
+    return bad.start(), f"{name} (U+{ord(character):04X}) cannot stand in a document"

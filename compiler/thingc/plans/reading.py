@@ -3,6 +3,8 @@ have it."""
 
 from __future__ import annotations
 
+import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import field
 from fnmatch import fnmatchcase
@@ -68,12 +70,19 @@ class SettingsReader:
         return known
 
     def read(self, settings: Mapping[str, Any]) -> Read:
-        """The settings, over those that hold for the whole family."""
+        """The settings, over those that hold for the whole family. What is no mapping, or has keys that are no names, is reported."""
         numbers: dict[str, float] = {}
         texts: dict[str, str] = {}
         report: Report | None = None
+        if not isinstance(settings, Mapping):
+            report = Report()
+            message = f"settings are a mapping from names to values, found {type(settings).__name__} `{settings}`"
+            report.add(Code.CHOICE_OPTION, message, None, path=SET, help="write `{'joints.NAME.limit.upper': 1.5}`")
+            settings = {}
         for given, value in (*self.fixed.items(), *settings.items()):
-            names = self.meant(given)
+            names = self.meant(given) if isinstance(given, str) else ()
+            if type(value) is not float:
+                value = _plain(value)
             if not names:
                 report = report or Report()
                 report.add(Code.CHOICE_OPTION, f"nothing in the document is meant by `{given}`", None, path=f"{SET}{given}")
@@ -106,7 +115,7 @@ class SettingsReader:
             return None
         try:
             return float(value) + 0.0
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             return None
 
     def quantities(self, read: Read) -> dict[str, Quantity]:
@@ -128,10 +137,19 @@ class SettingsReader:
         )
 
 
+def _plain(value: Any) -> Any:
+    """A scalar of numpy as Python's own, and a whole number that no float can hold as an infinite one."""
+    if hasattr(value, "item") and not getattr(value, "ndim", 0):
+        value = value.item()
+    if isinstance(value, int) and abs(value) > sys.float_info.max:
+        return math.inf if value > 0 else -math.inf
+    return value
+
+
 def _text(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
-    return value if isinstance(value, str) else repr(value.item() if hasattr(value, "item") else value)
+    return value if isinstance(value, str) else repr(value)
 
 
 def _matching(node: Node | None, words: Sequence[str], before: tuple[str, ...] = ()) -> list[str]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Code, Note, Report
 from thingc.expressions import Expression, ExpressionError, Found, kind_of, parse_expression, plain, words_of
+from thingc.load.text import forbidden
 from thingc.realize.record import Value
 from thingc.resolve.scope import Scope, dimension_message
 from thingc.resolve.table import Context, Declared
@@ -318,6 +319,9 @@ def _as_written(
     given: dict[str, Found] = {}
     expressions: dict[str, Expression] = {}
     for name, text in texts.items():
+        if (bad := forbidden(text)) is not None:
+            complain(name, Code.PARAMETER_OPTION, f"parameter `{name}`: {bad[1]}", help="take it out")
+            continue
         try:
             value = _read(text, table.values.get(name))
         except (UnitError, ExpressionError) as error:

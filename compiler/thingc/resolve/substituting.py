@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from thingc.diagnostics import Code, Report
 from thingc.load.scalars import core_value
+from thingc.load.text import forbidden
 from thingc.resolve.table import Context
 from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode, closest, option_span
 from thingc.spec import validate_one
@@ -41,6 +42,8 @@ def substituted(
         keys = tuple(path.split("."))
         said = _astray(document, keys, context.from_top)
         value = None
+        if said is None and (bad := forbidden(text)) is not None:
+            said = (f"`{path}`: {bad[1]}", "take it out")
         if said is None:
             try:
                 value = core_value(text)

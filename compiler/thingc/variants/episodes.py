@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -30,12 +31,15 @@ class Rules:
 
 
 def rules(reward: Reward | str, terminated: Terminated | None, frame_skip: int, max_steps: int, pose: str | None, noise: float) -> Rules:
-    """The rules with a task by its name. Raises `UnknownVariant` for an unknown one, and `FamilyError` for episodes without steps."""
+    """The rules with a task by its name. Raises `UnknownVariant` for an unknown one, and `FamilyError` for episodes without steps
+    and for a `noise` that is no length of a range."""
     if isinstance(reward, str):
         if reward not in TASKS:
             raise UnknownVariant(f"there is no task `{reward}`: {did_you_mean(reward, TASKS, what='tasks')}")
         reward = TASKS[reward]
     at_least_one(frame_skip=frame_skip, max_steps=max_steps)
+    if not 0.0 <= noise < math.inf:
+        raise FamilyError(f"expected `noise` to be a number of at least 0, found {noise}")
     return Rules(reward=reward, terminated=terminated, frame_skip=frame_skip, max_steps=max_steps, pose=pose, noise=noise)
 
 
