@@ -181,6 +181,8 @@ def test_one_name_may_mean_many(everything: thingc.RobotFamily) -> None:
     ("joints.lift.limit.upper", "arrays", "is written into actuator_ctrlrange, jnt_range of one compiled model (mode standing)"),
     ("joints.gear.dynamics.rest", "arrays", "is written into qpos_spring of one compiled model (mode standing)"),
     ("simulation.timestep", "passes", "simulation.timestep is compiled anew: it is worked with where the model is written (mode standing)"),
+    # by its inertia the arm of the second point of a hinge that closes a loop is chosen
+    ("components.rocker.mass", "passes", "is compiled anew: it is worked with where the model is written (mode standing)"),
     ("heavy", "passes", "heavy is compiled anew: it is no number in the document (mode standing)"),
 ])
 def test_explained(everything: thingc.RobotFamily, name: str, way: str, words: str) -> None:

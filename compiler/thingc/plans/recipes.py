@@ -210,7 +210,8 @@ def _rehearsed(read: Read, reader: SettingsReader, rehearse: Rehearse, form: For
     attempt = partial(_attempt, partial(rehearse, exact=exact))
     rehearsal, fault = attempt(near, texts)
     if fault is not None:
-        rehearsal, fault = attempt(free, texts)
+        rehearsal, other = attempt(free, texts)
+        fault = fault if other is not None and other.unused else other  # nobody asks for what the document says already
     if fault is not None:
         named = [name for name in fault.names if name in free]
         if fault.modelled and exchanging and (new := [name for name in named if name not in exact]):

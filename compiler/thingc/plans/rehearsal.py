@@ -31,13 +31,14 @@ from thingc.units import Quantity
 
 class NotTraceable(Exception):
     """A number that cannot be followed: `names` are the settings that it comes from (none: nobody knows), `why` in words. `modelled`: a
-    part is modelled by it."""
+    part is modelled by it. `unused`: no pass has asked for it."""
 
-    def __init__(self, why: str, names: Sequence[str] = (), *, modelled: bool = False) -> None:
+    def __init__(self, why: str, names: Sequence[str] = (), *, modelled: bool = False, unused: bool = False) -> None:
         super().__init__(why)
         self.why = why
         self.names = tuple(names)
         self.modelled = modelled
+        self.unused = unused
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +68,7 @@ def rehearse(
         try:
             compilation = pipeline.recompile(environment, setting.sources(), setting.settings, modes)
             if lost := [name for name in setting.tokens.values() if name not in setting.put]:
-                raise NotTraceable("it is not used", lost)
+                raise NotTraceable("it is not used", lost, unused=True)
             if compilation.report.failed or not compilation.robots:
                 raise NotTraceable("it is not sound there")
             made = make(compilation, tape)
