@@ -1,6 +1,26 @@
-"""Which texts files may have for names of things, whatever the language calls those."""
+"""What files call things: which fields of records hold what files may have another name for, and which texts may be such names.
+
+A field that holds the path of something has the type of what that is: by it `emit/called.py` finds the field. Type checkers see `str`.
+"""
 
 from __future__ import annotations
+
+from typing import Annotated, TypeAlias
+
+LinkPath: TypeAlias = Annotated[str, "components"]
+"""The component that a link is called after (`hand/cap`)."""
+SitePath: TypeAlias = Annotated[str, "mounts"]
+"""A mount that is shown (`hand/tip`), or a component, whose frame is meant."""
+JointPath: TypeAlias = Annotated[str, "joints"]
+"""A joint, or one of its coordinates (`hand/wrist_0`)."""
+PoseName: TypeAlias = Annotated[str, "poses"]
+"""A pose of the robot."""
+SensorPath: TypeAlias = Annotated[str, "sensors"]
+"""A sensor (`leg/imu`)."""
+RawPath: TypeAlias = Annotated[tuple[str, ...], "raw"]
+"""Keys down to an attribute of a target (`("joint", "yaw", "margin")`), the second of which may be one of the paths above."""
+RawAttributes: TypeAlias = Annotated[dict[str, str], "raw"]
+"""Those of an element of MuJoCo's, some of which name others."""
 
 LONGEST = 200
 """Characters of a name."""

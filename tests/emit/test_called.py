@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import is_dataclass
 from pathlib import Path
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 from xml.etree import ElementTree
 
 import mujoco
@@ -12,6 +14,9 @@ from ruamel.yaml import YAML
 import thingc
 from thingc import modes
 from thingc.diagnostics import Severity
+from thingc.emit.called import AS_WRITTEN
+from thingc.file_names import JointPath
+from thingc.robot.types import Robot
 
 ARM = """thingc: assembly/1
 name: arm
@@ -188,3 +193,37 @@ def test_the_viewer_and_usd_have_the_words_of_the_document(files: Path) -> None:
 def test_documents_are_spoken_of_in_their_own_words(pair: thingc.Compiled) -> None:
     assert {"left/lower", "right/lower"} <= set(pair.links)
     assert [frame.name for frame in pair.modes["stand"].robot.keyframes] == ["bent"]
+
+
+PLAIN = {
+    "ActuatorModel.name", "Adhesion.mount", "Assembly.name", "ExportedMount.mount", "LinkedMode.name", "LinkedMode.simulation",
+    "LinkedMount.mount", "LinkedSensor.cutoff", "LinkedSensor.noise", "LinkedSensor.parts", "LinkedSensor.tendon", "LinkedTendon.path",
+    "Mate.child_mount", "Mate.parent_mount", "RawAttribute.target", "RawAttribute.value", "RawElement.section", "RawElement.tag",
+    "Robot.name", "RootChoice.mount", "Span.file",
+}
+"""Texts of records that files have as they are, or that rules of `called` are for."""
+
+
+def records(hint: Any, seen: dict[str, Any]) -> dict[str, Any]:
+    """Every field of records in reach of a type, as `Record.field`, but for those that speak as documents do."""
+    if is_dataclass(hint) and isinstance(hint, type):
+        if hint not in AS_WRITTEN and not any(one.startswith(f"{hint.__name__}.") for one in seen):
+            fields = {f"{hint.__name__}.{name}": inner for name, inner in get_type_hints(hint, include_extras=True).items()}
+            seen.update(fields)
+            for inner in fields.values():
+                records(inner, seen)
+    elif get_origin(hint) is not Annotated:
+        for argument in get_args(hint):
+            records(argument, seen)
+    return seen
+
+
+def has_text(hint: Any) -> bool:
+    return hint in (str, Any) or (get_origin(hint) is not Annotated and any(has_text(one) for one in get_args(hint)))
+
+
+def test_whatever_records_call_something_by_is_known() -> None:
+    """A new record, or field, whose path files might call otherwise has a type of `file_names`; another text stands in PLAIN."""
+    fields = records(Robot, {})
+    assert {name for name, hint in fields.items() if has_text(hint)} == PLAIN
+    assert fields["Mate.name"] == JointPath | None

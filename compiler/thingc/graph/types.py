@@ -7,6 +7,7 @@ from dataclasses import field
 from typing import Literal
 
 from thingc.brief import Brief
+from thingc.file_names import JointPath, LinkPath, PoseName, SensorPath, SitePath
 from thingc.frozen import dataclass
 from thingc.graph.hag import Definition, Hag, hag_of
 from thingc.inertia import MassProperties
@@ -194,8 +195,8 @@ class Mate(Brief):
     X_JC: Pose
     joints: tuple[JointEdge, ...]
     origin: Origin
-    name: str | None = None
-    loop: str | None = None
+    name: JointPath | None = None
+    loop: JointPath | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,7 +207,7 @@ class Link(Brief):
     `properties` are summed, in the link's frame.
     """
 
-    name: str
+    name: LinkPath
     index: int
     frame: int
     members: tuple[int, ...]
@@ -219,7 +220,7 @@ class Link(Brief):
 class ExportedMount(Brief):
     """A mount that an assembly shows, at its path (`tip`, `hand/tip`): an occurrence's mount."""
 
-    path: str
+    path: SitePath
     occurrence: int
     mount: str
     origin: Origin
@@ -235,14 +236,14 @@ class RootChoice(Brief):
 
     occurrence: int
     mount: str | None
-    path: str
+    path: SitePath
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Adhesion(Brief):
     """A magnet: a mount that pulls. `path` names it (`front_foot/sole`), `force` [N] its largest in any mode."""
 
-    path: str
+    path: SitePath
     occurrence: int
     mount: str
     force: float
@@ -272,7 +273,7 @@ class Foot(Brief):
 class LinkedMount(Brief):
     """A mount that a document speaks of: the path of its site (`hand/tip`), and which mount of which occurrence it is."""
 
-    path: str
+    path: SitePath
     occurrence: int
     mount: str
 
@@ -284,12 +285,12 @@ class LinkedSensor(Brief):
     anything; `volume` is in the frame of the mount; `fovy` [rad] of a camera; `noise` and `cutoff` [SI] are by reading. `parts`
     says which readings files have a name of its own for."""
 
-    path: str
+    path: SensorPath
     kind: SensorType
     origin: Origin
     at: LinkedMount | None = None
     seen_from: LinkedMount | None = None
-    joint: str | None = None
+    joint: JointPath | None = None
     tendon: str | None = None
     touching: tuple[int, ...] = ()
     volume: Primitive | None = None
@@ -333,7 +334,7 @@ class LinkedTendon(Brief):
     where its length is that at q = 0."""
 
     path: str
-    moves: dict[str, float]
+    moves: dict[JointPath, float]
     turns: bool
     limit: Limit
     dynamics: Dynamics
@@ -365,19 +366,19 @@ class LinkedMode(Brief):
     base: BaseType
     at: Pose
     gravity: tuple[float, float, float]
-    poses: tuple[str, ...]
-    actuators: tuple[str, ...] | None
+    poses: tuple[PoseName, ...]
+    actuators: tuple[JointPath, ...] | None
     exclude: tuple[tuple[int, int], ...]
-    adhesion: dict[str, float]
+    adhesion: dict[SitePath, float]
     simulation: dict[str, float | str]
     origin: Origin
-    pose: str | None = None
+    pose: PoseName | None = None
     holds: tuple[LinkedHold, ...] = ()
     cut: tuple[Cut, ...] = ()
     feet: tuple[Foot, ...] = ()
     on_floor: bool = False
     stated: bool = True
-    at_in: dict[str, Pose] = field(default_factory=dict)
+    at_in: dict[PoseName, Pose] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,6 +10,7 @@ from dataclasses import field
 from typing import Any, Literal
 
 from thingc.brief import Brief
+from thingc.file_names import JointPath, PoseName, RawAttributes, RawPath
 from thingc.frozen import dataclass
 from thingc.joints import JointKind, Twist
 from thingc.joints.bases import BaseType
@@ -288,9 +289,9 @@ class NamedPose(Brief):
     """A pose with its globs and nested poses worked out: joint path (`hand/finger`) to q [rad or m], and where each
     value was written. Joints not named are at 0."""
 
-    name: str
-    values: dict[str, float]
-    origins: dict[str, Origin]
+    name: PoseName
+    values: dict[JointPath, float]
+    origins: dict[JointPath, Origin]
     origin: Origin
 
 
@@ -343,7 +344,7 @@ class Standing(Brief):
 class Cut(Brief):
     """A joint (its path) at which a mode wants a loop to be cut."""
 
-    joint: str
+    joint: JointPath
     origin: Origin
 
 
@@ -390,7 +391,7 @@ class RawAttribute(Brief):
     """
 
     target: str
-    path: tuple[str, ...]
+    path: RawPath
     value: str
     origin: Origin
     keys: tuple[Span, ...] = ()
@@ -411,7 +412,7 @@ class RawElement(Brief):
 
     section: str
     tag: str
-    attributes: dict[str, str]
+    attributes: RawAttributes
     children: tuple[RawElement, ...]
     origin: Origin
 

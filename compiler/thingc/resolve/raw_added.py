@@ -17,6 +17,20 @@ ADD, INSIDE = "add", "in"
 SECTIONS = ("contact", "custom", "tendon", "equality", "actuator", "sensor")
 """Sections of MJCF that may be added to, such that what stands in one may name what stands in those before."""
 
+_KINDS = {
+    **dict.fromkeys(("joint", "joint1", "joint2", "jointinparent"), "joint"),
+    **dict.fromkeys(("site", "site1", "site2", "cranksite", "slidersite", "refsite", "sidesite"), "site"),
+    **dict.fromkeys(("body", "body1", "body2", "subtree1", "subtree2"), "body"), **dict.fromkeys(("geom", "geom1", "geom2"), "geom"),
+    **dict.fromkeys(("tendon", "tendon1", "tendon2"), "tendon"), "actuator": "actuator", "camera": "camera",
+}
+"""Attributes that name another element, by the kind of that."""
+
+_OBJECTS = {"objname": "objtype", "refname": "reftype"}
+"""Attributes that name one of the kind that another attribute says."""
+
+KINDS = frozenset(_KINDS.values())
+"""The kinds of elements that others name."""
+
 _EXAMPLE = "`- fixed: {name: grip, in: [{joint: {joint: left, coef: 1}}]}`"
 
 
@@ -42,6 +56,12 @@ def added(scope: Scope, written: Mapping[str, Any]) -> tuple[RawElement, ...]:
         element for section in SECTIONS if section in sections
         for element in _elements(scope, section, sections[section], (*path, section))
     )
+
+
+def named_kind(attributes: Mapping[str, str], name: str) -> str | None:
+    """The kind of element that an attribute of an added one names; None where it names none."""
+    said = attributes.get(_OBJECTS.get(name, ""))
+    return {"xbody": "body"}.get(said, said) if said is not None else _KINDS.get(name)
 
 
 def text(value: object) -> str:

@@ -7,6 +7,7 @@ from dataclasses import field
 from typing import Literal
 
 from thingc.brief import Brief
+from thingc.file_names import JointPath, PoseName, SitePath
 from thingc.frozen import dataclass
 from thingc.graph.types import ActuatorModel, Assembly, JointEdge, LinkedMode
 from thingc.joints import JointKind, Twist
@@ -25,7 +26,7 @@ class CoreJoint(Brief):
     tree's parent, and the twist has been negated for it). Motion is measured from q = 0.
     """
 
-    path: str
+    path: JointPath
     kind: JointKind
     twist: Twist
     reversed: bool
@@ -64,7 +65,7 @@ class Body(Brief):
 class Site(Brief):
     """A named frame on a link: `path`, the body's index, and its pose in the link's frame."""
 
-    path: str
+    path: SitePath
     body: int
     pose: Pose
     origin: Origin
@@ -87,7 +88,7 @@ class Closure(Brief):
     B its frame; else `path` is the joint's.
     """
 
-    path: str
+    path: JointPath | SitePath
     hold: bool
     parent: int | None
     child: int
@@ -131,11 +132,11 @@ class Keyframe(Brief):
     base that has been moved to where closures want it, or onto the floor).
     """
 
-    name: str
-    q: dict[str, float]
+    name: PoseName
+    q: dict[JointPath, float]
     origin: Origin
     base: Pose | None = None
-    moved: dict[str, float] = field(default_factory=dict)
+    moved: dict[JointPath, float] = field(default_factory=dict)
     residual: tuple[float, float] | None = None
 
 
@@ -145,11 +146,11 @@ class Unclosed(Brief):
     `path` names the closure that stays open most, `residual` how far [m, rad] at best. Or they do close, but so far from the
     pose that it would be another: then `moved` is that of the keyframe it would have been."""
 
-    name: str
-    path: str
+    name: PoseName
+    path: JointPath | SitePath
     residual: tuple[float, float]
     origin: Origin
-    moved: dict[str, float] = field(default_factory=dict)
+    moved: dict[JointPath, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,8 +174,8 @@ class Robot(Brief):
     sites: tuple[Site, ...]
     excluded: tuple[tuple[int, int], ...]
     keyframes: tuple[Keyframe, ...]
-    present: tuple[str, ...]
-    adhesion: dict[str, float]
+    present: tuple[JointPath, ...]
+    adhesion: dict[SitePath, float]
     closures: tuple[Closure, ...] = ()
     unclosed: tuple[Unclosed, ...] = ()
     moves: tuple[CoreJoint, ...] = ()

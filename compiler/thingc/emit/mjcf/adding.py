@@ -16,21 +16,11 @@ from thingc.emit.xml import Element, unwritable
 from thingc.graph.types import Assembly
 from thingc.resolve.coordinates import CoordinateName
 from thingc.resolve.model import RawElement
+from thingc.resolve.raw_added import KINDS, named_kind
 from thingc.robot import in_link
 from thingc.robot.types import Robot
 from thingc.source import Origin
 from thingc.typos import did_you_mean
-
-KINDS = {
-    **dict.fromkeys(("joint", "joint1", "joint2", "jointinparent"), "joint"),
-    **dict.fromkeys(("site", "site1", "site2", "cranksite", "slidersite", "refsite", "sidesite"), "site"),
-    **dict.fromkeys(("body", "body1", "body2", "subtree1", "subtree2"), "body"), **dict.fromkeys(("geom", "geom1", "geom2"), "geom"),
-    **dict.fromkeys(("tendon", "tendon1", "tendon2"), "tendon"), "actuator": "actuator", "camera": "camera",
-}
-"""Attributes that name another element, by the kind of that."""
-
-OBJECTS = {"objname": "objtype", "refname": "reftype"}
-"""Attributes that name one of the kind that another attribute says."""
 
 SECTIONS = ("contact", "custom", "tendon", "equality", "actuator", "sensor", "keyframe")
 """Sections in the order in which those that are not there yet are put."""
@@ -122,8 +112,7 @@ class _Target:
         """The element of this model, or the kind and the name of what it names in vain."""
         made = Element(tag=wanted.tag, attributes=dict(wanted.attributes), origin=wanted.origin)
         for name, value in wanted.attributes.items():
-            said = wanted.attributes.get(OBJECTS.get(name, ""))
-            kind = {"xbody": "body"}.get(said, said) if said is not None else KINDS.get(name)
+            kind = named_kind(wanted.attributes, name)
             if kind is not None and name != "name":
                 found = self.found(kind, value)
                 if found is None:
@@ -140,7 +129,7 @@ class _Target:
         """What the model calls an element of a kind; a mount that has no site gets one."""
         plain = kind != "joint" or path in self.names.get(kind, ())
         name = path if plain else CoordinateName(path.replace("/", ".")).path
-        if name in self.names.get(kind, ()) or kind not in (*KINDS.values(),):
+        if name in self.names.get(kind, ()) or kind not in KINDS:
             return name
         assembly = self.robot.assembly
         if kind == "body":
