@@ -108,10 +108,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     """What has been imported and collected stays to the end: it is not looked through for garbage again and again."""
     gc.freeze()
+    gc.enable()
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Watch every diagnostic that is made here, and all that processes print to their end."""
+    gc.disable()  # until all is collected
     said, communicate = Diagnostic.__post_init__, subprocess.Popen.communicate
 
     def post_init(self: Diagnostic) -> None:

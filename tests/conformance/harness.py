@@ -59,12 +59,17 @@ def build(document: str | Path, *words: str | Path, store: str | Path, cwd: str 
     return _silent(thingc("build", document, "--format", "json", *words, store=store, cwd=cwd, **options))
 
 
-def build_here(document: str | Path, *words: str | Path, store: str | Path, cwd: str | Path) -> dict[str, Any]:
-    """`build` by the command's function in this process, for tests that ask what is made and not what a process does."""
+def thingc_here(*words: str | Path, cwd: str | Path, store: str | Path | None = None) -> Ran:
+    """`thingc` by the command's function in this process, for tests that ask what is said or made and not what a process does."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.chdir(cwd), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        code = main(["build", str(document), "--format", "json", "--store", str(store), *map(str, words)])
-    return _silent(Ran(code=code, out=out.getvalue(), err=err.getvalue()))
+        code = main([*map(str, words), *([] if store is None else ["--store", str(store)])])
+    return Ran(code=code, out=out.getvalue(), err=err.getvalue())
+
+
+def build_here(document: str | Path, *words: str | Path, store: str | Path, cwd: str | Path) -> dict[str, Any]:
+    """`build`, with the kernel that this process has."""
+    return _silent(thingc_here("build", document, "--format", "json", *words, store=store, cwd=cwd))
 
 
 def _silent(ran: Ran) -> dict[str, Any]:

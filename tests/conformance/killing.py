@@ -24,9 +24,10 @@ Tree = dict[str, bytes]
 
 @dataclass(frozen=True)
 class Scene:
-    """The workspace of the rig, what builds of it must be, and how long a cold and a warm one take [s]."""
+    """The workspace of the rig, a store with all of its parts, what builds of it must be, and how long a cold and a warm one take [s]."""
 
     root: Path
+    store: Path
     expected: dict[int, Tree]
     cold: float
     warm: float
@@ -59,7 +60,7 @@ def made_scene(base: Path) -> Scene:
         seconds.append(time.monotonic() - began)
         expected[span] = tree(base / "out" / "rig")
     assert expected[SPANS[0]] != expected[SPANS[1]]
-    return Scene(root=root, expected=expected, cold=seconds[0], warm=seconds[2])
+    return Scene(root=root, store=base / "store", expected=expected, cold=seconds[0], warm=seconds[2])
 
 
 def ended(process: subprocess.Popen[bytes], mark: str) -> None:

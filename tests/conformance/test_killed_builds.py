@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import select
+import shutil
 import signal
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 
 from conformance import rig
-from conformance.harness import TIMEOUT, build, processes, write
+from conformance.harness import TIMEOUT, build_here, processes, write
 from conformance.killing import SPANS, Killer, Scene, ended, made_scene, sound, whole
 
 pytestmark = pytest.mark.slow
@@ -31,6 +32,7 @@ def moments(count: int, seed: int) -> list[float]:
     return [float((k + source.random()) / count) for k in range(count)]
 
 
+@pytest.mark.usefixtures("one_kernel")
 def test_cold_builds_killed_at_random_moments(scene: Scene, tmp_path: Path) -> None:
     """From an empty store. Nothing is there afterwards, or all; the next build, from what is left of the store, is as good
     as any."""
@@ -46,7 +48,7 @@ def test_cold_builds_killed_at_random_moments(scene: Scene, tmp_path: Path) -> N
             if killed:
                 break
         assert killed
-        build("rig.yaml", "-p", "span=60 mm", "-o", output, store=store, cwd=scene.root)
+        build_here("rig.yaml", "-p", "span=60 mm", "-o", output, store=store, cwd=scene.root)
         assert whole(output / "rig") == scene.expected[60], moment
         assert sorted(path.name for path in output.iterdir()) == ["rig"], "swept"
         assert len(list(sound(store))) > 20
@@ -55,8 +57,9 @@ def test_cold_builds_killed_at_random_moments(scene: Scene, tmp_path: Path) -> N
 def test_warm_builds_killed_at_random_moments(scene: Scene, tmp_path: Path) -> None:
     """Over a standing build, to and fro between two sizes: the folder holds the one or the other, whole."""
     output, store, killer = tmp_path / "out", tmp_path / "store", Killer(scene.warm)
+    shutil.copytree(scene.store, store)
     for span in SPANS:
-        build("rig.yaml", "-p", f"span={span} mm", "-o", output, store=store, cwd=scene.root)
+        build_here("rig.yaml", "-p", f"span={span} mm", "-o", output, store=store, cwd=scene.root)
     standing = SPANS[1]
     for moment in moments(3, seed=2):
         for _ in range(5):
@@ -72,20 +75,20 @@ def test_warm_builds_killed_at_random_moments(scene: Scene, tmp_path: Path) -> N
         assert killed
     list(sound(store))
     for span in SPANS:
-        build("rig.yaml", "-p", f"span={span} mm", "-o", output, store=store, cwd=scene.root)
+        build_here("rig.yaml", "-p", f"span={span} mm", "-o", output, store=store, cwd=scene.root)
         assert whole(output / "rig") == scene.expected[span]
     assert sorted(path.name for path in output.iterdir()) == ["rig"]
 
 
 def test_what_was_left_is_swept_also_where_nothing_changed(scene: Scene, tmp_path: Path) -> None:
     """A build that was killed after the exchange: what stands is what the next one would write."""
-    output, store = tmp_path / "out", tmp_path / "store"
+    output = tmp_path / "out"
     words = ("rig.yaml", "-p", "span=60 mm", "-o", output)
-    build(*words, store=store, cwd=scene.root)
+    build_here(*words, store=scene.store, cwd=scene.root)
     for left in (".rig.thingc-new/mjcf", ".rig.thingc-old/mjcf"):
         (output / left).mkdir(parents=True)
     (output / ".rig.thingc-lock").touch()
-    build(*words, store=store, cwd=scene.root)
+    build_here(*words, store=scene.store, cwd=scene.root)
     assert sorted(path.name for path in output.iterdir()) == ["rig"]
     assert whole(output / "rig") == scene.expected[60]
 

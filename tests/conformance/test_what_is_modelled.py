@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from conformance import shelf
-from conformance.harness import ROOT, build, build_here, replace, thingc, tree
+from conformance.harness import ROOT, build, build_here, replace, thingc, thingc_here, tree
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 
@@ -114,17 +114,17 @@ def test_a_build_without_a_change_touches_nothing(base: Path, tmp_path: Path) ->
 
     shutil.copytree(base / "ws", tmp_path / "ws", ignore=shutil.ignore_patterns("build"))
     words = ("build", "shelf.yaml", "-o", tmp_path / "out")
-    first = thingc(*words, store=tmp_path / "store", cwd=tmp_path / "ws")
+    first = thingc_here(*words, store=tmp_path / "store", cwd=tmp_path / "ws")
     assert first.code == 0 and "15 parts modelled, 0 reused" in first.err
     left = stats()
     for _ in range(2):
         again = thingc(*words, store=tmp_path / "store", cwd=tmp_path / "ws")
         assert again.code == 0 and again.out == "" and "nothing changed" in again.err
-        answer = build(*words[1:], store=tmp_path / "store", cwd=tmp_path / "ws")
+        answer = build_here(*words[1:], store=tmp_path / "store", cwd=tmp_path / "ws")
         assert answer["modelled"] == [] and set(answer["reused"]) == shelf.EVERYTHING
         assert stats() == left
     (tmp_path / "out" / "shelf" / "bom.csv").write_text("spoilt")
-    build(*words[1:], "--force", store=tmp_path / "store", cwd=tmp_path / "ws")
+    build_here(*words[1:], "--force", store=tmp_path / "store", cwd=tmp_path / "ws")
     assert (tmp_path / "out" / "shelf" / "bom.csv").read_text().startswith("number,"), "what was changed by hand is mended"
 
 

@@ -7,8 +7,8 @@ import re
 from pathlib import Path
 
 import pytest
-from harness import Ran, ran
 
+from conformance.harness import Ran, thingc_here
 from thingc import pipeline
 from thingc.diagnostics import Severity
 from thingc.environment import Environment, Options
@@ -23,11 +23,13 @@ TETRAHEDRON = "solid t\n" + "".join(
 ) + "endsolid t\n"
 
 UNKNOWN = "note[TC345]: 1 part has parameters or a process that `parts.lock.json` does not hold: its geometry was not looked at"
+pytestmark = pytest.mark.usefixtures("one_kernel")
+
 ARM, MINCHW = "assemblies/arm.yaml", "assemblies/minchw/minchw.yaml"
 
 
 def checked(folder: Path, *words: str) -> Ran:
-    return ran(["check", "--no-code", *(words or (ARM,))], folder)
+    return thingc_here("check", "--no-code", *(words or (ARM,)), cwd=folder)
 
 
 def edit(file: Path, old: str, new: str) -> None:
@@ -39,7 +41,7 @@ def edit(file: Path, old: str, new: str) -> None:
 def test_the_lock_is_readable_and_the_same_wherever_it_is_made(workspace: Path, locked: Path, shared_store: str, root: Path) -> None:
     text = (workspace / "parts.lock.json").read_text()
     (workspace / "parts.lock.json").unlink()
-    assert ran(["lock", "--store", shared_store], workspace).code == 0
+    assert thingc_here("lock", store=shared_store, cwd=workspace).code == 0
     assert (workspace / "parts.lock.json").read_text() == text
     assert str(locked) not in text and str(root) not in text and shared_store not in text
     held = json.loads(text)
@@ -70,7 +72,7 @@ def test_comments_and_docstrings_are_no_change_of_code(workspace: Path, shared_s
     part = workspace / "parts" / "arm.py"
     part.write_text("# a comment\n\n" + part.read_text())
     assert checked(workspace).code == 0
-    assert ran(["lock", "--check", "--store", shared_store], workspace).code == 0
+    assert thingc_here("lock", "--check", store=shared_store, cwd=workspace).code == 0
 
 
 def test_whole_numbers_are_locked_with_their_bounds() -> None:
@@ -90,7 +92,7 @@ def test_whole_numbers_are_locked_with_their_bounds() -> None:
 
 def test_a_stale_lock_is_said_at_the_part(workspace: Path, shared_store: str) -> None:
     edit(workspace / "parts" / "arm.py", "shaft = Cylinder(diameter / 2, length)", "shaft = Cylinder(diameter * 0.5, length)")
-    done = ran(["check", "--no-code", "assemblies/end_effector.yaml", "--format", "json"], workspace)
+    done = checked(workspace, "assemblies/end_effector.yaml", "--format", "json")
     assert done.code == 1
     diagnostics = json.loads(done.out)["diagnostics"]
     assert [(said["code"], said["file"], said["message"]) for said in diagnostics] == [
@@ -99,12 +101,12 @@ def test_a_stale_lock_is_said_at_the_part(workspace: Path, shared_store: str) ->
     ]
     assert {said["notes"][0]["file"] for said in diagnostics} == {"parts/arm.py"}
     # Where code may run, the change is modelled and nothing is said.
-    assert ran(["check", "assemblies/end_effector.yaml", "--store", shared_store], workspace).code == 0
-    stale = ran(["lock", "--check", "--store", shared_store], workspace)
+    assert thingc_here("check", "assemblies/end_effector.yaml", store=shared_store, cwd=workspace).code == 0
+    stale = thingc_here("lock", "--check", store=shared_store, cwd=workspace)
     assert stale.code == 1 and "the code of `arm:PenDummy` has changed" in stale.out
     assert re.search(r"--> parts\.lock\.json:\d+:5\n +\d+ |\"arm:PenDummy\"", stale.out)
     before = (workspace / "parts.lock.json").read_bytes()
-    assert ran(["lock", "--store", shared_store], workspace).code == 0
+    assert thingc_here("lock", store=shared_store, cwd=workspace).code == 0
     assert (workspace / "parts.lock.json").read_bytes() != before
     assert checked(workspace).code == 0
 
@@ -119,7 +121,7 @@ def test_lock_check_says_what_changed(workspace: Path, shared_store: str) -> Non
     plate["volume"] *= 1.001
     plate["centre"] = [one * (1 + 1e-12) for one in plate["centre"]]  # what two machines may differ by
     lock.write_text(json.dumps(held, indent=1))
-    done = ran(["lock", "--check", "--store", shared_store], workspace)
+    done = thingc_here("lock", "--check", store=shared_store, cwd=workspace)
     assert done.code == 1
     assert "the part `arm:PenDummy` is not in it" in done.out
     assert "there is no part `arm:Ghost` any more" in done.out
@@ -177,7 +179,7 @@ def test_names_of_mounts_that_parameters_may_change_are_not_judged(workspace: Pa
         "thingc: assembly/1\nname: comb\nmaterials: [assemblies/materials.yaml]\ncomponents:\n  comb: {part: 'many:Comb', material: petg}\n"
         "  tip: {frame: true, at: {in: comb.tooth_1}}\n"
     )
-    made = ran(["lock", "--store", shared_store], workspace)
+    made = thingc_here("lock", store=shared_store, cwd=workspace)
     assert made.code == 0, made
     edit(workspace / "comb.yaml", "material: petg", "material: petg, params: {teeth: 5}")
     edit(workspace / "comb.yaml", "tooth_1", "tooth_4")
@@ -192,7 +194,7 @@ def test_files_that_are_parts_are_compared_with_the_lock(workspace: Path, shared
     (workspace / "filed.yaml").write_text(
         "thingc: assembly/1\nname: filed\ncomponents:\n  motor: {file: motor.stl, mass: 1 kg}\n"
     )
-    made = ran(["lock", "--store", shared_store], workspace)
+    made = thingc_here("lock", store=shared_store, cwd=workspace)
     assert made.code == 0, made
     assert checked(workspace, "filed.yaml").code == 0
     (workspace / "motor.stl").write_text(TETRAHEDRON + "\n")
@@ -207,7 +209,7 @@ def test_a_file_is_locked_in_each_unit_that_it_is_used_in(workspace: Path, share
     (workspace / "motor.stl").write_text(TETRAHEDRON)
     text = "thingc: assembly/1\nname: filed\ncomponents:\n  motor: {file: motor.stl, unit: cm, mass: 1 kg}\n"
     (workspace / "filed.yaml").write_text(text + "  small: {file: motor.stl, mass: 1 g, at: {in: motor.origin}}\n")
-    assert ran(["lock", "--store", shared_store], workspace).code == 0
+    assert thingc_here("lock", store=shared_store, cwd=workspace).code == 0
     held = json.loads((workspace / "parts.lock.json").read_text())["files"]
     volumes = {key: one["record"]["volume"] for key, one in held.items()}
     assert volumes == pytest.approx({"motor.stl": 1e-6 / 6, "motor.stl(unit='cm')": 1e-3 / 6}, rel=1e-9)
@@ -272,7 +274,7 @@ def test_a_part_that_cannot_be_made_is_not_locked(workspace: Path, shared_store:
     (workspace / "assemblies" / "long.yaml").write_text(
         "thingc: assembly/1\nname: long\ncomponents: {rod: {part: short:short, params: {length: 60 mm}, mass: 1 g}}\n"
     )
-    done = ran(["lock", "--store", shared_store], workspace)
+    done = thingc_here("lock", store=shared_store, cwd=workspace)
     assert done.code == 1 and "`torn:Torn` cannot be locked: ZeroDivisionError" in done.err
     assert "`short:short(length=60 mm)` cannot be locked: ValueError: too long\n   --> parts/short.py:7:1\n" in done.err
     assert (workspace / "parts.lock.json").read_bytes() == before
