@@ -117,7 +117,7 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
         "dependencies": {"*"},
         "load": {"Documents", "documents_in", "has_header", "load", "named", "read_tree"},
         "resolve": {"RESERVED"},
-        "spec": {"Declares", "Means", "Mention", "mentions_of", "referred", "setting_words"},
+        "spec": {"Declares", "Means", "Meant", "Mention", "mentions_of", "referred", "setting_words"},
         "layout": {"Looked", "TextEdit", "Unsettable", "format_document", "located", "sure_edits", "with_values"},
         "realize": {
             "ABSENT", "BadLock", "Decision", "EndingWorkers", "GeometryService", "Module", "NoWorkers", "PartAnswers", "Slicing", "Store",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Literal
+from typing import Literal, assert_never
 
 from thingc.expressions import ExpressionError, parse_expression
 from thingc.frozen import dataclass
@@ -17,7 +17,7 @@ from thingc.load import named
 from thingc.lsp.part_names import PartClass, PartName, PartNames
 from thingc.lsp.written import GLOB, SPECIAL, WrittenDocument, pattern_of
 from thingc.source import MappingNode, Path, ScalarNode, Span, node_at
-from thingc.spec import Declares, Means, Mention, referred, setting_words
+from thingc.spec import Declares, Means, Meant, Mention, referred, setting_words
 
 Role = Literal["declared", "used", "fits"]
 """`fits`: a pattern that the name fits without standing in it, or a text in which it is written with other characters (escapes)."""
@@ -67,20 +67,20 @@ class Index:
 
 def index(documents: Mapping[str, WrittenDocument], parts: PartNames) -> Index:
     """The index of documents (all of a workspace, by absolute path) and of the parts that they name."""
-    found: dict[tuple[Name, Span], NamePlace] = {}
+    seen: dict[tuple[Name, Span], NamePlace] = {}
     for written in documents.values():
         for place in _Reader(documents, parts, written).places():
-            known = found.get((place.name, place.span))
+            known = seen.get((place.name, place.span))
             if known is None or known.role != "declared":
-                found[place.name, place.span] = place
+                seen[place.name, place.span] = place
     for part in parts.places():
         name = _of_part(part.name)
-        found[name, part.span] = NamePlace(name, part.span, "declared" if part.declared else "used")
+        seen[name, part.span] = NamePlace(name, part.span, "declared" if part.declared else "used")
     for reference, thing in parts.classes():
         if thing.span is not None:
             name = Name("part", thing.file, reference.partition(":")[2])
-            found[name, thing.span] = NamePlace(name, thing.span, "declared")
-    places = tuple(sorted(found.values(), key=lambda one: (one.span.file, one.span.line, one.span.column, one.name.what, one.name.text)))
+            seen[name, thing.span] = NamePlace(name, thing.span, "declared")
+    places = tuple(sorted(seen.values(), key=lambda one: (one.span.file, one.span.line, one.span.column, one.name.what, one.name.text)))
     by_name: dict[Name, list[NamePlace]] = {}
     for place in places:
         by_name.setdefault(place.name, []).append(place)
@@ -147,71 +147,75 @@ class _Reader:
         return Name(what, written.path, text, owner)
 
     def _index_uses(self, text: str, index: str, path: Path) -> Iterator[Hit]:
-        for found in re.finditer(rf"\$\{{?({index})(?![A-Za-z0-9])", text):
-            yield found.start(1), found.end(1), self.own_name(self.own, "index", index, path), "used"
+        for use in re.finditer(rf"\$\{{?({index})(?![A-Za-z0-9])", text):
+            yield use.start(1), use.end(1), self.own_name(self.own, "index", index, path), "used"
 
-    def meant(self, base: WrittenDocument | None, what: str, text: str, path: Path, index: str) -> Iterator[Hit]:
+    def meant(self, base: WrittenDocument | None, what: Meant, text: str, path: Path, index: str) -> Iterator[Hit]:
         """What a text means in an assembly; in `path` it stands."""
-        if what == "assembly document":
-            yield from self._document(self.document(self.own, text), text)
-        elif what == "materials document":
-            yield from self._document(self.document(self.own, text) or self.packaged(text), text)
-        elif what == "part":
-            yield from self._part(text)
-        elif base is None:
-            return
-        elif what == "expression":
-            yield from self.expression(base, text, path, index)
-        elif what == "rule":
-            yield from self.rule(base, text)
-        elif what == "setting":
-            yield from self.setting(base, text, 0)
-        elif what == "choice":
-            yield from self.choice(base, text, path)
-        elif what == "component":
-            yield from self.components(base, _words(text), index)
-        elif what in ("mount", "mount or export", "root"):
-            yield from self.mount(base, text, index, what)
-        elif what == "mount of its own":
-            yield from self.own_mount(base, text, path, index)
-        elif what in ("joint", "coordinate"):
-            yield from self.joints(base, text, index)
-        elif what == "joint or nested assembly":
-            said = node_at(self.own.document.tree, path)
-            pose = isinstance(said, ScalarNode) and isinstance(said.value, str) and re.fullmatch(r"\s*[A-Za-z]\w*\s*", said.value)
-            exact = list(self.exact_joint(base, text, index))
-            yield from exact or (self.components(base, _words(text), index) if pose else self.joints(base, text, index))
-        elif what == "pose of a nested assembly":
-            for inner, _ in self.components_of(base, [word for _, word in _words(str(path[-1]))], index):
-                if (nested := self.nested(inner[0], inner[1])) is not None:
-                    yield from self.in_section(nested, "poses", "pose", text)
-        elif what in ("pose", "poses"):
-            yield from self.in_section(base, "poses", "pose", text)
-        elif what in ("mode", "modes"):
-            yield from self.in_section(base, "modes", "mode", text)
-        elif what == "tendon":
-            yield from self.in_section(base, "tendons", "tendon", text)
-        elif what == "sensor":
-            yield from self.in_section(base, "sensors", "sensor", text.partition(":")[0])
-        elif what == "material":
-            yield from self.material(base, text)
-        elif what == "parameter of a nested assembly":
-            nested = self.nested(base, str(path[1]))
-            if nested is not None:
-                yield from self.in_section(nested, "parameters", "parameter", text)
-        elif what == "parameter of a part":
-            thing = self.thing(base, str(path[1]))
-            if thing is not None:
-                yield 0, len(text), _of_part(thing.parameter(text)), "used"
-        elif what == "raw":
-            yield from self.raw(base, text, path)
+        match what:
+            case "assembly document":
+                yield from self._document(self.document(self.own, text), text)
+            case "materials document":
+                yield from self._document(self.document(self.own, text) or self.packaged(text), text)
+            case "part":
+                yield from self._part(text)
+            case _ if base is not None:
+                yield from self._inside(base, what, text, path, index)
+
+    def _inside(self, base: WrittenDocument, what: Meant, text: str, path: Path, index: str) -> Iterator[Hit]:
+        """What a text means that names something in an assembly, which is `base`."""
+        match what:
+            case "expression":
+                yield from self.expression(base, text, path, index)
+            case "rule":
+                yield from self.rule(base, text)
+            case "setting":
+                yield from self.setting(base, text, 0)
+            case "choice":
+                yield from self.choice(base, text, path)
+            case "raw":
+                yield from self.raw(base, text, path)
+            case "component":
+                yield from self.components(base, _words(text), index)
+            case "mount" | "mount or export" | "root":
+                yield from self.mount(base, text, index, what)
+            case "mount of its own":
+                yield from self.own_mount(base, text, path, index)
+            case "joint" | "coordinate":
+                yield from self.joints(base, text, index)
+            case "joint or nested assembly":
+                said = node_at(self.own.document.tree, path)
+                pose = isinstance(said, ScalarNode) and isinstance(said.value, str) and re.fullmatch(r"\s*[A-Za-z]\w*\s*", said.value)
+                exact = list(self.exact_joint(base, text, index))
+                yield from exact or (self.components(base, _words(text), index) if pose else self.joints(base, text, index))
+            case "pose of a nested assembly":
+                for inner, _ in self.components_of(base, [word for _, word in _words(str(path[-1]))], index):
+                    yield from self.in_section(self.nested(*inner), "poses", "pose", text)
+            case "pose" | "poses":
+                yield from self.in_section(base, "poses", "pose", text)
+            case "mode" | "modes":
+                yield from self.in_section(base, "modes", "mode", text)
+            case "tendon":
+                yield from self.in_section(base, "tendons", "tendon", text)
+            case "sensor":
+                yield from self.in_section(base, "sensors", "sensor", text.partition(":")[0])
+            case "material":
+                yield from self.material(base, text)
+            case "parameter of a nested assembly":
+                yield from self.in_section(self.nested(base, str(path[1])), "parameters", "parameter", text)
+            case "parameter of a part":
+                if (thing := self.thing(base, str(path[1]))) is not None:
+                    yield 0, len(text), _of_part(thing.parameter(text)), "used"
+            case "assembly document" | "materials document" | "part":
+                return
+            case _:
+                assert_never(what)
 
     # --- documents and parts ----------------------------------------------------------------------------------------
 
     def document(self, beside: WrittenDocument, text: str | None) -> WrittenDocument | None:
         """The document that one calls `text`."""
-        path = named(text, beside.path) if text else None
-        return self.documents.get(path) if path is not None else None
+        return self.documents.get(named(text, beside.path) or "") if text else None
 
     def packaged(self, text: str) -> WrittenDocument | None:
         """The document of a package, `package.document`."""
@@ -244,13 +248,13 @@ class _Reader:
     ) -> list[tuple[tuple[WrittenDocument, str], tuple[tuple[WrittenDocument, str], ...]]]:
         """The components at a path of words, each a document and a key in it, with those on the way to it."""
         level: list[tuple[WrittenDocument, tuple[tuple[WrittenDocument, str], ...]]] = [(written, ())]
-        found: list[tuple[tuple[WrittenDocument, str], tuple[tuple[WrittenDocument, str], ...]]] = []
+        reached: list[tuple[tuple[WrittenDocument, str], tuple[tuple[WrittenDocument, str], ...]]] = []
         for depth, word in enumerate(words):
-            found = [((one, key), way) for one, way in level for key in one.fitting("components", word, index if not depth else "")]
+            reached = [((one, key), way) for one, way in level for key in one.fitting("components", word, index if not depth else "")]
             level = [
-                (inner, (*way, (one, key))) for (one, key), way in found if (inner := self.nested(one, key)) is not None
+                (inner, (*way, (one, key))) for (one, key), way in reached if (inner := self.nested(one, key)) is not None
             ]
-        return found
+        return reached
 
     def components(self, written: WrittenDocument, words: Sequence[Word], index: str) -> Iterator[Hit]:
         """Each component on the way that words lead, as far as there are any."""
@@ -272,13 +276,13 @@ class _Reader:
                 yield from self.components(written, [(at, last)], index)
             return
         yield from self.components(written, words, index)
-        found = False
+        has_mount = False
         owners = [owner for owner, _ in self.components_of(written, [word for _, word in words], index)]
         for owner, key in owners:
             for hit in self.of_component(owner, key, last, index):
-                found = True
+                has_mount = True
                 yield at + hit[0], at + hit[1], hit[2], hit[3]
-        if what == "root" and not found:
+        if what == "root" and not has_mount:
             for owner, key in owners:
                 if (nested := self.nested(owner, key)) is not None:
                     for start, end, name, role in self.components(nested, [(0, last)], ""):
@@ -353,8 +357,10 @@ class _Reader:
             if inner is not None and all(inner is not one for one, _, _ in way) and inner is not written:
                 yield from self.all_joints(inner, (*way, (written, "components", key)))
 
-    def in_section(self, written: WrittenDocument, section: str, what: str, text: str) -> Iterator[Hit]:
-        """Names of a section, or patterns of them."""
+    def in_section(self, written: WrittenDocument | None, section: str, what: str, text: str) -> Iterator[Hit]:
+        """Names of a section, or patterns of them; nothing of no document."""
+        if written is None:
+            return
         entries = written.section(section)
         if text in entries:
             yield 0, len(text), Name(what, written.path, text), "used"
@@ -410,16 +416,16 @@ class _Reader:
     def setting(self, written: WrittenDocument, text: str, at: int) -> Iterator[Hit]:
         """A parameter, or the names on the path of another value of the assembly."""
         if "." not in text:
-            for start, end, found, role in self.in_section(written, "parameters", "parameter", text):
-                yield at + start, at + end, found, role
+            for start, end, name, role in self.in_section(written, "parameters", "parameter", text):
+                yield at + start, at + end, name, role
             return
         for word in setting_words(text):
             one = self._through(written, word.through)
             if one is None:
                 return
             inside = _Reader(self.documents, self.parts, one)
-            for start, end, found, role in inside.key(word.path, str(word.path[-1]), word.names):
-                yield at + word.offset + start, at + word.offset + end, found, role
+            for start, end, name, role in inside.key(word.path, str(word.path[-1]), word.names):
+                yield at + word.offset + start, at + word.offset + end, name, role
 
     def key(self, path: Path, text: str, names: Declares | Means) -> Iterator[Hit]:
         """What a key at a path of this document names, be it written there or not."""
@@ -489,6 +495,6 @@ def _dotted(way: Sequence[tuple[WrittenDocument, str, str]]) -> Iterator[str]:
             yield item
 
 
-def _of_part(found: PartName) -> Name:
+def _of_part(name: PartName) -> Name:
     """The name of a mount or parameter of a part."""
-    return Name(found.what, found.file, found.text, found.owner)
+    return Name(name.what, name.file, name.text, name.owner)
