@@ -116,7 +116,8 @@ def paired(file: Path, imported: Imported, spec: mujoco.MjSpec, theirs: mujoco.M
     root = read_xml(str(file), file.read_bytes(), Report())
     assert root is not None
     original = Original(Flat(root=root, text="", lines=(), files={}, meshes={}, losses=()), spec, theirs)
-    named = {"body": original.bodies, "joint": original.joints, "site": original.sites, "actuator": original.actuators}
+    named = {"body": original.bodies, "joint": original.joints, "site": original.sites, "tendon": original.tendons,
+             "actuator": original.actuators}
     return Pair(theirs, ours, named, in_files(imported))
 
 

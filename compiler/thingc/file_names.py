@@ -13,6 +13,8 @@ SitePath: TypeAlias = Annotated[str, "mounts"]
 """A mount that is shown (`hand/tip`), or a component, whose frame is meant."""
 JointPath: TypeAlias = Annotated[str, "joints"]
 """A joint, or one of its coordinates (`hand/wrist_0`)."""
+TendonPath: TypeAlias = Annotated[str, "tendons"]
+"""A tendon (`hand/grip`)."""
 PoseName: TypeAlias = Annotated[str, "poses"]
 """A pose of the robot."""
 SensorPath: TypeAlias = Annotated[str, "sensors"]

@@ -71,17 +71,21 @@ tendons:
     path: [base.right, {around: left.hand, sphere: 30 mm, side: left.above}, base.left, {pulley: 2}, left.hand, right.hand]
     dynamics: {stiffness: 5 N/m}
     drive: {kind: motor, effort: 3 N}
+sensors: {pull: {type: tendon, tendon: string}}
 poses: {bent: {left.elbow: 30 deg, right.elbow: -30 deg}}
 modes:
   stand: {root: base, base: fixed, pose: bent, actuators: ["left.*"]}
   hang: {root: left.hand, base: fixed, at: {xyz: 0 0 2 m}, pose: bent}
 names:
   components: {base: base-link}
+  tendons: {string: bow string}
+  actuators: {string: puller}
   poses: {bent: "bent: 30"}
 raw:
   mjcf:
     joint: {left.elbow: {margin: 0.01}}
-    actuator: {left.elbow: {group: 2}}
+    actuator: {left.elbow: {group: 2}, string: {group: 3}}
+    tendon: {string: {margin: 0.02}}
     equality: {"left.follower:mimic": {solref: 0.03 1}}
     add:
       tendon: [{fixed: {name: cable, in: [{joint: {joint: left.elbow, coef: 2}}]}}]
@@ -120,7 +124,7 @@ def test_mujoco_finds_everything_by_the_names_of_the_documents(pair: thingc.Comp
     assert [model.actuator(k).name for k in range(model.nu)] == ["left/elbow motor"]
     assert model.actuator(0).trnid[0] == model.joint("left/2").id
     assert {"left/tool/0", "right/tool/0"} <= {model.site(k).name for k in range(model.nsite)}
-    assert [model.sensor(k).name for k in range(3)] == ["left/tool-imu:accelerometer", "left/gyro.0", "left/tool-imu:quat"]
+    assert [model.sensor(k).name for k in range(3, 6)] == ["left/tool-imu:accelerometer", "left/gyro.0", "left/tool-imu:quat"]
     assert model.key("bent: 30").qpos[model.joint("left/2").qposadr[0]] == pytest.approx(0.5235987755982988)
 
 
@@ -129,6 +133,7 @@ def test_raw_attributes_find_things_by_either_name(pair: thingc.Compiled) -> Non
     assert model.joint("left/2").margin[0] == 0.01 and model.joint("right/2").margin[0] == 0.0
     assert model.actuator("left/elbow motor").group[0] == 2
     assert model.eq("left/follower:mimic").solref[0] == 0.03
+    assert pair.modes["hang"].model().actuator("puller").group[0] == 3 and model.tendon_margin[model.tendon("bow string").id] == 0.02
     cable = model.tendon("cable").id
     assert model.tendon_num[cable] == 1 and model.wrap_objid[model.tendon_adr[cable]] == model.joint("left/2").id
 
@@ -142,13 +147,15 @@ def test_tendons_on_paths_go_through_what_files_call_otherwise(pair: thingc.Comp
         plain.write_text(whole.split("names:\n")[0])
     for mode in ("stand", "hang"):
         model, other = pair.modes[mode].model(), thingc.compile(plain).modes[mode].model()
-        string = model.tendon("string").id
+        string, plainly = model.tendon("bow string").id, other.tendon("string").id
         through = model.wrap_objid[model.tendon_adr[string] :][: model.tendon_num[string]]
         assert through[-2:].tolist() == [model.site("left/tool/0").id, model.site("right/tool/0").id]
         assert model.wrap_prm[model.tendon_adr[string] + 1] == model.site("left/side").id
-        lengths = [at_bent(one).tendon("string").length[0] for one in (model, other)]
+        assert model.sensor("pull:length").objid[0] == string
+        assert mode == "stand" or model.actuator("puller").trnid[0] == string
+        lengths = [at_bent(one).tendon(k).length[0] for one, k in ((model, string), (other, plainly))]
         assert lengths[0] == pytest.approx(lengths[1], abs=1e-12) and lengths[0] > 0.1
-        assert model.tendon_lengthspring[string] == pytest.approx(other.tendon_lengthspring[other.tendon("string").id])
+        assert model.tendon_lengthspring[string] == pytest.approx(other.tendon_lengthspring[plainly])
 
 
 def at_bent(model: mujoco.MjModel) -> mujoco.MjData:
@@ -197,8 +204,8 @@ def test_documents_are_spoken_of_in_their_own_words(pair: thingc.Compiled) -> No
 
 PLAIN = {
     "ActuatorModel.name", "Adhesion.mount", "Assembly.name", "ExportedMount.mount", "LinkedMode.name", "LinkedMode.simulation",
-    "LinkedMount.mount", "LinkedSensor.cutoff", "LinkedSensor.noise", "LinkedSensor.parts", "LinkedSensor.tendon", "LinkedTendon.path",
-    "Mate.child_mount", "Mate.parent_mount", "RawAttribute.target", "RawAttribute.value", "RawElement.section", "RawElement.tag",
+    "LinkedMount.mount", "LinkedSensor.cutoff", "LinkedSensor.noise", "LinkedSensor.parts", "Mate.child_mount", "Mate.parent_mount",
+    "RawAttribute.target", "RawAttribute.value", "RawElement.section", "RawElement.tag",
     "Robot.name", "RootChoice.mount", "Span.file",
 }
 """Texts of records that files have as they are, or that rules of `called` are for."""

@@ -20,6 +20,12 @@ MISSING = math.inf
 DEEP, NOTHING = 1e-3, 1e-6
 
 
+TENDON = (
+    "stiffness", "damping", "frictionloss", "armature", "margin", "limited", "range", "lengthspring", "actfrclimited", "actfrcrange",
+    "solref_lim", "solimp_lim", "solref_fri", "solimp_fri",
+)
+
+
 SECTIONS = {"links": "components", "frames": "mounts", "sites": "mounts", "loops": "joints"}
 
 
@@ -32,13 +38,14 @@ def in_files(imported: Imported) -> dict[str, dict[str, str]]:
         for kind, words in known.items()
     }
     for name, word in known.get("actuators", {}).items():
-        found["actuators"][name] = given.get("actuators", {}).get(word) or given.get("joints", {}).get(word, word)
+        usual = given.get("joints", {}) | given.get("tendons", {})
+        found["actuators"][name] = given.get("actuators", {}).get(word) or usual.get(word, word)
     return found
 
 
 @dataclass
 class Pair:
-    """Two models, and which number in `ours` each body, joint, site and actuator of `theirs` has. `named` are the names of theirs by
+    """Two models, and what in `ours` each body, joint, site, tendon and actuator of `theirs` is called. `named` are the names of theirs by
     number, made up where the file has none; `words` what ours calls them. What is not of the robot touches nothing in theirs."""
 
     theirs: mujoco.MjModel
@@ -53,6 +60,8 @@ class Pair:
         self.bodies = {k: known[name] for k, name in self.named["body"].items() if name in known}
         self.sites = {k: self.words.get("sites", {})[name] for k, name in self.named["site"].items() if name in self.words.get("sites", {})}
         self.joints = {k: self.words["joints"][name] for k, name in self.named["joint"].items() if name in self.words["joints"]}
+        tendons = self.words.get("tendons", {})
+        self.tendons = {k: tendons[name] for k, name in self.named["tendon"].items() if name in tendons}
         drives = self.words.get("actuators", {})
         self.drives = {k: drives[name] for k, name in self.named["actuator"].items() if name in drives}
         free = [k for k in range(self.theirs.njnt) if self.theirs.jnt_type[k] == FREE]
@@ -112,6 +121,9 @@ class Pair:
             self.control(random)
             self.forward()
             self.poses()
+            for k, word in self.tendons.items():
+                self.say("tendons", self.b.tendon(word).length, self.a.tendon(k).length)
+                self.say("tendons", self.b.tendon(word).velocity, self.a.tendon(k).velocity)
             full = [numpy.zeros((model.nv, model.nv)) for model in (self.theirs, self.ours)]
             mujoco.mj_fullM(self.theirs, self.a, full[0])
             mujoco.mj_fullM(self.ours, self.b, full[1])
@@ -208,6 +220,13 @@ class Pair:
             self.say("springs", [ours.stiffness[0]], [self.theirs.jnt_stiffness[k]])
         for name in ("dof_damping", "dof_armature", "dof_frictionloss", "dof_solref", "dof_solimp"):
             self.say("dynamics", getattr(self.ours, name)[rows[1]], getattr(self.theirs, name)[rows[0]])
+        for k, word in self.tendons.items():
+            at = self.ours.tendon(word).id
+            for name in TENDON:
+                if name == "lengthspring" and not self.theirs.tendon_stiffness[k]:
+                    continue
+                ours, theirs = (numpy.array(getattr(model, f"tendon_{name}")[i]) for model, i in ((self.ours, at), (self.theirs, k)))
+                self.say("tendons", ours, theirs)
         for k, word in self.drives.items():
             at = self.ours.actuator(word).id
             for name in ("gear", "gainprm", "biasprm", "ctrllimited", "forcelimited", "ctrlrange", "forcerange", "dyntype"):

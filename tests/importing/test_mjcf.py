@@ -18,11 +18,14 @@ from thingc.importing import Imported, import_robot
 
 ROBOTS = Path(__file__).parent / "robots"
 ROOTS = {
-    "constructs": ("forearm", "hand", "left", "wheel1", "tip"), "cranks": (), "loops": ("rocker", "mast"), "tendons": ("thigh", "foot"),
-    "world": ("one/arm", "two"),
+    "cables": ("drum", "hand"), "constructs": ("forearm", "hand", "left", "wheel1", "tip"), "cranks": (), "loops": ("rocker", "mast"),
+    "tendons": ("thigh", "foot"), "world": ("one/arm", "two"),
 }
 EXACT, TOUCHING = 1e-9, 1e-6
 LOST = {
+    "cables": [
+        "tendon `outside`", "tendon `within`", "sensor `near` of kind `tendonlimitpos`",
+    ],
     "constructs": ["`<light>`", "how soft constraints are at the reference of joint `shoulder`, 0.174533"],
     "cranks": [], "loops": ["how soft contacts of `mast` are"], "tendons": [],
     "two_arms": ["contacts of `one/arm` with `world`", "contacts of `two` with `world`"],
@@ -40,6 +43,7 @@ class Case:
         named = {
             "body": {k: self.spec.bodies[k].name for k in range(len(self.spec.bodies))},
             "site": {one.id: one.name for one in self.spec.sites},
+            "tendon": {one.id: one.name or "tendon" for one in self.spec.tendons},
             "actuator": {one.id: one.name or one.target for one in self.spec.actuators},
             "joint": {one.id: one.name or f"{one.parent.name}_joint" for one in self.spec.joints},
         }
@@ -66,7 +70,7 @@ def test_the_source_mode_is_the_source(case: Case) -> None:
     differ = {kind for kind, far in worst.items() if not far <= (TOUCHING if kind == "contacts" else EXACT)}
     assert differ == ({"contacts"} if any(loss.what.startswith("contacts") for loss in case.imported.losses) else set()), worst
     assert {"poses", "mass matrix", "bias", "passive", "actuators", "gravity", "limits", "gains", "dynamics", "trajectory"} <= worst.keys()
-    assert "contacts" in worst or case.imported.name in ("loops", "tendons")
+    assert "contacts" in worst or case.imported.name in ("cables", "loops", "tendons")
 
 
 def test_sensors_read_the_same(case: Case) -> None:
@@ -74,7 +78,8 @@ def test_sensors_read_the_same(case: Case) -> None:
     words = in_files(case.imported).get("sensors", {})
     pair, random = case.pair(), numpy.random.default_rng(7)
     numbers = {one.name or one.objname: one.id for one in case.spec.sensors}
-    assert set(words) == ({*numbers} if case.imported.name == "constructs" else set())
+    lost = {loss.what.split("`")[1] for loss in case.imported.losses if loss.what.startswith("sensor")}
+    assert set(words) == {*numbers} - lost
     for _ in range(20):
         pair.put(random)
         pair.control(random)
@@ -121,6 +126,26 @@ def test_nothing_of_what_is_left_out_is_written(tmp_path: Path) -> None:
     assert {model.actuator(k).name for k in range(model.nu)} == {"twist", "strong", "slider/suck", "second", "muscle", "tendon"}
     assert {model.eq(k).name for k in range(model.neq)} == {"close:loop", "slider:mimic"} and model.tendon(0).name == "pull"
     assert tuple(model.actuator("strong").gear) == (4, 0, 0, 0, 0, 0) and tuple(model.actuator("strong").forcerange) == (-0.75, 0.75)
+
+
+@pytest.mark.parametrize(("steps", "why"), [
+    ('<pulley divisor="2"/><site site="a"/><site site="b"/>', "it begins with a pulley"),
+    ('<site site="a"/><site site="b"/><pulley divisor="0"/><site site="a"/><site site="b"/>', "it has a pulley of divisor 0"),
+    ('<site site="a"/><site site="c"/>', "it goes over what is left out"),
+])
+def test_paths_that_a_document_has_not_are_losses_and_so_are_their_drives(steps: str, why: str, tmp_path: Path) -> None:
+    imported = _imported(tmp_path, f"""\
+<mujoco>
+  <worldbody>
+    <body name="arm"><joint name="j"/><joint name="k" axis="1 0 0"/><geom size="0.1"/><site name="a"/><site name="b" pos="0 0 1"/></body>
+    <body name="box"><freejoint/><geom size="0.1"/><site name="c" pos="0 0 1"/></body>
+  </worldbody>
+  <tendon><spatial name="cord">{steps}</spatial></tendon>
+  <actuator><motor name="pull" tendon="cord"/></actuator>
+</mujoco>
+""")
+    lost = [(loss.what, loss.why) for loss in imported.losses]
+    assert lost[-2:] == [("tendon `cord`", why), ("actuator `pull`", "its tendon is left out")]
 
 
 def _imported(folder: Path, text: str) -> Imported:

@@ -56,7 +56,7 @@ joints:
     mimic: {joint: hip_0, multiplier: -1}
   sway: {type: universal, parent: tail.origin, child: flag.origin, limit: [{lower: -9 deg, upper: 9 deg}, {lower: -9 deg, upper: 9 deg}]}
 
-tendons: {stay: {joints: {hip_0: 10 mm/rad, "sway[0]": 5 mm/rad}, dynamics: {stiffness: 9 N/m}}}
+tendons: {stay: {joints: {hip_0: 10 mm/rad, "sway[0]": 5 mm/rad}, dynamics: {stiffness: 9 N/m}, drive: {kind: motor, effort: 5 N}}}
 links: {trunk: body}
 mounts: {crown: body.top, nose: head.face}
 
@@ -78,6 +78,7 @@ modes:
   bench: {root: crown, base: fixed}
 
 raw: {mjcf: {joint: {leg_0/knee: {solreflimit: 0.01 1}, sway_1: {solreflimit: 0.01 1}}, body: {trunk: {gravcomp: 1}},
+  tendon: {stay: {margin: 0.01}}, actuator: {stay: {group: 1}},
   add: {tendon: [{fixed: {name: pull, in: [{joint: {joint: leg_0.knee, coef: 1}}]}}],
     sensor: [{framepos: {objtype: body, objname: trunk}}]}}}
 sensors:
@@ -85,7 +86,8 @@ sensors:
   bend: {type: joint, joint: leg_0.knee}
   wag: {type: joint}
   strain: {type: tendon, tendon: stay}
-names: {components: {tail: tail-1}, mounts: {nose: nose-1}, joints: {sway: sway-1}, sensors: {"tilt:gyro": gyro}, poses: {stretch: long}}
+names: {components: {tail: tail-1}, mounts: {nose: nose-1}, joints: {sway: sway-1}, tendons: {stay: stay-1}, actuators: {stay: pull-1},
+  sensors: {"tilt:gyro": gyro}, poses: {stretch: long}}
 
 tests:
   light: {mass: {of: leg_*, max: "=20 g * width / 1 mm"}}

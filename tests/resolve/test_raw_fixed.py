@@ -15,7 +15,7 @@ PLACES = {
     "equality": "<equality><{}/></equality>", "geom": "<worldbody><body><{}/></body></worldbody>",
     "joint": "<worldbody><body><{}/></body></worldbody>", "key": "<keyframe><{}/></keyframe>", "material": "<asset><{}/></asset>",
     "mesh": "<asset><{}/></asset>", "numeric": "<custom><{}/></custom>", "sensor": "<sensor><{}/></sensor>",
-    "site": "<worldbody><body><{}/></body></worldbody>",
+    "site": "<worldbody><body><{}/></body></worldbody>", "tendon": "<tendon><{}/></tendon>",
 }
 """Where an element of each kind stands in a model."""
 

@@ -16,7 +16,7 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from thingc.emit.request import EmitRequest
 from thingc.graph.hag import Definition
-from thingc.graph.types import Assembly, FileNames, JointEdge, LinkedSensor, LinkedTest, Occurrence
+from thingc.graph.types import Assembly, FileNames, JointEdge, LinkedSensor, LinkedTendon, LinkedTest, Occurrence
 from thingc.resolve.coordinates import CoordinateName
 from thingc.resolve.model import AssemblyDefinition, Component, RawAttribute, RawElement
 from thingc.resolve.raw_added import named_kind
@@ -70,16 +70,17 @@ class _Caller:
                 joints[joint.path] = f"{whole}{joint.path.removeprefix(mate.name or '')}"
         self.named: dict[str, Mapping[str, str]] = {
             "components": names.components, "mounts": names.components | names.mounts, "joints": joints, "poses": names.poses,
-            "sensors": names.sensors,
+            "sensors": names.sensors, "tendons": names.tendons,
         }
         self.raw = {
             "joint": joints, "numeric": joints, "equality": names.mounts | joints,
             "body": names.components, "link": names.components, "site": names.mounts, "key": names.poses,
-            "actuator": joints | names.actuators, "sensor": names.sensors, "camera": names.sensors,
+            "actuator": joints | names.tendons | names.actuators, "sensor": names.sensors, "camera": names.sensors,
+            "tendon": names.tendons,
         }
         self.rules: dict[type, Callable[[Any, dict[str, Any]], dict[str, Any]]] = {
-            Assembly: self._assembly, JointEdge: self._drive, CoreJoint: self._drive, Closure: self._closure, LinkedSensor: self._sensor,
-            RawAttribute: self._attribute, RawElement: self._element,
+            Assembly: self._assembly, JointEdge: self._drive, CoreJoint: self._drive, LinkedTendon: self._drive, Closure: self._closure,
+            LinkedSensor: self._sensor, RawAttribute: self._attribute, RawElement: self._element,
         }
         self._made: dict[int, tuple[Any, Any]] = {}
 
@@ -115,9 +116,9 @@ class _Caller:
     def _assembly(self, assembly: Assembly, fields: dict[str, Any]) -> dict[str, Any]:
         return {**fields, "names": None}
 
-    def _drive(self, joint: JointEdge | CoreJoint, fields: dict[str, Any]) -> dict[str, Any]:
-        own = self.names.actuators.get(joint.path)
-        return fields if joint.actuator is None or own is None else {**fields, "actuator": replace(joint.actuator, name=own)}
+    def _drive(self, of: JointEdge | CoreJoint | LinkedTendon, fields: dict[str, Any]) -> dict[str, Any]:
+        own = self.names.actuators.get(of.path)
+        return fields if of.actuator is None or own is None else {**fields, "actuator": replace(of.actuator, name=own)}
 
     def _closure(self, closure: Closure, fields: dict[str, Any]) -> dict[str, Any]:
         kind = "mounts" if closure.hold else "joints"

@@ -57,7 +57,7 @@ def link(
     sensors = sensors_of(tree, link_of)
     tendons = tendons_of(tree, link_of, findings)
     adhesions = adhesions_of(tree, model)
-    names = names_of(tree, occurrences, links, mates, exported, sensors, model.poses, findings)
+    names = names_of(tree, occurrences, links, mates, exported, tendons, sensors, model.poses, findings)
     between = links_between(links, link_of, occurrences, mates, modes, adhesions)
     joints = tuple(joint for mate in mates for joint in mate.joints)
     tests = tests_of(tree, model.tests, joints, findings)

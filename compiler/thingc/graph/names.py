@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.diagnostics import Code
 from thingc.graph.findings import Findings, noted
-from thingc.graph.types import ExportedMount, FileNames, Link, LinkedSensor, Mate, Occurrence
+from thingc.graph.types import ExportedMount, FileNames, JointEdge, Link, LinkedSensor, LinkedTendon, Mate, Occurrence
 from thingc.graph.unroll import Tree
 from thingc.resolve.model import NamedKind, NamedPose, NameInFiles, Reference
 from thingc.source import Origin
@@ -17,7 +17,7 @@ Named = dict[NamedKind, dict[str, tuple[str, Origin]]]
 
 def names_of(
     tree: Tree, occurrences: Sequence[Occurrence], links: Sequence[Link], mates: Sequence[Mate], exported: Sequence[ExportedMount],
-    sensors: Sequence[LinkedSensor], poses: Sequence[NamedPose], findings: Findings,
+    tendons: Sequence[LinkedTendon], sensors: Sequence[LinkedSensor], poses: Sequence[NamedPose], findings: Findings,
 ) -> FileNames | None:
     """The names that files have, those of nested documents behind their paths; None where no document gives any. Two things of one name
     are reported."""
@@ -30,26 +30,26 @@ def names_of(
     if not named:
         return None
     joints = [joint for mate in mates for joint in mate.joints]
+    driven: tuple[JointEdge | LinkedTendon, ...] = (*joints, *tendons)
     things: dict[NamedKind, Iterable[tuple[str, Origin]]] = {
         "components": ({one.path: one.origin for one in occurrences} | {link.name: link.origin for link in links}).items(),
         "mounts": ((mount.path, mount.origin) for mount in exported),
         "joints": ((mate.name, mate.origin) for mate in mates if mate.name is not None),
-        "actuators": ((joint.path, joint.actuator.origin) for joint in joints if joint.actuator is not None),
+        "tendons": ((tendon.path, tendon.origin) for tendon in tendons),
+        "actuators": ((one.path, one.actuator.origin) for one in driven if one.actuator is not None),
         "sensors": ((sensor.path, sensor.origin) for sensor in sensors),
         "poses": ((pose.name, pose.origin) for pose in poses),
     }
     whole = named.get("joints", {})
     for kind, those in things.items():
         given = named.get(kind, {})
-        if kind == "actuators":  # without a name of its own a drive is called as its joint is
+        if kind == "actuators":  # without a name of its own a drive is called as its joint or tendon is
             given = {joint.path: whole[joint.name.joint.replace(".", "/")] for joint in joints if joint.path in whole} | given
+            given = named.get("tendons", {}) | given
         if given:
             _check(those, given, findings)
     found = {kind: {path: name for path, (name, _) in those.items()} for kind, those in named.items()}
-    return FileNames(
-        components=found.get("components", {}), mounts=found.get("mounts", {}), joints=found.get("joints", {}),
-        actuators=found.get("actuators", {}), sensors=found.get("sensors", {}), poses=found.get("poses", {}),
-    )
+    return FileNames(**found)
 
 
 def _own(tree: Tree, path: str, one: NameInFiles, occurrences: Sequence[Occurrence]) -> str | None:

@@ -7,7 +7,7 @@ from dataclasses import field
 from typing import Literal
 
 from thingc.brief import Brief
-from thingc.file_names import JointPath, LinkPath, PoseName, SensorPath, SitePath
+from thingc.file_names import JointPath, LinkPath, PoseName, SensorPath, SitePath, TendonPath
 from thingc.frozen import dataclass
 from thingc.graph.hag import Definition, Hag, hag_of
 from thingc.inertia import MassProperties
@@ -291,7 +291,7 @@ class LinkedSensor(Brief):
     at: LinkedMount | None = None
     seen_from: LinkedMount | None = None
     joint: JointPath | None = None
-    tendon: str | None = None
+    tendon: TendonPath | None = None
     touching: tuple[int, ...] = ()
     volume: Primitive | None = None
     fovy: float | None = None
@@ -333,7 +333,7 @@ class LinkedTendon(Brief):
     angle [rad], else it is [m]. One on a path has `steps`, and a `width` [m] if one is stated; its spring rests where it is stated, else
     where its length is that at q = 0."""
 
-    path: str
+    path: TendonPath
     moves: dict[JointPath, float]
     turns: bool
     limit: Limit
@@ -392,11 +392,12 @@ class MountAt(Brief):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileNames(Brief):
     """What files call things that have another path: components (which is what links are called after), exported mounts, whole joints,
-    drives by the coordinate that they drive, sensors (or a part of one, `imu:gyro`) and poses."""
+    tendons, drives by the coordinate or tendon that they drive, sensors (or a part of one, `imu:gyro`) and poses."""
 
     components: dict[str, str] = field(default_factory=dict)
     mounts: dict[str, str] = field(default_factory=dict)
     joints: dict[str, str] = field(default_factory=dict)
+    tendons: dict[str, str] = field(default_factory=dict)
     actuators: dict[str, str] = field(default_factory=dict)
     sensors: dict[str, str] = field(default_factory=dict)
     poses: dict[str, str] = field(default_factory=dict)
@@ -445,6 +446,12 @@ class Assembly(Brief):
     def hag(self) -> Hag:
         """The hierarchical assembly graph, worked out when it is asked for."""
         return hag_of(self.definition)
+
+    @property
+    def drives(self) -> dict[str, str]:
+        """What files call drives, by the paths of the coordinates and tendons that they drive."""
+        driven: list[JointEdge | LinkedTendon] = [*(joint for mate in self.mates for joint in mate.joints), *self.tendons]
+        return {one.path: one.actuator.name or one.path for one in driven if one.actuator is not None}
 
     @property
     def properties(self) -> MassProperties:

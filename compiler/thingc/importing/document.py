@@ -16,7 +16,8 @@ from thingc.diagnostics import Report
 from thingc.frozen import dataclass
 from thingc.importing.model import Hanging, SourceJoint, SourceLink, SourceLoss, SourceRobot, SourceShape
 from thingc.importing.modes import mode_lines, sensor_lines
-from thingc.importing.quantities import TURNS, angle, ends, length, lengths, mass, pose_words, quantity, was
+from thingc.importing.motion import drive_words, dynamics_words, limit_words, tendon_lines
+from thingc.importing.quantities import TURNS, angle, length, lengths, mass, pose_words, quantity, was
 from thingc.importing.raw import name_lines, raw_lines
 from thingc.importing.updating import Earlier
 from thingc.importing.words import Words
@@ -68,8 +69,8 @@ class _Document(Words):
         """The text in canonical layout."""
         text = "\n".join((
             f"# From {self.origin}. What is not in it is listed in import.json.", "thingc: assembly/1", f"name: {self.name}", "",
-            *self._components(), "", *self._joints(), *self._shown(), *mode_lines(self, self.roots), *sensor_lines(self),
-            *name_lines(self), *raw_lines(self), "",
+            *self._components(), "", *self._joints(), *tendon_lines(self), *self._shown(), *mode_lines(self, self.roots),
+            *sensor_lines(self), *name_lines(self), *raw_lines(self), "",
         ))
         report = Report()
         formatted = format_document(f"{self.name}.yaml", text.encode(), report)
@@ -155,7 +156,7 @@ class _Document(Words):
 
     def _mounts(self, name: str) -> Iterator[tuple[str, str, str]]:
         """Of a link, each with its place and a comment: the mount of the joint that it hangs on, those of joints behind it, links that are
-        mounts, and those of sites, loops, magnets and cameras."""
+        mounts, and those of sites, loops, magnets, what tendons go around, and cameras."""
         above = self.above.get(name)
         for joint in above.joints if above is not None else ():
             if child := _child_mount(joint):
@@ -175,6 +176,10 @@ class _Document(Words):
         for magnet in self.robot.adhesions:
             if magnet.link == name:
                 yield self.magnets[magnet.name], "", was(self.magnets[magnet.name], magnet.name)
+        around = {step.around.name: step.around for tendon in self.robot.tendons for step in tendon.steps if step.around is not None}
+        for shape in around.values():
+            if shape.link == name:
+                yield self.centres[shape.name], pose_words(shape.pose), ""
         for camera in self.robot.sensors:
             if camera.link == name:
                 yield self.cameras[camera.name], pose_words(camera.pose), ""
@@ -205,25 +210,18 @@ class _Document(Words):
         turns, of = joint.kind in TURNS, joint.ends
         force, speed = ("N*m", "rad/s") if turns else ("N", "m/s")
         place = angle if turns else length
-        lower, upper = (None, None) if of.lower is None or of.upper is None else ends(of.lower, of.upper) if turns else (
-            length(of.lower), length(of.upper),
-        )
+        lower, upper = (None, None) if of.lower is None or of.upper is None else limit_words(of.lower, of.upper, turns)
         limit: dict[str, str | None] = {
             "lower": lower, "upper": upper, "cone": angle(of.upper) if joint.kind == "ball" and of.upper is not None else None,
             "effort": None if not of.effort or joint.drive is not None else quantity(of.effort, force),
             "velocity": None if of.velocity is None else quantity(of.velocity, speed),
         }
-        dynamics = {
-            "damping": (joint.damping, "N*m*s/rad" if turns else "N*s/m"), "friction": (joint.friction, force),
-            "armature": (joint.armature, "kg*m^2" if turns else "kg"), "stiffness": (joint.stiffness, "N*m/rad" if turns else "N/m"),
-        }
-        said = {key: quantity(value, unit) for key, (value, unit) in dynamics.items() if value}
         if joint.start:
             yield f"    offset: {place(-joint.start)}"
         if of.made_up:
             yield "    allow: {TC517: it has no ends in the source}"
         yield from _mapping("limit", {key: value for key, value in limit.items() if value is not None})
-        yield from _mapping("dynamics", said | ({"rest": place(joint.rest)} if joint.rest else {}))
+        yield from _mapping("dynamics", dynamics_words(joint, turns))
         if joint.follows is not None:
             leader = next(other for one in self.order for other in one.joints if other.name == joint.follows.joint)
             mine, other = ("rad" if one in TURNS else "m" for one in (joint.kind, leader.kind))
@@ -239,12 +237,7 @@ class _Document(Words):
             offset = joint.follows.offset if not joint.follows.polynomial else 0.0
             yield from _mapping("mimic", follows | ({"offset": place(offset)} if offset else {}))
         if joint.drive is not None:
-            gains = {
-                "kp": (joint.drive.kp, "N*m/rad" if turns else "N/m"), "kv": (joint.drive.kv, "N*m*s/rad" if turns else "N*s/m"),
-                "effort": (joint.drive.effort, force), "velocity": (joint.drive.velocity, speed),
-            }
-            said = {key: quantity(value, unit) for key, (value, unit) in gains.items() if value is not None}
-            yield from _mapping("drive", {"kind": joint.drive.kind, **said})
+            yield from _mapping("drive", drive_words(joint.drive, turns))
 
     def _shown(self) -> Iterator[str]:
         """Mounts that the document exports."""

@@ -114,8 +114,8 @@ class Following:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceDrive:
-    """What drives a joint, by the `name` that it has in the source: gains [N m/rad or N/m, N m s/rad or N s/m] and the largest effort
-    [N m or N] as they are at the joint."""
+    """What drives a joint or a tendon, by the `name` that it has in the source: gains [N m/rad or N/m, N m s/rad or N s/m] and the largest
+    effort [N m or N] as they are there."""
 
     name: str
     kind: Literal["motor", "position", "velocity"]
@@ -146,6 +146,50 @@ class SourceJoint(Brief):
     rest: float = 0.0
     start: float = 0.0
     follows: Following | None = None
+    drive: SourceDrive | None = None
+    raw: Raw = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceAround:
+    """What a tendon goes around: a sphere, or a cylinder without ends, of that `radius` [m], about the `pose` in a `link`, z its axis. By
+    the site `side` it goes, else the shorter way; `name` is that of the shape."""
+
+    name: str
+    link: str
+    kind: Literal["sphere", "cylinder"]
+    pose: Pose
+    radius: float
+    side: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceStep:
+    """Of a path exactly one of these: a `site` that it goes through, a shape that it goes `around`, or a pulley, the `divisor` of what
+    follows."""
+
+    site: str | None = None
+    around: SourceAround | None = None
+    divisor: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceTendon(Brief):
+    """A length: of one over joints the sum of these factors times their q, an angle if it `turns`; of one with `steps` that of the path,
+    `width` [m] how thick it is. What it does by itself, and its drive, are along that length, as of a joint."""
+
+    name: str
+    where: Span
+    moves: tuple[tuple[str, float], ...] = ()
+    turns: bool = False
+    steps: tuple[SourceStep, ...] = ()
+    width: float | None = None
+    ends: Ends = Ends()
+    damping: float = 0.0
+    friction: float = 0.0
+    armature: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
     drive: SourceDrive | None = None
     raw: Raw = ()
 
@@ -208,22 +252,20 @@ class SourceTarget:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceAdded:
-    """An element of MuJoCo's that the language has no words for: the section that it stands in, its tag, `name`, attributes, and what is
-    `inside`, by tag."""
+    """An element of MuJoCo's that the language has no words for: the section that it stands in, its tag, `name` and attributes."""
 
-    section: Literal["tendon", "equality", "actuator"]
+    section: Literal["equality", "actuator"]
     tag: str
     name: str
     attributes: tuple[tuple[str, str | SourceTarget], ...]
     where: Span
-    inside: tuple[tuple[str, Mapping[str, str | SourceTarget]], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceSensor:
-    """What is measured at a `site`, `seen_from` another, or of a `joint` of that name, or seen from `pose` in a `link` with an angle of
-    view [rad]; `volume` is a shape and its sizes as MuJoCo has them [m]; `noise` and `cutoff` are by reading [SI]; `parts` says for each
-    sensor of the source which reading of it it is."""
+    """What is measured at a `site`, `seen_from` another, or of a `joint` or a `tendon` of that name, or seen from `pose` in a `link` with
+    an angle of view [rad]; `volume` is a shape and its sizes as MuJoCo has them [m]; `noise` and `cutoff` are by reading [SI]; `parts` says
+    for each sensor of the source which reading of it it is."""
 
     kind: SensorType
     name: str
@@ -231,6 +273,7 @@ class SourceSensor:
     site: str | None = None
     seen_from: str | None = None
     joint: str | None = None
+    tendon: str | None = None
     link: str | None = None
     pose: Pose = NO_POSE
     fovy: float = 0.0
@@ -278,6 +321,7 @@ class SourceRobot(Brief):
     losses: tuple[SourceLoss, ...] = ()
     loops: tuple[SourceLoop, ...] = ()
     adhesions: tuple[SourceAdhesion, ...] = ()
+    tendons: tuple[SourceTendon, ...] = ()
     sensors: tuple[SourceSensor, ...] = ()
     added: tuple[SourceAdded, ...] = ()
     poses: tuple[SourcePose, ...] = ()

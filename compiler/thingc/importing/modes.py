@@ -98,17 +98,20 @@ def sensor_lines(words: Words) -> Iterator[str]:
     if words.robot.sensors:
         yield from ("", "sensors:")
     turning = {joint.name for hanging in words.order for joint in hanging.joints if joint.kind in TURNS}
+    winding = {tendon.name for tendon in words.robot.tendons if tendon.turns}
     for one, word in zip(words.robot.sensors, words.sensors, strict=True):
         said: dict[str, str] = {"type": one.kind}
         if one.joint is not None and (one.kind != "joint" or words.joints[one.joint] != word):
             said["joint"] = words.joints[one.joint]
+        if one.tendon is not None:
+            said["tendon"] = words.tendons[one.tendon]
         if one.kind == "camera":
             said |= {"at": f"{words.links[one.link or '']}.{words.cameras[one.name]}", "fovy": angle(one.fovy)}
         frames = words.frames | words.sites
         said |= {key: frames[site] for key, site in (("at", one.site), ("in", one.seen_from)) if site is not None}
         if one.volume is not None:
             said["volume"] = _volume(*one.volume)
-        turns = one.joint in turning
+        turns = one.joint in turning or one.tendon in winding
         if one.kind == "rangefinder" and one.cutoff:
             said["range"] = length(one.cutoff["distance"])
         said |= {

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from thingc.importing.model import Raw, SourceAdded, SourceLink, SourcePose, SourceShape, SourceTarget
+from thingc.importing.model import Raw, SourceAdded, SourceJoint, SourceLink, SourcePose, SourceShape, SourceTarget, SourceTendon
 from thingc.importing.quantities import quantity
 from thingc.importing.words import Words
 from thingc.load.scalars import core_value
@@ -38,6 +38,10 @@ def raw_of(words: Words) -> dict[tuple[str, ...], str]:
             lay("actuator", word, joint.drive.raw)
         if joint.follows is not None:
             lay("equality", f"{word}:mimic", joint.follows.raw)
+    for tendon in robot.tendons:
+        lay("tendon", words.tendons[tendon.name], tendon.raw)
+        if tendon.drive is not None:
+            lay("actuator", words.tendons[tendon.name], tendon.drive.raw)
     for magnet in robot.adhesions:
         lay("actuator", f"{words.links[magnet.link]}.{words.magnets[magnet.name]}", magnet.raw)
     for loop in robot.loops:
@@ -58,10 +62,14 @@ def _touching(words: Words, link: SourceLink) -> Iterator[tuple[str, SourceShape
 
 def _controls(words: Words, state: SourcePose) -> Raw:
     """`ctrl` of a keyframe, where it is not as ours: drives of positions at q, adhesions as the mode has them, all others at 0."""
-    joints = [joint for one in words.order for joint in one.joints if joint.drive is not None]
-    wanted = [state.controls.get(joint.drive.name, 0.0) for joint in joints if joint.drive is not None]
+    driven: list[SourceJoint | SourceTendon] = [*(joint for one in words.order for joint in one.joints), *words.robot.tendons]
+    drives = [(one, one.drive) for one in driven if one.drive is not None]
+    wanted = [state.controls.get(drive.name, 0.0) for _, drive in drives]
     wanted += [state.controls.get(one.name, 0.0) for one in words.robot.adhesions]
-    usual = [state.q.get(joint.name, 0.0) if joint.drive is not None and joint.drive.kind == "position" else 0.0 for joint in joints]
+    usual: list[object] = [
+        0.0 if drive.kind != "position" else state.q.get(one.name, 0.0) if isinstance(one, SourceJoint) else "its length in the pose"
+        for one, drive in drives
+    ]
     usual += [one.force for one in words.robot.adhesions]
     if any(state.controls.get(name) for name in words.added):
         usual.append(-1.0)  # those that are added come last, and are 0 where nothing is said
@@ -115,13 +123,10 @@ def raw_lines(words: Words) -> Iterator[str]:
         yield from (f"        - {one.tag}: {_flow(_element(words, one))}" for one in added if one.section == section)
 
 
-def _element(words: Words, one: SourceAdded) -> dict[str, Any]:
-    """Its attributes, and what stands in it, by the names of the document."""
-    names = {"tendon": words.tendons, "equality": words.ties, "actuator": words.added}
-    said: dict[str, Any] = {"name": names[one.section][one.name], **{key: _named(words, value) for key, value in one.attributes}}
-    if one.inside:
-        said["in"] = [{tag: {key: _named(words, value) for key, value in inner.items()}} for tag, inner in one.inside]
-    return said
+def _element(words: Words, one: SourceAdded) -> dict[str, str]:
+    """Its attributes, by the names of the document."""
+    names = {"equality": words.ties, "actuator": words.added}
+    return {"name": names[one.section][one.name], **{key: _named(words, value) for key, value in one.attributes}}
 
 
 def _named(words: Words, value: str | SourceTarget) -> str:
@@ -133,8 +138,6 @@ def _named(words: Words, value: str | SourceTarget) -> str:
 def _flow(value: Any) -> str:
     if isinstance(value, str):
         return _text(value)
-    if isinstance(value, list):
-        return f"[{', '.join(map(_flow, value))}]"
     return f"{{{', '.join(f'{_text(key)}: {_flow(one)}' for key, one in value.items())}}}"
 
 

@@ -47,12 +47,16 @@ class Words:
         self.cameras = distinct(
             [one.name for one in robot.sensors if one.kind == "camera"], "camera", taken=[*taken, *self.magnets.values()],
         )
+        around = [step.around.name for one in robot.tendons for step in one.steps if step.around is not None]
+        self.centres = distinct(around, "shape", taken=[*taken, *self.magnets.values(), *self.cameras.values()])
+        joints = [*self.joints.values(), *self.loops.values()]
+        self.tendons = distinct([one.name for one in robot.tendons], "tendon", taken=joints)
         self.sensors: list[str] = []
         for sensor in robot.sensors:
-            named = (self.joints if sensor.joint is not None else self.sites).get(sensor.name, sensor.name)
-            self.sensors += distinct([named], "sensor", taken=self.sensors).values()
-        self.tendons = distinct([one.name for one in robot.added if one.section == "tendon"], "tendon")
-        self.added = distinct([one.name for one in robot.added if one.section == "actuator"], "drive", taken=self.joints.values())
+            things = self.joints if sensor.joint is not None else self.tendons if sensor.tendon is not None else self.sites
+            self.sensors += distinct([things.get(sensor.name, sensor.name)], "sensor", taken=self.sensors).values()
+        drives = [*self.joints.values(), *self.tendons.values()]
+        self.added = distinct([one.name for one in robot.added if one.section == "actuator"], "drive", taken=drives)
         self.ties = distinct([one.name for one in robot.added if one.section == "equality"], "equality", taken=self.loops.values())
         self.poses = distinct([one.name for one in robot.poses], "pose")
 
@@ -72,11 +76,14 @@ class Words:
         """What the source calls things that have another name here, by kind, as `names:` of a document has it. Of two that would have one
         name in files the first has it, links before sites."""
         joints = [joint for one in self.order for joint in one.joints]
+        drives = [(self.joints[one.name], one.drive, one.name) for one in joints]
+        drives += [(self.tendons[one.name], one.drive, one.name) for one in self.robot.tendons]
         kinds: dict[str, list[tuple[str, str, str]]] = {  # what it is called here, in the source, and in files without a word
             "components": [(word, name, word) for name, word in self.links.items()],
             "mounts": [(word, name, word) for name, word in (*self.frames.items(), *self.sites.items())],
             "joints": [(word, name, word) for name, word in (*self.joints.items(), *self.loops.items())],
-            "actuators": [(self.joints[one.name], one.drive.name, one.name) for one in joints if one.drive is not None],
+            "tendons": [(word, name, word) for name, word in self.tendons.items()],
+            "actuators": [(word, drive.name, usual) for word, drive, usual in drives if drive is not None],
             "sensors": [
                 named for one, word in zip(self.robot.sensors, self.sensors, strict=True)
                 for named in ([(f"{word}:{part}", of, "") for of, part in one.parts] or [(word, one.name, word)])
@@ -95,12 +102,14 @@ class Words:
     def others(self) -> dict[str, dict[str, str]]:
         """What other things of the source are called, as files have it: those kinds of which there are any."""
         drives = {joint.drive.name: self.joints[joint.name] for one in self.order for joint in one.joints if joint.drive is not None}
+        drives |= {one.drive.name: self.tendons[one.name] for one in self.robot.tendons if one.drive is not None}
         magnets = {one.name: f"{self.links[one.link]}/{self.magnets[one.name]}" for one in self.robot.adhesions}
         parts = {
             of: f"{word}:{part}" for one, word in zip(self.robot.sensors, self.sensors, strict=True) for of, part in one.parts
         }
         kinds = {
-            "sites": self.sites, "loops": self.loops, "actuators": drives | magnets | self.added,
+            "sites": self.sites, "loops": self.loops, "tendons": self.tendons,
+            "actuators": drives | magnets | self.added,
             "sensors": parts, "poses": self.poses,
         }
         return {kind: dict(names) for kind, names in kinds.items() if names}

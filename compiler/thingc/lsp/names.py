@@ -183,6 +183,9 @@ class _Reader:
                 yield from self.own_mount(base, text, path, index)
             case "joint" | "coordinate":
                 yield from self.joints(base, text, index)
+            case "coordinate or tendon":
+                yield from self.joints(base, text, index)
+                yield from self.in_section(base, "tendons", "tendon", text)
             case "joint or nested assembly":
                 said = node_at(self.own.document.tree, path)
                 pose = isinstance(said, ScalarNode) and isinstance(said.value, str) and re.fullmatch(r"\s*[A-Za-z]\w*\s*", said.value)
@@ -469,12 +472,10 @@ class _Reader:
         dotted = text.replace("/", ".")
         words = _words(dotted)
         answers: list[list[Hit]] = []
-        if kind == "key":
-            answers.append(list(self.in_section(written, "poses", "pose", text)))
+        if kind in (sections := {"key": "pose", "sensor": "sensor", "camera": "sensor", "tendon": "tendon", "actuator": "tendon"}):
+            answers.append(list(self.in_section(written, f"{sections[kind]}s", sections[kind], text)))
         if kind == "material":
             answers.append(list(self.material(written, text)))
-        if kind in ("sensor", "camera"):
-            answers.append(list(self.in_section(written, "sensors", "sensor", text)))
         if kind not in ("joint", "actuator"):
             answers.append(list(self.in_section(written, "links", "link", text)))
             answers.append(list(self.mount(written, dotted, "", "mount or export")) if kind in ("site", "link", "object") else [])
@@ -489,10 +490,7 @@ def _dotted(way: Sequence[tuple[WrittenDocument, str, str]]) -> Iterator[str]:
     """The names in dots of all items of a joint on a way of components."""
     (written, section, key), *rest = way
     for item in written.items(section, key):
-        if rest:
-            yield from (f"{item}.{inner}" for inner in _dotted(rest))
-        else:
-            yield item
+        yield from (f"{item}.{inner}" for inner in _dotted(rest)) if rest else (item,)
 
 
 def _of_part(name: PartName) -> Name:

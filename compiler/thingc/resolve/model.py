@@ -270,7 +270,7 @@ class LinkName(Brief):
     origin: Origin
 
 
-NamedKind = Literal["components", "mounts", "joints", "actuators", "sensors", "poses"]
+NamedKind = Literal["components", "mounts", "joints", "tendons", "actuators", "sensors", "poses"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

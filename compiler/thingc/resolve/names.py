@@ -20,26 +20,28 @@ def names(table: Table, scope: Scope) -> Iterator[NameInFiles]:
     if spec is None:
         return
     joints = [name for name, joint in table.joints.items() if joint is None or joint.twist is not None]
-    driven = [name for name, joint in table.joints.items() if joint is None or joint.drive is not None]
+    driven: list[str] = [name for name, joint in table.joints.items() if joint is None or joint.drive is not None]
+    driven += [name for name, tendon in table.spec.tendons.items() if tendon.drive is not None]
     sensors = table.spec.sensors
     of_kind: tuple[tuple[NamedKind, dict[str, str], Iterable[str], str, Code], ...] = (
         ("components", spec.components, table.nodes, "component", Code.UNKNOWN_COMPONENT),
         ("mounts", spec.mounts, table.exports, "exported mount", Code.UNKNOWN_MOUNT),
         ("joints", spec.joints, [*dict.fromkeys(name.joint for name in joints)], "joint that moves", Code.UNKNOWN_JOINT),
-        ("actuators", spec.actuators, driven, "driven joint", Code.UNKNOWN_JOINT),
+        ("tendons", spec.tendons, table.spec.tendons, "tendon", Code.UNKNOWN_TENDON),
+        ("actuators", spec.actuators, driven, "driven joint or tendon", Code.UNKNOWN_JOINT),
         ("sensors", spec.sensors, sensors, "sensor", Code.REFERENCE),
         ("poses", spec.poses, table.poses, "pose", Code.UNKNOWN_POSE),
     )
     unsure = table.unbuilt or table.unbuilt_joints
     for kind, given, sound, what, code in of_kind:
-        section = "joints" if kind == "actuators" else kind
-        known = [*sound, *table.doubts.names(section)]
+        sections = ("joints", "tendons") if kind == "actuators" else (kind,)
+        known = [*sound, *(name for section in sections for name in table.doubts.names(section))]
         owners: dict[str, str] = {}
         for own, name in given.items():
             place: Path = ("names", kind, own)
             if (own.partition(":")[0] if kind == "sensors" else own) not in known:
-                if not unsure and not table.doubts.lacks(section):
-                    help = suggested(own, known, what=f"{what}s")
+                if not unsure and not any(map(table.doubts.lacks, sections)):
+                    help = suggested(own, known, what=what.replace("joint or", "joints or") + "s")
                     scope.error(code, f"this document has no {what} `{own}`", place, key=True, help=help)
                 continue
             if name in TAKEN.get(kind, ()):

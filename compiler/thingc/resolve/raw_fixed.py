@@ -49,6 +49,7 @@ SAID_BY: Mapping[str, str] = {
     "numeric": "velocity limits are named after their joints: rename the joint under `joints:`",
     "sensor": "write the sensor under `sensors:`",
     "site": "sites are the mounts: name them under `mounts:`",
+    "tendon": "write the tendon under `tendons:`",
 }
 """Where a document says what an element is called and what it refers to, by kind of element."""
 

@@ -109,10 +109,11 @@ def _terms(
         value = scope.value(raw, place)
         if factor is None or not isinstance(value, Quantity):
             return None
-        if length is None:
-            length = ANGLE if value.fits(ANGLE / own) else LENGTH
+        turns, slides = value.fits(ANGLE / own), value.fits(LENGTH / own)
+        if length is None and turns != slides:  # a plain 0 is either
+            length = ANGLE if turns else LENGTH
         moves.append((CoordinateName(text), factor))
-    return (length, tuple(moves)) if length is not None else None
+    return length or LENGTH, tuple(moves)
 
 
 def _tendon(

@@ -18,8 +18,8 @@ Declared = Literal[
 ]
 """What a document declares by a name: `export` is a mount that it shows to a parent assembly, `index` that of a `repeat`."""
 Meant = Literal[
-    "assembly document", "choice", "component", "coordinate", "expression", "joint", "joint or nested assembly", "material",
-    "materials document", "mode", "modes", "mount", "mount of its own", "mount or export", "parameter of a nested assembly",
+    "assembly document", "choice", "component", "coordinate", "coordinate or tendon", "expression", "joint", "joint or nested assembly",
+    "material", "materials document", "mode", "modes", "mount", "mount of its own", "mount or export", "parameter of a nested assembly",
     "parameter of a part", "part", "pose", "pose of a nested assembly", "poses", "raw", "root", "rule", "sensor", "setting", "tendon",
 ]
 """What a text may mean. `coordinate` is one of a joint of the same document; `modes` and `poses` are names, patterns or `all`; `setting` is
@@ -59,6 +59,7 @@ AssemblyDocument = Annotated[str, Means("assembly document")]
 ComponentField = Annotated[ReferenceField, Means("component")]
 CoordinateField = Annotated[ReferenceField, Means("coordinate")]
 CoordinateKey = Annotated[str, Means("coordinate")]
+DrivenKey = Annotated[str, Means("coordinate or tendon")]
 JointField = Annotated[ReferenceField, Means("joint")]
 JointKey = Annotated[str, Means("joint or nested assembly")]
 JointPattern = Annotated[str, Means("joint")]
@@ -71,6 +72,7 @@ OwnComponentKey = Annotated[str, Means("component")]
 OwnExportKey = Annotated[str, Means("mount or export")]
 OwnJointKey = Annotated[str, Means("joint")]
 OwnPoseKey = Annotated[str, Means("pose")]
+OwnTendonKey = Annotated[str, Means("tendon")]
 OwnMountField = Annotated[ReferenceField, Means("mount of its own")]
 OwnMountKey = Annotated[str, Means("mount of its own")]
 PartField = Annotated[str, Means("part")]

@@ -9,7 +9,7 @@ from pydantic import Field
 from thingc.file_names import LONGEST, is_file_name
 from thingc.spec.base import Model
 from thingc.spec.fields import Checked, fault, found
-from thingc.spec.named import CoordinateKey, OwnComponentKey, OwnExportKey, OwnJointKey, OwnPoseKey, SensorKey
+from thingc.spec.named import DrivenKey, OwnComponentKey, OwnExportKey, OwnJointKey, OwnPoseKey, OwnTendonKey, SensorKey
 
 
 def _file_name(value: Any) -> str:
@@ -44,8 +44,10 @@ class NamesSpec(Model):
     """Mounts that this document exports."""
     joints: dict[OwnJointKey, FileName] = Field(default={}, examples=[{"joint_1": "1"}])
     """Joints; coordinates of one that has several have their numbers behind it."""
-    actuators: dict[CoordinateKey, FileName] = Field(default={}, examples=[{"knee": "knee_motor"}])
-    """Drives, by their joints, in MuJoCo's models; without it they are called as their joints are."""
+    tendons: dict[OwnTendonKey, FileName] = Field(default={}, examples=[{"cable": "cable.0"}])
+    """Tendons."""
+    actuators: dict[DrivenKey, FileName] = Field(default={}, examples=[{"knee": "knee_motor"}])
+    """Drives, by their joints or tendons, in MuJoCo's models; without it they are called as these are."""
     sensors: dict[SensorKey, FileName] = Field(default={}, examples=[{"imu": "torso-imu", "imu:gyro": "torso_gyro"}])
     """Sensors, or what MuJoCo has for a part of one: `imu:gyro`."""
     poses: dict[OwnPoseKey, FileName] = Field(default={}, examples=[{"home": "home pose"}])

@@ -71,9 +71,8 @@ def _elsewhere(assembly: Assembly, missing: tuple[str, str]) -> bool:
     kind, name = missing
     if any((one.section, one.attributes.get("name")) == missing for one in assembly.added):
         return True
-    joints = {joint.path: joint for mate in assembly.mates for joint in mate.joints}
-    drives = {joint.actuator.name or path for path, joint in joints.items() if joint.actuator is not None}
-    return (kind == "joint" and name in joints) or (kind == "actuator" and name in drives)
+    joints = {joint.path for mate in assembly.mates for joint in mate.joints}
+    return (kind == "joint" and name in joints) or (kind == "actuator" and name in assembly.drives.values())
 
 
 class _Target:

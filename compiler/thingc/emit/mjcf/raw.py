@@ -29,7 +29,7 @@ NAMED: dict[str, tuple[str | None, tuple[str, ...] | None]] = {
     "geom": (None, ("geom",)),
     "joint": (None, ("joint", "freejoint")), "key": ("keyframe", ("key",)), "material": ("asset", ("material",)),
     "mesh": ("asset", ("mesh",)), "numeric": ("custom", ("numeric",)), "sensor": ("sensor", None),
-    "site": (None, ("site",)),
+    "site": (None, ("site",)), "tendon": ("tendon", None),
 }
 """Kinds of elements that have names: the section they stand in (None: the world's tree), and their tags (None: any)."""
 
@@ -149,8 +149,9 @@ def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
     if kind == "joint":
         return name == FREE_JOINT
     if kind == "actuator":
-        joints = (joint for mate in assembly.mates for joint in mate.joints)
-        return _slashed(name) in {_slashed(one.actuator.name or one.path) for one in joints if one.actuator is not None}
+        return _slashed(name) in map(_slashed, assembly.drives.values())
+    if kind == "tendon":
+        return _slashed(name) in {tendon.path for tendon in assembly.tendons}
     if kind == "key":
         return any(pose.name in _names(attribute) for pose in assembly.poses)
     return False

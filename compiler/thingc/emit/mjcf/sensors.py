@@ -109,9 +109,7 @@ def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[s
         case "tendon":
             return {"tendon": sensor.tendon or ""}
         case "drive":
-            drives = {one.path: one.actuator.name for body in robot.bodies for one in body.joints if one.actuator is not None}
-            pulling = sensor.joint or sensor.tendon or ""
-            return {"actuator": drives.get(pulling) or pulling}
+            return {"actuator": robot.assembly.drives[sensor.joint or sensor.tendon or ""]}
         case "camera" | "clock" | "energy":
             return {}
         case _:

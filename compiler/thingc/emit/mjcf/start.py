@@ -140,7 +140,7 @@ def look(model: Any, robot: Robot) -> Start:
     start = frames.get(robot.mode.pose or "")
     inside: tuple[Inside, ...] = ()
     worst: dict[str, Gains] = {}
-    drives = {one.actuator.name: one.path for body in robot.bodies for one in body.joints if one.actuator is not None}
+    drives = {name: path for path, name in robot.assembly.drives.items()}
     try:
         _pose(model, data, start)
         mujoco.mj_kinematics(model, data)

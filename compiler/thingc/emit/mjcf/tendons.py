@@ -82,7 +82,7 @@ def drives(robot: Robot, section: Element) -> None:
     """An actuator for each that is pulled."""
     for one in pulled(robot):
         if one.actuator is not None:
-            attributes = {"name": one.path, "tendon": one.path, **drive_attributes(one, one.actuator)}
+            attributes = {"name": one.actuator.name or one.path, "tendon": one.path, **drive_attributes(one, one.actuator)}
             section.add(one.actuator.kind, attributes, one.actuator.origin)
 
 

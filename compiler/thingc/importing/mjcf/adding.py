@@ -1,42 +1,24 @@
-"""Tendons, and actuators and equalities that the language has no words for, as elements that are added to MuJoCo's model."""
+"""Actuators and equalities that the language has no words for, as elements that are added to MuJoCo's model."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-
 from thingc.importing.mjcf.original import SOLIMP, SOLREF, Original, differing, floats, numbers
-from thingc.importing.model import Raw, SourceAdded, SourceTarget
+from thingc.importing.mjcf.tendons import Tendons
+from thingc.importing.model import SourceAdded, SourceTarget
 
-WRAPPED_JOINT, PULLEY, SITE = 1, 2, 3
 AT_JOINT, AT_PARENT, AT_CRANK, AT_TENDON, AT_SITE = 0, 1, 2, 3, 4
 OF_TENDONS = 3
 DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle")
 GAINS, BIASES = ("fixed", "affine", "muscle"), ("none", "affine", "muscle")
-PLAIN = ("stiffness", "damping", "frictionloss", "armature", "margin")
-"""Numbers of a tendon that are 0 where nothing is said."""
 
 
 class Added:
-    """`tendons` by number, as they are added: those of joints and sites that are kept; others are losses. `joints` and `sites` are the
-    numbers of those that are kept."""
+    """`joints` and `sites` are the numbers of those that are kept, `tendons` what is kept of these."""
 
-    def __init__(self, original: Original, joints: set[int], sites: set[int]) -> None:
-        self.original, self.model, self.joints, self.sites = original, original.model, joints, sites
-        self.tendons: dict[int, SourceAdded] = {}
+    def __init__(self, original: Original, joints: set[int], sites: set[int], tendons: Tendons) -> None:
+        self.original, self.model, self.joints, self.sites, self.tendons = original, original.model, joints, sites, tendons.of
         self.actuators: list[SourceAdded] = []
         self.equalities: list[SourceAdded] = []
-        for tendon in range(self.model.ntendon):
-            path = self._path(tendon)
-            name = original.written["tendon"][tendon].name or f"tendon_{tendon}"
-            where = original.where("tendon", tendon)
-            if path is None:
-                original.lose(f"tendon `{name}`", "it wraps around a geom, or goes over what is left out", where)
-                continue
-            fixed = int(self.model.wrap_type[self.model.tendon_adr[tendon]]) == WRAPPED_JOINT
-            self.tendons[tendon] = SourceAdded(
-                section="tendon", tag="fixed" if fixed else "spatial", name=name, attributes=self._tendon(tendon), inside=tuple(path),
-                where=where,
-            )
 
     def actuator(self, number: int) -> bool:
         """Whether it is one that can be added, and is from now on."""
@@ -94,34 +76,3 @@ class Added:
             attributes=(*tied, *differing(said, {"solref": SOLREF, "solimp": SOLIMP})), where=self.original.where("equality", number),
         ))
         return True
-
-    def _tendon(self, tendon: int) -> Raw:
-        model = self.model
-        plain = [word for word in PLAIN if hasattr(model, f"tendon_{word}")]
-        wanted = [(word, numbers([getattr(model, f"tendon_{word}")[tendon]])) for word in plain]
-        if model.tendon_limited[tendon]:
-            wanted.append(("range", numbers(model.tendon_range[tendon])))
-        wanted += [
-            ("springlength", numbers(model.tendon_lengthspring[tendon])),
-            ("solreflimit", numbers(model.tendon_solref_lim[tendon])), ("solimplimit", numbers(model.tendon_solimp_lim[tendon])),
-            ("solreffriction", numbers(model.tendon_solref_fri[tendon])), ("solimpfriction", numbers(model.tendon_solimp_fri[tendon])),
-        ]
-        usual = dict.fromkeys(PLAIN, "0")
-        usual |= {"solreflimit": SOLREF, "solimplimit": SOLIMP, "solreffriction": SOLREF, "solimpfriction": SOLIMP}
-        return differing(wanted, usual)
-
-    def _path(self, tendon: int) -> list[tuple[str, Mapping[str, str | SourceTarget]]] | None:
-        """What stands in it; None where that is not all there."""
-        first, count = int(self.model.tendon_adr[tendon]), int(self.model.tendon_num[tendon])
-        found = [*self._steps(range(first, first + count))]
-        return found if len(found) == count else None
-
-    def _steps(self, wraps: range) -> Iterator[tuple[str, Mapping[str, str | SourceTarget]]]:
-        for wrap in wraps:
-            kind, thing, number = int(self.model.wrap_type[wrap]), int(self.model.wrap_objid[wrap]), numbers([self.model.wrap_prm[wrap]])
-            if kind == WRAPPED_JOINT and thing in self.joints:
-                yield "joint", {"joint": SourceTarget(kind="joint", name=self.original.joints[thing]), "coef": number}
-            elif kind == SITE and thing in self.sites:
-                yield "site", {"site": SourceTarget(kind="site", name=self.original.sites[thing])}
-            elif kind == PULLEY:
-                yield "pulley", {"divisor": number}

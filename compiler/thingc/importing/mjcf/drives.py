@@ -1,16 +1,17 @@
-"""Actuators of the source: drives of joints, and adhesions of bodies."""
+"""Actuators of the source: drives of joints and tendons, and adhesions of bodies."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
+from thingc.frozen import dataclass
 from thingc.importing.mjcf.adding import Added
 from thingc.importing.mjcf.original import Original, differing, floats, numbers
-from thingc.importing.model import Raw, SourceAdhesion, SourceDrive
+from thingc.importing.mjcf.tendons import Tendons
+from thingc.importing.model import Raw, SourceAdhesion, SourceDrive, SourceTarget
 from thingc.pose import Pose
 
-AT_JOINT, AT_PARENT, AT_BODY = 0, 1, 5
+AT_JOINT, AT_PARENT, AT_TENDON, AT_BODY = 0, 1, 3, 5
 FIXED_GAIN, NO_BIAS, AFFINE = 0, 0, 1
 NOT_DYNAMIC, EXACT = 0, 3
 HINGE, SLIDE = 3, 2
@@ -18,14 +19,31 @@ UNSAID = ("actlimited", "actearly", "armature", "delay")
 """What of actuators a document does not say, and is 0 of most."""
 
 
-class Actuators:
-    """`of_joint` by the number of the joint, `driven` the names of these joints by that of the actuator; `adhesions`; others are `added`,
-    or losses. `joints` are those that are kept, `on` is the link of each body that is kept, with the body's pose in it."""
+@dataclass(frozen=True, slots=True)
+class _Length:
+    """What is driven, a coordinate or a tendon: its ends [rad or m], and what acts on it at most [N m or N]; None where there are none."""
 
-    def __init__(self, original: Original, joints: set[int], on: Mapping[int, tuple[int, Pose]], added: Added) -> None:
+    ends: tuple[float, float] | None
+    most: tuple[float, float] | None
+
+    def effort(self, force: tuple[float, float] | None) -> float | None:
+        """The largest effort of a drive, from its own range of forces, else from that of all that acts here."""
+        bounds = self.most if force is None else force
+        return None if bounds is None else max(map(abs, bounds))
+
+
+class Actuators:
+    """`of_joint` by the number of the joint, `of_tendon` by that of the tendon, `driven` what they drive by that of the actuator;
+    `adhesions`; others are `added`, or losses. `joints` and `tendons` are those that are kept, `on` is the link of each body that is kept,
+    with the body's pose in it."""
+
+    def __init__(
+        self, original: Original, joints: set[int], tendons: Tendons, on: Mapping[int, tuple[int, Pose]], added: Added,
+    ) -> None:
         self.original, self.model = original, original.model
         self.of_joint: dict[int, SourceDrive] = {}
-        self.driven: dict[int, str] = {}
+        self.of_tendon: dict[int, SourceDrive] = {}
+        self.driven: dict[int, SourceTarget] = {}
         adhesions = []
         for number in range(self.model.nu):
             transmission, target = int(self.model.actuator_trntype[number]), int(self.model.actuator_trnid[number][0])
@@ -33,18 +51,23 @@ class Actuators:
             why = ""
             if transmission == AT_BODY and target in on:
                 adhesions.append(self._adhesion(number, original.bodies[on[target][0]]))
+            elif transmission == AT_TENDON:
+                one = tendons.of.get(target)
+                if one is None:
+                    why = "its tendon is left out"
+                else:
+                    lower, upper = one.ends.lower, one.ends.upper
+                    ends = None if lower is None or upper is None else (lower, upper)
+                    length = _Length(ends, self._most("tendon", target))
+                    why = self._driving(number, SourceTarget(kind="tendon", name=one.name), target, self.of_tendon, length)
             elif transmission not in (AT_JOINT, AT_PARENT) or int(self.model.jnt_type[target]) not in (HINGE, SLIDE):
-                why = "a document drives joints that turn about, or slide along, an axis"
+                why = "a document drives tendons, and joints that turn about, or slide along, an axis"
             elif target not in joints:
                 why = "its joint is left out"
-            elif target in self.of_joint:
-                why = f"`{original.joints[target]}` is driven by `{self.of_joint[target].name}`, and a joint of a document has one drive"
             else:
-                drive = self._drive(number, target)
-                why = "" if drive is not None else "a drive of a document is a motor, or of position or velocity with a gain"
-                if drive is not None:
-                    self.of_joint[target] = drive
-                    self.driven[number] = original.joints[target]
+                between = floats(self.model.jnt_range[target]) if self.model.jnt_limited[target] else ()
+                length = _Length((between[0], between[1]) if between else None, self._most("jnt", target))
+                why = self._driving(number, SourceTarget(kind="joint", name=original.joints[target]), target, self.of_joint, length)
             if why and added.actuator(number):
                 self._unsaid(number, what)
             elif why:
@@ -52,6 +75,24 @@ class Actuators:
             else:
                 self._unsaid(number, what)
         self.adhesions = tuple(adhesions)
+
+    def _driving(self, number: int, what: SourceTarget, target: int, drives: dict[int, SourceDrive], length: _Length) -> str:
+        """Why an actuator is no drive of a document; empty where it is one, which is among the `drives` by number from now on."""
+        if target in drives:
+            return f"`{what.name}` is driven by `{drives[target].name}`, and a {what.kind} of a document has one drive"
+        drive = self._drive(number, length)
+        if drive is None:
+            return "a drive of a document is a motor, or of position or velocity with a gain"
+        drives[target] = drive
+        self.driven[number] = what
+        return ""
+
+    def _most(self, kind: str, number: int) -> tuple[float, float] | None:
+        """Between what all forces on a joint or a tendon stay together."""
+        if not getattr(self.model, f"{kind}_actfrclimited")[number]:
+            return None
+        low, high = floats(getattr(self.model, f"{kind}_actfrcrange")[number])
+        return low, high
 
     def _unsaid(self, number: int, what: str) -> None:
         for name in UNSAID:
@@ -66,8 +107,8 @@ class Actuators:
         low, high = floats(getattr(self.model, f"actuator_{kind}range")[number])
         return low, high
 
-    def _drive(self, number: int, joint: int) -> SourceDrive | None:
-        """A drive as it is at the joint; None of a kind that the language has not."""
+    def _drive(self, number: int, length: _Length) -> SourceDrive | None:
+        """A drive as it is at what it drives; None of a kind that the language has not."""
         model = self.model
         gain, *gains = floats(model.actuator_gainprm[number])
         constant, position, velocity, *others = floats(model.actuator_biasprm[number])
@@ -79,11 +120,11 @@ class Actuators:
             return None
         control, force = self._range("ctrl", number), self._range("force", number)
         if not affine and int(model.actuator_biastype[number]) == NO_BIAS and dynamic == NOT_DYNAMIC:
-            return self._motor(number, gain, gear, control, force)
+            return self._motor(number, gain, gear, control, force, length)
         kv = -velocity
         if not affine or constant or any(others) or kv < 0.0 or gain < 0.0:
             return None
-        effort = _bound(self.model, joint, None if force is None else (force[0] * abs(gear), force[1] * abs(gear)))
+        effort = length.effort(None if force is None else (force[0] * abs(gear), force[1] * abs(gear)))
         wanted = [("gear", numbers([gear])), ("kv", numbers([kv])), *_said("ctrl", control), *_said("force", force)]
         otherwise = {"gear": "1", "kv": numbers([kv * gear * gear]), **_written("force", None if effort is None else (-effort, effort))}
         where, name = self.original.where("actuator", number), self.original.actuators[number]
@@ -91,8 +132,7 @@ class Actuators:
             wanted.append(("kp", numbers([gain])))
             if dynamic == EXACT:
                 wanted.append(("timeconst", numbers([model.actuator_dynprm[number][0]])))
-            ends = floats(model.jnt_range[joint]) if model.jnt_limited[joint] else None
-            otherwise |= {"kp": numbers([gain * gear * gear]), **_written("ctrl", None if ends is None else (ends[0], ends[1]))}
+            otherwise |= {"kp": numbers([gain * gear * gear]), **_written("ctrl", length.ends)}
             return SourceDrive(
                 name=name, kind="position", where=where, kp=gain * gear * gear, kv=kv * gear * gear or None, effort=effort,
                 raw=differing(wanted, otherwise),
@@ -108,6 +148,7 @@ class Actuators:
 
     def _motor(
         self, number: int, gain: float, gear: float, control: tuple[float, float] | None, force: tuple[float, float] | None,
+        length: _Length,
     ) -> SourceDrive:
         """One whose gain, which a motor has not, is in its gear; what it is controlled by stays as it is."""
         original, ends = self.original, force
@@ -119,8 +160,7 @@ class Actuators:
             )
         bounds = [max(map(abs, one)) for one in (control, ends) if one is not None]
         effort = None if not bounds else min(bounds) * abs(gear * gain)
-        joint = int(self.model.actuator_trnid[number][0])
-        effort = _bound(self.model, joint, None if effort is None else (-effort, effort))
+        effort = length.effort(None if effort is None else (-effort, effort))
         wanted = [("gear", numbers([gear * gain])), *_said("ctrl", control), *_said("force", ends)]
         otherwise = {"gear": "1", "forcelimited": "false", **_written("ctrl", None if effort is None else (-effort, effort))}
         return SourceDrive(
@@ -138,13 +178,6 @@ class Actuators:
             name=self.original.actuators[number], link=link, force=force, where=self.original.where("actuator", number),
             raw=differing(wanted, {"gain": "1", "ctrlrange": numbers([0.0, force])}),
         )
-
-
-def _bound(model: Any, joint: int, force: tuple[float, float] | None) -> float | None:
-    """The largest effort [N m or N] of a drive at its joint, from its own range, else from that of all that acts on the joint."""
-    if force is None and model.jnt_actfrclimited[joint]:
-        return max(map(abs, floats(model.jnt_actfrcrange[joint])))
-    return None if force is None else max(map(abs, force))
 
 
 def _said(kind: str, bounds: tuple[float, float] | None) -> Raw:

@@ -23,8 +23,8 @@ SOLREF, SOLIMP = "0.02 1", "0.9 0.95 0.001 0.5 2"
 
 
 class Original:
-    """`spec` is what was written, `model` what it comes to. Things are meant by their number in the model; bodies, joints, sites, actuators
-    and sensors have a name each, made up where the source has none. `geoms_of` and `sites_of` are by body."""
+    """`spec` is what was written, `model` what it comes to. Things are meant by their number in the model; bodies, joints, geoms,
+    sites, tendons, actuators and sensors have a name each, made up where the source has none. `geoms_of` and `sites_of` are by body."""
 
     def __init__(self, flat: Flat, spec: Any, model: Any) -> None:
         self.flat, self.spec, self.model = flat, spec, model
@@ -34,7 +34,9 @@ class Original:
         self.bodies = self._names("body", lambda one: "body")
         self.bodies[WORLD] = "world"
         self.joints = self._names("joint", lambda one: f"{one.parent.name or 'body'}_joint")
+        self.geoms = self._names("geom", lambda one: f"{one.parent.name or 'body'}_geom")
         self.sites = self._names("site", lambda one: f"{one.parent.name or 'body'}_site")
+        self.tendons = self._names("tendon", lambda one: "tendon")
         self.actuators = self._names("actuator", lambda one: one.target or "actuator")
         self.sensors = self._names("sensor", lambda one: one.objname or "sensor")
         self.cameras = self._names("camera", lambda one: "camera")

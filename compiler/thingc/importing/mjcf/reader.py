@@ -16,6 +16,7 @@ from thingc.importing.mjcf.original import WORLD, Original, floats, numbers, pos
 from thingc.importing.mjcf.sensing import sensors
 from thingc.importing.mjcf.settings import options, poses, simulation, touching
 from thingc.importing.mjcf.shapes import Geoms
+from thingc.importing.mjcf.tendons import Tendons
 from thingc.importing.model import Hanging, SourceBase, SourceLink, SourceRobot, SourceSite, Weight
 from thingc.importing.packages import Packages
 from thingc.importing.tree import MOST_LINKS
@@ -83,16 +84,19 @@ class _Reader:
         on = self._carriers(kept, root)
         links = [body for body in sorted(kept) if on[body][0] == body or body in self._mounts]
         joints = {joint for body in kept for joint in self.joints[body]}
-        added = Added(self.original, joints, {site for site in range(self.model.nsite) if int(self.model.site_bodyid[site]) in kept})
-        drives = Actuators(self.original, joints, on, added)
+        sites = {site for site in range(self.model.nsite) if int(self.model.site_bodyid[site]) in kept}
+        heads = self._heads(on, root)
+        tendons = Tendons(self.original, joints, sites, on, heads)
+        added = Added(self.original, joints, sites, tendons)
+        drives = Actuators(self.original, joints, tendons, on, added)
         couplings = Couplings(self.original, drives, on, added)
         between: list[SourceLink] = []
         hangings = [
             one for body in links if body != root for one in self._hangings(body, on, between, drives, couplings)
         ]
         base: SourceBase = "free" if root in self.free else "held" if root in self.mocap else "fixed"
-        sensed = sensors(self.original, on, kept, drives.driven, root)
-        excluded = touching(self.original, on, self._heads(on, root), None if base == "free" else root)
+        sensed = sensors(self.original, on, kept, tendons, drives.driven, root)
+        excluded = touching(self.original, on, heads, None if base == "free" else root)
         gravity = floats(self.model.opt.gravity)
         states = poses(self.original, on, root, base, {joint.name: joint for one in hangings for joint in one.joints})
         whole = [*(self._link(body, on) for body in links), *between]
@@ -105,8 +109,8 @@ class _Reader:
             root=self.original.bodies[root], links=tuple(whole),
             hangings=tuple(hangings), base=base,
             pose=NO_POSE if root == WORLD else self._pose(root), losses=tuple(losses), loops=couplings.loops,
-            adhesions=drives.adhesions, sensors=sensed, poses=states, excluded=excluded,
-            added=(*added.tendons.values(), *added.equalities, *added.actuators),
+            adhesions=drives.adhesions, tendons=tendons.driven(drives.of_tendon), sensors=sensed, poses=states, excluded=excluded,
+            added=(*added.equalities, *added.actuators),
             gravity=None if gravity == (0.0, 0.0, -9.81) else (gravity[0], gravity[1], gravity[2]),
             simulation=simulated, options=set_up, files=self.shapes.files,
         )

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 
 from thingc.frozen import dataclass
 from thingc.importing.mjcf.original import Original, floats, pose_of
-from thingc.importing.model import SourceSensor
+from thingc.importing.mjcf.tendons import Tendons
+from thingc.importing.model import SourceSensor, SourceTarget
 from thingc.pose import Pose, turned_y
 from thingc.sensing import ReadingName, SensorType
 
@@ -21,7 +22,8 @@ AT_SITE: dict[str, tuple[SensorType, ReadingName]] = {
     "framepos": ("pose", "position"), "framequat": ("pose", "quat"),
     "framelinvel": ("twist", "linear"), "frameangvel": ("twist", "angular"),
 }
-AT_JOINT: dict[str, ReadingName] = {"jointpos": "position", "jointvel": "velocity", "jointactuatorfrc": "effort"}
+AT_JOINT: dict[str, ReadingName] = {"jointpos": "position", "jointvel": "velocity", "jointactfrc": "effort"}
+OF_TENDON: dict[str, ReadingName] = {"tendonpos": "length", "tendonvel": "velocity", "tendonactfrc": "effort"}
 OF_DRIVE: dict[str, ReadingName] = {"actuatorpos": "position", "actuatorvel": "velocity", "actuatorfrc": "effort"}
 OF_ALL: dict[str, tuple[SensorType, ReadingName]] = {
     "clock": ("clock", "time"), "e_potential": ("energy", "potential"), "e_kinetic": ("energy", "kinetic"),
@@ -34,21 +36,24 @@ LOOKING = turned_y(math.pi)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Place:
-    """What a sensor is and where: a document's kind, and the names of a site, of the one that it is seen from, of a joint."""
+    """What a sensor is and where: a document's kind, and the names of a site, of the one that it is seen from, of a joint, of
+    a tendon."""
 
     kind: SensorType
     site: str | None = None
     seen_from: str | None = None
     joint: str | None = None
+    tendon: str | None = None
 
 
 class _Sensing:
-    """`kept` are the bodies that are kept, `driven` the joints of drives by the number of the actuator, `root` the root body."""
+    """`kept` are the bodies that are kept, `driven` what is driven by the number of the actuator, `root` the root body."""
 
-    def __init__(self, original: Original, kept: set[int], driven: Mapping[int, str], root: int) -> None:
+    def __init__(self, original: Original, kept: set[int], tendons: Tendons, driven: Mapping[int, SourceTarget], root: int) -> None:
         import mujoco
 
         self.original, self.model, self.kept, self.driven, self.root = original, original.model, kept, driven, root
+        self.tendons = tendons.of
         types = mujoco.mjtSensor.__members__.items()
         self.kinds: dict[int, str] = {int(value): name.removeprefix("mjSENS_").lower() for name, value in types}
 
@@ -91,7 +96,11 @@ class _Sensing:
         if kind in AT_JOINT and int(model.jnt_bodyid[thing]) in self.kept:
             return _Place(kind="joint", joint=original.joints[thing]), AT_JOINT[kind]
         if kind in OF_DRIVE and thing in self.driven:
-            return _Place(kind="drive", joint=self.driven[thing]), OF_DRIVE[kind]
+            what = self.driven[thing]
+            place = _Place(kind="drive", tendon=what.name) if what.kind == "tendon" else _Place(kind="drive", joint=what.name)
+            return place, OF_DRIVE[kind]
+        if kind in OF_TENDON and thing in self.tendons:
+            return _Place(kind="tendon", tendon=self.tendons[thing].name), OF_TENDON[kind]
         if kind in OF_ROOT and thing == self.root:
             return _Place(kind="centre"), OF_ROOT[kind]
         if kind in OF_ALL:
@@ -117,18 +126,21 @@ class _Sensing:
             shape, count = VOLUMES[int(model.site_type[site])]
             volume = shape, floats(model.site_size[site])[:count]
         return SourceSensor(
-            kind=place.kind, name=place.site or place.joint or place.kind, where=original.where("sensor", readings[0][0]), site=place.site,
-            seen_from=place.seen_from, joint=place.joint, volume=volume, noise=numbers["noise"], cutoff=numbers["cutoff"],
+            kind=place.kind, name=place.site or place.joint or place.tendon or place.kind,
+            where=original.where("sensor", readings[0][0]), site=place.site,
+            seen_from=place.seen_from, joint=place.joint, tendon=place.tendon, volume=volume, noise=numbers["noise"],
+            cutoff=numbers["cutoff"],
             parts=tuple((original.sensors[number], reading) for number, reading in readings),
         )
 
 
 def sensors(
-    original: Original, on: Mapping[int, tuple[int, Pose]], kept: set[int], driven: Mapping[int, str], root: int,
+    original: Original, on: Mapping[int, tuple[int, Pose]], kept: set[int], tendons: Tendons, driven: Mapping[int, SourceTarget],
+    root: int,
 ) -> tuple[SourceSensor, ...]:
-    """Those of kinds that the language has, and cameras; all others are losses. `driven` are the names of joints by the number of the
-    actuator that drives them, `root` is the root body."""
-    return (*_Sensing(original, kept, driven, root).all(), *_cameras(original, on))
+    """Those of kinds that the language has, and cameras; all others are losses. `driven` is what is driven by the number of the
+    actuator, `root` the root body."""
+    return (*_Sensing(original, kept, tendons, driven, root).all(), *_cameras(original, on))
 
 
 def _cameras(original: Original, on: Mapping[int, tuple[int, Pose]]) -> list[SourceSensor]:
