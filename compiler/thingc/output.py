@@ -111,7 +111,7 @@ def write_build(
         with _locked(folder, on_wait):
             _mend(folder)
             known: Digests = {}
-            unexpected = _refuse_strangers(folder, document, files, known, force=force)
+            unexpected = _refuse_unexpected(folder, document, files, known, force=force)
             fresh = _beside(folder, "new")
             try:
                 _write_files(fresh, files, store)
@@ -318,7 +318,7 @@ def _mend(folder: str) -> None:
     _delete(_beside(folder, "new"))
 
 
-def _refuse_strangers(
+def _refuse_unexpected(
     folder: str, document: str, also: Collection[str], known: Digests, *, force: bool,
 ) -> UnexpectedFiles:
     """What is given up by `force`; raises `UnexpectedFilesError` where there is anything else."""

@@ -38,8 +38,8 @@ def check_expectations(
             if not sitting and (owner.index, one.mount) in open_mounts:
                 continue
             spoken_for = [e for e in expected if e.mount == one.mount]
-            strangers = [(o, m) for o, m in sitting if not any(_is(o, e, owner) and m == e.child_mount for e in spoken_for)]
-            _warn(owner, one, strangers, findings)
+            others = [(o, m) for o, m in sitting if not any(_is(o, e, owner) and m == e.child_mount for e in spoken_for)]
+            _warn(owner, one, others, findings)
 
 
 def _is(other: Occurrence, expected: Expectation, owner: Occurrence) -> bool:
@@ -54,9 +54,9 @@ def _rounded(definition: str) -> str:
     return _NUMBER.sub(lambda number: f"{float(number[0]):.12g}", definition)
 
 
-def _warn(owner: Occurrence, one: Expectation, strangers: Sequence[tuple[Occurrence, str]], findings: Findings) -> None:
+def _warn(owner: Occurrence, one: Expectation, others: Sequence[tuple[Occurrence, str]], findings: Findings) -> None:
     name, wanted = owner.component.name, one.label
-    other, mount = next(((o, m) for o, m in strangers if _is(o, one, owner)), strangers[0] if strangers else (None, ""))
+    other, mount = next(((o, m) for o, m in others if _is(o, one, owner)), others[0] if others else (None, ""))
     found = other.definition.label if other is not None else ""
     if other is not None and found == wanted:  # they differ in digits that labels do not show
         wanted, found = one.text, other.definition.text

@@ -41,10 +41,10 @@ def link(
     """
     memo = memo or Memo()
     findings = Findings(report)
-    leaves = PartInstances(records, meshes or {}, findings, memo)
-    tree = Tree(model, leaves, findings)
-    leaves.report_failures()
-    leaves.report_materials()
+    instances = PartInstances(records, meshes or {}, findings, memo)
+    tree = Tree(model, instances, findings)
+    instances.report_failures()
+    instances.report_materials()
     mates, laid = mates_of(tree, findings, memo)
     exported = exported_of(tree, findings)
     occurrences = tuple(
@@ -76,7 +76,7 @@ def link(
     at = memo("rest", lambda *_: _rest(mates, base, len(occurrences)), lie, base, len(occurrences))
     placing = sum(1 for mate in mates if mate.loop is None)
     if base is None or findings.incomplete or len(at) != len(occurrences) or placing != len(occurrences) - 1:
-        if not leaves.unknown and not unmodelled:
+        if not instances.unknown and not unmodelled:
             _say_apart(tree, model, at, findings)
         return None
     tendons = tuple(rested(tendon, occurrences, at, findings) for tendon in tendons)

@@ -88,18 +88,18 @@ class Tree:
     are mounts that documents add to nested assemblies, per occurrence: they lie on the base of the assembly.
     """
 
-    def __init__(self, model: AssemblyDefinition, leaves: PartInstances, findings: Findings) -> None:
+    def __init__(self, model: AssemblyDefinition, instances: PartInstances, findings: Findings) -> None:
         self._findings = findings
         self._said: set[tuple[Code, str, Origin]] = set()
         self.top = Instance(path="", component=None, origin=(), assembly=model)
         self.assemblies: list[tuple[Instance, AssemblyDefinition]] = []
         self.leaves: list[Instance] = []
         self.added: dict[int, dict[str, MountFrame]] = {}
-        self._unroll(model, leaves)
+        self._unroll(model, instances)
         self._find_bases()
         self._add_mounts()
 
-    def _unroll(self, model: AssemblyDefinition, leaves: PartInstances) -> None:
+    def _unroll(self, model: AssemblyDefinition, instances: PartInstances) -> None:
         waiting: list[tuple[Instance, AssemblyDefinition]] = [(self.top, model)]
         while waiting:
             instance, scope = waiting.pop()
@@ -116,7 +116,7 @@ class Tree:
                     )
                 waiting.extend((child, scope) for child in reversed(instance.children.values()))
             elif component is not None:
-                instance.leaf = leaves.leaf(component, scope, instance.path, instance.origin)
+                instance.leaf = instances.leaf(component, scope, instance.path, instance.origin)
                 if instance.leaf is None:
                     self._findings.leave_out()
                 else:

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from thingc.realize.store.local import Store
+    from thingc.realize.worker.children import Child
     from thingc.realize.worker.scratch import Scratch
 
 AHEAD = (
@@ -58,7 +59,7 @@ def main(arguments: list[str]) -> None:
             live_without_parent()  # from here on the end of standard input does it; the parent's thread may end before
             if os.getppid() == parent:
                 jobs = int(arguments[arguments.index("--jobs") + 1]) if "--jobs" in arguments else os.cpu_count() or 1
-                _serve(answers, jobs, scratch)
+                _Server(answers, jobs, scratch).serve()
         else:
             for line in sys.stdin.buffer:
                 folder = scratch.make()
@@ -202,79 +203,99 @@ def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any],
     return found
 
 
-def _serve(answers: int, jobs: int, scratch: Scratch) -> None:
-    """The server: at most `jobs` children at once, and besides as many that describe classes, for whoever asks waits for those before he
+class _Server:
+    """Children for requests: at most `jobs` at once, and besides as many that describe classes, for whoever asks waits for those before he
     asks for more. Each has its deadline and its folder. Nothing that they start outlives them."""
-    from thingc.realize.worker.children import WATCH, Child, start
-    from thingc.realize.worker.process_tree import FIRST, adopt_orphans, give_priority
-    from thingc.realize.worker.scratch import remove
 
-    adopt_orphans()
-    usual = give_priority(FIRST)
-    waiting: dict[bool, deque[dict[str, Any]]] = {True: deque(), False: deque()}  # to describe, and for all else
-    running: dict[int, Child] = {}
-    selector = selectors.DefaultSelector()
-    selector.register(0, selectors.EVENT_READ)
-    received = bytearray()
+    def __init__(self, answers: int, jobs: int, scratch: Scratch) -> None:
+        from thingc.realize.worker.process_tree import FIRST, adopt_orphans, give_priority
 
-    def begin(request: dict[str, Any]) -> None:
-        _prepare(request)
-        child = start(request, answered, usual, scratch.make(), [0, answers, *scratch.descriptors, *running])
-        running[child.pipe] = child
-        selector.register(child.pipe, selectors.EVENT_READ)
+        adopt_orphans()
+        self.answers = answers
+        self.jobs = jobs
+        self.scratch = scratch
+        self.usual = give_priority(FIRST)
+        self.waiting: dict[bool, deque[dict[str, Any]]] = {True: deque(), False: deque()}  # to describe, and for all else
+        self.running: dict[int, Child] = {}
+        self.selector = selectors.DefaultSelector()
+        self.selector.register(0, selectors.EVENT_READ)
+        self.received = bytearray()
 
-    def begin_waiting(done: Child | None = None) -> None:
-        for describes, asked in waiting.items():
-            free = jobs - sum((child.request["op"] == "describe") == describes for child in running.values() if child is not done)
-            for _ in range(min(free, len(asked))):
-                begin(asked.popleft())
+    def serve(self) -> None:
+        """Answer until nobody asks, or takes answers, any more."""
+        from thingc.realize.worker.children import WATCH
 
-    def end(child: Child, over: str | None) -> dict[str, Any]:
-        if child.answered:  # to end it takes the system as long as to fork, and another core can do that
-            begin_waiting(child)
-        selector.unregister(child.pipe)
-        del running[child.pipe]
-        return child.end(over, {other.process for other in running.values()})
-
-    def finish(child: Child, over: str | None = None) -> None:
-        _answer(answers, _settled(end(child, over), child.request["store"], child.scratch))
-
-    def take(asked: dict[str, Any]) -> None:
-        if "forget" not in asked:
-            waiting[asked["op"] == "describe"].append(asked)
+        try:
+            while True:
+                self.begin_waiting()
+                for key, _ in self.selector.select(WATCH if self.running else None):
+                    if key.fd == 0:
+                        data = os.read(0, 1 << 20)
+                        if not data:
+                            return
+                        self.receive(data)
+                    elif key.fd in self.running:
+                        child = self.running[key.fd]
+                        if not child.read() or child.answered:
+                            self.finish(child)
+                for child in list(self.running.values()):
+                    over = child.over(time.monotonic())
+                    if over is not None:
+                        self.finish(child, over)
+        except BrokenPipeError:
             return
-        for one in [one for one in waiting[False] if one["id"] == asked["forget"]]:
-            waiting[False].remove(one)
-        for child in [child for child in running.values() if child.request["id"] == asked["forget"]]:
-            end(child, "hung")
+        finally:
+            for child in self.running.values():
+                child.end("hung", ())
+
+    def receive(self, data: bytes) -> None:
+        """Take what has come of requests."""
+        *lines, rest = (self.received + data).split(b"\n")
+        self.received = bytearray(rest)
+        for line in lines:
+            self.take(json.loads(line))
+
+    def take(self, asked: dict[str, Any]) -> None:
+        """Put a request behind the others; or forget one."""
+        from thingc.realize.worker.scratch import remove
+
+        if "forget" not in asked:
+            self.waiting[asked["op"] == "describe"].append(asked)
+            return
+        for one in [one for one in self.waiting[False] if one["id"] == asked["forget"]]:
+            self.waiting[False].remove(one)
+        for child in [child for child in self.running.values() if child.request["id"] == asked["forget"]]:
+            self.end(child, "hung")
             remove(child.scratch)
 
-    try:
-        while True:
-            begin_waiting()
-            for key, _ in selector.select(WATCH if running else None):
-                if key.fd == 0:
-                    data = os.read(0, 1 << 20)
-                    if not data:
-                        return
-                    received += data
-                    *lines, remainder = received.split(b"\n")
-                    received = bytearray(remainder)
-                    for line in lines:
-                        take(json.loads(line))
-                elif key.fd in running:
-                    child = running[key.fd]
-                    if not child.read() or child.answered:
-                        finish(child)
-            for child in list(running.values()):
-                over = child.over(time.monotonic())
-                if over is not None:
-                    finish(child, over)
-    except BrokenPipeError:
-        return
-    finally:
-        for child in running.values():
-            child.end("hung", ())
+    def begin_waiting(self, done: Child | None = None) -> None:
+        """Begin what waits, as far as there is room, that of a child which is `done` included."""
+        for describes, asked in self.waiting.items():
+            busy = sum((child.request["op"] == "describe") == describes for child in self.running.values() if child is not done)
+            for _ in range(min(self.jobs - busy, len(asked))):
+                self.begin(asked.popleft())
+
+    def begin(self, request: dict[str, Any]) -> None:
+        """Fork a child for a request."""
+        from thingc.realize.worker.children import start
+
+        _prepare(request)
+        descriptors = [0, self.answers, *self.scratch.descriptors, *self.running]
+        child = start(request, answered, self.usual, self.scratch.make(), descriptors)
+        self.running[child.pipe] = child
+        self.selector.register(child.pipe, selectors.EVENT_READ)
+
+    def finish(self, child: Child, over: str | None = None) -> None:
+        """End a child, and send its answer."""
+        _answer(self.answers, _settled(self.end(child, over), child.request["store"], child.scratch))
+
+    def end(self, child: Child, over: str | None) -> dict[str, Any]:
+        """End a child; its answer, or what has become of it."""
+        if child.answered:  # to end it takes the system as long as to fork, and another core can do that
+            self.begin_waiting(child)
+        self.selector.unregister(child.pipe)
+        del self.running[child.pipe]
+        return child.end(over, {other.process for other in self.running.values()})
 
 
 def _prepare(request: Mapping[str, Any]) -> None:
