@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import field
+from typing import Final, Literal, get_args
 
 from thingc.frozen import dataclass
 from thingc.source import Origin, Span
@@ -23,23 +24,25 @@ class Stored:
 
 Content = bytes | Stored
 
-CARRIED = "carried as custom data"
-"""It is in the files, for who knows of it; nothing acts on it by itself."""
+How = Literal["omitted", "approximated", "carried as custom data"]
+"""What becomes of what a target cannot say, the worst first. What is carried is in the files, for who knows of it; nothing acts on it by
+itself."""
 
-HOW = ("omitted", "approximated", CARRIED)
-"""What becomes of what a target cannot say, the worst first."""
+CARRIED: Final = "carried as custom data"
+
+HOW: tuple[How, ...] = get_args(How)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loss:
-    """Something a target cannot say. `how` is one of `HOW`; `mode` None where it is not of one mode; `path` of the occurrence, joint or
+    """Something a target cannot say. `mode` None where it is not of one mode; `path` of the occurrence, joint or
     mount; `what` in words; `origin` what in the documents made it."""
 
     target: str
     mode: str | None
     path: str
     what: str
-    how: str
+    how: How
     origin: Origin = ()
 
     @property
@@ -48,7 +51,7 @@ class Loss:
         return next(iter(self.origin), None)
 
     @staticmethod
-    def of(origin: Origin, target: str, mode: str | None, path: str, what: str, how: str) -> Loss:
+    def of(origin: Origin, target: str, mode: str | None, path: str, what: str, how: How) -> Loss:
         """The loss of what an origin made."""
         return Loss(target=target, mode=mode, path=path, what=what, how=how, origin=origin)
 

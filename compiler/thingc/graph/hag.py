@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import assert_never
+from typing import Literal, assert_never
 
 from thingc.brief import Brief
 from thingc.frozen import dataclass
@@ -11,23 +11,27 @@ from thingc.realize.record import PartDefinition
 from thingc.resolve.link_definition import LinkDefinition
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Reference
 
+DefinitionKind = Literal["assembly", "part", "file", "link", "frame"]
+"""What a node of the HAG is."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Definition(Brief):
-    """A node of the HAG. `kind` is `assembly | part | file | link | frame`; `text` prints it exactly and is its identity together
+    """A node of the HAG. `text` prints it exactly and is its identity together
     with `reference` (`module:Class`, a file or a document path in the workspace); `label` prints it for people. Of a mirror image
     `mirror` is the axis, `plain` what it mirrors."""
 
     text: str
     label: str
     reference: str
-    kind: str
+    kind: DefinitionKind
     mirror: str | None = None
     plain: Definition | None = None
 
     @classmethod
     def of(cls, made: PartDefinition | LinkDefinition | AssemblyDefinition) -> Definition:
         """The node of a part, a link or an assembly."""
+        kind: DefinitionKind
         match made:
             case PartDefinition():
                 reference, kind = made.reference, "part" if made.kind == "code" else "file"

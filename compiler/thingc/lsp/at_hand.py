@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, TypeVar
 
 from thingc.realize import ABSENT
-from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.realize.record import FailureKind, PartDefinition, PartFailure, PartRecord, PartSchema
 
 if TYPE_CHECKING:
     from thingc.realize import BadLock, Decision, GeometryService, Module, Slicing
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _T = TypeVar("_T")
 
-WAITED_FOR = "unlocked"
+WAITED_FOR: FailureKind = "unlocked"
 """The kind of failure of a part of which only workers could tell. (Nothing else fails so where code may run.)"""
 
 

@@ -30,6 +30,11 @@ DIMENSIONS: Mapping[str, Dimension] = {
 }
 """Of the kinds of parameters that are numbers."""
 
+SchemaKind = Literal["thing", "shape", "function"]
+"""What a part is made by."""
+
+ParameterKind = Literal["length", "angle", "mass", "ratio", "number", "count", "integer", "flag", "text", "choice"]
+"""What a part takes: floats in SI, whole numbers (of things, or any), a bool, a text, or one of several texts."""
 
 
 def written(kind: str, value: Value, digits: int = 12) -> str:
@@ -48,12 +53,11 @@ def written(kind: str, value: Value, digits: int = 12) -> str:
 class ParameterSchema(Brief):
     """One argument of a part's `__init__`.
 
-    `kind` is `length | angle | mass | ratio | number` (floats; SI), `count | integer` (int), `flag` (bool), `text` or
-    `choice` (one of `choices`). `default` is None where `required`.
+    One of the kind `choice` takes one of `choices`. `default` is None where `required`.
     """
 
     name: str
-    kind: str
+    kind: ParameterKind
     required: bool
     default: Value | None
     minimum: float | None = None
@@ -68,10 +72,10 @@ class ParameterSchema(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartSchema(Brief):
-    """What `module:Class` takes. `kind` is `thing | shape | function`; `file`, `line` are where it is written."""
+    """What `module:Class` takes. `file`, `line` are where it is written."""
 
     reference: str
-    kind: str
+    kind: SchemaKind
     doc: str
     parameters: tuple[ParameterSchema, ...]
     material: str | None
@@ -124,7 +128,7 @@ class PartDefinition(Brief):
     """
 
     reference: str
-    kind: str
+    kind: Literal["code", "file"]
     parameters: tuple[tuple[str, Value], ...]
     text: str
     label: str
@@ -321,17 +325,23 @@ class PartRecord(Brief):
         return self.meshes.get("simulation") or self.meshes.get("mesh")
 
 
+FailureKind = Literal[
+    "refused", "missing", "raised", "trespassed", "hung", "crashed", "swarmed", "empty", "invalid", "unbounded", "resultless", "stale",
+    "unlocked", "absent",
+]
+"""How it goes wrong that a part is described or modelled; `absent`: nobody was there to do it."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartFailure(Brief):
     """Why a part could not be described or modelled.
 
-    `kind` is `refused | missing | raised | trespassed | hung | crashed | swarmed | empty | invalid | unbounded | resultless | stale |
-    unlocked`; `message` the exception's words; `file`, `line` the place in the part file; `candidates` near names for `missing`;
+    `message` is the exception's words; `file`, `line` the place in the part file; `candidates` near names for `missing`;
     `detail` the traceback, for `--debug` only.
     """
 
     subject: str
-    kind: str
+    kind: FailureKind
     message: str
     file: str | None = None
     line: int | None = None

@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import assert_never
 
-from thingc.emit.artifact import Loss
+from thingc.emit.artifact import How, Loss
 from thingc.emit.capabilities import written
 from thingc.emit.mjcf import joined, tendons
 from thingc.emit.mjcf.capabilities import CAPABILITIES
@@ -143,7 +143,8 @@ def losses(robot: Robot) -> Iterator[Loss]:
     still (there MuJoCo's accelerometer reads 0, not the 9.81 m/s^2 of any that rests)."""
     for sensor in robot.assembly.sensors:
         missing = _missing(robot, sensor)
-        what, how = f"it: {missing}" if missing else "", "omitted"
+        what = f"it: {missing}" if missing else ""
+        how: How = "omitted"
         if not missing and sensor.kind in ("imu", "accelerometer") and stays(robot.base) and body_of(robot, sensor) == 0:
             what, how = "gravity in its accelerometer: MuJoCo gives no acceleration of a body that stands still", "approximated"
         elif not missing and sensor.kind == "force":

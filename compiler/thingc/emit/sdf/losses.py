@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from thingc.emit.artifact import Loss
+from thingc.emit.artifact import How, Loss
 from thingc.emit.connections import Connection, connections
 from thingc.emit.sdf.capabilities import CAPABILITIES
 from thingc.emit.sdf.chain import chain
@@ -59,5 +59,5 @@ def _of_sensors(robot: Robot) -> Iterator[Loss]:
                 yield _loss(None, sensor.path, what, "omitted", sensor.origin)
 
 
-def _loss(mode: str | None, path: str, what: str, how: str, origin: Origin) -> Loss:
+def _loss(mode: str | None, path: str, what: str, how: How, origin: Origin) -> Loss:
     return Loss.of(origin, "sdf", mode, path, what, how)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from thingc.emit.artifact import Loss
+from thingc.emit.artifact import How, Loss
 from thingc.emit.connections import connections
 from thingc.emit.usd.capabilities import CAPABILITIES
 from thingc.emit.usd.chain import chain
@@ -79,5 +79,5 @@ def _closed(robot: Robot) -> bool:
     return Loops(robot.bodies, robot.closures, joints, base).closed(state)
 
 
-def _loss(mode: str | None, path: str, what: str, how: str, origin: Origin) -> Loss:
+def _loss(mode: str | None, path: str, what: str, how: How, origin: Origin) -> Loss:
     return Loss.of(origin, "usd", mode, path, what, how)

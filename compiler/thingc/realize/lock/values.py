@@ -18,6 +18,7 @@ from thingc.realize.record import (
     Expectation,
     MountRecord,
     Outside,
+    ParameterKind,
     ParameterSchema,
     PartRecord,
     PartSchema,
@@ -30,7 +31,7 @@ from thingc.realize.slices import Moments, Sliced, Slicing, Unsliced
 UNITS = {"length": "m", "angle": "rad", "mass": "kg", "ratio": "1", "number": "1"}
 """The units that the lock names for people who read it; values are SI."""
 
-KINDS = frozenset({*UNITS, *WHOLE, "flag", "text", "choice"})
+KINDS: frozenset[ParameterKind] = frozenset(get_args(ParameterKind))
 SOURCES = frozenset({"measured", "vendor", "estimated", "stated"})
 _ORTHOGONAL = 1e-6
 _NOTHING = 1e-20

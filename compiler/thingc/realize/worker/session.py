@@ -15,7 +15,7 @@ from time import monotonic
 from typing import Any
 
 from thingc.realize.key.file_states import state_of
-from thingc.realize.record import Outside, PartFailure
+from thingc.realize.record import FailureKind, Outside, PartFailure, SchemaKind
 from thingc.realize.worker import confining, printed, ran
 from thingc.realize.worker.asking import Asking
 from thingc.realize.worker.kernel.mesh_files import BadPartFile
@@ -26,7 +26,7 @@ from thingc.realize.worker.reads import Recorder, loaded_files
 class NoPart(Exception):
     """A part that cannot be: `kind` as in `PartFailure`, the words, and the file and line where that is known beforehand."""
 
-    def __init__(self, kind: str, message: str, candidates: Iterable[str] = (), place: tuple[str, int] | None = None) -> None:
+    def __init__(self, kind: FailureKind, message: str, candidates: Iterable[str] = (), place: tuple[str, int] | None = None) -> None:
         super().__init__(message)
         self.kind = kind
         self.candidates = tuple(candidates)
@@ -147,7 +147,8 @@ class PartSession:
         if isinstance(fault, SyntaxError) and fault.filename is not None and self.is_own(fault.filename):
             places.append((str(fault.filename), fault.lineno))
         file, line = places[-1] if places else (None, None)
-        kind, message = "raised", _words(fault)
+        kind: FailureKind = "raised"
+        message = _words(fault)
         candidates: tuple[str, ...] = ()
         if isinstance(fault, NoPart):
             kind, message, candidates, detail = fault.kind, str(fault), fault.candidates, None
@@ -178,8 +179,8 @@ def _python_suggests(fault: BaseException) -> str | None:
     return match.group(1) if match is not None else None
 
 
-def kind_of(part: Any, reference: str) -> str:
-    """`thing | shape | function`. Raises `NoPart` for anything else."""
+def kind_of(part: Any, reference: str) -> SchemaKind:
+    """What makes it. Raises `NoPart` for anything else."""
     from thingc.things.inspection import is_part
 
     kind = is_part(part)
