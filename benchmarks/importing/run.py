@@ -85,9 +85,11 @@ def one(file: Path, python: str, count: int) -> tuple[list[str], bool]:
             said = next(one for one in fault.diagnostics if one.severity is Severity.ERROR)
             return [*row, *empty[2:], f"COMES IN, and is refused: {said.message}"], False
         models = {name: mode.model() for name, mode in compiled.modes.items()}
+        known = {name: word for name, word in known.items() if all(there(model, word) for model in models.values())}
         states = [[[chance.uniform(-1.0, 1.0) for _ in joints] for _ in range(2)] for _ in range(count)]
         original = opened(file, {loop.name for loop in imported.robot.loops}, Path(folder))
-        request = {"file": str(original), "joints": list(joints), "links": list(known), "roots": roots, "states": states}
+        request = {"file": str(original), "joints": list(joints), "links": list(known), "roots": [name for name in roots if name in known],
+                   "states": states}
         script = Path(__file__).parent / ORIGINAL[file.suffix]
         asked = subprocess.run([python, script], input=json.dumps(request), text=True, capture_output=True)
     if asked.returncode:
@@ -134,7 +136,7 @@ def compared(
         for here, there in zip(ours.range if ours.limited[0] else (-math.inf, math.inf), ends, strict=True):
             worst["limits"] = max(worst["limits"], 0.0 if here == there or abs(there) >= ENDLESS <= abs(here) else abs(here - there))
     modes = dict(zip(("source", *dict.fromkeys(roots)), models.values(), strict=True))
-    for mode, model in modes.items():
+    for mode, model in ((mode, model) for mode, model in modes.items() if mode == "source" or mode in known):
         data = mujoco.MjData(model)
         dofs = [int(model.joint(word).dofadr[0]) for word in joints.values()]
         for (q, v), other in zip(states, theirs["states"], strict=True):
@@ -161,6 +163,11 @@ def compared(
                 if mode in other["held"]:
                     told("rooted mass matrix", full[numpy.ix_(dofs, dofs)], other["held"][mode])
     return worst
+
+
+def there(model: mujoco.MjModel, word: str) -> bool:
+    """Whether MuJoCo has a link: none that weighs nothing between two joints."""
+    return any(mujoco.mj_name2id(model, kind, word) >= 0 for kind in (mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtObj.mjOBJ_BODY))
 
 
 def pose(data: mujoco.MjData, word: str) -> numpy.ndarray:

@@ -148,6 +148,13 @@ def test_paths_that_a_document_has_not_are_losses_and_so_are_their_drives(steps:
     assert lost[-2:] == [("tendon `cord`", why), ("actuator `pull`", "its tendon is left out")]
 
 
+def test_a_hidden_geom_that_a_tendon_goes_around_is_no_shape() -> None:
+    imported = import_robot(str(ROBOTS / "cables.xml"), Report())
+    assert imported is not None
+    shapes = {link.name: [shape.kind for shape in link.shapes] for link in imported.robot.links}
+    assert shapes["drum"] == [] and shapes["bracket"] == ["cylinder"]
+
+
 def _imported(folder: Path, text: str) -> Imported:
     """A robot of a file with that text, whose document compiles."""
     (folder / "robot.xml").write_text(text)

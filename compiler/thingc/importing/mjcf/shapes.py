@@ -20,6 +20,8 @@ USUAL = {
     "friction": numbers(FRICTION), "condim": "3", "priority": "0",
 }
 """What geoms have that say nothing."""
+SPHERE, CYLINDER = 4, 5
+"""Steps of tendons, which go around such geoms: one that is hidden is there for nothing else."""
 GREY = (0.5, 0.5, 0.5, 1.0)
 
 
@@ -29,6 +31,8 @@ class Geoms:
     def __init__(self, original: Original) -> None:
         self.original, self.model = original, original.model
         self.files: dict[str, bytes] = {}
+        wraps = zip(self.model.wrap_type, self.model.wrap_objid, strict=True)
+        self.wrapped = {int(geom) for kind, geom in wraps if int(kind) in (SPHERE, CYLINDER)}
 
     def of(self, body: int) -> tuple[SourceShape, ...]:
         """Of a body, in the order of the source, planes of the world left out."""
@@ -47,7 +51,7 @@ class Geoms:
             return []
         touches = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
         color = self._color(geom)
-        drawn = (model.geom_group[geom] < HIDDEN or not touches) and (color is None or color[3] > 0.0)
+        drawn = (model.geom_group[geom] < HIDDEN or not touches and geom not in self.wrapped) and (color is None or color[3] > 0.0)
         size, pose, mesh = self._form(geom, kind)
         friction = self._friction(geom) if touches else ()
         both = [

@@ -1,0 +1,51 @@
+"""A robot that came in, was written, and came in again is written as before: whatever a format says of it is read again."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from trimesh.transformations import euler_matrix
+
+import thingc
+from thingc.diagnostics import Report, Severity
+from thingc.importing import import_robot
+
+ROBOTS = Path(__file__).parent / "robots"
+NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]\d+)?(?![\w.])")
+ANGLES = re.compile(r"(?<=rpy=\")[^\"]+|(?<=<pose>)[^<]+|(?<=\">)[^<]+(?=</pose>)")
+URDF, SDF = "urdf/*_source.urdf", "sdf/*_source/model.sdf"
+CASES = [("constructs.urdf", URDF, 0), ("shapes.urdf", URDF, 1), ("constructs.sdf", URDF, 1), ("constructs.sdf", SDF, 1)]
+"""A file, where its format is built, and after how many rounds nothing changes: one where shapes or a base get other names."""
+
+
+def written(source: Path, where: str, folder: Path) -> Path:
+    """The file of a format that is built of what another file comes to."""
+    imported = import_robot(str(source), Report())
+    assert imported is not None
+    for name, content in imported.files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    said = thingc.family(folder / imported.document).write({}, folder / "out", emit=[where.partition("/")[0]])
+    assert not [one for one in said if one.severity is Severity.ERROR]
+    (found,) = (folder / "out").glob(where)
+    return found
+
+
+def turned(found: re.Match[str]) -> str:
+    """Angles as a matrix: where one is a quarter turn the other two are not unique."""
+    *place, roll, pitch, yaw = map(float, found[0].split())
+    return " ".join(f"{one:.17g}" for one in (*place, *euler_matrix(roll, pitch, yaw)[:3, :3].ravel()))
+
+
+@pytest.mark.parametrize(("name", "where", "rounds"), CASES)
+def test_after_one_round_nothing_changes(name: str, where: str, rounds: int, tmp_path: Path) -> None:
+    """But for the last digits of what is worked out of rotations."""
+    files = [written(ROBOTS / name, where, tmp_path / "0")]
+    for number in range(rounds + 1):
+        files.append(written(files[-1], where, tmp_path / f"{number + 1}"))
+    first, second = (ANGLES.sub(turned, path.read_text().split("-->", 1)[1]) for path in files[-2:])
+    assert NUMBER.sub("#", second) == NUMBER.sub("#", first)
+    numbers = [[float(one) for one in NUMBER.findall(text)] for text in (first, second)]
+    assert numbers[1] == pytest.approx(numbers[0], rel=1e-12, abs=1e-12)
