@@ -215,6 +215,12 @@ def verify(folder: str, store: Store | None = None) -> dict[str, Any] | None:
     return manifest
 
 
+def listed(folder: str) -> frozenset[str]:
+    """The files that the manifest of a build folder lists, if there is one; itself among them. Writes nothing there."""
+    manifest = _manifest(folder)
+    return frozenset() if manifest is None else frozenset((*manifest["files"], MANIFEST))
+
+
 def unswept(folder: str) -> bool:
     """Whether something of a killed build lies beside the folder, or another build is under way: the next one waits, and sweeps."""
     return any(os.path.lexists(_beside(folder, what)) for what in ("lock", "new", "old"))

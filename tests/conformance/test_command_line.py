@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import pytest
 
 import thingc as package
 from conformance.conftest import ARM
-from conformance.harness import COMMAND, ROOT, build, environment, replace, thingc, tree
+from conformance.harness import COMMAND, ROOT, build, environment, replace, thingc, thingc_here, tree, write
 
 HEAVY = (
     "numpy", "scipy", "networkx", "trimesh", "manifold3d", "mujoco", "OCP", "build123d", "coacd", "rich", "typer", "jsonschema",
@@ -190,6 +191,18 @@ def test_a_folder_with_files_of_somebody_else_is_left_alone(copy: Path, shared_s
     ran = thingc("build", ARM, "-o", "out", "--emit", "bom", "--format", "json", store=shared_store, cwd=copy)
     assert ran.code == 2 and "thesis.tex" in ran.answer["diagnostics"][0]["message"]
     assert tree(copy / "out") == {"arm/thesis.tex": b"everything"}
+
+
+def test_what_another_build_wrote_and_this_one_takes_away_is_said(tmp_path: Path) -> None:
+    write(tmp_path, {"thingc.toml": 'thingc = "workspace/1"\n', "point.yaml": """\
+        thingc: assembly/1
+        name: point
+        components: {a: {frame: true, mass: 1 kg, inertia: {ixx: 1 g*m^2, iyy: 1 g*m^2, izz: 1 g*m^2}}}
+    """})
+    build = partial(thingc_here, "build", "point.yaml", store=tmp_path / "store", cwd=tmp_path)
+    said = [build("--emit", targets).err for targets in ("bom,urdf", "bom", "bom,urdf")]
+    assert "1 file of the build before is gone, `urdf/`: a build holds what its --emit asks for" in said[1], said
+    assert "gone" not in said[0] + said[2]
 
 
 def test_a_raw_attribute_that_mujoco_refuses_is_shown_at_its_line(copy: Path, shared_store: str) -> None:

@@ -98,9 +98,10 @@ def test_losses_are_those_of_the_targets_that_are_asked_for(
 
 
 @pytest.mark.parametrize(("counts", "words"), [
-    ({CARRIED: 4}, "4 things that it carries as custom data"), ({CARRIED: 1}, "1 thing that it carries as custom data"),
+    ({CARRIED: 4}, "4 things kept in its files as custom data"), ({CARRIED: 1}, "1 thing kept in its files as custom data"),
     ({"omitted": 1}, "1 thing it cannot say (1 omitted)"),
-    ({"omitted": 1, "approximated": 2, CARRIED: 4}, "3 things it cannot say (1 omitted, 2 approximated), 4 that it carries as custom data"),
+    ({"omitted": 1, "approximated": 2, CARRIED: 4},
+     "3 things it cannot say (1 omitted, 2 approximated), 4 kept in its files as custom data"),
 ])
 def test_what_is_in_the_files_is_counted_apart(counts: dict[str, int], words: str) -> None:
     assert unsaid(counts) == words

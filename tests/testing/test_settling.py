@@ -32,6 +32,35 @@ def test_a_block_falls_and_lies(rig: Workspace) -> None:
     assert "it comes to rest 50" in answer["diagnostics"][0]["message"] and "2 mm were allowed" in answer["diagnostics"][0]["message"]
 
 
+SUNK = HEAD + """\
+components:
+  post: {frame: true, mass: 10 g, inertia: {ixx: 1 g*m^2, iyy: 1 g*m^2, izz: 1 g*m^2}}
+  block: {part: rig_parts:Block}
+joints:
+  lift:
+    type: prismatic
+    parent: post.origin
+    child: block.origin
+    limit: {lower: -20 mm, upper: 20 mm, effort: 50 N}
+    dynamics: {damping: 10 N*s/m}
+    drive: {kind: position, kp: 5000 N/m, effort: 50 N}
+modes:
+  sunk: {root: post, base: fixed}
+simulation: {timestep: 1 ms}
+"""
+
+
+def test_what_rests_deep_in_the_floor_did_not_come_to_rest_on_it(rig: Workspace) -> None:
+    """Half of a block of 20 mm, held there by a drive, is 10 mm deep less what the drive gives way; a floor may be as soft as that only
+    where the document says so."""
+    answer = rig.test(SUNK, "  rests: {settles: {within: 1 s, drift: 1 mm}}\n"
+                            "  soft: {settles: {within: 1 s, drift: 1 mm, penetration: 11 mm}}\n")
+    rests, soft = answer["by_name"]["rests"], answer["by_name"]["soft"]
+    assert (rests["passed"], soft["passed"]) == (False, True) and 0.006 < rests["measured"]["penetration"] < 0.01
+    (said,) = answer["diagnostics"]
+    assert said["code"] == "TC657" and "deep at rest, and 5 mm were allowed" in said["message"] and "on: floor" in said["help"]
+
+
 def test_without_a_floor_it_falls_for_ever(rig: Workspace) -> None:
     """In the second after the first it falls by g (2^2 - 1^2) / 2."""
     answer = rig.test(DROP, "  falls: {settles: {mode: falling, within: 1 s, drift: 1 mm, floor: false}}\n")

@@ -488,6 +488,28 @@ def test_a_robot_is_followed_out_of_the_picture(browser: Any, pages: Pages) -> N
         assert np.allclose(pose("arched", 0.0, 0.8)[1], 0.0)
 
 
+def test_what_grows_out_of_the_picture_is_fetched_back(browser: Any, pages: Pages) -> None:
+    """A robot that is loaded again, larger: seen from where it was seen, as a whole; where the picture was of a detail, it stays."""
+    with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
+        undrawn(page)
+        grown = """([scale, zoom]) => { const { viewer } = thingc, { stage } = viewer, told = structuredClone(viewer.robot);
+          viewer.load(viewer.robot, []); stage.frame([1, -1, 0.5]); stage.camera.position.lerp(stage.controls.target, zoom);
+          const before = stage.from();
+          for (const one of told.occurrences) for (const box of one.collision) box.size = box.size?.map((side) => scale * side);
+          viewer.load(told, []);
+          return [before, stage.from(), stage.shows(stage.bounds())]; }"""
+        page.evaluate("""() => { const { viewer } = thingc, told = structuredClone(viewer.robot);
+          for (const one of told.occurrences) Object.assign(one, { visual: [], collision: [] });
+          told.occurrences[0].collision = [{ shape: "box", size: [0.05, 0.05, 0.05], pose: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0] }];
+          viewer.load(told, []); viewer.setOptions({ shown: "collision" }); }""")
+        for scale, zoom, stays, whole in ((1, 0.0, True, True), (4, 0.0, False, True), (4, 0.9, True, False)):
+            before, after, shown = page.evaluate(grown, [scale, zoom])
+            assert shown == whole and np.allclose(before, after) == stays, (scale, zoom)
+            assert np.allclose(np.cross(before, after), 0.0, atol=1e-9)
+            page.evaluate("(scale) => { for (const one of thingc.viewer.robot.occurrences) for (const box of one.collision) "
+                          "box.size = box.size.map((side) => side / scale); }", scale)
+
+
 def test_another_robot_is_seen_through_it(browser: Any, pages: Pages, tmp_path: Path) -> None:
     """A page `against` another: in the same pose where that has one of the name, and both in the picture."""
     def page_of(name: str) -> Page:

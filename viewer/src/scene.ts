@@ -276,6 +276,11 @@ export class Stage {
     if (left.length() > 1e-2) this.left.copy(left.normalize()); // seen from above it stays where it was
   }
 
+  /** The direction from what is looked at to the camera. */
+  from(): [number, number, number] {
+    return this.camera.position.clone().sub(this.controls.target).toArray();
+  }
+
   /** Whether a box in the world of the robot is in the picture as a whole. */
   shows(box: Box3): boolean {
     this.camera.updateMatrixWorld();

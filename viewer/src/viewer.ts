@@ -101,6 +101,7 @@ export class Viewer {
   /** Show a robot; one that was shown before keeps mode, coordinates, camera and choice as far as they are there again. */
   load(robot: Robot, geometries: BufferGeometry[]): void {
     const before = this.robot === undefined ? null : { robot: this.robot, at: this.configuration };
+    const whole = before !== null && this.seen();
     const chosen = new Set([...this.choice].map((one) => before!.robot.occurrences[one].path));
     this.robot = robot;
     this.within = robot.occurrences.map((one) => matrixOf(one.pose));
@@ -122,6 +123,16 @@ export class Viewer {
       this.place();
       this.keepInView();
     }
+    if (whole && !this.seen()) { // it has grown out of the picture
+      this.stage.frame(this.stage.from());
+      this.tell("options");
+    }
+  }
+
+  /** Whether all that is there is in the picture. */
+  private seen(): boolean {
+    this.place();
+    return this.stage.shows(this.stage.bounds());
   }
 
   /** Show another robot through this one, in the same mode and at the same coordinates where it has them; null shows none. */

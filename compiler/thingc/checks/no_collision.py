@@ -172,7 +172,7 @@ def run(case: Case, check: CollisionCheck) -> Outcome:
         measured["overlap"] = max(near.depth for near in worst.values())
         said = "1 pair collides" if len(worst) == 1 else f"{len(worst)} pairs collide"
     elif nearest is None:
-        said = f"no gap below {Quantity(LOOK, LENGTH)}"
+        said = f"every gap is over {Quantity(LOOK, LENGTH)}"
     else:
         said = f"least gap {shown(nearest.gap, LENGTH)}, {_pair_text(collisions.assembly, nearest, '')}"
     return Outcome(

@@ -26,6 +26,8 @@ LONGEST = 600.0
 """The longest simulation [s] that a document may ask for, so that no document can keep a machine busy for ever."""
 HOLD = 1.0
 """How long rest has to last [s] in a test that does not say."""
+GIVES = 5e-3
+"""How deep [m] contacts may be in a test that does not say: one that carries a robot gives way by less, and one that is deeper began so."""
 
 
 class SettlesTest(Model):
@@ -43,7 +45,7 @@ class SettlesTest(Model):
     moved: LengthField | None = None
     """How far from the pose any point of a link may be in the end; any distance unless written."""
     penetration: LengthField | None = None
-    """How deep contacts may give way while at rest; any depth unless written."""
+    """How deep contacts may give way while at rest; 5 mm unless written."""
     floor: bool = True
     """Whether there is the floor of the mode's scene (the plane z = 0 of the world)."""
 
@@ -51,13 +53,13 @@ class SettlesTest(Model):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SettleCheck(Brief):
     """In simulation every point of every link is, from `within` [s] on for `hold` [s], nearer than `drift` [m] to where it ends;
-    at most `moved` [m] from the pose, with contacts at most `penetration` [m] deep (None: any)."""
+    at most `moved` [m] from the pose (None: any), with contacts at most `penetration` [m] deep."""
 
     within: float
     drift: float
     hold: float
     moved: float | None
-    penetration: float | None
+    penetration: float
     floor: bool
 
 
@@ -68,7 +70,7 @@ def read(written: SettlesTest, reader: Reader) -> SettleCheck:
     hold = HOLD
     if written.for_ is not None:
         hold = reader.number(written.for_, "for", TIME, above=0.0, most=LONGEST)
-    moved = penetration = None
+    moved, penetration = None, GIVES
     if written.moved is not None:
         moved = reader.number(written.moved, "moved", LENGTH, above=0.0)
     if written.penetration is not None:
@@ -103,12 +105,12 @@ def _judged(check: SettleCheck, motion: Motion) -> Outcome:
     measured: dict[str, Measure] = {
         "rest": rest if settled else None, "drift": drift, "moved": moved, "penetration": max(deepest, 0.0),
     }
-    expected: dict[str, Measure] = {"within": check.within, "drift": check.drift, "for": check.hold}
-    for key, bound in (("moved", check.moved), ("penetration", check.penetration)):
-        if bound is not None:
-            expected[key] = bound
+    expected: dict[str, Measure] = {
+        "within": check.within, "drift": check.drift, "for": check.hold, "penetration": check.penetration,
+        **({} if check.moved is None else {"moved": check.moved}),
+    }
     far, deep = shown(moved, LENGTH), shown(max(deepest, 0.0), LENGTH)
-    said = f"at rest after {rest:.3g} s, {far} from the pose, contacts {deep} deep"
+    said = f"at rest after {rest:.3g} s (drift {shown(drift, LENGTH)}), {far} from the pose, contacts {deep} deep"
     failure = None
     if not settled:
         said = f"not at rest after {check.within:g} s"
@@ -122,10 +124,12 @@ def _judged(check: SettleCheck, motion: Motion) -> Outcome:
             code=Code.TEST_SETTLES, key="moved",
             message=f"it comes to rest {far} from the pose, and {Quantity(check.moved, LENGTH)} were allowed",
         )
-    elif check.penetration is not None and deepest > check.penetration:
+    elif deepest > check.penetration:
         failure = Failure(
             code=Code.TEST_SETTLES, key="penetration",
-            message=f"its contacts give way by {deep} at rest, and {Quantity(check.penetration, LENGTH)} were allowed",
+            message=f"its contacts are {deep} deep at rest, and {Quantity(check.penetration, LENGTH)} were allowed",
+            help="let it start on the floor (`at: {on: floor}` of the mode) and apart from itself; where contacts are meant to be as soft, "
+            "write a larger `penetration`",
         )
     return Outcome(measured=measured, expected=expected, said=said, failure=failure)
 
@@ -152,7 +156,7 @@ all parts.
 | `for` | a time, at most 600 s | `1 s` | how long it has to stay at rest |
 | `drift` | a length | an error | rest: no point is further than this from where it ends |
 | `moved` | a length | any | how far from the pose a point may end |
-| `penetration` | a length | any | how deep contacts may give way at rest |
+| `penetration` | a length | `5 mm` | how deep contacts may give way at rest |
 | `floor` | flag | `true` | with the floor of the scene, the plane z = 0 of the world |
 """
 

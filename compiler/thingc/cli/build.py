@@ -7,7 +7,7 @@ import os
 import shlex
 import sys
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -20,7 +20,7 @@ from thingc.cli.targets import add_building, chosen_compat, chosen_targets, in_w
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
 from thingc.emit.artifact import CARRIED, counts_of
 from thingc.environment import Environment, Options, attempted, store_of
-from thingc.output import OutputError, build_folder, unswept, verify
+from thingc.output import OutputError, build_folder, listed, unswept, verify
 from thingc.pipeline import UnknownChoice
 from thingc.realize.store.local import Store
 
@@ -107,12 +107,22 @@ def _built(wish: Wish, key: str, environment: Environment) -> tuple[list[Diagnos
     diagnostics = list(built.diagnostics)
     if built.files is None:
         return diagnostics, None
+    before = listed(build_folder(*built.place))
     folder = building.write(environment, built, wish, common.say_waiting)
+    if wish.targets and (gone := before - built.files.keys()):
+        common.say(f"{shown_path(folder)}: {counted(len(gone), 'file')} of the build before {'is' if len(gone) == 1 else 'are'} gone, "
+                   f"{_some(gone)}: a build holds what its --emit asks for", stream=sys.stderr)
     answer = {
         **answer_of(built, folder), "place": built.place, "manifest": stamp.state_of(os.path.join(folder, "manifest.json")),
     }
     stamp.save(environment.store, key, dependencies.inputs(environment, built.compilation), diagnostics, answer)
     return diagnostics, {**answer, "twice": built.twice}
+
+
+def _some(paths: Collection[str]) -> str:
+    """`sdf/, step/, bom.csv and 2 more`: where files lie in a build folder."""
+    places = sorted({path.partition("/")[0] + ("/" if "/" in path else "") for path in paths})
+    return ", ".join(f"`{place}`" for place in places[:4]) + (f" and {len(places) - 4} more" if len(places) > 4 else "")
 
 
 def answer_of(built: Built, folder: str) -> dict[str, Any]:
@@ -134,12 +144,11 @@ def _stands(answer: Mapping[str, Any], store: Store) -> bool:
 
 
 def unsaid(counts: Mapping[str, int]) -> str:
-    """`3 things it cannot say (1 omitted, 2 approximated), 4 that it carries as custom data`: what is carried is in the files, and
-    nothing acts on it by itself."""
+    """`3 things it cannot say (1 omitted, 2 approximated), 4 kept in its files as custom data`: nothing acts on those by itself."""
     lost = {how: count for how, count in counts.items() if how != CARRIED}
     carried = counts.get(CARRIED, 0)
     words = [f"{counted(sum(lost.values()), 'thing')} it cannot say ({common.losses_in_words(lost)})"] if lost else []
-    words += [f"{carried if lost else counted(carried, 'thing')} that it carries as custom data"] if carried else []
+    words += [f"{carried if lost else counted(carried, 'thing')} kept in its files as custom data"] if carried else []
     return ", ".join(words)
 
 

@@ -133,10 +133,19 @@ def _faults(document: str, text: str) -> list[Diagnostic]:
 
 def _merged(now: Update) -> list[str]:
     """What the source has changed, and what a person has, value by value."""
-    taken = [f"  {dotted(path)}: {old} -> {new}" for path, old, new in now.merged.taken]
+    taken = [f"  {dotted(path)}: {_became(old, new)}" for path, old, new in now.merged.taken]
     kept = [f"  {name}" for name in (*map(dotted, now.merged.kept), *now.kept)]
     said = [f"taken over: {counted(len(taken), 'change')} of the source", *_some(taken)] if taken else ["the source has changed nothing"]
     return said + ([f"yours, and left as they are: {len(kept)}", *_some(kept)] if kept else [])
+
+
+def _became(old: str, new: str) -> str:
+    """What stands at a place of the document now, and what stood there."""
+    from thingc.importing.merging import NOTHING
+
+    if new == NOTHING:
+        return f"taken out, was {old}"
+    return f"new, {new}" if old == NOTHING else f"{old} -> {new}"
 
 
 def _some(lines: list[str]) -> list[str]:

@@ -17,6 +17,8 @@ from thingc.load.text import Source
 from thingc.source import MappingNode, Node, Path, Plain, ScalarNode, SequenceNode, Span, dotted, node_at
 
 MISSING: Any = object()
+NOTHING = "nothing"
+"""What stands, for people, where a document says nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +36,7 @@ class Text:
     def written(self, path: Path) -> str:
         """The same on one line, for people."""
         node = node_at(self.tree, path)
-        return "nothing" if node is None else shortened(inline(self, node))
+        return NOTHING if node is None else shortened(inline(self, node))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,10 +4,11 @@ its feet there, and whether its joints are within their limits."""
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Iterator, Sequence
 from functools import partial
 
-from thingc.diagnostics import Code, Note, Report, allow_hint
+from thingc.diagnostics import Code, Note, Report, allow_hint, shown_path
 from thingc.graph.types import Assembly, Link, LinkedMode, Occurrence
 from thingc.memo import Memo
 from thingc.pose import Pose, Vector
@@ -55,6 +56,9 @@ def _warn(mode: LinkedMode, others: Sequence[str], part: Occurrence, depth: floa
     shown = Quantity(float(f"{depth:.3g}"), LENGTH)
     raised = Quantity(float(f"{height + math.ceil(1e4 * depth) / 1e4:.6g}"), LENGTH)
     help = f"write for example `at: {{xyz: 0 0 {raised}}}`, or let it stand: `at: {{on: floor}}`"
+    if height == 0.0 and mode.origin:
+        typed = shlex.join(["thingc", "set", shown_path(mode.origin[0].file), f"modes.{mode.name}.at.on=floor"])
+        help = f"let it stand: `{typed}`, or write for example `at: {{xyz: 0 0 {raised}}}`"
     if height < 0.0:
         help = f"`at` is at z = {Quantity(height, LENGTH)}, probably with a sign too many"
     notes = [Note(message=f"`{part.path}` is here", span=part.origin[0])] if part.origin else []

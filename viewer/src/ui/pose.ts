@@ -35,6 +35,7 @@ export function posePanel(panel: HTMLElement, viewer: Viewer): void {
     panel.replaceChildren(
       ...(viewer.mode.poses.length > 0 ? [make("h2", {}, "Poses"), poses] : []),
       ...(unclosed.length > 0 ? [make("p", { class: "soft" }, `its loops do not close in: ${unclosed.join(", ")}`)] : []),
+      ...(joints.length > 0 ? [make("p", { class: "soft" }, "Drag a link in the picture with Shift, or after a long press, to pose the robot.")] : []),
       ...joints, ...root, ...(joints.length > 0 ? [copy] : []),
       ...(joints.length + root.length > 0 ? [] : [make("p", { class: "soft" }, "nothing moves in this mode")]),
     );
