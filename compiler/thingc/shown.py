@@ -64,6 +64,8 @@ def is_text(name: str) -> bool:
 
 def json_text(text: str) -> str:
     """JSON with the same values, in which what `shown` escapes is escaped as JSON does: no information is lost."""
+    if _plain(text.replace("\n", "")):
+        return text
     return "\n".join(line if _plain(line) else "".join(map(_json_escaped, line)) for line in text.split("\n"))
 
 

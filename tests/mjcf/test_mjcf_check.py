@@ -350,6 +350,21 @@ def test_modes_that_differ_in_names_and_gravity_start_alike(store: Store, monkey
     assert looked[2:] == 2 * ["floor", "adrift"]
 
 
+def test_of_what_starts_otherwise_only_what_touches_is_read_again(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The drawn mesh of a part is longer by a comment. It is known then, and no start depends on it."""
+    made = arm(store)
+    record, text = made.segments[0].pieces[0].part.record, b"#" + 90_000 * b"x" + b"\n"
+    drawn = kept(store, text + store.read(record.meshes["visual"].sha256), 8, 12)
+    made.segments[0].pieces[0].part = replace(
+        made.segments[0].pieces[0].part, record=replace(record, meshes={**record.meshes, "visual": drawn}),
+    )
+    counted = compiled(monkeypatch)
+    assert said(made, store) == []
+    made.segments[1].axis = (0.0, 1.0, 0.0)
+    assert said(made, store) == []
+    assert counted[0] > 90_000 > 5 * counted[1] and counted[1] > 3000
+
+
 def test_textures_are_painted_once(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     from thingc.emit.mjcf import check
 

@@ -33,7 +33,7 @@ from thingc.watching import Watched, looks, stat_of
 if TYPE_CHECKING:
     from thingc.workspace import Workspace
 
-PAUSE = 0.02
+PAUSE = 0.01
 """Between two looks at the files [s]."""
 QUIET = 0.03
 """How long [s] nothing may have been saved before a round begins: editors write in pieces, and many files at once."""

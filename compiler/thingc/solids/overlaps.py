@@ -20,6 +20,9 @@ SHARE = 0.2
 LEAST = 1e-8
 """[m^3] What two parts may share however small they are."""
 
+DIGITS = 12
+"""To how many digits [m] the poses of parts to each other are taken: what is behind them is rounding."""
+
 KIND = "overlaps"
 """Documents in the store: pairs of parts, with their poses to each other, none of which lies in the other."""
 
@@ -28,12 +31,11 @@ Box = tuple[Vector, Vector]
 
 @dataclass(frozen=True, slots=True)
 class _Pair:
-    """Two parts of a body that may share too much, each with its pose in the link's frame."""
+    """Two parts of a body that may share too much, and where the other one is in the frame of the one."""
 
     one: Occurrence
     other: Occurrence
-    at_one: Pose
-    at_other: Pose
+    at: Pose
 
     @property
     def smaller(self) -> Occurrence:
@@ -52,7 +54,7 @@ def check_overlaps(assembly: Assembly, store: Store, report: Report, memo: Memo)
         pairs += memo(("overlaps", link.name), _candidates, parts, link.poses)
     if not pairs:
         return
-    content = [[_made_of(pair.one), _made_of(pair.other), repr(pair.at_one), repr(pair.at_other)] for pair in pairs]
+    content = [[_made_of(pair.one), _made_of(pair.other), repr(pair.at)] for pair in pairs]
     key = hashlib.sha256(json.dumps([SHARE, LEAST, content]).encode()).hexdigest()
     if store.get_json(KIND, key) is None and not _look(pairs, store, report, memo):
         store.put_json(KIND, key, True)
@@ -64,7 +66,7 @@ def _look(pairs: Sequence[_Pair], store: Store, report: Report, memo: Memo) -> b
     said: set[tuple[object, object]] = set()
     for pair in pairs:
         where = ("overlap", pair.one.path, pair.other.path)
-        shared = memo(where, partial(_shared, pair, store, memo), pair.one.solids, pair.other.solids, pair.at_one, pair.at_other)
+        shared = memo(where, partial(_shared, pair, store, memo), pair.one.solids, pair.other.solids, pair.at)
         if shared <= max(LEAST, SHARE * _volume(pair.smaller)):
             continue
         overlapping = True
@@ -83,7 +85,7 @@ def _shared(pair: _Pair, store: Store, memo: Memo, *_: object) -> float:
         assert made is not None, "candidates have a volume"
         return made
 
-    return solid(pair.one).at(pair.at_one).overlap(solid(pair.other).at(pair.at_other))[0]
+    return solid(pair.one).overlap(solid(pair.other).at(pair.at))[0]
 
 
 def _warn(pair: _Pair, shared: float, report: Report) -> bool:
@@ -123,8 +125,19 @@ def _candidates(members: tuple[Occurrence, ...], poses: tuple[Pose, ...]) -> lis
             for axis in range(3):
                 common *= max(0.0, min(box[1][axis], beside[1][axis]) - max(box[0][axis], beside[0][axis]))
             if common > max(LEAST, SHARE * min(_volume(one), _volume(other))):
-                pairs.append(_Pair(one, other, at_one, at_other))
+                pairs.append(_Pair(one, other, _rounded(at_one.inverse() @ at_other)))
     return pairs
+
+
+def _rounded(pose: Pose) -> Pose:
+    """A pose to `DIGITS`: two parts that a third one carries lie to each other as before when that has become thicker."""
+    a, b, c = pose.rotation
+    return Pose(rotation=(_digits(a), _digits(b), _digits(c)), translation=_digits(pose.translation))
+
+
+def _digits(vector: Vector) -> Vector:
+    x, y, z = (round(entry, DIGITS) + 0.0 for entry in vector)
+    return x, y, z
 
 
 def _volume(part: Occurrence) -> float:

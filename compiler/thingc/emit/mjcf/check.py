@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report, Severity
-from thingc.emit.geometry import MeshAsset
+from thingc.emit.geometry import Geometry, MeshAsset
 from thingc.emit.mjcf import start
 from thingc.emit.mjcf.known import Known, about_meshes, mujoco_version
 from thingc.emit.xml import Element, RawValue, Written, write
@@ -53,13 +53,13 @@ class Verdict:
     model: Any = None
 
 
-def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: Store, report: Report, *, starts: bool = True) -> None:
+def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, report: Report, *, starts: bool = True) -> None:
     """Compile every candidate's scene, and with it the model in it; errors and warnings go to `report` at their origin. With `starts`
     the first instant of each is looked at, too (`start.py`); of several that start alike, that of the first.
 
     What MuJoCo has accepted before, it is not asked again (`known.py`).
     """
-    known = Known(store, mujoco_version(), meshes)
+    known = Known(store, mujoco_version(), geometry.meshes)
     waiting = [candidate for candidate in candidates if not known.model(candidate.texts, started=starts)]
     alike: dict[str, Candidate] = {}
     leaders: dict[str, Candidate] = {}  # whose first instant is looked at, by mode; of the other modes it was in order before
@@ -68,7 +68,8 @@ def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: S
         if key in alike or not known.start(key):
             leaders[one.mode] = alike.setdefault(key, one)
     found: dict[str, start.Start] = {}
-    for candidate, verdict, files in _verdicts(waiting, {one.mode for one in alike.values()}, known):
+    touching = {shape.mesh for one in geometry.shapes for shape in one.collision if shape.mesh is not None}
+    for candidate, verdict, files in _verdicts(waiting, known, {one.mode for one in alike.values()}, touching):
         if verdict.error is not None:
             _explain(candidate, files, report, scene_error=verdict.error)
             continue
@@ -86,17 +87,19 @@ def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: S
     start.say([found[one.mode] for one in waiting if one.mode in found], report)
 
 
-def _verdicts(candidates: Sequence[Candidate], looked: Collection[str], known: Known) -> Iterator[tuple[Candidate, Verdict, Any]]:
+def _verdicts(
+    candidates: Sequence[Candidate], known: Known, looked: Collection[str], touching: Collection[str],
+) -> Iterator[tuple[Candidate, Verdict, Any]]:
     """What MuJoCo says of each scene, which holds all that the model in it does, and the files that it has read. Modes that are `looked` at
-    need their true meshes, and come first. One after the other, for it keeps what it reads among the files, so that two at once are given
-    each other's models, or end the process. It keeps the meshes of the first, too, and needs threads for these alone; and the textures,
-    which are the same in all scenes, it need not paint again."""
+    need the true meshes of what is `touching`, and come first. One after the other, for it keeps what it reads among the files, so that two
+    at once are given each other's models, or end the process. It keeps the meshes of the first, too, and needs threads for these alone; and
+    the textures, which are the same in all scenes, it need not paint again."""
     first = True
-    for whole in (True, False):
-        batch = [one for one in candidates if (one.mode in looked) is whole]
+    for true in (touching, ()):
+        batch = [one for one in candidates if (one.mode in looked) is (true is touching)]
         if not batch:
             continue
-        files = in_memory(known.data([one.root for one in batch], whole=whole))
+        files = in_memory(known.data([one.root for one in batch], true))
         for candidate in batch:
             model, scene = candidate.model.text, candidate.scene.text
             files[candidate.file] = (model if first else _without_threads(model)).encode()

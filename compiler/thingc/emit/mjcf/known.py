@@ -13,7 +13,7 @@ import json
 import os
 import re
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from thingc.emit.geometry import MeshAsset
 from thingc.emit.mjcf.limits import is_shell
@@ -38,7 +38,7 @@ class Known:
         self.store = store
         self.version = version
         self._meshes = meshes
-        self._contents = {mesh.file: mesh.stored.sha256 for mesh in meshes}
+        self._around = json.dumps([version, {mesh.file: mesh.stored.sha256 for mesh in meshes}], sort_keys=True)
 
     @functools.cached_property
     def _new(self) -> dict[str, str]:
@@ -69,14 +69,15 @@ class Known:
         """Remember that it was."""
         self.store.put_json(START, self._key((key,)), True)
 
-    def data(self, models: Iterable[Element], *, whole: bool = False) -> dict[str, bytes]:
-        """What MuJoCo shall read as each file: its bytes where it is not known, else a tetrahedron.
+    def data(self, models: Iterable[Element], true: Collection[str] = ()) -> dict[str, bytes]:
+        """What MuJoCo shall read as each file: its bytes where it is not known, or has to be `true` (names of meshes), else a tetrahedron.
 
-        All bytes are the files' own if they have to be (`whole`), or when raw attributes may change what MuJoCo makes of meshes.
+        All bytes are the files' own when the documents may change what MuJoCo makes of meshes.
         """
-        whole = whole or any(about_meshes(model) for model in models)
+        files = {mesh.file for mesh in self._meshes if mesh.name in true}.union(self._new)
+        whole = any(about_meshes(model) for model in models)
         return {
-            mesh.file: self.store.read(mesh.stored.sha256) if whole or mesh.file in self._new else tetrahedron(mesh.file)
+            mesh.file: self.store.read(mesh.stored.sha256) if whole or mesh.file in files else tetrahedron(mesh.file)
             for mesh in self._meshes
         }
 
@@ -86,8 +87,7 @@ class Known:
         return f"{self.version} {mesh.stored.sha256} {extension} {'shell' if is_shell(mesh) else 'solid'}{scale}"
 
     def _key(self, texts: Sequence[str]) -> str:
-        content: list[object] = [self.version, texts, self._contents]
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+        return hashlib.sha256("\0".join((self._around, *texts)).encode()).hexdigest()
 
 
 @functools.cache
@@ -108,8 +108,10 @@ def mujoco_version() -> str:
 
 
 def about_meshes(model: Element) -> bool:
-    """Whether raw attributes touch meshes, or how they are read or used."""
+    """Whether raw attributes touch meshes, or how they are read or used, or an element that was added pairs what collides, drawn or not."""
     sections: Mapping[str, Element] = {child.tag: child for child in model.children}
+    if "contact" in sections and any(child.tag == "pair" for child in sections["contact"].children):
+        return True
     if any(element.raw for tag in ("compiler", "default") if tag in sections for element in sections[tag].walk()):
         return True
     return any(
