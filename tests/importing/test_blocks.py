@@ -65,7 +65,7 @@ def test_what_is_lost_has_its_line_and_its_reason(imported: Imported) -> None:
         (41, "sensor `laser`", "there is no sensor `ray`"),
         (44, '`<gazebo reference="hnad">`', "there is no such link or joint"),
         (45, "`<plugin>` of `<gazebo>`", "it is a program of Gazebo"),
-        (49, "`<mechanicalReduction>` 50", "what drives a joint is told as it is at the joint"),
+        (49, "`<mechanicalReduction>` -50", "what drives a joint is told as it is at the joint"),
         (52, "`<hardware>` of `<ros2_control>`", "it is a program of ROS"),
         (53, "that joint `wrist` is commanded by its position", "the gains are its controller's: it has a motor"),
         (54, "the bounds of what is commanded of joint `wrist`", "its own limits hold"),

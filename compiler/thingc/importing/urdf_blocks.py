@@ -106,7 +106,7 @@ class _Blocks:
             self._lose(f"`<gazebo reference=\"{name}\">`", "there is no such link or joint", block)
             return
         first, second = (next(block.all(tag), None) for tag in ("mu1", "mu2"))
-        slides = [None if one is None else self._number(one) for one in (first, second)]
+        slides = [None if one is None else self._from_zero(one) for one in (first, second)]
         if first is not None and slides[0] is not None and name in links:
             self.friction[name] = slides[0]
         elif first is not None:
@@ -147,13 +147,16 @@ class _Blocks:
         found = [FIELD_OF_VIEW, WIDTH, HEIGHT]
         for k, (tag, inside) in enumerate((("horizontal_fov", cameras), ("width", images), ("height", images))):
             for one in (one for outer in inside for one in outer.all(tag)):
-                found[k] = self._number(one) or found[k]
+                found[k] = self._from_zero(one) or found[k]
         return 2.0 * math.atan(math.tan(min(found[0], 3.1) / 2.0) * found[2] / found[1])
 
     def _number(self, element: SourceElement) -> float | None:
-        """From 0 on, as the text of an element, or its `value`."""
-        text = element.attributes.get("value", element.text)
-        number = self.values.number_of(element, text, f"`<{element.tag}>`")
+        """As the text of an element, or its `value`."""
+        return self.values.number_of(element, element.attributes.get("value", element.text), f"`<{element.tag}>`")
+
+    def _from_zero(self, element: SourceElement) -> float | None:
+        """Such a number that is not below 0."""
+        number = self._number(element)
         if number is not None and number < 0.0:
             self.values.fault(element, None, f"`<{element.tag}>`: expected a number at least 0, found {number:g}")
             return None
