@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import csv
 import hashlib
 import io
 import json
@@ -53,6 +54,8 @@ emit: [mjcf, bom]
 ASSEMBLY = re.compile(r"^thingc *[:=] *\"?assembly/1", re.MULTILINE)
 PASSING = re.compile(r"^(modelling|decomposing|slicing) parts: .*\n|\d+ parts? modelled.*|\d+\.\d+ s\b", re.MULTILINE)
 """What depends on the store or the clock."""
+OF_THE_RUN = frozenset({"journal.jsonl", "results.parquet", "shown.json"})
+"""Files of a batch that say how long each variant took; the table without that stands in `results.csv`, too."""
 
 Entry = dict[str, str]
 """`exit`, `printed` (a digest), and every file by its path in the output folder, with the SHA-256 of its content."""
@@ -169,9 +172,20 @@ def run(folder: Path, out: Path, words: list[str]) -> Entry:
     text = PASSING.sub("", printed.getvalue()).replace(str(out), "OUT").replace(str(folder), "HERE")
     print(f"{code}  {' '.join(words)}", file=sys.stderr)
     files = {
-        str(path.relative_to(out)): hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(out.rglob("*")) if path.is_file()
+        str(path.relative_to(out)): hashlib.sha256(content(path)).hexdigest() for path in sorted(out.rglob("*"))
+        if path.is_file() and path.name not in OF_THE_RUN
     }
     return {"exit": str(code), "printed": hashlib.sha256(text.encode()).hexdigest(), **files}
+
+
+def content(path: Path) -> bytes:
+    """What a file says, a table without the columns of the run: what was modelled, and how long it took."""
+    if path.name != "results.csv":
+        return path.read_bytes()
+    with path.open(newline="") as stream:
+        rows = list(csv.reader(stream))
+    kept = [at for at, name in enumerate(rows[0]) if name not in ("parts_modelled", "parts_reused", "seconds")]
+    return json.dumps([[row[at] for at in kept] for row in rows]).encode()
 
 
 def fresh(folder: Path) -> Path:
