@@ -1,11 +1,15 @@
-"""The kinds of sensors: what a document says of each, and what it reads."""
+"""The kinds of sensors: what a document says of each, and what it reads; and what is said of one."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import field
 from typing import Literal
 
+from thingc.brief import Brief
 from thingc.frozen import dataclass
+from thingc.primitives import Primitive
+from thingc.source import Origin
 from thingc.units import ACCELERATION, ANGULAR_VELOCITY, FORCE, LENGTH, TORQUE, VELOCITY, Dimension
 
 SensorType = Literal[
@@ -56,6 +60,19 @@ class SensorKind:
     def reading(self, name: str) -> SensorReading | None:
         """The one of that name."""
         return next((one for one in self.readings if one.name == name), None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measurement(Brief):
+    """What a sensor measures, by its `kind`, and how well: the `volume` of a touch, in the frame of its mount; `fovy` [rad], the angle of
+    view of a camera from bottom to top; `noise` and `cutoff` [SI] by the names of its readings."""
+
+    kind: SensorType
+    origin: Origin
+    volume: Primitive | None = None
+    fovy: float | None = None
+    noise: dict[str, float] = field(default_factory=dict)
+    cutoff: dict[str, float] = field(default_factory=dict)
 
 
 def _kind(

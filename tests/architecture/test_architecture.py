@@ -32,7 +32,7 @@ ROOMS: dict[str, set[str]] = {
     "printing": {"brief", "shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "typos"},
     "expressions": {"frozen", "diagnostics", "typos", "units"},
     "pose": {"frozen"}, "inertia": {"frozen", "brief", "pose"}, "mirror": {"pose"},
-    "primitives": {"frozen", "brief", "pose", "inertia"}, "sensing": {"frozen", "units"},
+    "primitives": {"frozen", "brief", "pose", "inertia"}, "sensing": {"frozen", "brief", "source", "units", "primitives"},
     "memo": set(), "file_names": set(), "installed": set(), "later": set(), "exports": set(), "packaging": {"frozen"},
     "archives": {"frozen"}, "gaps": set(), "csvcell": {"shown", "gaps"}, "webpage": {"shown"}, "exchange": set(),
     "workspace": BASE | {"load", "spec"},

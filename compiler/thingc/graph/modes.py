@@ -134,13 +134,13 @@ def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
     sensors: list[LinkedSensor] = []
     for instance, definition in tree.assemblies:
         for one in definition.sensors:
-            mounts = {reference: mount_of(tree, instance, reference) for reference in (one.mount, one.seen_from) if reference is not None}
+            mounts = {reference: mount_of(tree, instance, reference) for reference in (one.at, one.seen_from) if reference is not None}
             touching = [link for component in one.touching for link in _links_named(tree, component, link_of, instance)]
             if None in mounts.values() or len(touching) < len(one.touching):
                 continue
             sensors.append(LinkedSensor(
                 path=instance.within(one.name), kind=one.kind, origin=one.origin + instance.origin,
-                at=None if one.mount is None else mounts[one.mount], seen_from=None if one.seen_from is None else mounts[one.seen_from],
+                at=None if one.at is None else mounts[one.at], seen_from=None if one.seen_from is None else mounts[one.seen_from],
                 joint=instance.within(one.joint) if one.joint is not None else None,
                 tendon=instance.within(one.tendon) if one.tendon is not None else None,
                 touching=tuple(touching), volume=one.volume, fovy=one.fovy, noise=one.noise, cutoff=one.cutoff,

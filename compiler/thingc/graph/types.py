@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field
-from typing import Literal
 
 from thingc.brief import Brief
 from thingc.file_names import JointPath, LinkPath, PoseName, SensorPath, SitePath, TendonPath
@@ -29,8 +28,9 @@ from thingc.resolve.model import (
     RawElement,
     Reference,
     Test,
+    Wrap,
 )
-from thingc.sensing import SensorType
+from thingc.sensing import Measurement
 from thingc.source import Origin
 
 
@@ -279,24 +279,16 @@ class LinkedMount(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinkedSensor(Brief):
-    """A sensor at its path (`leg/imu`). By its `kind` it sits `at` a mount, and is seen from another; `joint` and `tendon` are the paths of
-    what is measured, or driven; `touching` are the indices of the link that is touched, and of the one that touches it, if it is not
-    anything; `volume` is in the frame of the mount; `fovy` [rad] of a camera; `noise` and `cutoff` [SI] are by reading. `parts`
-    says which readings files have a name of its own for."""
+class LinkedSensor(Measurement):
+    """A sensor at its path (`leg/imu`), with its references worked out: `joint` and `tendon` are paths, `touching` the indices of links.
+    `parts` says which readings files have a name of its own for."""
 
     path: SensorPath
-    kind: SensorType
-    origin: Origin
     at: LinkedMount | None = None
     seen_from: LinkedMount | None = None
     joint: JointPath | None = None
     tendon: TendonPath | None = None
     touching: tuple[int, ...] = ()
-    volume: Primitive | None = None
-    fovy: float | None = None
-    noise: dict[str, float] = field(default_factory=dict)
-    cutoff: dict[str, float] = field(default_factory=dict)
     parts: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -315,16 +307,11 @@ class LinkedSensor(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TendonStep(Brief):
-    """Of the path of a tendon: a `mount` that it goes through, or, with a `shape` of a `radius` [m], that it goes around, on the side of
-    the mount `side` if there is one; or (without a mount) a pulley, behind which lengths are divided by `divisor`."""
+class TendonStep(Wrap):
+    """A step of a path, with its mounts worked out."""
 
     mount: LinkedMount | None
-    shape: Literal["sphere", "cylinder"] | None
-    radius: float | None
     side: LinkedMount | None
-    divisor: float | None
-    origin: Origin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,11 +15,10 @@ from thingc.frozen import dataclass
 from thingc.joints import JointKind, Twist
 from thingc.joints.bases import BaseType
 from thingc.pose import Pose, Vector
-from thingc.primitives import Primitive
 from thingc.realize.record import DriveType, PartDefinition, Value
 from thingc.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
 from thingc.resolve.link_definition import LinkDefinition
-from thingc.sensing import SensorType
+from thingc.sensing import Measurement
 from thingc.source import Origin, Span
 
 COUNTED = "the reference is repeated this often"
@@ -233,16 +232,22 @@ class Joint(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PathStep(Brief):
+class Wrap(Brief):
     """Of the path of a tendon: a `mount` that it goes through, or, with a `shape` of a `radius` [m], that it goes around, on the side of
     the mount `side` if there is one; or (without a mount) a pulley, behind which lengths are divided by `divisor`."""
 
-    mount: Reference | None = None
     shape: Literal["sphere", "cylinder"] | None = None
     radius: float | None = None
-    side: Reference | None = None
     divisor: float | None = None
     origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathStep(Wrap):
+    """A step of a path, with its mounts as the document names them."""
+
+    mount: Reference | None = None
+    side: Reference | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -296,24 +301,17 @@ class NamedPose(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sensor(Brief):
-    """What a robot measures. By its `kind` it sits on `mount`, and is seen from the mount `seen_from`; `joint` is the path of the joint
-    (`leg/knee`) that is measured or driven, `tendon` the name of such a tendon; `touching` are the component whose link is touched, and the
-    one that touches it, if it is not anything. `volume` is in the frame of the mount; `fovy` [rad] the angle of view of a camera from
-    bottom to top; `noise` and `cutoff` [SI] are by the names of its readings."""
+class Sensor(Measurement):
+    """By its kind it sits `at` a mount, and is seen from another; `joint` is the path of the joint (`leg/knee`) that is measured or driven,
+    `tendon` the name of such a tendon; `touching` are the component whose link is touched, and the one that touches it, if it is not
+    anything."""
 
     name: str
-    kind: SensorType
-    origin: Origin
-    mount: Reference | None = None
+    at: Reference | None = None
     seen_from: Reference | None = None
     joint: str | None = None
     tendon: str | None = None
     touching: tuple[Reference, ...] = ()
-    volume: Primitive | None = None
-    fovy: float | None = None
-    noise: dict[str, float] = field(default_factory=dict)
-    cutoff: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
