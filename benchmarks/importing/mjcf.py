@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 from tally import Tally, collections
 
 import thingc
-from importing.as_original import Pair, floating, in_files
+from importing.as_original import Pair, in_files
 from thingc.diagnostics import Report, Severity
 from thingc.importing import Imported, import_robot
 from thingc.importing.mjcf.flat import Flat
@@ -74,12 +74,11 @@ def one(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel, states: int) ->
     if imported is None:
         said = report.ordered()[0]
         return ["", took, f"refused: {said.code.code} {said.message}"], True
-    links = [link.name for link in imported.robot.links if link.name in json.loads(imported.files["import.json"])["names"]["links"]]
+    original = read(file, spec, theirs)
+    known = {*json.loads(imported.files["import.json"])["names"]["links"]} & {*original.bodies.values()}
+    links = [link.name for link in imported.robot.links if link.name in known]
     roots = random.Random(file.stem).sample(links, min(ROOTS, len(links)))
-    if rooted(file, roots) is None:
-        roots = [name for name in roots if rooted(file, [name]) is not None]
     with_roots = rooted(file, roots)
-    assert with_roots is not None
     with tempfile.TemporaryDirectory() as folder:
         for name, content in with_roots.files.items():
             (Path(folder) / name).parent.mkdir(parents=True, exist_ok=True)
@@ -89,12 +88,12 @@ def one(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel, states: int) ->
         except thingc.CompileError as fault:
             first = next(one.message for one in fault.diagnostics if one.severity is Severity.ERROR)
             return [str(len(roots)), took, f"COMES IN, and is refused: {first}"], False
-    pair = paired(file, imported, spec, theirs, ours)
-    original = {name: k for k, name in pair.named["body"].items()}
-    free = floating(spec, original.get(imported.robot.root, 0))
+    named = {"body": original.bodies, "joint": original.joints, "site": original.sites, "tendon": original.tendons,
+             "actuator": original.actuators}
+    pair = Pair(theirs, ours, named, in_files(imported))
+    weights = {one.link.name: one.new for one in with_roots.repaired}
     for root, model in zip(roots, others, strict=True):
-        if root in original:
-            pair.compare_rooted(model, root, free)
+        pair.compare_rooted(model, root, weights)
     worst = pair.compare(states=states)
     differ = {kind for kind, far in worst.items() if not far <= (TOUCHING if kind == "contacts" else EXACT)}
     lost = [loss.what for loss in imported.losses]
@@ -106,19 +105,19 @@ def one(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel, states: int) ->
     return [str(len(roots)), took, "; ".join(words) or "as it was"], all(why.values())
 
 
-def rooted(file: Path, roots: list[str]) -> Imported | None:
-    """The robot with a mode for each of these links; None where one cannot be held, as a world that weighs nothing would move then."""
-    return import_robot(str(file), Report(), roots=roots)
+def rooted(file: Path, roots: list[str]) -> Imported:
+    """The robot with a mode for each of these links. Where joints stand on the world, which weighs nothing, it would move then: it gets
+    1 mg."""
+    found = import_robot(str(file), Report(), roots=roots) or import_robot(str(file), Report(), roots=roots, repair="nearest")
+    assert found is not None
+    return found
 
 
-def paired(file: Path, imported: Imported, spec: mujoco.MjSpec, theirs: mujoco.MjModel, ours: mujoco.MjModel) -> Pair:
-    """The two models; what the source gives no name has the one that the import has made up."""
+def read(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel) -> Original:
+    """What a file has; what it gives no name has the one that the import has made up."""
     root = read_xml(str(file), file.read_bytes(), Report())
     assert root is not None
-    original = Original(Flat(root=root, text="", lines=(), files={}, meshes={}, losses=()), spec, theirs)
-    named = {"body": original.bodies, "joint": original.joints, "site": original.sites, "tendon": original.tendons,
-             "actuator": original.actuators}
-    return Pair(theirs, ours, named, in_files(imported))
+    return Original(Flat(root=root, text="", lines=(), files={}, meshes={}, losses=()), spec, theirs)
 
 
 def _free_of_contacts(pair: Pair) -> float:

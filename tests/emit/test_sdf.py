@@ -340,6 +340,30 @@ def test_a_robot_may_be_called_like_what_is_in_its_world(tmp_path: Path, name: s
     assert name not in [one.get("name") for one in (*world.findall("light"), *world.findall("model"))]
 
 
+ALIKE = """\
+thingc: assembly/1
+name: alike
+components:
+  base: {frame: true, mass: 1 kg, inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}}
+  arm: {frame: true, mass: 1 kg, inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}, mounts: {tip: {xyz: 0 0 100 mm}}}
+  hand: {frame: true, mass: 1 kg, inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}}
+joints:
+  arm: {type: continuous, parent: base.origin, child: arm.origin, axis: [0, 0, 1], drive: {kind: motor, effort: 1 N*m}}
+  tip: {type: continuous, parent: arm.tip, child: hand.origin, axis: [0, 0, 1], mimic: {joint: arm}}
+mounts: {tip: arm.tip}
+"""
+
+
+def test_what_is_called_alike_has_its_kind_behind_its_name_wherever_it_is_named(tmp_path: Path) -> None:
+    made = Compiled(tmp_path, ALIKE)
+    model = made.model("default").model
+    names = [child.attrib["name"] for child in model if child.tag in ("link", "joint", "frame")]
+    assert sorted(names) == ["arm", "arm_joint", "base", "base_origin", "hand", "root", "tip", "tip_frame"]
+    assert [mimic.attrib["joint"] for mimic in model.iter("mimic")] == ["arm_joint"]
+    assert [plugin.findtext("joint_name") for plugin in model.findall("plugin")] == ["arm_joint"]
+    assert [(path, line) for path, what, _, line in made.losses(None) if "its name" in what] == [("arm", 8), ("tip", 10)]
+
+
 def test_a_robot_that_is_called_like_the_world_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "robot.yaml").write_text("thingc: assembly/1\nname: world\ncomponents: {base: {frame: true}}\n")

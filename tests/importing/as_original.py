@@ -12,10 +12,9 @@ import numpy
 from ruamel.yaml import YAML
 
 from thingc.importing import Imported
+from thingc.inertia import MassProperties
 
 FREE, BALL = 0, 1
-QS = {FREE: 7, BALL: 4, 2: 1, 3: 1}
-"""How many numbers of qpos a joint has, by its kind."""
 MISSING = math.inf
 DEEP, NOTHING = 1e-3, 1e-6
 
@@ -139,14 +138,17 @@ class Pair:
         self.trajectory(random, steps)
         return self.worst
 
-    def compare_rooted(self, model: mujoco.MjModel, root: str, free: mujoco.MjModel | None, states: int = 1) -> None:
+    def compare_rooted(
+        self, model: mujoco.MjModel, root: str, repaired: Mapping[str, MassProperties] | None = None, states: int = 1,
+    ) -> None:
         """Of `model`, which is ours rooted at the link that theirs calls `root`: poses relative to it, and the mass matrix with it held,
-        that of `free`, theirs with a base that floats, projected (None: not compared). Balls, which have other axes where they are
-        crossed backwards, are at 0, and so are their velocities."""
+        that of theirs in which everything moves relative to that link; `repaired` is what links weigh there that weigh nothing in theirs.
+        Balls, which have other axes where they are crossed backwards, are at 0, and so are their velocities."""
         random, data = numpy.random.default_rng(5), mujoco.MjData(model)
         body = next(k for k, name in self.named["body"].items() if name == root)
         single = {k: word for k, word in self.joints.items() if self.theirs.jnt_type[k] != BALL}
         ours = [int(model.joint(word).dofadr[0]) for word in single.values()]
+        weights = {k: (repaired or {})[name] for k, name in self.named["body"].items() if name in (repaired or {})}
         for _ in range(states):
             self.put(random)
             for k, word in self.joints.items():
@@ -161,27 +163,38 @@ class Pair:
             of = {word: self.a.body(k) for k, word in self.bodies.items()} | {word: self.a.site(k) for k, word in self.sites.items()}
             for word, theirs in of.items():
                 self.say("rooted poses", back @ _placed(data, word), there @ _matrix(theirs))
-            if free is not None:
-                full = numpy.zeros((model.nv, model.nv))
-                mujoco.mj_fullM(model, data, full)
-                self.say("rooted mass matrix", full[numpy.ix_(ours, ours)], self._held(free, body, [*single]), relative=True)
+            full = numpy.zeros((model.nv, model.nv))
+            mujoco.mj_fullM(model, data, full)
+            dofs = [int(self.theirs.jnt_dofadr[k]) for k in single]
+            self.say("rooted mass matrix", full[numpy.ix_(ours, ours)], self._held(body, dofs, weights), relative=True)
 
-    def _held(self, free: mujoco.MjModel, body: int, joints: list[int]) -> numpy.ndarray:
-        """The mass matrix of theirs, as it stands, with a body held: the base moves so that it stays."""
-        data, first = mujoco.MjData(free), min(k for k in self.bodies if k)
-        base = next(k for k in range(free.njnt) if free.jnt_type[k] == FREE and free.jnt_bodyid[k] == first)
-        alike = [k for k in range(free.njnt) if k != base or free.njnt == self.theirs.njnt]
-        for k, other in enumerate(alike):
-            count, at, here = QS[int(self.theirs.jnt_type[k])], int(self.theirs.jnt_qposadr[k]), int(free.jnt_qposadr[other])
-            data.qpos[here : here + count] = self.a.qpos[at : at + count]
-        mujoco.mj_forward(free, data)
-        full, jacobian = numpy.zeros((free.nv, free.nv)), numpy.zeros((6, free.nv))
-        mujoco.mj_fullM(free, data, full)
-        mujoco.mj_jacBody(free, data, jacobian[:3], jacobian[3:], body)
-        moves = [int(free.jnt_dofadr[base]) + k for k in range(6)]
-        rows = [int(free.jnt_dofadr[alike[k]]) for k in joints]
-        still = numpy.vstack((-numpy.linalg.solve(jacobian[:, moves], jacobian[:, rows]), numpy.eye(len(rows))))
-        return still.T @ full[numpy.ix_([*moves, *rows], [*moves, *rows])] @ still
+    def _held(self, body: int, dofs: list[int], weights: Mapping[int, MassProperties]) -> numpy.ndarray:
+        """The mass matrix of theirs, as it stands, with a body held: of every body how it moves relative to that."""
+        theirs, data = self.theirs, self.a
+        held = self._jacobian(body, data.xpos[body])
+        full = numpy.diag(theirs.dof_armature)
+        for k in self.bodies:
+            mass, moments, centre, turn = theirs.body_mass[k], numpy.diag(theirs.body_inertia[k]), data.xipos[k], data.ximat[k]
+            if k in weights:
+                of = weights[k]
+                mass, moments, turn = of.mass, numpy.array(of.inertia), data.xmat[k]
+                centre = data.xpos[k] + turn.reshape(3, 3) @ of.centre
+            moves, turns = self._jacobian(k, centre)
+            moves = moves - held[0] - numpy.cross(held[1].T, centre - data.xpos[body]).T
+            turns = turn.reshape(3, 3).T @ (turns - held[1])
+            full += mass * moves.T @ moves + turns.T @ moments @ turns
+        for k in self.tendons:
+            along = numpy.zeros(theirs.nv)
+            at, count = data.model.ten_J_rowadr[k], data.model.ten_J_rownnz[k]
+            along[data.model.ten_J_colind[at : at + count]] = data.ten_J[at : at + count]
+            full += theirs.tendon_armature[k] * numpy.outer(along, along)
+        return full[numpy.ix_(dofs, dofs)]
+
+    def _jacobian(self, body: int, point: numpy.ndarray) -> tuple[numpy.ndarray, numpy.ndarray]:
+        """Of a point of a body of theirs, and of its turns."""
+        moves, turns = numpy.zeros((3, self.theirs.nv)), numpy.zeros((3, self.theirs.nv))
+        mujoco.mj_jac(self.theirs, self.a, moves, turns, point, body)
+        return moves, turns
 
     def poses(self) -> None:
         for k, word in self.bodies.items():
@@ -268,21 +281,6 @@ class Pair:
             mujoco.mj_step(self.ours, self.b)
         for at, here, _, _ in self.dofs:
             self.say("trajectory", self.b.qpos[here], self.a.qpos[at])
-
-
-def floating(spec: mujoco.MjSpec, root: int) -> mujoco.MjModel | None:
-    """An original whose first body has this number, with that as a base that floats; None where it is the world, or MuJoCo lets it not."""
-    if root == 0:
-        return None
-    copied = spec.copy()
-    body = copied.bodies[root]
-    body.mocap = False
-    if not body.joints:
-        body.add_freejoint()
-    try:
-        return copied.compile()
-    except ValueError:
-        return None
 
 
 def _placed(data: mujoco.MjData, word: str) -> numpy.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import mujoco
@@ -94,3 +95,17 @@ def test_meshes_may_be_where_mujoco_finds_them(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace('meshdir="assets"', 'meshdir="../.."'))
     (tmp_path.parent / "part.stl").write_bytes(b"solid")
     assert import_robot(str(path), Report()) is None, "it stays in the folder above"
+
+
+def test_a_joint_that_mimics_none_moves_by_itself_and_is_a_warning(tmp_path: Path) -> None:
+    """As with pinocchio, which `benchmarks/importing/run.py` has read alex_psyonic_hands with."""
+    path, report = tmp_path / "robot.urdf", Report()
+    text = (SOURCE.parent / "constructs.urdf").read_text()
+    line = next(number for number, one in enumerate(text.splitlines(), start=1) if "<mimic" in one)
+    path.write_text(re.sub('<mimic joint="', '<mimic joint="no_', text, count=1))
+    imported = import_robot(str(path), report)
+    assert imported is not None and [(one.code.code, one.span.line) for one in report.diagnostics if one.span] == [("TC955", line)]
+    assert "it moves by itself here" in report.diagnostics[0].message and "did you mean" in (report.diagnostics[0].help or "")
+    assert [loss.why for loss in imported.losses if "mimics" in loss.what] == ["there is no such joint that moves: it moves by itself"]
+    alone = [joint for one in imported.robot.hangings for joint in one.joints if joint.follows is None]
+    assert len(alone) == len([joint for one in imported.robot.hangings for joint in one.joints]) - text.count("<mimic") + 1

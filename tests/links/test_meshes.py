@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +16,9 @@ from thingc import pipeline
 from thingc.diagnostics import Code
 from thingc.emit.artifact import Artifacts, Stored
 from thingc.environment import Environment, Options
+from thingc.meshes import first_object
 from thingc.pipeline import Compilation
+from thingc.realize.record import Mesh
 from thingc.realize.service import GeometryService
 
 GIVEN = "mass: 1 kg, com: 0 0 0 mm, inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}"
@@ -158,6 +161,44 @@ def test_groups_keep_their_colours_and_another_colour_is_another_record(here: Pa
     assert str(here / "meshes" / "colours.obj") in again.documents.files
     assert [surface.color for surface in again.assembly.occurrences[0].drawn] == ["#0000ff", "#00ff00"]
     assert str(library) in again.documents.files, "what a build depends on"
+
+
+def test_objects_of_a_file_are_all_there_though_muJoCo_reads_the_first_alone(here: Path) -> None:
+    solid = wedge()
+    points = "".join(f"v {x} {y} {z}\n" for x, y, z in (*solid.vertices, *(solid.vertices + (1, 0, 0))))
+    faces = [[f"f {' '.join(str(k + 1 + first) for k in face)}\n" for face in solid.faces] for first in (0, len(solid.vertices))]
+    text = f"o one\n{points}{''.join(faces[0])}o two\n{''.join(faces[1])}"
+    (here / "meshes" / "two.obj").write_text(text)
+    model = "<mujoco><asset><mesh name='m' file='m.obj'/></asset><worldbody><geom type='mesh' mesh='m'/></worldbody></mujoco>"
+    theirs = mujoco.MjModel.from_xml_string(model, {"m.obj": text.encode()})
+    assert theirs.nmeshface == len(solid.faces)
+    assert first_object(text.encode()).decode() == text[: text.index("o two")]
+    shapes = f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/two.obj, unit: m, for: visual}}]}}\n"
+    _, made = compiled(here, shapes, ["mjcf"])
+    (stored,) = (content for path, content in made["mjcf"].files.items() if path.startswith("mjcf/assets/"))
+    assert isinstance(stored, Stored)
+    written = (here / "store" / "blobs" / stored.sha256[:2] / stored.sha256[2:]).read_bytes()
+    assert mujoco.MjModel.from_xml_string(model, {"m.obj": written}).nmeshface == 2 * len(solid.faces)
+
+
+IMAGE = (
+    "<newparam sid='s'><sampler2D><source>no_such</source></sampler2D></newparam>"
+    "<technique sid='common'><phong><diffuse><texture texture='s'/></diffuse>"
+)
+
+
+@pytest.mark.parametrize(("what", "slip", "color"), [
+    (r"<technique sid.*?<diffuse>.*?</diffuse>", IMAGE, "#ffffff"),
+    ('target="#', 'target="#no_such_', None),
+])
+def test_a_geometry_whose_material_names_what_is_not_there_is_read(here: Path, what: str, slip: str, color: str | None) -> None:
+    text = re.sub(what, slip, (here / "meshes" / "dm.dae").read_text(), flags=re.DOTALL)
+    assert slip in text
+    (here / "meshes" / "slip.dae").write_text(text)
+    compilation, _ = compiled(here, f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/slip.dae, for: visual}}]}}\n", [])
+    assert compilation.report.diagnostics == [] and compilation.assembly is not None
+    (surface,) = compilation.assembly.occurrences[0].drawn
+    assert isinstance(surface.solid, Mesh) and surface.solid.faces == len(wedge().faces) and surface.color == color
 
 
 def test_the_mirror_image_of_a_link_is_that_of_its_meshes(here: Path) -> None:

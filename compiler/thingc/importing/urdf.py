@@ -82,6 +82,10 @@ class _Urdf:
     def __init__(self, root: SourceElement, report: Report) -> None:
         self.root, self.report, self.values = root, report, Values(report)
         self.losses: list[SourceLoss] = []
+        self.moving = {  # of one whose kind is wrong that has been said
+            element.attributes.get("name", "") for element in root.all("joint")
+            if element.attributes.get("type") not in ("fixed", "floating", "planar")
+        }
         self.colors = {
             element.attributes.get("name", ""): color for element in root.all("material") if (color := self._color(element)) is not None
         }
@@ -90,21 +94,16 @@ class _Urdf:
 
     def robot(self) -> SourceRobot | None:
         """Everything that is wrong is said; then None."""
-        before = len(self.report.diagnostics)
         name = self.root.attributes.get("name", "").strip()
         if not name:
             name = os.path.splitext(os.path.basename(self.root.where.file))[0]
             self._lose("`name` of `<robot>`", f"it has none, and is called like its file, `{name}`", self.root)
         links = tuple(link for element in self.root.all("link") if (link := self._link(element)) is not None)
         hangings = tuple(one for element in self.root.all("joint") if (one := self._hanging(element)) is not None)
-        moving = {  # of one whose kind is wrong that has been said
-            element.attributes.get("name", "") for element in self.root.all("joint")
-            if element.attributes.get("type") not in ("fixed", "floating", "planar")
-        }
-        look_at_mimics(hangings, moving, self.report)
+        look_at_mimics(hangings, self.moving, self.report)
         blocks = [one.where for one in self.root.children if one.tag in TAGS]
         self.losses += (one for one in unread(self.root, ATTRIBUTES, INSIDE, {}) if one.where not in blocks)
-        if len(self.report.diagnostics) > before:  # what is wrong with a joint must not be said again of the tree
+        if self.report.failed:  # what is wrong with a joint must not be said again of the tree
             return None
         root = root_of(links, hangings, self.root.where, self.report)
         if root is None:
@@ -230,7 +229,7 @@ class _Urdf:
             case _:
                 return None
         axis, mimic = self._axis(element), self.values.one(element, "mimic")
-        follows = None if mimic is None else self._mimic(mimic)
+        follows = None if mimic is None else self._mimic(mimic, name)
         ends = self._ends(element, moving, follows is not None)
         if moving == "revolute" and ends.lower is None and follows is None:
             moving = "continuous"
@@ -256,10 +255,18 @@ class _Urdf:
             return (1.0, 0.0, 0.0)
         return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
 
-    def _mimic(self, mimic: SourceElement) -> Following | None:
+    def _mimic(self, mimic: SourceElement, name: str) -> Following | None:
+        """What a joint follows: nothing where that is no joint that moves, as pinocchio and MoveIt have it."""
         joint = self.values.word(mimic, "joint")
         multiplier, offset = self.values.number(mimic, "multiplier", 1.0), self.values.number(mimic, "offset", 0.0)
         if joint is None or multiplier is None or offset is None:
+            return None
+        if joint not in self.moving:
+            self._lose(f"that joint `{name}` mimics `{joint}`", "there is no such joint that moves: it moves by itself", mimic)
+            self.report.warn(
+                Code.SOURCE_DOUBT, f"joint `{name}` mimics `{joint}`, which is no joint that moves: it moves by itself here",
+                mimic.place("joint"), help=did_you_mean(joint, sorted(self.moving - {name}), what="joints"),
+            )
             return None
         return Following(joint=joint, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
 

@@ -18,7 +18,7 @@ from thingc.source import Origin
 KIND = "mesh-files"
 """Documents in the store."""
 
-VERSION = 1
+VERSION = 2
 """Of what is read of a file: another one is read anew."""
 
 

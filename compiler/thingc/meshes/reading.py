@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import os
@@ -13,7 +14,7 @@ import numpy as np
 import trimesh
 
 from thingc.inertia import MassProperties, symmetric
-from thingc.meshes.files import LARGEST, MeshFile
+from thingc.meshes.files import LARGEST, MeshFile, first_object
 from thingc.meshes.record import BadMesh, MeshPiece, MeshRecord
 from thingc.realize.record import Mesh
 from thingc.realize.store.local import Store
@@ -35,6 +36,10 @@ FLAT = 1e-9
 
 _AXES = re.compile(rb"<up_axis>\s*([XYZ])_UP")
 _METER = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)")
+_TEXTURE = re.compile(rb"<texture\b[^>]*?(?:/>|>.*?</texture>)", re.DOTALL)
+_PARAMETER = re.compile(rb"<newparam\b.*?</newparam>", re.DOTALL)
+_MATERIALS = re.compile(rb"<bind_material\b.*?</bind_material>", re.DOTALL)
+"""Of COLLADA, in effects a colour that is an image and what leads to images, and what materials a geometry has."""
 _HEAD, _TRIANGLE = 84, 50
 """Bytes of a binary STL file: before its triangles, and of each."""
 
@@ -129,7 +134,7 @@ def _triangles(file: MeshFile, data: bytes) -> Iterator[tuple[str | None, NDArra
     """The corners of triangles (n x 3 x 3) in the file's numbers, by colour."""
     kind = file.suffix[1:]
     try:
-        scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=_Beside(file), process=False)
+        scene: Any = _scene(file, data)
         for node in scene.graph.nodes_geometry:
             transform, name = scene.graph[node]
             geometry = scene.geometry[name]
@@ -143,6 +148,30 @@ def _triangles(file: MeshFile, data: bytes) -> Iterator[tuple[str | None, NDArra
         raise
     except Exception as fault:
         raise BadMesh(f"is no {kind.upper()} that trimesh can read ({type(fault).__name__}: {fault})") from fault
+
+
+def _scene(file: MeshFile, data: bytes) -> Any:
+    """As trimesh has it. Of a COLLADA file it would leave out, without a word, each geometry of which any material names what is not there:
+    such a file is read without images, of which nothing is wanted, or else without materials."""
+
+    def loaded(text: bytes, **options: Any) -> Any:
+        return trimesh.load_scene(io.BytesIO(text), file_type=file.suffix[1:], resolver=_Beside(file), process=False, **options)
+
+    if file.suffix != ".dae":
+        return loaded(data)
+    from collada.common import DaeError
+
+    for text in _readings(data):
+        with contextlib.suppress(DaeError):
+            return loaded(text, ignore_broken=False)
+    return loaded(_MATERIALS.sub(b"", data))
+
+
+def _readings(dae: bytes) -> Iterator[bytes]:
+    """A COLLADA file as it is, then with white for images, then without materials."""
+    yield dae
+    yield _PARAMETER.sub(b"", _TEXTURE.sub(b"<color>1 1 1 1</color>", dae))
+    yield _MATERIALS.sub(b"", dae)
 
 
 def _color(geometry: Any, file: MeshFile) -> str | None:
@@ -230,7 +259,10 @@ def _is_flat(vertices: NDArray[np.float64]) -> bool:
 
 
 def _for_mujoco(file: MeshFile, data: bytes, count: int) -> bool:
-    """Whether MuJoCo reads a file as it is: it takes binary STL files up to a size, and OBJ files, in units that leave them a volume."""
+    """Whether MuJoCo reads a file as it is: it takes binary STL files up to a size, and OBJ files of one object, in units that leave them a
+    volume."""
     if min(map(abs, file.scale)) < LEAST_SCALE:
         return False
-    return file.suffix == ".obj" or file.suffix == ".stl" and not _is_text(data) and count <= MUJOCO_MOST
+    if file.suffix == ".obj":
+        return len(first_object(data)) == len(data)
+    return file.suffix == ".stl" and not _is_text(data) and count <= MUJOCO_MOST

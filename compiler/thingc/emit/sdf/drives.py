@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from thingc.emit.capabilities import drive_cell, written
-from thingc.emit.names import safe
 from thingc.emit.sdf.capabilities import CAPABILITIES, DriveForm
 from thingc.emit.sdf.chain import SdfJoint
 from thingc.emit.sdf.zero import ZeroState
@@ -23,15 +22,15 @@ SYSTEMS: dict[DriveForm, tuple[str, str]] = {
 """The file and the class of each of Gazebo's systems."""
 
 
-def plugin(robot: Robot, zero: ZeroState, steps: Iterable[SdfJoint]) -> Iterator[Element]:
+def plugin(robot: Robot, zero: ZeroState, steps: Iterable[SdfJoint], names: Mapping[str, str]) -> Iterator[Element]:
     """The controllers of what is driven in this mode and has one axis: a PID with the drive's gains as forces, or for a motor what hands
-    them on."""
+    them on. `names` are those of joints, by path."""
     for step in steps:
         if len(step.axes) == 1 and step.axes[0].joint.path in robot.present:
             joint = step.axes[0].joint
             form = None if joint.actuator is None else written(CAPABILITIES["drives"][drive_cell(joint, joint.actuator)])
             if joint.actuator is not None and form is not None:
-                yield _controller(robot, zero, safe(step.path), joint, joint.actuator, form)
+                yield _controller(robot, zero, names[step.path], joint, joint.actuator, form)
 
 
 def _controller(

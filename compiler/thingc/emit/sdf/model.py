@@ -7,11 +7,13 @@ components and roots of modes are frames. Loops and holds are joints as well: SD
 from __future__ import annotations
 
 import math
+from typing import Literal, get_args
 
 from thingc.diagnostics import Report
+from thingc.emit.artifact import Loss
 from thingc.emit.connections import Connection, connections
 from thingc.emit.geometry import ENDLESS, Geometry, Shape, channels, numbered
-from thingc.emit.names import Names, frames, safe
+from thingc.emit.names import Names, frames
 from thingc.emit.sdf.capabilities import CAPABILITIES
 from thingc.emit.sdf.chain import LINK, SdfAxis, SdfJoint, chain
 from thingc.emit.sdf.drives import plugin
@@ -26,6 +28,9 @@ from thingc.resolve.model import Material
 from thingc.robot.kinematics import carried
 from thingc.robot.types import Robot
 from thingc.source import Origin
+
+Kind = Literal["link", "joint", "frame"]
+"""What of a model has a name, among all others."""
 
 WORLD = "world"
 """What SDF calls the world. No link or joint has the name, and no robot may."""
@@ -47,9 +52,11 @@ PATCH = 16.0 / (3.0 * math.pi)
 `3 pi / 16` of the coefficient times the radius times the normal force."""
 
 
-def model(robot: Robot, geometry: Geometry, zero: ZeroState, report: Report) -> Element:
-    """The whole `<sdf>` element of a mode, whose joints are at `zero`. Names that SDF cannot tell apart are reported."""
-    return _Builder(robot, geometry, zero, report).build()
+def model(robot: Robot, geometry: Geometry, zero: ZeroState, report: Report) -> tuple[Element, tuple[Loss, ...]]:
+    """The whole `<sdf>` element of a mode, whose joints are at `zero`, and a loss for each name that is another one there. Two links of one
+    name, or two joints, are reported."""
+    builder = _Builder(robot, geometry, zero, report)
+    return builder.build(), tuple(builder.losses)
 
 
 class _Builder:
@@ -59,18 +66,24 @@ class _Builder:
         self.zero = zero
         self.assembly = robot.assembly
         self.robots = Names("have the name", "SDF", report)
-        self.names = Names("have the name", "SDF", report)
         self.parts = Names("have the name", "SDF", report)
+        self.names: dict[Kind, Names] = {kind: Names("have the name", "SDF", report) for kind in get_args(Kind)}
+        self.taken: dict[str, str] = {}
+        self.losses: list[Loss] = []
+        links = [self._link_of(index) for index in range(len(robot.bodies))]
+        self.links = [self._name("link", link.name, link.origin) for link in links]
         self.root = Element(tag="sdf", attributes={"version": PLAIN}, origin=robot.mode.origin)
         self.connections = [(one, chain(one, zero.q)) for one in connections(robot, CAPABILITIES["loops"], closed=zero.closed)]
+        self.joints = {
+            step.path: self._name("joint", step.path, one.origin) for one, steps in self.connections for step in steps
+        }
         moved = [(step, axis, word) for _, steps in self.connections for step in steps for axis, word in zip(step.axes, AXES, strict=False)]
-        self.axes = {axis.joint.path: (safe(step.path), word) for step, axis, word in moved}
+        self.axes = {axis.joint.path: (self.joints[step.path], word) for step, axis, word in moved}
         self.follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in self.axes)
 
     def build(self) -> Element:
         """Links with what they carry, then joints, frames, and what drives joints in Gazebo."""
-        robot, links = self.robot, [self._link_of(index) for index in range(len(self.robot.bodies))]
-        names = [self.names.take(link.name, link.origin, f"link `{link.name}`") for link in links]
+        robot, names = self.robot, self.links
         self.robots.take(WORLD, (), "the world")
         name = self.robots.take(self.assembly.name, self.assembly.definition.origin, "the robot")
         model = self.root.add("model", {"name": name, "canonical_link": names[0]}, robot.mode.origin)
@@ -84,18 +97,30 @@ class _Builder:
             self._lead(model, WORLD if one.parent is None else names[one.parent], names[one.child], one, steps)
         for index, sites in frames(robot).items():
             for site in sites:
-                if self.names.free(site.path, site.origin, f"frame `{site.path}`"):
-                    frame = model.add("frame", {"name": safe(site.path), "attached_to": names[index]}, site.origin)
-                    _place(frame, site.pose)
+                name = self._name("frame", site.path, site.origin)
+                frame = model.add("frame", {"name": name, "attached_to": names[index]}, site.origin)
+                _place(frame, site.pose)
         for _, steps in self.connections:
-            model.children.extend(plugin(robot, self.zero, steps))
+            model.children.extend(plugin(robot, self.zero, steps, self.joints))
         return self.root
+
+    def _name(self, kind: Kind, path: str, origin: Origin, made: str | None = None) -> str:
+        """The name of what stands at a path. Links, joints and frames have one list of them: behind that of what is called like something
+        of another kind stands its kind, as SDFormat itself has it of files older than 1.7."""
+        name = own = self.names[kind].take(path, origin, made or f"{kind} `{path}`")
+        while name in self.taken:
+            name = f"{name}_{kind}"
+        self.taken[name] = f"{kind} `{path}`"
+        if name != own and made is None:
+            what = f"its name: it is `{name}` here, and {self.taken[own]} is `{own}`"
+            self.losses.append(Loss.of(origin, "sdf", None, path, what, "approximated"))
+        return name
 
     def _lead(self, model: Element, parent: str, child: str, connection: Connection, steps: tuple[SdfJoint, ...]) -> None:
         """The joints from a link to another, and the links between them, which are where the last is."""
         *before, last = steps
         for step in before:
-            between = self.names.take(f"{step.path}{LINK}", connection.origin, f"the link behind joint `{step.path}`")
+            between = self._name("link", f"{step.path}{LINK}", connection.origin, f"the link behind joint `{step.path}`")
             link = model.add("link", {"name": between}, connection.origin)
             _place(link, NO_POSE, child)
             _weigh(link, MassProperties(mass=LEAST_MASS, centre=step.at))
@@ -107,8 +132,7 @@ class _Builder:
 
     def _joint(self, model: Element, step: SdfJoint, parent: str, child: str, origin: Origin) -> Element:
         """One joint. What follows another follows the one that moves by itself, as in URDF."""
-        name = self.names.take(step.path, origin, f"joint `{step.path}`")
-        element = model.add("joint", {"name": name, "type": step.type}, origin)
+        element = model.add("joint", {"name": self.joints[step.path], "type": step.type}, origin)
         _place(element, shifted(*step.at))
         element.say("parent", parent)
         element.say("child", child)

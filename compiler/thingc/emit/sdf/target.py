@@ -24,7 +24,9 @@ def emit(request: EmitRequest) -> Artifacts:
     files: dict[str, Content] = {}
     lost = dict.fromkeys((*flat, *losses("sdf", CAPABILITIES, assembly, request.robots, cut=True)))
     zeros = [zero_state(robot) for robot in request.robots]
-    models = [model(robot, shapes, zero, request.report) for robot, zero in zip(request.robots, zeros, strict=True)]
+    made = [model(robot, shapes, zero, request.report) for robot, zero in zip(request.robots, zeros, strict=True)]
+    models = [written for written, _ in made]
+    lost |= dict.fromkeys(loss for _, renamed in made for loss in renamed)
     raw.lay(assembly, request.robots, "sdf", models, request.report)
     for robot, zero, written in zip(request.robots, zeros, models, strict=True):
         name = f"{assembly.name}_{robot.mode.name}"
