@@ -193,17 +193,27 @@ def test_names_of_the_source_and_names_made_up_are_others(tmp_path: Path) -> Non
     assert [loss.what for loss in imported.losses] == ["a `timestep` of -1", "`<statistic>`", "`<extension>`", "mesh `a` as it is"]
 
 
-def test_of_a_mesh_of_several_objects_that_comes_along_which_muJoCo_reads(tmp_path: Path) -> None:
+def test_a_mesh_of_several_objects_touches_as_a_whole(tmp_path: Path) -> None:
+    """MuJoCo takes the points of all of them into its hull, though the faces of the first alone."""
     one = "o a\nv 0 0 0\nv 2 0 0\nv 0 2 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-    (tmp_path / "two.obj").write_text(f"{one}o b\nv 0 0 9\nf 1 2 5\n")
+    (tmp_path / "two.obj").write_text(f"{one}o b\nv 0 0 -9\nf 1 2 5\nf 2 1 5\n")
     imported = _imported(tmp_path, """\
 <mujoco>
   <asset><mesh name="two" file="two.obj"/></asset>
-  <worldbody><body><joint/><geom type="mesh" mesh="two"/></body></worldbody>
+  <worldbody><body name="arm"><joint/><geom type="mesh" mesh="two"/></body></worldbody>
 </mujoco>
 """)
-    assert imported.files["meshes/two.obj"].decode() == one
-    assert [(loss.what, loss.where.line) for loss in imported.losses] == [("mesh `two` as it is", 3)]
+    assert imported.losses == () and imported.files["meshes/two.obj"] == (tmp_path / "two.obj").read_bytes()
+    theirs = mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml"))
+    ours = thingc.compile(tmp_path / "out" / imported.document).modes["source"].model()
+    corners = []
+    for model in (ours, theirs):
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        (touching,) = (k for k in range(model.ngeom) if model.geom_contype[k])
+        points = model.mesh_vert @ data.geom_xmat[touching].reshape(3, 3).T + data.geom_xpos[touching]
+        corners.append([points.min(axis=0), points.max(axis=0)])
+    assert numpy.allclose(*corners, atol=1e-6) and (ours.nmeshface, theirs.nmeshface) == (6, 4)
 
 
 @pytest.mark.parametrize(("inside", "words"), [

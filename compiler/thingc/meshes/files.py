@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 from collections.abc import Callable
 
 from thingc.brief import Brief
@@ -15,9 +14,6 @@ from thingc.realize.store.digests import digest_of
 
 LARGEST = 200_000_000
 """Bytes of a mesh file: more is a mistake, or a bomb."""
-
-_FACE, _NEXT = (re.compile(rb"^[ \t]*%s[ \t]" % word, re.MULTILINE) for word in (b"f", b"[og]"))
-"""Of an OBJ file, a line of a face, and one with which an object or a group begins."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,10 +55,3 @@ def mesh_file(absolute: str, path: str, scale: Vector, digest: Callable[[str], s
         path=path, sha256=digest(absolute), scale=scale, folder=folder,
         beside=tuple((name, digest(place)) for name, place in beside if os.path.isfile(place)),
     )
-
-
-def first_object(obj: bytes) -> bytes:
-    """As much of an OBJ file as MuJoCo reads: up to where another object, or group, begins behind the first one that has faces."""
-    face = _FACE.search(obj)
-    end = None if face is None else _NEXT.search(obj, face.end())
-    return obj if end is None else obj[: end.start()]

@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 
 from thingc.inertia import MassProperties, symmetric
-from thingc.meshes.files import LARGEST, MeshFile, first_object
+from thingc.meshes.files import LARGEST, MeshFile
 from thingc.meshes.record import BadMesh, MeshPiece, MeshRecord
 from thingc.realize.record import Mesh
 from thingc.realize.store.local import Store
@@ -40,6 +40,8 @@ _TEXTURE = re.compile(rb"<texture\b[^>]*?(?:/>|>.*?</texture>)", re.DOTALL)
 _PARAMETER = re.compile(rb"<newparam\b.*?</newparam>", re.DOTALL)
 _MATERIALS = re.compile(rb"<bind_material\b.*?</bind_material>", re.DOTALL)
 """Of COLLADA, in effects a colour that is an image and what leads to images, and what materials a geometry has."""
+_FACE, _NEXT = (re.compile(rb"^[ \t]*%s[ \t]" % word, re.MULTILINE) for word in (b"f", b"[og]"))
+"""Of an OBJ file, a line of a face, and one with which an object or a group begins."""
 _HEAD, _TRIANGLE = 84, 50
 """Bytes of a binary STL file: before its triangles, and of each."""
 
@@ -264,5 +266,11 @@ def _for_mujoco(file: MeshFile, data: bytes, count: int) -> bool:
     if min(map(abs, file.scale)) < LEAST_SCALE:
         return False
     if file.suffix == ".obj":
-        return len(first_object(data)) == len(data)
+        return _has_one_object(data)
     return file.suffix == ".stl" and not _is_text(data) and count <= MUJOCO_MOST
+
+
+def _has_one_object(obj: bytes) -> bool:
+    """Whether behind the first face of an OBJ file no other object, or group, begins: of that MuJoCo reads the points, and no face."""
+    face = _FACE.search(obj)
+    return face is None or _NEXT.search(obj, face.end()) is None

@@ -7,7 +7,6 @@ import os
 from thingc.importing.meshes import READ
 from thingc.importing.mjcf.original import SOLIMP, SOLREF, Original, differing, floats, numbers, pose_of
 from thingc.importing.model import Raw, ShapeKind, Sizes, SourceShape
-from thingc.meshes import first_object
 from thingc.pose import IDENTITY, Pose, Vector, rotate, transpose
 
 KINDS: dict[int, ShapeKind] = {
@@ -27,7 +26,7 @@ GREY = (0.5, 0.5, 0.5, 1.0)
 
 
 class Geoms:
-    """The shapes of bodies; `files` are the meshes among them that are not as their files are, by name."""
+    """The shapes of bodies; `files` are the meshes among them that are written anew, by name."""
 
     def __init__(self, original: Original) -> None:
         self.original, self.model = original, original.model
@@ -99,12 +98,6 @@ class Geoms:
         alike = x == y == z
         if os.path.splitext(uri)[1].lower() not in READ or turn != IDENTITY and not alike:
             return (1.0, 1.0, 1.0), centred, self._anew(int(self.model.geom_dataid[geom]), mesh.name or "mesh", geom)
-        content = self.original.flat.files[mesh.file]
-        if uri.lower().endswith(".obj") and (first := first_object(content)) != content:
-            uri = f"mujoco://{uri}"
-            if uri not in self.files:
-                self.files[uri] = first
-                self._lose(geom, mesh.name, "it has several objects, and MuJoCo reads the first alone")
         u, v, w = rotate(turn, (p[0], p[1], p[2]))
         at = Pose(rotation=turn, translation=(-scale[0] * u, -scale[1] * v, -scale[2] * w))
         return (x, y, z), self.original.frame(written) @ at, uri
@@ -119,11 +112,9 @@ class Geoms:
             lines = ["v {:.9g} {:.9g} {:.9g}".format(*row) for row in model.mesh_vert[first : first + count].tolist()]
             lines += ["f {} {} {}".format(*(1 + one for one in row)) for row in model.mesh_face[faces : faces + number].tolist()]
             self.files[file] = "\n".join([*lines, ""]).encode()
-            self._lose(geom, name, "it is of no kind that is read, and written anew from MuJoCo's, in single precision")
+            why = "it is of no kind that is read, and written anew from MuJoCo's, in single precision"
+            self.original.lose(f"mesh `{name}` as it is", why, self.original.where("geom", geom, "mesh"))
         return file
-
-    def _lose(self, geom: int, mesh: str, why: str) -> None:
-        self.original.lose(f"mesh `{mesh}` as it is", why, self.original.where("geom", geom, "mesh"))
 
     def _friction(self, geom: int) -> tuple[float, ...]:
         """What of its friction says something: torsion and rolling where contacts have them, and nothing where they have none."""
