@@ -28,7 +28,7 @@ from thingc.memo import Memo
 from thingc.pose import NO_POSE, Pose
 from thingc.resolve.coordinates import Mimic
 from thingc.robot import in_link
-from thingc.robot.types import CoreJoint, Robot
+from thingc.robot.types import Closure, CoreJoint, Robot
 
 VERSION = 2
 """Of the form of every mode: a reader refuses another."""
@@ -85,18 +85,18 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
         "links": _links(robot, names, memo),
         "joints": _joints(robot, names, memo, separator),
         **({"tendons": moved} if moved else {}),
-        "holds": {
-            closure.path: {
-                "link": names[closure.child], "carries": "force" if closure.kind == "ball" else "force and torque",
-                "X_LM": closure.X_CB.rows(), "X_WM": closure.X_PA.rows(),
-            }
-            for closure in robot.closures
-            if closure.hold
-        },
+        "holds": {closure.path: _hold(closure, names) for closure in robot.closures if closure.hold},
         "poses": {frame.name: {name: frame.q[name] for name in order} for frame in robot.keyframes},
         **({"bases": bases} if bases else {}),
         **({"standing_on": [foot.mount.path for foot in robot.mode.feet]} if robot.mode.feet else {}),
         **(_loops(robot, names) if robot.closures else {}),
+    }
+
+
+def _hold(closure: Closure, names: Sequence[str]) -> dict[str, object]:
+    return {
+        "link": names[closure.child], "carries": "force" if closure.kind == "ball" else "force and torque",
+        "X_LM": closure.X_CB.rows(), "X_WM": closure.X_PA.rows(),
     }
 
 

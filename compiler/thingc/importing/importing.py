@@ -53,20 +53,11 @@ def import_robot(
     do about links that cannot move. `packages` are folders of packages by name, `arguments` those of a xacro file; without `meshes` these
     are left out. `earlier` finds what an import of a robot of that name wrote before: its names stay, and for an `update` what was asked
     for holds again. None where it cannot be, which has been reported."""
-    if not path.lower().endswith(ENDINGS):
-        known = ", ".join(f"`{one}`" for one in ENDINGS)
-        report.add(Code.COMMAND_LINE, f"`{os.path.basename(path)}` is of no kind that is read: {known}", None)
-        return None
-    try:
-        with open(path, "rb") as stream:
-            data = stream.read(MOST_BYTES + 1)
-    except OSError as fault:
-        report.add(Code.COMMAND_LINE, f"cannot read `{path}`: {(fault.strerror or str(fault)).lower()}", None)
-        return None
+    data = _content(path, report)
     path = os.path.abspath(path)
     places = Packages(path, packages or {}, os.environ)
-    robot = _read(path, data, arguments or {}, places, report)
-    if robot is None:
+    robot = None if data is None else _read(path, data, arguments or {}, places, report)
+    if data is None or robot is None:
         return None
     before = earlier(plain_name(robot.name, "robot"))
     links = [link.name for link in robot.links]
@@ -103,6 +94,20 @@ def import_robot(
         name=written.name, document=document, robot=robot, files={**files, document: written.text.encode(), RECORD: record},
         losses=written.losses, renamed=renamed, repaired=mended, earlier=before,
     )
+
+
+def _content(path: str, report: Report) -> bytes | None:
+    """The bytes of a file of a kind that is read."""
+    if not path.lower().endswith(ENDINGS):
+        known = ", ".join(f"`{one}`" for one in ENDINGS)
+        report.add(Code.COMMAND_LINE, f"`{os.path.basename(path)}` is of no kind that is read: {known}", None)
+        return None
+    try:
+        with open(path, "rb") as stream:
+            return stream.read(MOST_BYTES + 1)
+    except OSError as fault:
+        report.add(Code.COMMAND_LINE, f"cannot read `{path}`: {(fault.strerror or str(fault)).lower()}", None)
+        return None
 
 
 def _read(path: str, data: bytes, arguments: Mapping[str, str], packages: Packages, report: Report) -> SourceRobot | None:

@@ -185,27 +185,20 @@ class _Reader:
                 yield from self.joints(base, text, index)
             case "coordinate or tendon":
                 yield from self.joints(base, text, index)
-                yield from self.in_section(base, "tendons", "tendon", text)
+                yield from self.in_section(base, "tendon", text)
             case "joint or nested assembly":
-                said = node_at(self.own.document.tree, path)
-                pose = isinstance(said, ScalarNode) and isinstance(said.value, str) and re.fullmatch(r"\s*[A-Za-z]\w*\s*", said.value)
-                exact = list(self.exact_joint(base, text, index))
-                yield from exact or (self.components(base, _words(text), index) if pose else self.joints(base, text, index))
+                yield from self.posed(base, text, path, index)
             case "pose of a nested assembly":
                 for inner, _ in self.components_of(base, [word for _, word in _words(str(path[-1]))], index):
-                    yield from self.in_section(self.nested(*inner), "poses", "pose", text)
-            case "pose" | "poses":
-                yield from self.in_section(base, "poses", "pose", text)
-            case "mode" | "modes":
-                yield from self.in_section(base, "modes", "mode", text)
-            case "tendon":
-                yield from self.in_section(base, "tendons", "tendon", text)
+                    yield from self.in_section(self.nested(*inner), "pose", text)
+            case "pose" | "poses" | "mode" | "modes" | "tendon":
+                yield from self.in_section(base, what.removesuffix("s"), text)
             case "sensor":
-                yield from self.in_section(base, "sensors", "sensor", text.partition(":")[0])
+                yield from self.in_section(base, "sensor", text.partition(":")[0])
             case "material":
                 yield from self.material(base, text)
             case "parameter of a nested assembly":
-                yield from self.in_section(self.nested(base, str(path[1])), "parameters", "parameter", text)
+                yield from self.in_section(self.nested(base, str(path[1])), "parameter", text)
             case "parameter of a part":
                 if (thing := self.thing(base, str(path[1]))) is not None:
                     yield 0, len(text), _of_part(thing.parameter(text)), "used"
@@ -213,6 +206,13 @@ class _Reader:
                 return
             case _:
                 assert_never(what)
+
+    def posed(self, base: WrittenDocument, text: str, path: Path, index: str) -> Iterator[Hit]:
+        """What a key of a pose at `path` names: a joint, or an assembly whose pose is named there."""
+        said = node_at(self.own.document.tree, path)
+        pose = isinstance(said, ScalarNode) and isinstance(said.value, str) and re.fullmatch(r"\s*[A-Za-z]\w*\s*", said.value)
+        exact = list(self.exact_joint(base, text, index))
+        yield from exact or (self.components(base, _words(text), index) if pose else self.joints(base, text, index))
 
     # --- documents and parts ----------------------------------------------------------------------------------------
 
@@ -360,11 +360,11 @@ class _Reader:
             if inner is not None and all(inner is not one for one, _, _ in way) and inner is not written:
                 yield from self.all_joints(inner, (*way, (written, "components", key)))
 
-    def in_section(self, written: WrittenDocument | None, section: str, what: str, text: str) -> Iterator[Hit]:
-        """Names of a section, or patterns of them; nothing of no document."""
+    def in_section(self, written: WrittenDocument | None, what: str, text: str) -> Iterator[Hit]:
+        """Names of things of one kind (`pose`) in their section, or patterns of them; nothing of no document."""
         if written is None:
             return
-        entries = written.section(section)
+        entries = written.section(f"{what}s")
         if text in entries:
             yield 0, len(text), Name(what, written.path, text), "used"
         elif GLOB.search(text):
@@ -419,7 +419,7 @@ class _Reader:
     def setting(self, written: WrittenDocument, text: str, at: int) -> Iterator[Hit]:
         """A parameter, or the names on the path of another value of the assembly."""
         if "." not in text:
-            for start, end, name, role in self.in_section(written, "parameters", "parameter", text):
+            for start, end, name, role in self.in_section(written, "parameter", text):
                 yield at + start, at + end, name, role
             return
         for word in setting_words(text):
@@ -473,11 +473,11 @@ class _Reader:
         words = _words(dotted)
         answers: list[list[Hit]] = []
         if kind in (sections := {"key": "pose", "sensor": "sensor", "camera": "sensor", "tendon": "tendon", "actuator": "tendon"}):
-            answers.append(list(self.in_section(written, f"{sections[kind]}s", sections[kind], text)))
+            answers.append(list(self.in_section(written, sections[kind], text)))
         if kind == "material":
             answers.append(list(self.material(written, text)))
         if kind not in ("joint", "actuator"):
-            answers.append(list(self.in_section(written, "links", "link", text)))
+            answers.append(list(self.in_section(written, "link", text)))
             answers.append(list(self.mount(written, dotted, "", "mount or export")) if kind in ("site", "link", "object") else [])
             answers.append(list(self.components(written, words, "")))
         if kind != "default":

@@ -102,6 +102,22 @@ def serve(
 
         answering.begin(replace(options, lock=True, code=trusted), publish, refused)
 
+    _notify(server, answering)
+    for method, feature in FEATURES.items():
+        options_type = get_method_options_type(method)
+        told = None if feature.options is None or options_type is None else converter.structure(feature.options, options_type)
+        server.feature(method, told)(_handler(answering, feature, converter.unstructure))
+    try:
+        server.start_io(stdin, stdout)
+    finally:
+        answering.close()
+    return server.protocol._shutdown
+
+
+def _notify(server: LanguageServer, answering: _Answering) -> None:
+    """Tell `answering` of what is opened, typed, saved and closed."""
+    from lsprotocol import types
+
     @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
     def did_open(params: types.DidOpenTextDocumentParams) -> None:
         answering.put(params.text_document.uri, params.text_document.version, params.text_document.text)
@@ -122,16 +138,6 @@ def serve(
     @server.feature(types.WORKSPACE_DID_CHANGE_WATCHED_FILES)
     def did_change_files(params: types.DidChangeWatchedFilesParams) -> None:
         answering.saved([one.uri for one in params.changes])
-
-    for method, feature in FEATURES.items():
-        options_type = get_method_options_type(method)
-        told = None if feature.options is None or options_type is None else converter.structure(feature.options, options_type)
-        server.feature(method, told)(_handler(answering, feature, converter.unstructure))
-    try:
-        server.start_io(stdin, stdout)
-    finally:
-        answering.close()
-    return server.protocol._shutdown
 
 
 def _server(version: str) -> LanguageServer:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -40,7 +41,7 @@ class Switched(Brief):
     removed: Array
     impulse: Array
     holds: Mapping[str, Caught]
-    uncommanded: tuple[str, ...]
+    uncommanded: tuple[str, ...] = ()
 
 
 class Modes(Mapping[str, Mode]):
@@ -125,39 +126,45 @@ class Modes(Mapping[str, Mode]):
         old, new = self[state.mode], self[name]
         if into_data is not None:
             mjdata.check(new, into_data)
-        new_state = _seen_from(state, old, new)
-        if new.base == "fixed":
-            new_state = _bolted(new_state, new, new.X_world_root if into_data is None else mjdata.bolted(new, into_data), tolerance)
-        if new.part is not None:
-            new_state = _in_part(new_state, new, new.part, tolerance)
-        removed = _removed(new_state, new)
-        impulse: Array = np.zeros(6)
-        impulses: Mapping[str, Array] = {hold.path: np.zeros(6) for hold in new.holds}
-        moving = next(((link, twist) for link, twist in removed.values() if _speed(twist) > at_rest), None)
-        if moving is not None and on_motion == "raise":
-            raise BaseMoves(name, *moving)
-        if moving is not None and on_motion == "impact":
-            known = inertias if inertias is not None else _known_inertias(new, into_data, from_data)
-            new_state, impulse, impulses = caught(new, new_state, known)
-        if new.base != "free":
-            new_state = replace(new_state, base_twist=_kept(new_state, new))
-        uncommanded: tuple[str, ...] = ()
-        if into_data is not None:
-            mjdata.write(new, new_state, into_data)
-            mjdata.hold_here(new, new_state, into_data)
-            if from_data is not None:
-                uncommanded = mjdata.carry((old, new), from_data, into_data)
-        return Switched(
-            state=new_state,
-            removed=np.zeros(6) if new.base == "free" else removed[new.root][1],
-            impulse=impulse,
-            holds={hold.path: Caught(removed=removed[hold.path][1], impulse=impulses[hold.path]) for hold in new.holds},
-            uncommanded=uncommanded,
-        )
+        moving = _placed(_seen_from(state, old, new), new, into_data, tolerance)
+        known = partial(_known_inertias, new, inertias, into_data, from_data)
+        switched = _stopped(moving, new, on_motion, at_rest, known)
+        if into_data is None:
+            return switched
+        mjdata.write(new, switched.state, into_data)
+        mjdata.hold_here(new, switched.state, into_data)
+        return switched if from_data is None else replace(switched, uncommanded=mjdata.carry((old, new), from_data, into_data))
 
 
-def _known_inertias(mode: Mode, *sources: Any) -> Inertias:
-    """The masses in the first `MjData` that is there, else those of the build."""
+def _placed(state: State, mode: Mode, data: Any, tolerance: float) -> State:
+    """The state with its base where `mode` lets it be: of a fixed one where it stands in `data`, if there is any, else in the build."""
+    if mode.base == "fixed":
+        return _bolted(state, mode, mode.X_world_root if data is None else mjdata.bolted(mode, data), tolerance)
+    return state if mode.part is None else _in_part(state, mode, mode.part, tolerance)
+
+
+def _stopped(state: State, mode: Mode, on_motion: OnMotion, at_rest: float, inertias: Callable[[], Inertias]) -> Switched:
+    """The state with everything at rest that `mode` holds. Raises `BaseMoves` where that moves and may not."""
+    removed = _removed(state, mode)
+    impulse: Array = np.zeros(6)
+    impulses: Mapping[str, Array] = {hold.path: np.zeros(6) for hold in mode.holds}
+    moving = next(((link, twist) for link, twist in removed.values() if _speed(twist) > at_rest), None)
+    if moving is not None and on_motion == "raise":
+        raise BaseMoves(mode.name, *moving)
+    if moving is not None and on_motion == "impact":
+        state, impulse, impulses = caught(mode, state, inertias())
+    return Switched(
+        state=state if mode.base == "free" else replace(state, base_twist=_kept(state, mode)),
+        removed=np.zeros(6) if mode.base == "free" else removed[mode.root][1],
+        impulse=impulse,
+        holds={hold.path: Caught(removed=removed[hold.path][1], impulse=impulses[hold.path]) for hold in mode.holds},
+    )
+
+
+def _known_inertias(mode: Mode, given: Inertias | None, *sources: Any) -> Inertias:
+    """Those given, else the masses in the first `MjData` that is there, else those of the build."""
+    if given is not None:
+        return given
     data = next((data for data in sources if data is not None), None)
     return mode.inertias if data is None else mjdata.inertias(mode, data)
 

@@ -39,7 +39,7 @@ class Arrays:
         self._assets = assets
         self.model = compile(self._text)
         root = ElementTree.fromstring(text)
-        found, inertials = places(root, tokens, self.model)
+        placed, inertials = places(root, tokens, self.model)
         columns: dict[int, int] = {}
         self.lines: list[int] = []
 
@@ -49,23 +49,14 @@ class Arrays:
                 self.lines.append(line)
             return columns[line]
 
-        self.written = frozenset(place.field for _, place in found) | (frozenset(INERTIAL) if inertials else frozenset())
+        self.written = frozenset(place.field for _, place in placed) | (frozenset(INERTIAL) if inertials else frozenset())
         by_field: dict[str, list[tuple[int, Entry]]] = {}
-        for line, place in found:
+        for line, place in placed:
             by_field.setdefault(place.field, []).append((column(line), place))
         self._writes: list[tuple[Array, Array, Array, Array]] = []
         self._options: list[tuple[Any, str, int]] = []
         for field, entries in sorted(by_field.items()):
-            group, _, name = field.rpartition(".")
-            owner = getattr(self.model, group) if group else self.model
-            target = getattr(owner, name)
-            if not isinstance(target, np.ndarray):
-                self._options.append((owner, name, entries[-1][0]))
-                continue
-            self._writes.append((
-                target.reshape(-1), np.array([place.index for _, place in entries]), np.array([one for one, _ in entries]),
-                np.array([place.sign for _, place in entries]),
-            ))
+            self._take(field, entries)
         self._bodies = [self.model.body(name).id for name in inertials]
         self._names = list(inertials)
         self._inertials: list[list[int | float]] = [
@@ -84,6 +75,21 @@ class Arrays:
         self._rows = np.array(self._bodies, dtype=int)
         self._masses = [getattr(self.model, name) for name in INERTIAL]
         self._boxes = [[getattr(self.model, name)[self._span(body)] for name in BOXES] for body in self._bodies]
+
+    def _take(self, field: str, entries: list[tuple[int, Entry]]) -> None:
+        """Note where the numbers of a field are written, each by its column: into an array, or an option of the model."""
+        import numpy as np
+
+        group, _, name = field.rpartition(".")
+        owner = getattr(self.model, group) if group else self.model
+        target = getattr(owner, name)
+        if isinstance(target, np.ndarray):
+            self._writes.append((
+                target.reshape(-1), np.array([place.index for _, place in entries]), np.array([one for one, _ in entries]),
+                np.array([place.sign for _, place in entries]),
+            ))
+        else:
+            self._options.append((owner, name, entries[-1][0]))
 
     def _colliding(self, body: int) -> Array:
         """The geoms of a body that collide; behind them, where -1 leads, -1."""

@@ -225,7 +225,7 @@ class GeometryService:
             placed = [one for one in references if (code := self.code(one)) is not None and code.place is not None]
             yield {**group[0].request, "references": references, "placed": placed, "group": index}
 
-    def _describe_in_workers(self, groups: list[list[_Task]], found: dict[str, PartSchema | PartFailure]) -> None:
+    def _describe_in_workers(self, groups: list[list[_Task]], described: dict[str, PartSchema | PartFailure]) -> None:
         if not groups:
             return
         alone: list[list[_Task]] = []
@@ -236,7 +236,7 @@ class GeometryService:
                     alone.extend([task] for task in group)
                 else:
                     self._printed(group[0].subject, answer)
-                    found[group[0].subject] = self._broken(group[0].subject, answer)
+                    described[group[0].subject] = self._broken(group[0].subject, answer)
                 continue
             given = answer["answer"]
             failed = [task.subject for task in group if "failure" in given["answers"][task.subject]]
@@ -247,8 +247,8 @@ class GeometryService:
                 # what was read for one class of a module counts for all that were asked for together
                 self._results.keep("schema", task.build_key, value, given["reads"])
                 self.reads[task.subject] = dict(given["reads"])
-                found[task.subject] = self._schema(task.subject, value, self._parts.code(task.subject))
-        self._describe_in_workers(alone, found)
+                described[task.subject] = self._schema(task.subject, value, self._parts.code(task.subject))
+        self._describe_in_workers(alone, described)
 
     def _schema(self, reference: str, value: Any, code: CodeIngredients | None | PartFailure) -> PartSchema | PartFailure:
         if "failure" in value:
@@ -325,9 +325,9 @@ class GeometryService:
         return sorted(tasks, key=lambda task: not task.request["slicings"])
 
     def _model(
-        self, tasks: Sequence[_Task], definitions: Mapping[str, PartDefinition], found: dict[str, PartRecord | PartFailure],
+        self, tasks: Sequence[_Task], definitions: Mapping[str, PartDefinition], answers: dict[str, PartRecord | PartFailure],
     ) -> None:
-        """Fill `found` for these tasks, each modelled here or by the process that has claimed it."""
+        """Fill `answers` for these tasks, each modelled here or by the process that has claimed it."""
         by_text = {task.subject: task for task in tasks}
         elsewhere: list[_Task] = []
 
@@ -337,7 +337,7 @@ class GeometryService:
             if kept is not None:
                 self._decide(task.subject, True, unchanged(kept.reason))
                 self.reads[task.subject] = dict(kept.reads)
-                found[task.subject] = self._record(kept.value, self._code_of_definition(definitions[task.subject]))
+                answers[task.subject] = self._record(kept.value, self._code_of_definition(definitions[task.subject]))
                 self._build_locks.give_back(task.build_key.key)
             return kept is not None
 
@@ -350,32 +350,35 @@ class GeometryService:
                 elif not reuse(task):
                     yield task.request
 
-        def take_in(answers: Iterable[tuple[dict[str, Any], dict[str, Any]]]) -> None:
-            for request, answer in answers:
+        def take_in(said: Iterable[tuple[dict[str, Any], dict[str, Any]]]) -> None:
+            for request, answer in said:
                 task = by_text[request["definition"]["text"]]
-                self._decide(task.subject, False, task.reason)
-                self._printed(definitions[task.subject].label, answer)
-                if "failed" in answer:
-                    found[task.subject] = self._broken(task.subject, answer)
-                else:
-                    given = with_left(answer["answer"], answer.get("left", ()))
-                    reads, ran, slices = given.pop("reads"), given.pop("ran", None), given.pop("slices", ())
-                    definition = definitions[task.subject]
-                    code = self._code_of_definition(definition)
-                    self._results.keep("record", task.build_key, given, reads, task.reason)
-                    if not answer.get("left"):
-                        self._kept.note_ran(definition, task.build_key, code, ran, reads)
-                    self.reads[task.subject] = dict(reads)
-                    found[task.subject] = self._record(given, code)
-                    self._slices.keep(found[task.subject], slices)
+                answers[task.subject] = self._modelled(task, definitions[task.subject], answer)
                 self._build_locks.give_back(task.build_key.key)
 
         take_in(self._run([task.request for task in tasks], "modelling", own()))
         for task in elsewhere:
-            if task.subject not in found:
+            if task.subject not in answers:
                 self._build_locks.wait(task.build_key.key, self.timeout + PATIENCE)
                 if not reuse(task):
                     take_in(self._run([task.request]))
+
+    def _modelled(self, task: _Task, definition: PartDefinition, answer: dict[str, Any]) -> PartRecord | PartFailure:
+        """What a worker has made of a part, kept for the next time."""
+        self._decide(task.subject, False, task.reason)
+        self._printed(definition.label, answer)
+        if "failed" in answer:
+            return self._broken(task.subject, answer)
+        given = with_left(answer["answer"], answer.get("left", ()))
+        reads, ran, slices = given.pop("reads"), given.pop("ran", None), given.pop("slices", ())
+        code = self._code_of_definition(definition)
+        self._results.keep("record", task.build_key, given, reads, task.reason)
+        if not answer.get("left"):
+            self._kept.note_ran(definition, task.build_key, code, ran, reads)
+        self.reads[task.subject] = dict(reads)
+        record = self._record(given, code)
+        self._slices.keep(record, slices)
+        return record
 
     def in_store(self, definition: PartDefinition) -> bool:
         """Whether a part need not be modelled."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Set
+from collections.abc import Iterator, Mapping, Set
 from typing import Any
 
-from thingc.importing.mjcf.original import WORLD, Original, floats, numbers
+from thingc.importing.mjcf.original import Original, floats, numbers
 from thingc.importing.model import Ends, SourceBase, SourceJoint, SourcePose
 from thingc.pose import Pose, Quaternion
 
@@ -72,21 +72,12 @@ def touching(
     for pair in original.spec.pairs:
         what = f"a contact pair, `{pair.geomname1}` and `{pair.geomname2}`"
         original.lose(what, "contacts of a document are of all shapes that touch", original.flat.place(pair.info))
-    numbers_of = {name: number for number, name in original.bodies.items()}
     parents = {
         head: heads[parent] for head in set(heads.values()) if (parent := int(model.body_parentid[head])) in heads and parent != head
     }
-    apart: dict[tuple[int, int], tuple[int, int]] = {}
-    written: set[tuple[int, int]] = set()
-    for one in original.spec.excludes:
-        first, second = (numbers_of[name] for name in (one.bodyname1, one.bodyname2))
-        if WORLD in (first, second) and WORLD not in on or first not in on or second not in on:
-            original.lose(f"that `{one.bodyname1}` and `{one.bodyname2}` never touch", "one of the two is no part of the robot",
-                          original.flat.place(one.info))
-            continue
-        written.add(_pair(first, second))
-        if heads[first] != heads[second]:
-            apart[_pair(heads[first], heads[second])] = first, second
+    excluded = list(_excluded(original, on))
+    written = {_pair(first, second) for first, second in excluded}
+    apart = {_pair(heads[first], heads[second]): (first, second) for first, second in excluded if heads[first] != heads[second]}
     filtered = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
     members: dict[int, list[int]] = {}
     for body, head in heads.items():
@@ -112,6 +103,18 @@ def touching(
     _lose_parts(original, members, touch)
     named = ((original.bodies[on[body][0]] for body in bodies) for pair, bodies in apart.items() if pair not in near)
     return tuple((first, second) for first, second in named)
+
+
+def _excluded(original: Original, on: Mapping[int, tuple[int, Pose]]) -> Iterator[tuple[int, int]]:
+    """The pairs of bodies `on` links that the file says never touch; a loss where one is on none."""
+    numbers_of = {name: number for number, name in original.bodies.items()}
+    for one in original.spec.excludes:
+        first, second = (numbers_of[name] for name in (one.bodyname1, one.bodyname2))
+        if first in on and second in on:
+            yield first, second
+        else:
+            original.lose(f"that `{one.bodyname1}` and `{one.bodyname2}` never touch", "one of the two is no part of the robot",
+                          original.flat.place(one.info))
 
 
 def _lose_parts(original: Original, members: Mapping[int, list[int]], touch: Set[int]) -> None:
