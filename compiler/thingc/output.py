@@ -339,21 +339,21 @@ def _refuse_unexpected(
     return unexpected
 
 
-def _accusation(folder: str, found: UnexpectedFiles, document: str) -> UnexpectedFilesError:
+def _accusation(folder: str, unexpected: UnexpectedFiles, document: str) -> UnexpectedFilesError:
     place = f"`{shown_path(folder)}`"
-    ours = found.owner == document
-    if found.owner is not None and not ours:
-        message = f"{place} holds the build of another document, `{found.owner}`, and is left as it is"
+    ours = unexpected.owner == document
+    if unexpected.owner is not None and not ours:
+        message = f"{place} holds the build of another document, `{unexpected.owner}`, and is left as it is"
     else:
         said = [
             f"{what} ({_enumerated(names)})"
             for what, names in (
-                (f"files that no build of `{document}` wrote", found.others),
-                ("files that were changed since they were built", found.changed),
+                (f"files that no build of `{document}` wrote", unexpected.others),
+                ("files that were changed since they were built", unexpected.changed),
             ) if names
         ]
         message = f"{place} holds {' and '.join(said)}, and is left as it is"
-    return UnexpectedFilesError(folder, found.names, message, ours=ours)
+    return UnexpectedFilesError(folder, unexpected.names, message, ours=ours)
 
 
 def _enumerated(names: Sequence[str]) -> str:

@@ -377,23 +377,23 @@ def _explained(
 def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
     """The settings of a validated model; expressions and values that are not above 0 are reported."""
 
-    def value(found: Any, path: Path, default: float) -> float:
-        if found is None:
+    def value(said: Any, path: Path, default: float) -> float:
+        if said is None:
             return default
-        if not isinstance(found, Quantity):
+        if not isinstance(said, Quantity):
             report.add(Code.BAD_EXPRESSION, "a workspace has no parameters: write the value", document.span(path))
             return default
-        if found.value <= 0.0:
-            report.add(Code.BAD_QUANTITY, f"expected a value above 0, found `{found}`", document.span(path))
+        if said.value <= 0.0:
+            report.add(Code.BAD_QUANTITY, f"expected a value above 0, found `{said}`", document.span(path))
             return default
-        return found.value
+        return said.value
 
-    def tessellation(found: Any, path: Path, default: Tessellation) -> Tessellation:
-        if found is None:
+    def tessellation(said: Any, path: Path, default: Tessellation) -> Tessellation:
+        if said is None:
             return default
         return Tessellation(
-            linear=value(found.linear, (*path, "linear"), default.linear),
-            angular=value(found.angular, (*path, "angular"), default.angular),
+            linear=value(said.linear, (*path, "linear"), default.linear),
+            angular=value(said.angular, (*path, "angular"), default.angular),
         )
 
     mesh = tessellation(spec.mesh, ("mesh",), DEFAULT_MESH)

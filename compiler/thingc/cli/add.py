@@ -118,30 +118,30 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
     if arguments.by is not None and arguments.on is None:
         raise common.WrongCommandLine("--by names what meets a mount, and which mount is not said", "write --on as well")
     common.require_document(arguments.to)
-    documents, found = checked(arguments.to, options)
-    if documents is None or any(one.severity is Severity.ERROR for one in found):
-        return _say(arguments, found)
+    documents, diagnostics = checked(arguments.to, options)
+    if documents is None or any(one.severity is Severity.ERROR for one in diagnostics):
+        return _say(arguments, diagnostics)
     return _write(arguments, options, documents, STUBS[what](arguments, documents))
 
 
 def _write(arguments: argparse.Namespace, options: Options, documents: Documents | None, addition: Addition) -> int:
     """Write files and document, unless something would be wrong then."""
     with _files(addition.files) as keep:
-        found: list[Diagnostic] = []
+        diagnostics: list[Diagnostic] = []
         if documents is not None:
             root = documents.root
             text = _with_addition(root, addition)
             before, after = both(root, text)
-            _, found = checked(root.path, replace(options, texts={root.path: after}))
-            if any(one.severity is Severity.ERROR for one in found):
-                return _say(arguments, found, texts={root.path: text})
+            _, diagnostics = checked(root.path, replace(options, texts={root.path: after}))
+            if any(one.severity is Severity.ERROR for one in diagnostics):
+                return _say(arguments, diagnostics, texts={root.path: text})
             refused = put(root, before, after)
             if refused is not None:
                 return _say(arguments, [refused])
         keep()
     where = [] if documents is None else [f"{shown_path(documents.root.path)}: {'.'.join(keys)}" for keys in addition.values]
     done = [*(shown_path(path) for path in addition.files), *where]
-    return _say(arguments, found, done=done)
+    return _say(arguments, diagnostics, done=done)
 
 
 def _with_addition(root: Document, addition: Addition) -> str:
@@ -209,12 +209,12 @@ def _enumerated(owners: Sequence[str]) -> str:
 
 
 def _say(
-    arguments: argparse.Namespace, found: Sequence[Diagnostic], *, done: Sequence[str] = (), texts: Mapping[str, str] | None = None,
+    arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], *, done: Sequence[str] = (), texts: Mapping[str, str] | None = None,
 ) -> int:
     """Print what was added, or why nothing was; `texts` are those of documents as they would be."""
     if arguments.format == "text":
         common.say(*done)
-        common.print_text(found, stream=sys.stdout, debug=arguments.debug, texts=texts)
+        common.print_text(diagnostics, stream=sys.stdout, debug=arguments.debug, texts=texts)
     else:
-        common.print_json(found, added=list(done))
-    return common.exit_code(found)
+        common.print_json(diagnostics, added=list(done))
+    return common.exit_code(diagnostics)

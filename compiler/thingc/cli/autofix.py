@@ -109,21 +109,21 @@ def _bytes(file: str) -> bytes | None:
         return None
 
 
-def _say(arguments: argparse.Namespace, found: Sequence[Diagnostic], mended: Sequence[TextEdit]) -> int:
+def _say(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], mended: Sequence[TextEdit]) -> int:
     rows = [
         {"file": shown_path(one.file), "line": one.line, "written": one.written, "replacement": one.replacement} for one in mended
     ]
     if arguments.format == "text":
         for one in mended:
             common.say(f"{shown_path(one.file)}:{one.line}: mended `{one.written}` -> `{one.replacement}`")
-        if not mended and any(d.fixes for d in found):
+        if not mended and any(d.fixes for d in diagnostics):
             common.say("nothing is mended: a change is made where it can have meant one thing only and leaves fewer faults")
-        if found and (mended or any(d.fixes for d in found)):
+        if diagnostics and (mended or any(d.fixes for d in diagnostics)):
             common.say("")
-    common.print_found(found, arguments.format, stream=sys.stdout, debug=arguments.debug, mended=rows)
-    if arguments.format == "text" and not found:
+    common.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, mended=rows)
+    if arguments.format == "text" and not diagnostics:
         common.say(f"{counted(len(mended), 'place')} mended, nothing is left")
-    return common.exit_code(found)
+    return common.exit_code(diagnostics)
 
 
 def _print_diff(texts: Mapping[str, bytes], disk: _Disk) -> None:

@@ -345,9 +345,10 @@ def _adopt(arguments: argparse.Namespace, options: Options) -> int:
     return write(shown_path(planned.assembly), settings, options, arguments)
 
 
-def _told(planned: Plan, found: Forecast) -> list[str]:
+def _told(planned: Plan, forecast: Forecast) -> list[str]:
     """A forecast for people."""
-    some = f"{found.count} of {counted(planned.count, 'variant')}" if found.count != planned.count else counted(found.count, "variant")
+    all_of_them = counted(planned.count, "variant")
+    some = f"{forecast.count} of {all_of_them}" if forecast.count != planned.count else all_of_them
     lines = [f"{planned.name}: {some} of {planned.assembly_relative}; modes {', '.join(planned.modes)}; "
              f"targets {', '.join(planned.emit)}"]
     for axis in planned.axes:
@@ -359,25 +360,25 @@ def _told(planned: Plan, found: Forecast) -> list[str]:
     duplicates = planned.written - planned.count
     if duplicates:
         lines.append(f"{duplicates} more are equal to one of these")
-    lines.extend(f"{count} fail the rule `{rule}`" for rule, count in found.failing.items())
-    if found.looked_at < found.left:
-        lines.append(f"of {found.looked_at}, drawn from the {found.left} that are left:")
-    for code, count in sorted(found.unsound.items()):
-        name, wrong = found.examples[code]
+    lines.extend(f"{count} fail the rule `{rule}`" for rule, count in forecast.failing.items())
+    if forecast.looked_at < forecast.left:
+        lines.append(f"of {forecast.looked_at}, drawn from the {forecast.left} that are left:")
+    for code, count in sorted(forecast.unsound.items()):
+        name, wrong = forecast.examples[code]
         lines.append(f"{count} would be refused: {code} ({wrong.code.title}), first `{name}`: {wrong.message}")
-    lines.append(f"models {counted(found.parts - found.known, 'part')}, reuses {found.known}")
-    for one in found.first:
+    lines.append(f"models {counted(forecast.parts - forecast.known, 'part')}, reuses {forecast.known}")
+    for one in forecast.first:
         settings = {**one.parameters, **one.choices}
         shown = ", ".join(f"{name}={text}" for name, text in settings.items()) or "as the assembly says"
         lines.append(f"  {one.id} {one.name}: {shown}{' (kept out)' if one.failed else ''}")
-    if found.count > len(found.first):
+    if forecast.count > len(forecast.first):
         lines.append("  ...")
     return lines
 
 
-def _refuse(arguments: argparse.Namespace, found: Sequence[Diagnostic]) -> int:
-    common.print_found(found, arguments.format, stream=sys.stderr, debug=arguments.debug)
-    return common.exit_code(found)
+def _refuse(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic]) -> int:
+    common.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug)
+    return common.exit_code(diagnostics)
 
 
 

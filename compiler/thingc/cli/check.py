@@ -133,15 +133,15 @@ def concerned(files: Sequence[str], store: str | None) -> list[str]:
     return [shown_path(path) for path in documents(files, store=store)]
 
 
-def _answer(arguments: argparse.Namespace, found: list[Diagnostic], good: list[str], of: int | None = None) -> int:
+def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: list[str], of: int | None = None) -> int:
     """Print what was found; `of` is how many documents were found in folders that were named."""
-    common.print_found(found, arguments.format, stream=sys.stdout, debug=arguments.debug)
+    common.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug)
     if arguments.format == "text":
         for document in good:
             common.say(f"{document}: ok")
         if of is not None:
             common.say(f"{counted(of, 'document')} checked, {'all' if len(good) == of else len(good)} ok")
-    return common.exit_code(found)
+    return common.exit_code(diagnostics)
 
 
 def check(document: str, options: Options, *, strict: bool = False) -> list[Diagnostic]:

@@ -248,13 +248,13 @@ def expanded(words: Iterable[str]) -> list[str]:
     return list(paths.values())
 
 
-def present(documents: Iterable[str], found: list[Diagnostic]) -> Iterator[str]:
-    """Those of the documents that are there; of the others `found` gets the reason."""
+def present(documents: Iterable[str], diagnostics: list[Diagnostic]) -> Iterator[str]:
+    """Those of the documents that are there; of the others `diagnostics` gets the reason."""
     for document in documents:
         try:
             require_document(document)
         except WrongCommandLine as fault:
-            found.append(fault.diagnostic)
+            diagnostics.append(fault.diagnostic)
         else:
             yield document
 

@@ -144,6 +144,6 @@ def _next_steps(arguments: argparse.Namespace, folder: str, name: str) -> list[s
     return [*said, "", *(f"  {command:{width}}   {what}".rstrip() for command, what in steps)]
 
 
-def _refuse(*found: Diagnostic) -> int:
-    common.print_text(found, stream=sys.stderr, debug=False)
-    return common.exit_code(found)
+def _refuse(*diagnostics: Diagnostic) -> int:
+    common.print_text(diagnostics, stream=sys.stderr, debug=False)
+    return common.exit_code(diagnostics)

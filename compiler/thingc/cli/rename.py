@@ -118,6 +118,6 @@ def _write(texts: Mapping[str, str], before: Mapping[str, str]) -> str | None:
 
 
 def _refuse(message: str) -> int:
-    found = [Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=message)]
-    common.print_text(found, stream=sys.stdout, debug=False)
-    return common.exit_code(found)
+    diagnostics = [Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=message)]
+    common.print_text(diagnostics, stream=sys.stdout, debug=False)
+    return common.exit_code(diagnostics)

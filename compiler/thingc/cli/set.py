@@ -76,26 +76,26 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
     return _say(arguments, outcome.found, done=outcome.done, texts={root.path: text} if wrong else None)
 
 
-def _as_typed(found: Diagnostic, typed: Mapping[str, str]) -> Diagnostic:
+def _as_typed(diagnostic: Diagnostic, typed: Mapping[str, str]) -> Diagnostic:
     """What is said of a value as of an option of other commands (`-p`, `--set`), said of the words that were typed here."""
-    option = next((option for option in OPTIONS if found.path is not None and found.path.startswith(option)), None)
-    if option is None or found.path is None:
-        return found
-    path = found.path.removeprefix(option).partition("=")[0]
-    return replace(found, path=f"set {typed.get(path, path)}")
+    option = next((option for option in OPTIONS if diagnostic.path is not None and diagnostic.path.startswith(option)), None)
+    if option is None or diagnostic.path is None:
+        return diagnostic
+    path = diagnostic.path.removeprefix(option).partition("=")[0]
+    return replace(diagnostic, path=f"set {typed.get(path, path)}")
 
 
 def _say(
-    arguments: argparse.Namespace, found: Sequence[Diagnostic], *, done: Sequence[tuple[str, str | None, str]] = (),
+    arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], *, done: Sequence[tuple[str, str | None, str]] = (),
     texts: Mapping[str, str] | None = None,
 ) -> int:
     """Print what was found and done; `texts` are those of documents as they would be."""
     if arguments.format == "text":
         for path, old, new in done:
             common.say(f"{path}: {'' if old is None else old + ' -> '}{new}")
-        if done and found:
+        if done and diagnostics:
             common.say("")
-        common.print_text(found, stream=sys.stdout, debug=arguments.debug, texts=texts)
+        common.print_text(diagnostics, stream=sys.stdout, debug=arguments.debug, texts=texts)
     else:
-        common.print_json(found, set=[{"path": path, "before": old, "after": new} for path, old, new in done])
-    return common.exit_code(found)
+        common.print_json(diagnostics, set=[{"path": path, "before": old, "after": new} for path, old, new in done])
+    return common.exit_code(diagnostics)

@@ -57,11 +57,11 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Additio
     reference = arguments.name if told else _reference(arguments.name)
     module, _, name = reference.partition(":")
     with geometry_of(workspace, common.options_of(arguments)) as geometry:
-        found = geometry.part_code.sources.finder.find(module)
+        place = geometry.part_code.sources.finder.find(module)
         if not arguments.new:
-            elsewhere = told and (re.fullmatch(NAME, module) is None or not (found.workspace or found.kind == "absent"))
+            elsewhere = told and (re.fullmatch(NAME, module) is None or not (place.workspace or place.kind == "absent"))
             source = geometry.part_code.sources.source(module)
-            if elsewhere or found.workspace and source is not None and name in source.facts.names:
+            if elsewhere or place.workspace and source is not None and name in source.facts.names:
                 return _placed_part(arguments, documents, geometry, reference)
             near = meant(reference, geometry.catalogue()) if told else None
             if near is not None:
@@ -69,7 +69,7 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Additio
                     f"there is no part `{reference}`", f"did you mean `{near}`? With --new it is a class to begin with",
                 )
     folder = next(iter(workspace.parts), os.path.join(workspace.root, "parts"))
-    path = (found.file if found.workspace else None) or os.path.join(folder, f"{module}.py")
+    path = (place.file if place.workspace else None) or os.path.join(folder, f"{module}.py")
     if not workspace.contains(path):
         message = f"`{shown_path(path)}` leaves the workspace by a link"
         raise common.WrongCommandLine(message, "name another module: `thingc add part MODULE:CLASS`")
@@ -287,9 +287,9 @@ def _test(arguments: argparse.Namespace, documents: Documents | None) -> Additio
     name = _new(root, "tests", arguments.name)
     if arguments.kind not in kinds():
         known = ", ".join(f"`{kind}`" for kind in kinds())
-        found = "none is here" if arguments.kind is None else f"found `{arguments.kind}`"
+        there = "none is here" if arguments.kind is None else f"found `{arguments.kind}`"
         hint = did_you_mean(arguments.kind or "", kinds(), what="kinds") if arguments.kind else "write for example `--kind mass`"
-        raise common.WrongCommandLine(f"a test needs a --kind ({known}); {found}", hint)
+        raise common.WrongCommandLine(f"a test needs a --kind ({known}); {there}", hint)
     mounts = _section(root.tree, "mounts")
     last = list(_section(root.tree, "components"))[-1]
     words = {"$base": f"{_base(root)}.origin", "$mount": next(iter(mounts), f"{last}.origin")}

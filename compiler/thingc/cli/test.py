@@ -108,31 +108,31 @@ def _line(result: Result, width: int) -> str:
     return f"{verdict}  {result.name.ljust(width)}  {where}{result.outcome.said}  {result.seconds:.2f} s"
 
 
-def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], found: Sequence[Diagnostic]) -> None:
+def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], diagnostics: Sequence[Diagnostic]) -> None:
     """The answer in the form that was asked for, apart from the lines that were printed on the way."""
     if arguments.format == "json":
-        common.print_json(found, tests=[_data(result) for result in results])
+        common.print_json(diagnostics, tests=[_data(result) for result in results])
         return
     if arguments.format == "junit":
         from thingc.testing.junit import as_junit
 
-        common.hand_on(as_junit(name, results, _beside(results, found)))
+        common.hand_on(as_junit(name, results, _beside(results, diagnostics)))
         return
     if results:
         common.say("")
-    common.print_text(found, stream=sys.stdout, debug=arguments.debug)
+    common.print_text(diagnostics, stream=sys.stdout, debug=arguments.debug)
     passed = sum(1 for result in results if result.passed)
     if results:
         common.say(f"{counted(len(results), 'test')}: {passed} passed, {len(results) - passed} failed")
-    elif not common.exit_code(list(found)):
+    elif not common.exit_code(list(diagnostics)):
         chosen = " that run in the modes chosen" if arguments.mode else ""
         common.say(f"{shown_path(arguments.document)}: no tests{chosen}")
 
 
-def _beside(results: Sequence[Result], found: Sequence[Diagnostic]) -> list[Diagnostic]:
+def _beside(results: Sequence[Result], diagnostics: Sequence[Diagnostic]) -> list[Diagnostic]:
     """The errors that are the failure of no test."""
     failures = [result.diagnostic for result in results]
-    return [d for d in found if d.severity is Severity.ERROR and d not in failures]
+    return [d for d in diagnostics if d.severity is Severity.ERROR and d not in failures]
 
 
 def _data(result: Result) -> dict[str, object]:

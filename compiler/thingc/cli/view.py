@@ -77,10 +77,10 @@ def run(arguments: argparse.Namespace) -> int:
             if not os.path.samefile(arguments.against, arguments.document):
                 beside = _Beside(arguments, plain, turn)
             else:
-                before, found = attempted(arguments.against, plain, _page)
+                before, diagnostics = attempted(arguments.against, plain, _page)
                 if before is None:
-                    common.print_text(found, stream=sys.stderr, debug=arguments.debug)
-                    return common.exit_code(found)
+                    common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+                    return common.exit_code(diagnostics)
         live = Live(arguments.document, options, partial(_wish, arguments), refused, writes=False, turn=turn)
         server = _server(arguments)
     except common.WrongCommandLine as fault:
@@ -92,8 +92,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     def hear(made: Round) -> None:
         with turn:
-            made, page, found = _shown(live, made)
-        server.tell(page, made.seconds, found, kernel=made.kernel)
+            made, page, diagnostics = _shown(live, made)
+        server.tell(page, made.seconds, diagnostics, kernel=made.kernel)
         lines.say(made)
         if made.number == 1 and common.exit_code(made.diagnostics) != common.USAGE:
             common.say(server.address)
@@ -156,8 +156,8 @@ class _Beside:
 def _page(environment: Environment) -> tuple[Page | None, list[Diagnostic]]:
     """The page of a document as it stands, None where it has errors; and what is said of it."""
     compilation = pipeline.compile(environment)
-    found = common.final(compilation.report, strict=False)
-    return None if compilation.report.failed else page_of(pipeline.request_of(environment, compilation)), found
+    diagnostics = common.final(compilation.report, strict=False)
+    return None if compilation.report.failed else page_of(pipeline.request_of(environment, compilation)), diagnostics
 
 
 def _server(arguments: argparse.Namespace) -> Server:

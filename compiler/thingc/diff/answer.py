@@ -38,10 +38,10 @@ def answered(
     documents: list[tuple[str, Comparison]] = []
     for both in pairs:
         if both.old is not None and both.new is not None:
-            found = compare(both)
-            if isinstance(found, BrokenSide):
-                return found
-            documents.append((both.name, found))
+            comparison = compare(both)
+            if isinstance(comparison, BrokenSide):
+                return comparison
+            documents.append((both.name, comparison))
     return Differences(
         old=old, new=new, documents=tuple(documents), come=tuple(both.name for both in pairs if both.old is None),
         gone=tuple(both.name for both in pairs if both.new is None),

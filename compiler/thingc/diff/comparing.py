@@ -30,5 +30,5 @@ def compare(old: Portrait, new: Portrait, farthest: Farthest = lambda old, new: 
     pairing = Pairing(old, new)
     changes = compare_stated(pairing)
     compare_following(pairing, changes, farthest)
-    found = sorted(changes.found, key=lambda change: change.caused)
-    return Comparison(name=new.name, changes=tuple(found), unknown=tuple(sorted(old.lacks | new.lacks)))
+    ordered = sorted(changes.found, key=lambda change: change.caused)
+    return Comparison(name=new.name, changes=tuple(ordered), unknown=tuple(sorted(old.lacks | new.lacks)))

@@ -353,15 +353,15 @@ class _Following:
 
 def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Difference]:
     """What is another in the mass of a body. What weighs nothing is nowhere."""
-    found: list[tuple[str, Told, Told]] = []
+    told: list[tuple[str, Told, Told]] = []
     if not _near(old.mass, new.mass):
-        found.append((f"{prefix}mass", old.mass, new.mass))
+        told.append((f"{prefix}mass", old.mass, new.mass))
     if old.mass or new.mass:
         if not all(abs(a - b) < 1e-9 for a, b in zip(old.centre, new.centre, strict=True)):
-            found.append((f"{prefix}centre", old.centre, new.centre))
+            told.append((f"{prefix}centre", old.centre, new.centre))
         if not _near(old.inertia, new.inertia):
-            found.append((f"{prefix}inertia", old.inertia, new.inertia))
-    return found
+            told.append((f"{prefix}inertia", old.inertia, new.inertia))
+    return told
 
 
 def _reach(robot: Portrait) -> float:
@@ -415,10 +415,10 @@ def _joints(portrait: Portrait) -> list[str]:
 
 
 def _by_definition(rows: Iterable[Row]) -> dict[str, list[Row]]:
-    found: dict[str, list[Row]] = {}
+    grouped: dict[str, list[Row]] = {}
     for row in rows:
-        found.setdefault(row.definition, []).append(row)
-    return found
+        grouped.setdefault(row.definition, []).append(row)
+    return grouped
 
 
 def _paired(olds: list[Row], news: list[Row], path: Callable[[str], str | None]) -> list[tuple[Row | None, Row | None]]:

@@ -40,8 +40,8 @@ def match(old: Portrait, new: Portrait) -> dict[str, Match]:
     """The components that are in both, by their old path."""
     if _order(new) < _order(old):
         return {
-            found.new: Match(old=found.new, new=found.old, reason=found.reason, perhaps=found.perhaps)
-            for found in _Matching(new, old).found.values()
+            pair.new: Match(old=pair.new, new=pair.old, reason=pair.reason, perhaps=pair.perhaps)
+            for pair in _Matching(new, old).found.values()
         }
     return _Matching(old, new).found
 

@@ -11,11 +11,11 @@ from thingc.source import Span
 from thingc.stamp import packed, unpacked
 
 
-def pack(found: Comparison | BrokenSide) -> list[Any]:
+def pack(answer: Comparison | BrokenSide) -> list[Any]:
     """The values of an answer for one document."""
-    if isinstance(found, BrokenSide):
-        return ["broken", found.name, [packed(d) for d in found.diagnostics], dict(found.texts)]
-    return ["compared", found.name, [_change(change) for change in found.changes], list(found.unknown)]
+    if isinstance(answer, BrokenSide):
+        return ["broken", answer.name, [packed(d) for d in answer.diagnostics], dict(answer.texts)]
+    return ["compared", answer.name, [_change(change) for change in answer.changes], list(answer.unknown)]
 
 
 def unpack(values: list[Any]) -> Comparison | BrokenSide:

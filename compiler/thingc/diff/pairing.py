@@ -42,8 +42,8 @@ class Pairing:
         self.old, self.new = old, new
         self.components = match(old, new)
         self._paths: dict[What, dict[str, str]] = {what: {} for what in (*_ORDER, "mate")}
-        self._paths["component"] = {"": "", **{path: found.new for path, found in self.components.items()}}
-        self._back = {found.new: path for path, found in self.components.items()}
+        self._paths["component"] = {"": "", **{path: counterpart.new for path, counterpart in self.components.items()}}
+        self._back = {counterpart.new: path for path, counterpart in self.components.items()}
         self.pairs: list[Pair] = []
         self.gone: list[StatedThing] = []
         self.come: list[StatedThing] = []
@@ -86,8 +86,8 @@ class Pairing:
         for path, thing in list(olds.items()):
             there = self._called(thing)
             if there is not None and there in news:
-                found = self.components.get(path) if what == "component" else None
-                self._take(thing, news.pop(there), found.reason if found else "", found.perhaps if found else False)
+                counterpart = self.components.get(path) if what == "component" else None
+                self._take(thing, news.pop(there), counterpart.reason if counterpart else "", counterpart.perhaps if counterpart else False)
                 del olds[path]
         if what not in _OWNED:
             self._renamed(what, olds, news)

@@ -110,7 +110,7 @@ def _concerned(repository: Repository, asked: Asked, states: Sequence[Revision |
     if not changed:
         return []
     folder = repository.path(os.path.join(here, "document")).rpartition("/")[0]
-    found: dict[str, None] = {}
+    documents: dict[str, None] = {}
     for state in states:
         top = repository.top if state is None else state.root
         if state is not None:
@@ -118,8 +118,9 @@ def _concerned(repository: Repository, asked: Asked, states: Sequence[Revision |
         below = os.path.join(top, *folder.split("/")) if folder else top
         if os.path.isdir(below):
             roots = touched([os.path.join(top, path) for path in changed], below, None).roots
-            found |= dict.fromkeys(os.path.relpath(os.path.realpath(path), os.path.realpath(top)).replace(os.sep, "/") for path in roots)
-    return sorted(found)
+            inside = (os.path.relpath(os.path.realpath(path), os.path.realpath(top)) for path in roots)
+            documents |= dict.fromkeys(path.replace(os.sep, "/") for path in inside)
+    return sorted(documents)
 
 
 def compared(
@@ -136,12 +137,12 @@ def compared(
             except Broken as broken:
                 return _broken(laid, name, broken)
         old, new = sides
-        found = _compared(old, new, options, tests=tests)
-        if draw and found.changes and isinstance(old, Subject) and isinstance(new, Subject) and options.code:
+        answer = _compared(old, new, options, tests=tests)
+        if draw and answer.changes and isinstance(old, Subject) and isinstance(new, Subject) and options.code:
             from thingc.diff.pictures import pictures
 
-            found = replace(found, pictures=pictures(old.model(), new.model(), found.changes))
-        return replace(found, changes=tuple(_at_home(change, both) for change in found.changes))
+            answer = replace(answer, pictures=pictures(old.model(), new.model(), answer.changes))
+        return replace(answer, changes=tuple(_at_home(change, both) for change in answer.changes))
 
 
 def _compared(old: Subject | Portrait, new: Subject | Portrait, options: Options, *, tests: bool) -> Comparison:
@@ -152,8 +153,8 @@ def _compared(old: Subject | Portrait, new: Subject | Portrait, options: Options
     if not options.code:
         return compare(old.portrait, new.portrait)
     farthest = Surfaces(new.store).farthest
-    found = compare(old.portrait, new.portrait, farthest)
-    return compare(old.tested(), new.tested(), farthest) if tests and found.changes else found
+    comparison = compare(old.portrait, new.portrait, farthest)
+    return compare(old.tested(), new.tested(), farthest) if tests and comparison.changes else comparison
 
 
 def _portrait(laid: Laid) -> Portrait:

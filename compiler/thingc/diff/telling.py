@@ -150,9 +150,9 @@ def made(comparison: Comparison) -> Iterator[Sentence]:
 def following(comparison: Comparison) -> Iterator[Sentence]:
     """What follows, the most important first: what fails now, the whole robot before its parts; what tests have measured behind what
     is to be printed and bought."""
-    found = [change for change in comparison.changes if change.caused and not _of_a_part(change)]
-    found.sort(key=lambda c: (0 if _decides(c) else _RANK[c.what], c.path != ""))
-    return _lines(found)
+    consequences = [change for change in comparison.changes if change.caused and not _of_a_part(change)]
+    consequences.sort(key=lambda c: (0 if _decides(c) else _RANK[c.what], c.path != ""))
+    return _lines(consequences)
 
 
 def _is_measured(change: Change) -> bool:

@@ -83,13 +83,13 @@ class DocumentTrees:
         """A value that stands under some keys of a section, where it stands in none its place is `otherwise`. An orientation is `rpy`
         also where the document says it by `quat`; those are its words then."""
         for node in section.nodes:
-            found = _at(node, keys)
-            if found is not None:
-                text, span = _text(found)
+            place = _at(node, keys)
+            if place is not None:
+                text, span = _text(place)
                 return Fact(value=value, written=text, scope=scope, span=span)
-            found = _at(node, (*keys[:-1], "quat")) if keys[-1] == "rpy" else None
-            if found is not None:
-                text, span = _text(found)
+            place = _at(node, (*keys[:-1], "quat")) if keys[-1] == "rpy" else None
+            if place is not None:
+                text, span = _text(place)
                 return Fact(value=value, written=text, words=None if "=" in text else f"quat {text}", scope=scope, span=span)
         return Fact(value=value, scope=scope, span=otherwise)
 

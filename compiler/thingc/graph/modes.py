@@ -150,10 +150,10 @@ def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
 
 def mount_of(tree: Tree, instance: Instance, reference: Reference) -> LinkedMount | None:
     """A mount that the document of `instance` names; None where it is wrong (reported)."""
-    found = tree.find(instance, reference)
-    if found is None:
+    mount = tree.find(instance, reference)
+    if mount is None:
         return None
-    return LinkedMount(path=instance.within(_path(reference)), occurrence=found.occurrence, mount=found.mount)
+    return LinkedMount(path=instance.within(_path(reference)), occurrence=mount.occurrence, mount=mount.mount)
 
 
 def _path(reference: Reference) -> str:

@@ -48,8 +48,8 @@ def names_of(
             given = named.get("tendons", {}) | given
         if given:
             _check(those, given, findings)
-    found = {kind: {path: name for path, (name, _) in those.items()} for kind, those in named.items()}
-    return FileNames(**found)
+    by_kind = {kind: {path: name for path, (name, _) in those.items()} for kind, those in named.items()}
+    return FileNames(**by_kind)
 
 
 def _own(tree: Tree, path: str, one: NameInFiles, occurrences: Sequence[Occurrence]) -> str | None:

@@ -92,10 +92,10 @@ def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector
     def flat(v: Vector) -> Point:
         return dot(v, x), dot(v, y)
 
-    found = _circle(flat(p), flat(q), None if side is None else _scaled(flat(side), radius), radius)
-    if found is None:
+    touching = _circle(flat(p), flat(q), None if side is None else _scaled(flat(side), radius), radius)
+    if touching is None:
         return None
-    curve, a, b = found
+    curve, a, b = touching
 
     def solid(point: Point, height: float) -> Vector:
         u, v = point

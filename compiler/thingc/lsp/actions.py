@@ -23,43 +23,43 @@ def actions(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any
     if wanted and not any(kind == KIND or KIND.startswith(f"{kind}.") or kind == "" for kind in wanted):
         return []
     start, end = (analysis.lines().place(params["range"][side]) for side in ("start", "end"))
-    found = [
+    fitting = [
         one for one in analysis.findings
         if one.span is not None and one.span.file == analysis.path and _touches(one.span, start, end)
     ]
-    return [action for one in found for action in (*_fixes(one, analysis), *_missing_component(one, analysis))]
+    return [action for one in fitting for action in (*_fixes(one, analysis), *_missing_component(one, analysis))]
 
 
 def _touches(span: Span, start: TextPlace, end: TextPlace) -> bool:
     return (span.line, span.column) <= (end.line, end.column) and (start.line, start.column) <= (span.end_line, span.end_column)
 
 
-def _fixes(found: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any]]:
-    for fix in found.fixes:
+def _fixes(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any]]:
+    for fix in diagnostic.fixes:
         file = fix.span.file
         stretch = located(fix, analysis.text_of(file)) if is_document_path(file) else None
         if stretch is not None:
             edit = {"range": analysis.lines(file).range_of(*stretch), "newText": fix.replacement}
-            sure = any((one.file, one.start, one.end) == (file, *stretch) for one in _sure(found, analysis))
-            yield _action(f"replace `{fix.written}` by `{fix.replacement}`", found, analysis, file, [edit], preferred=sure)
+            sure = any((one.file, one.start, one.end) == (file, *stretch) for one in _sure(diagnostic, analysis))
+            yield _action(f"replace `{fix.written}` by `{fix.replacement}`", diagnostic, analysis, file, [edit], preferred=sure)
 
 
-def _sure(found: Diagnostic, analysis: Analysis) -> list[TextEdit]:
+def _sure(diagnostic: Diagnostic, analysis: Analysis) -> list[TextEdit]:
     """What `--fix` would do about a finding."""
     documents = () if analysis.documents is None else tuple(analysis.documents.by_path.values())
     return sure_edits(
-        Looked(found=[found], documents=documents), {}, is_document_path,
+        Looked(found=[diagnostic], documents=documents), {}, is_document_path,
         lambda file: analysis.text_of(file).encode(errors="surrogatepass"),
     )
 
 
-def _missing_component(found: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any]]:
+def _missing_component(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any]]:
     """A component of the name that there is none of: the part of that name, else a frame with the mounts that are named."""
     document = None if analysis.documents is None else analysis.documents.root
-    if found.code is not Code.UNKNOWN_COMPONENT or found.span is None or document is None or document.text != analysis.text:
+    if diagnostic.code is not Code.UNKNOWN_COMPONENT or diagnostic.span is None or document is None or document.text != analysis.text:
         return
     lines = analysis.lines()
-    said = lines.text[lines.index(_start(found.span)) : lines.index(_end(found.span))]
+    said = lines.text[lines.index(_start(diagnostic.span)) : lines.index(_end(diagnostic.span))]
     name = re.match(r"[\"']?([A-Za-z]\w*)(?![\w*?\[])", said)
     components = document.tree.entries.get("components")
     if name is None or isinstance(components, MappingNode) and name[1] in components.entries:
@@ -76,7 +76,7 @@ def _missing_component(found: Diagnostic, analysis: Analysis) -> Iterator[dict[s
     except Unsettable:
         return
     what = f"`{part}`" if part is not None else "a frame"
-    yield _action(f"add the component `{name[1]}`, {what}", found, analysis, analysis.path, edits(lines, after.text), preferred=False)
+    yield _action(f"add the component `{name[1]}`, {what}", diagnostic, analysis, analysis.path, edits(lines, after.text), preferred=False)
 
 
 def _start(span: Span) -> TextPlace:
@@ -93,9 +93,9 @@ def _as_name(text: str) -> str:
 
 
 def _action(
-    title: str, found: Diagnostic, analysis: Analysis, file: str, changes: list[dict[str, Any]], *, preferred: bool,
+    title: str, diagnostic: Diagnostic, analysis: Analysis, file: str, changes: list[dict[str, Any]], *, preferred: bool,
 ) -> dict[str, Any]:
     return {
-        "title": title, "kind": KIND, "isPreferred": preferred, "diagnostics": [as_protocol(found, found.span, analysis)],
+        "title": title, "kind": KIND, "isPreferred": preferred, "diagnostics": [as_protocol(diagnostic, diagnostic.span, analysis)],
         "edit": {"changes": {analysis.uri(file): changes}},
     }

@@ -67,9 +67,9 @@ class CompletionItem:
 def completion(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> dict[str, Any]:
     """The protocol's completion list at a place of a document."""
     lines = analysis.lines()
-    found = items(analysis, text, lines.index(place))
+    offered = items(analysis, text, lines.index(place))
     answer = []
-    for number, one in enumerate(found[:MAX_ITEMS]):
+    for number, one in enumerate(offered[:MAX_ITEMS]):
         item: dict[str, Any] = {
             "label": one.shown, "kind": one.kind, "sortText": f"{number:04d}", "filterText": one.filter or one.shown, "insertTextMode": 1,
             "textEdit": {"range": lines.range_of(one.start, one.end), "newText": one.text},
@@ -79,7 +79,7 @@ def completion(analysis: Analysis, text: str, place: TextPlace, params: Mapping[
         if one.description:
             item["documentation"] = {"kind": "markdown", "value": one.description}
         answer.append(item)
-    return {"isIncomplete": len(found) > MAX_ITEMS, "items": answer}
+    return {"isIncomplete": len(offered) > MAX_ITEMS, "items": answer}
 
 
 def items(analysis: Analysis, text: str, offset: int) -> list[CompletionItem]:
@@ -90,10 +90,10 @@ def items(analysis: Analysis, text: str, offset: int) -> list[CompletionItem]:
     if cursor is None or schema is None:
         return []
     asked = _Asked(analysis, text, offset, cursor, SchemaWalk(schema, cursor.keys, cursor.scalars))
-    found = list(asked.keys()) if cursor.role == "key" else []
+    offered = list(asked.keys()) if cursor.role == "key" else []
     if cursor.role == "value" or cursor.either:
-        found += asked.values()
-    return sorted(found, key=lambda one: one.rank)
+        offered += asked.values()
+    return sorted(offered, key=lambda one: one.rank)
 
 
 class _Asked:

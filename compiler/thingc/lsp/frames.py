@@ -17,10 +17,10 @@ def frame_words(analysis: Analysis, reference: str) -> str:
     that of the part that has it, which is named. Empty where it is not known."""
     model = analysis.known.model
     steps = reference.split(".")
-    found = None if model is None else _found(analysis.known, model, steps, ())
-    if found is None:
+    place = None if model is None else _found(analysis.known, model, steps, ())
+    if place is None:
         return ""
-    pose, owner = found
+    pose, owner = place
     return in_words(pose) + (f" of `{'.'.join(owner)}`" if len(owner) > 1 else "")
 
 

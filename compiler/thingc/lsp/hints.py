@@ -27,9 +27,9 @@ def hints(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, 
         line = node.span.end_line
         if not first <= line <= last or lines.line(line) != before.line(line):
             continue
-        found = comes_to(known, path, node.value)
-        if found:
+        values = comes_to(known, path, node.value)
+        if values:
             answer.append({
-                "position": lines.position(line, node.span.end_column), "label": f"= {shown(found)}", "kind": _TYPE, "paddingLeft": True,
+                "position": lines.position(line, node.span.end_column), "label": f"= {shown(values)}", "kind": _TYPE, "paddingLeft": True,
             })
     return answer

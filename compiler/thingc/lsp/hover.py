@@ -54,15 +54,15 @@ def _of_code(code: Code) -> str:
 
 def _of_value(analysis: Analysis, cursor: Cursor, written: str) -> str:
     """What a quantity or an expression comes to."""
-    found = comes_to(analysis, cursor.path, written)
-    if not found or (not written.startswith("=") and not written.strip()[-1:].isalpha()):
+    values = comes_to(analysis, cursor.path, written)
+    if not values or (not written.startswith("=") and not written.strip()[-1:].isalpha()):
         return ""
     if written.startswith("="):
         at = re.search(r"[A-Za-z]\w*$|$", cursor.typed)
         word = re.match(r"[A-Za-z]\w*|", written[at.start() if at is not None else 0 :])
         own = _of_parameter(analysis, word.group()) if word is not None and written != f"={word.group()}" else ""
-        return "\n\n".join((f"`{written}` = **{shown(found)}**", *([own] if own else [])))
-    value = " ".join(_si(one) for one in found if isinstance(one, Quantity))
+        return "\n\n".join((f"`{written}` = **{shown(values)}**", *([own] if own else [])))
+    value = " ".join(_si(one) for one in values if isinstance(one, Quantity))
     return "" if value == written.strip() else f"`{written}` = {value}"
 
 
@@ -102,14 +102,14 @@ def _referred(analysis: Analysis, path: Path, written: str) -> str:
 
 
 def _of_parameter(analysis: Analysis, name: str) -> str:
-    found = parameters_of(analysis).get(name)
-    if found is None:
+    parameter = parameters_of(analysis).get(name)
+    if parameter is None:
         return ""
     node = None if analysis.tree is None else node_at(analysis.tree, ("parameters", name))
     own = {key: str(one.plain()) for key, one in node.entries.items()} if isinstance(node, MappingNode) else {}
     bounds = [f"at {word} `{own[key]}`" for key, word in (("min", "least"), ("max", "most")) if key in own]
     said = [own["doc"]] if "doc" in own else []
-    return "; ".join((f"**{name}** = {shown((found,))}", *bounds, *said))
+    return "; ".join((f"**{name}** = {shown((parameter,))}", *bounds, *said))
 
 
 # --- components and mounts ---------------------------------------------------------------------------------------------
@@ -164,12 +164,12 @@ def _of_mount(analysis: Analysis, reference: str) -> str:
 def _of_joint(analysis: Analysis, name: str) -> str:
     """Its kind, its mounts, its limits and what drives it."""
     facts = analysis.facts.joints.get(name)
-    found = None if analysis.assembly is None else _edge(analysis.assembly, name)
-    if facts is None and found is None:
+    coordinate = None if analysis.assembly is None else _edge(analysis.assembly, name)
+    if facts is None and coordinate is None:
         return ""
     lines = [f"**{name}**: {facts.what}" if facts is not None else f"**{name}**"]
-    if found is not None:
-        mate, edge = found
+    if coordinate is not None:
+        mate, edge = coordinate
         lines.append(_motion(edge))
         if edge.actuator is not None:
             unit = TORQUE if edge.twist.coordinate == ANGLE else FORCE

@@ -69,16 +69,16 @@ def _names(analysis: Analysis, *, near: bool = False) -> _Names | None:
 
 def _found(analysis: Analysis, place: TextPlace, *, near: bool = False) -> tuple[_Names, NamePlace] | None:
     names = _names(analysis, near=near)
-    found = names.at(place) if names is not None else None
-    return None if names is None or found is None else (names, found)
+    named = names.at(place) if names is not None else None
+    return None if names is None or named is None else (names, named)
 
 
 def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """Where the name at a place is declared; of a declaration in a module of parts the documents that use it."""
-    found = _found(analysis, place, near=not analysis.path.endswith(".py"))
-    if found is None:
+    named = _found(analysis, place, near=not analysis.path.endswith(".py"))
+    if named is None:
         return []
-    names, here = found
+    names, here = named
     if here.name.what == "document":
         top = line_of(here.name.file)
         return names.locations([top])
@@ -91,20 +91,20 @@ def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 def references(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """Every place that uses the name at a place, patterns that it fits among them."""
-    found = _found(analysis, place)
-    if found is None:
+    named = _found(analysis, place)
+    if named is None:
         return []
-    names, here = found
+    names, here = named
     declared = params.get("context", {}).get("includeDeclaration", True)
     return names.locations(one.span for one in names.sight.index.by_name[here.name] if declared or one.role != "declared")
 
 
 def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """The places in the document itself of the name at a place."""
-    found = _found(analysis, place, near=True)
-    if found is None:
+    named = _found(analysis, place, near=True)
+    if named is None:
         return []
-    names, here = found
+    names, here = named
     kinds = {"declared": _WRITE, "used": _READ, "fits": _TEXT}
     own = [one for one in names.sight.index.by_name[here.name] if one.span.file == analysis.path]
     return [{"range": there, "kind": kinds[one.role]} for one in own if (there := names.range(one.span)) is not None]
@@ -112,10 +112,10 @@ def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """The name at a place, None where there is none. Raises `RequestRefused` where it cannot be exchanged."""
-    found = _found(analysis, place)
-    if found is None:
+    named = _found(analysis, place)
+    if named is None:
         return None
-    names, here = found
+    names, here = named
     renamable(names.sight, here.name)
     if here.role == "fits":
         raise RequestRefused(f"`{here.name.text}` only fits the pattern that is written here: rename it where it stands")
@@ -124,10 +124,10 @@ def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any)
 
 def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """The edits that give the name at a place another one, wherever it is written. Raises `RequestRefused`, in words."""
-    found = _found(analysis, place)
-    if found is None:
+    named = _found(analysis, place)
+    if named is None:
         raise RequestRefused("there is no name here")
-    names, here = found
+    names, here = named
     prepare_rename(analysis, text, place, params)
     done = renamed(names.sight, here.name, params["newName"])
     changes: dict[str, list[dict[str, Any]]] = {}

@@ -191,17 +191,17 @@ class OpenDocuments:
             analyses = [one for one in self._analyses.values() if one.path in self._texts]
         said: dict[str, list[dict[str, Any]]] = {}
         for analysis in analyses:
-            for file, found in by_file(analysis).items():
+            for file, diagnostics in by_file(analysis).items():
                 of_file = said.setdefault(file, [])
                 if analysis.open.get(file) is self._texts.get(file):  # else it has seen another text of that file
-                    of_file.extend(one for one in found if one not in of_file)
+                    of_file.extend(one for one in diagnostics if one not in of_file)
         for file in dict.fromkeys((path, *said, *self._published)):
-            found = said.get(file, [])
-            if file == path or found != self._published.get(file, []):
+            diagnostics = said.get(file, [])
+            if file == path or diagnostics != self._published.get(file, []):
                 text = self._analyses[file].open.get(file) if file in self._analyses else self._texts.get(file)
                 uri = text.uri if text is not None else Analysis(path=file).uri(file)
-                self._publish(uri, None if text is None else text.version, found)
-        self._published = {file: found for file, found in said.items() if found}
+                self._publish(uri, None if text is None else text.version, diagnostics)
+        self._published = {file: diagnostics for file, diagnostics in said.items() if diagnostics}
 
     # --- parts ---------------------------------------------------------------------------------------------------
 
@@ -254,10 +254,10 @@ class OpenDocuments:
 
     def _look(self) -> None:
         """Look whether somebody saves what the analyses depend on."""
-        for found in looks(self._saved_elsewhere, self._ended, PAUSE):
-            for path in found:
+        for changed in looks(self._saved_elsewhere, self._ended, PAUSE):
+            for path in changed:
                 self.saved(path)
-            if found:
+            if changed:
                 self._wake()
 
     def _saved_elsewhere(self) -> tuple[str, ...]:

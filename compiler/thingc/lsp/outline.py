@@ -25,7 +25,7 @@ _MODULE = 2
 
 def symbols(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """The sections of the document, and the names in each."""
-    found = []
+    listed = []
     for section, node in _sections(analysis):
         inside = node.entries.items() if isinstance(node, MappingNode) else ()
         children = [] if section not in _SECTIONS else [
@@ -33,18 +33,18 @@ def symbols(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any
         ]
         root = _tree(analysis)
         one = None if root is None else _symbol(analysis, root, section, node, _MODULE, children)
-        found += [] if one is None else [one]
-    return found
+        listed += [] if one is None else [one]
+    return listed
 
 
 def folds(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """What goes over several lines, from the line of its key on, and comments of several lines."""
-    found: dict[int, int] = {}
+    ends: dict[int, int] = {}
     for key, node in _inside(_tree(analysis)):
         whole = _now(analysis, _around(key, node))
         if whole is not None and whole.end_line > whole.line:
-            found[whole.line] = max(found.get(whole.line, 0), whole.end_line)
-    ranges: list[dict[str, Any]] = [{"startLine": line - 1, "endLine": end - 1} for line, end in sorted(found.items())]
+            ends[whole.line] = max(ends.get(whole.line, 0), whole.end_line)
+    ranges: list[dict[str, Any]] = [{"startLine": line - 1, "endLine": end - 1} for line, end in sorted(ends.items())]
     return ranges + list(_comments(text))
 
 
@@ -67,7 +67,7 @@ def tokens(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
         return None
     written = WrittenDocument(known.documents.root)
     parameters = written.section("parameters") if known.kind == "assembly" else {}
-    found: list[tuple[int, int, int, int]] = []
+    coloured: list[tuple[int, int, int, int]] = []
     for mention in written.mentions:
         if mention.names in (Means("expression"), Means("rule")):
             for start, end, kind in _words(mention.text, mention.names == Means("rule"), parameters):
@@ -76,10 +76,10 @@ def tokens(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
                 if now is not None:
                     there = analysis.lines().range(now)
                     first, last = there["start"], there["end"]
-                    found.append((first["line"], first["character"], last["character"] - first["character"], TOKENS.index(kind)))
+                    coloured.append((first["line"], first["character"], last["character"] - first["character"], TOKENS.index(kind)))
     data: list[int] = []
     line = character = 0
-    for one in sorted(set(found)):
+    for one in sorted(set(coloured)):
         data += [one[0] - line, one[1] - (character if one[0] == line else 0), one[2], one[3], 0]
         line, character = one[0], one[1]
     return {"data": data}
@@ -87,10 +87,10 @@ def tokens(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
 
 def _words(text: str, dotted: bool, parameters: Mapping[str, Node]) -> Iterator[tuple[int, int, str]]:
     try:
-        found = list(words_in(parse_expression(text, dotted=dotted)))
+        words = list(words_in(parse_expression(text, dotted=dotted)))
     except ExpressionError:
         return
-    for start, end, kind in found:
+    for start, end, kind in words:
         name = kind == "name"
         yield start, end, ("parameter" if dotted or text[start:end] in parameters else "variable") if name else kind
 

@@ -112,8 +112,8 @@ class PartClass:
     def span(self) -> Span | None:
         """Where its class statement names it."""
         module, node = self.lineage[0]
-        found = re.search(rf"class\s+{node.name}\b", module.lines[node.lineno - 1])
-        return None if found is None else module.span(node.lineno, len(module.lines[node.lineno - 1][: found.end()].encode()), node.name)
+        header = re.search(rf"class\s+{node.name}\b", module.lines[node.lineno - 1])
+        return None if header is None else module.span(node.lineno, len(module.lines[node.lineno - 1][: header.end()].encode()), node.name)
 
     def mounts(self, text: str, pattern: re.Pattern[str] | None) -> list[PartName]:
         """The attributes that a mount is, by its name `text`: itself, or the list or dict that it is in (`screw` of `screw_0`). With a
@@ -324,8 +324,8 @@ def _documented(module: _Module, node: ast.ClassDef | ast.FunctionDef, text: str
     if not (isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant) and isinstance(first.value.value, str)):
         return
     for line in range(first.lineno, (first.end_lineno or first.lineno) + 1):
-        if (found := re.match(rf"\s+({text})(?: \(.*\))?:", module.lines[line - 1])) is not None:
-            span = module.span(line, len(module.lines[line - 1][: found.end(1)].encode()), text)
+        if (line_of_text := re.match(rf"\s+({text})(?: \(.*\))?:", module.lines[line - 1])) is not None:
+            span = module.span(line, len(module.lines[line - 1][: line_of_text.end(1)].encode()), text)
             if span is not None:
                 yield span
 

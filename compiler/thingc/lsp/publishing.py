@@ -28,20 +28,20 @@ def _by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
     return said
 
 
-def as_protocol(found: Diagnostic, span: Span | None, analysis: Analysis) -> dict[str, Any]:
+def as_protocol(diagnostic: Diagnostic, span: Span | None, analysis: Analysis) -> dict[str, Any]:
     """One finding at a place (None: at the top): what to type next stands in a line of its own, second places are related information."""
-    loose = [note.message for note in found.notes if note.span is None]
-    words = [found.message, *([] if found.help is None else [found.help]), *loose]
+    loose = [note.message for note in diagnostic.notes if note.span is None]
+    words = [diagnostic.message, *([] if diagnostic.help is None else [diagnostic.help]), *loose]
     shown: dict[str, Any] = {
         "range": _TOP if span is None else analysis.lines(span.file).range(span),
-        "severity": _SEVERITY[found.severity], "code": found.code.code, "source": "thingc", "message": "\n".join(words),
+        "severity": _SEVERITY[diagnostic.severity], "code": diagnostic.code.code, "source": "thingc", "message": "\n".join(words),
     }
     related = [
         {
             "location": {"uri": analysis.uri(note.span.file), "range": analysis.lines(note.span.file).range(note.span)},
             "message": note.message,
         }
-        for note in found.notes if note.span is not None
+        for note in diagnostic.notes if note.span is not None
     ]
     if related:
         shown["relatedInformation"] = related

@@ -48,11 +48,11 @@ class SchemaWalk:
     def at(self, path: Path) -> list[Schema]:
         """Whatever may hold for the value at a path: alternatives side by side, none of them with references or conditions that matter
         any more. What is said first is nearest to the place."""
-        found = self._flat(self.schema, ())
+        schemas = self._flat(self.schema, ())
         for depth, step in enumerate(path):
             below = path[: depth + 1]
-            found = [flat for schema in found for inner in _children(schema, step) for flat in self._flat(inner, below)]
-        return found
+            schemas = [flat for schema in schemas for inner in _children(schema, step) for flat in self._flat(inner, below)]
+        return schemas
 
     def key_offers(self, path: Path) -> list[KeyOffer]:
         """The keys that the mapping at a path does not have and may have, those that it must have first."""
@@ -110,8 +110,8 @@ class SchemaWalk:
         return any(flat.get("$ref") in ("#/$defs/mount", "#/$defs/frame") for flat in self.at(path))
 
     def _definition(self, name: str) -> Schema:
-        found: Schema = self.schema.get("$defs", {}).get(name, {})
-        return found
+        definition: Schema = self.schema.get("$defs", {}).get(name, {})
+        return definition
 
     def _flat(self, schema: Any, path: Path, met: tuple[str, ...] = ()) -> list[Schema]:
         """A schema and all that it refers to, those of its conditions that hold among it."""
@@ -129,11 +129,11 @@ class SchemaWalk:
         return flats
 
     def _referred(self, reference: str) -> Any:
-        found: Any = self.schema
+        node: Any = self.schema
         for step in reference.removeprefix("#/").split("/"):
             step = step.replace("%20", " ").replace("%25", "%").replace("~1", "/").replace("~0", "~")
-            found = found.get(step) if isinstance(found, dict) else None
-        return found
+            node = node.get(step) if isinstance(node, dict) else None
+        return node
 
     def _holds(self, condition: Schema, path: Path) -> bool:
         """Whether a condition about keys and their plain values is met by what is written."""
@@ -228,7 +228,7 @@ _ALL = {unit[2] for unit in UNITS.values()} - {NUMBER}
 
 def _dimensions(flats: list[Schema]) -> tuple[Dimension, ...]:
     """Those of the quantities which the patterns of a place let through: of single units, else of the examples that it gives."""
-    found: dict[Dimension, None] = {}
+    dimensions: dict[Dimension, None] = {}
     for schema in flats:
         pattern = schema.get("pattern")
         if not isinstance(pattern, str) or not re.search(pattern, "=a") or re.search(pattern, "1 a"):
@@ -238,8 +238,8 @@ def _dimensions(flats: list[Schema]) -> tuple[Dimension, ...]:
             if name != "%" and any(re.search(pattern, f"{numbers} {name}") for numbers in ("2", "2 2 2"))
         )
         if set(single) != _ALL:  # else a value of whatever dimension
-            found.update(single or dict.fromkeys(_in_examples(flats)))
-    return tuple(found)
+            dimensions.update(single or dict.fromkeys(_in_examples(flats)))
+    return tuple(dimensions)
 
 
 def _in_examples(flats: list[Schema]) -> Iterator[Dimension]:

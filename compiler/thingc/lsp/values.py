@@ -28,12 +28,12 @@ def comes_to(analysis: Analysis, path: Path, text: str) -> tuple[Found, ...]:
     last item where they differ. Empty for what is none, or unsound."""
     parameters = parameters_of(analysis)
     if not text.lstrip().startswith("="):
-        found = read(text, parameters)
-        return () if found is None else (found,)
+        values = read(text, parameters)
+        return () if values is None else (values,)
     repeat = None if analysis.known.tree is None else node_at(analysis.known.tree, (*path[:2], "repeat"))
     if not isinstance(repeat, MappingNode) or path[2:3] == ("repeat",):
-        found = read(text, parameters)
-        return () if found is None else (found,)
+        values = read(text, parameters)
+        return () if values is None else (values,)
     index = text_of(repeat.entries.get("as")) or "i"
     count = read(text_of(repeat.entries.get("count")), parameters)
     last = min(count.value, MAX_ITEMS) - 1 if isinstance(count, Quantity) else 0
@@ -56,8 +56,8 @@ def bounds_of(analysis: Analysis, cursor: Cursor) -> tuple[float, float]:
         name = cursor.scalars.get((*path[:2], "assembly"), "")
         document = known.document(os.path.normpath(os.path.join(os.path.dirname(known.path), name)))
         ends = [None if document is None else node_at(document.tree, ("parameters", str(path[3]), end)) for end in ("min", "max")]
-        found = [read(text_of(end), {}) for end in ends]
-        low, high = (one.value if isinstance(one, Quantity) else end for end, one in zip((low, high), found, strict=True))
+        values = [read(text_of(end), {}) for end in ends]
+        low, high = (one.value if isinstance(one, Quantity) else end for end, one in zip((low, high), values, strict=True))
     return low, high
 
 
@@ -70,9 +70,9 @@ def read(text: str, names: Mapping[str, Found]) -> Found | None:
         return None
 
 
-def shown(found: tuple[Found, ...]) -> str:
+def shown(values: tuple[Found, ...]) -> str:
     """Values in a line: `42 mm`, `50 g ... 100 g`."""
-    return " ... ".join(one.shown(6) if isinstance(one, Quantity) else str(one).lower() if isinstance(one, bool) else one for one in found)
+    return " ... ".join(one.shown(6) if isinstance(one, Quantity) else str(one).lower() if isinstance(one, bool) else one for one in values)
 
 
 def _worked_out(tree: MappingNode | None) -> dict[str, Found]:
@@ -82,13 +82,13 @@ def _worked_out(tree: MappingNode | None) -> dict[str, Found]:
         for name, node in (section.entries.items() if isinstance(section, MappingNode) else ())
     }
     known: dict[str, Found] = {}
-    found = True
-    while found:  # in any order: each round knows those that use what the round before knew
-        found = False
+    growing = True
+    while growing:  # in any order: each round knows those that use what the round before knew
+        growing = False
         for name, text in list(waiting.items()):
             value = read(text, known)
             if value is not None:
                 known[name] = value
                 del waiting[name]
-                found = True
+                growing = True
     return known

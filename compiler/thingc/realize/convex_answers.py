@@ -20,13 +20,13 @@ class ConvexAnswers:
         self._versions = versions
 
     def add(
-        self, found: Records, convex: Collection[str], run: Run, timeout: float, broken: Callable[[str, dict[str, Any]], PartFailure],
+        self, records: Records, convex: Collection[str], run: Run, timeout: float, broken: Callable[[str, dict[str, Any]], PartFailure],
     ) -> None:
-        """Give their pieces to the records `found` for the texts in `convex`. `run` asks the workers, `broken` puts an answer that failed
+        """Give their pieces to `records` for the texts in `convex`. `run` asks the workers, `broken` puts an answer that failed
         into words."""
         wanted: dict[str, list[str]] = {}
         for text in sorted(convex):
-            record = found.get(text)
+            record = records.get(text)
             if isinstance(record, PartRecord) and record.simulated is not None:
                 wanted.setdefault(record.simulated.sha256, []).append(text)
         version = "".join(self._versions().values()) if wanted else ""
@@ -41,12 +41,12 @@ class ConvexAnswers:
         for request, answer in run(requests, "decomposing"):
             if "failed" in answer:
                 for text in wanted[request["mesh"]]:
-                    found[text] = broken(text, answer)
+                    records[text] = broken(text, answer)
                 continue
             pieces[request["mesh"]] = answer["answer"]["pieces"]
             self._store.put_json("convex", f"{version} {request['mesh']}", pieces[request["mesh"]])
         for mesh, made in pieces.items():
             for text in wanted[mesh]:
-                record = found[text]
+                record = records[text]
                 if isinstance(record, PartRecord):
-                    found[text] = replace(record, convex=tuple(mesh_from_json(piece) for piece in made))
+                    records[text] = replace(record, convex=tuple(mesh_from_json(piece) for piece in made))

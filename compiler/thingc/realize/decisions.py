@@ -48,12 +48,12 @@ class Recent:
         return self._kept.get((definition, convex))
 
     def keep(
-        self, definitions: Mapping[str, PartDefinition], found: Mapping[str, PartRecord | PartFailure], convex: Collection[str],
+        self, definitions: Mapping[str, PartDefinition], answers: Mapping[str, PartRecord | PartFailure], convex: Collection[str],
         decisions: Mapping[str, Decision],
     ) -> None:
         """Remember the records of one answer, with what another service would say of them then."""
         for text, definition in definitions.items():
-            record, decision, place = found[text], decisions.get(text), (definition, text in convex)
+            record, decision, place = answers[text], decisions.get(text), (definition, text in convex)
             if isinstance(record, PartRecord) and decision is not None and place not in self._kept:
                 reason = decision.reason if decision.reused else unchanged(decision.reason)
                 self._kept[place] = (record, reason)

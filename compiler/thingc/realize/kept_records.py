@@ -52,11 +52,11 @@ class KeptRecords:
         `StoreUnusable`."""
         if code is None or not code.sources or ran is None:
             return
-        found = evidence(code, ran)
-        if found is not None:
+        traces = evidence(code, ran)
+        if traces is not None:
             key = self._outline_key(definition, code)
-            others = [one for one in self._store.get_json("ran", key) or () if (one["digest"], one["reads"]) != (found["digest"], reads)]
-            newest = {**found, "record": build_key.key, "reads": reads}
+            others = [one for one in self._store.get_json("ran", key) or () if (one["digest"], one["reads"]) != (traces["digest"], reads)]
+            newest = {**traces, "record": build_key.key, "reads": reads}
             self._store.put_json("ran", key, [newest, *others[: CANDIDATES - 1]])
 
     def _outline_key(self, definition: PartDefinition, code: CodeIngredients) -> str:

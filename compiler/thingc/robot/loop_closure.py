@@ -186,7 +186,7 @@ def _least(loops: Loops, failed: list[Solution], base_moves: bool) -> Solution |
 
 
 def _report(
-    mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution | None, found: list[Keyframe], report: Report,
+    mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution | None, keyframes: list[Keyframe], report: Report,
 ) -> None:
     """Say that the loops close nowhere (`best` is the nearest to it), or not from the mode's own pose (`own`)."""
     where = ""
@@ -194,7 +194,7 @@ def _report(
         if own is None:
             return
         closure, residual = next(c for c in loops.closures if c.path == own.path), own.residual
-        help = f"start from `{found[0].name}`, which closes" if found else "start from a pose nearer to where it is closed"
+        help = f"start from `{keyframes[0].name}`, which closes" if keyframes else "start from a pose nearer to where it is closed"
         where = f" from pose `{own.name}`"
     else:
         closure, residual = _worst(loops, best)

@@ -80,15 +80,15 @@ def lifted(feet: Sequence[Footing]) -> dict[str, float]:
     return {foot.path: foot.point[2] - lowest for foot in feet if foot.point[2] - lowest > LEVEL * widest}
 
 
-def outside(found: Stance) -> float:
+def outside(stance: Stance) -> float:
     """How far [m] along the floor the centre of mass, projected on it along gravity, is outside of the polygon of the feet: 0 within.
     Infinite where gravity does not pull towards the floor."""
-    if found.weight[2] >= -1e-9 * math.hypot(*found.weight):
+    if stance.weight[2] >= -1e-9 * math.hypot(*stance.weight):
         return math.inf
-    floor = sum(foot.point[2] for foot in found.feet) / len(found.feet)
-    down = (floor - found.centre[2]) / found.weight[2]
-    x, y = found.centre[0] + down * found.weight[0], found.centre[1] + down * found.weight[1]
-    corners = polygon([(foot.point[0] - x, foot.point[1] - y) for foot in found.feet])
+    floor = sum(foot.point[2] for foot in stance.feet) / len(stance.feet)
+    down = (floor - stance.centre[2]) / stance.weight[2]
+    x, y = stance.centre[0] + down * stance.weight[0], stance.centre[1] + down * stance.weight[1]
+    corners = polygon([(foot.point[0] - x, foot.point[1] - y) for foot in stance.feet])
     edges = list(zip(corners, [*corners[1:], *corners[:1]], strict=True))
     if len(corners) > 2 and all(a[0] * b[1] - a[1] * b[0] >= 0.0 for a, b in edges):
         return 0.0

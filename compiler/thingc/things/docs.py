@@ -25,7 +25,7 @@ def argument_docs(docstring: str | None) -> dict[str, str]:
     return {name: " ".join(" ".join(words).split()) for name, words in texts.items()}
 
 
-def _indented(lines: list[str], found: dict[str, list[str]]) -> None:
+def _indented(lines: list[str], texts: dict[str, list[str]]) -> None:
     """A Google section: entries at one indent, their continuation deeper; ends where the indent does."""
     indent: int | None = None
     entry: list[str] | None = None
@@ -39,13 +39,13 @@ def _indented(lines: list[str], found: dict[str, list[str]]) -> None:
             return
         match = _GOOGLE.match(line.strip()) if depth == indent else None
         if match:
-            entry = found.setdefault(match.group(1), [])
+            entry = texts.setdefault(match.group(1), [])
             entry.append(match.group(2))
         elif entry is not None:
             entry.append(line.strip())
 
 
-def _numpy(lines: list[str], found: dict[str, list[str]]) -> None:
+def _numpy(lines: list[str], texts: dict[str, list[str]]) -> None:
     """A numpy section: names at the margin, their text indented; ends at the next underlined heading."""
     entries: list[list[str]] = []
     for number, line in enumerate(lines):
@@ -59,16 +59,16 @@ def _numpy(lines: list[str], found: dict[str, list[str]]) -> None:
         if re.fullmatch(r"-{3,}", following):
             return
         names = line.split(":", 1)[0]
-        entries = [found.setdefault(name.strip().lstrip("*"), []) for name in names.split(",") if _NUMPY.match(name.strip())]
+        entries = [texts.setdefault(name.strip().lstrip("*"), []) for name in names.split(",") if _NUMPY.match(name.strip())]
 
 
-def _fields(lines: list[str], found: dict[str, list[str]]) -> None:
+def _fields(lines: list[str], texts: dict[str, list[str]]) -> None:
     """reST fields: `:param x: text`, continued by indented lines."""
     entry: list[str] | None = None
     for line in lines:
         match = _REST.match(line.strip())
         if match:
-            entry = found.setdefault(match.group(1), [])
+            entry = texts.setdefault(match.group(1), [])
             entry.append(match.group(2))
         elif line.strip().startswith(":") or not line.strip() or not line[0].isspace():
             entry = None

@@ -67,7 +67,7 @@ def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, rep
         key = start.key(one.model.text, one.robot)
         if key in alike or not known.start(key):
             leaders[one.mode] = alike.setdefault(key, one)
-    found: dict[str, start.Start] = {}
+    begun: dict[str, start.Start] = {}
     touching = {shape.mesh for one in geometry.shapes for shape in one.collision if shape.mesh is not None}
     for candidate, verdict, files in _verdicts(waiting, known, {one.mode for one in alike.values()}, touching):
         if verdict.error is not None:
@@ -75,16 +75,16 @@ def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, rep
             continue
         leader = leaders.get(candidate.mode)
         if leader is candidate:
-            found[candidate.mode] = start.look(verdict.model, candidate.robot)
-            if found[candidate.mode].in_order:
+            begun[candidate.mode] = start.look(verdict.model, candidate.robot)
+            if begun[candidate.mode].in_order:
                 known.accept_start(start.key(candidate.model.text, candidate.robot))
-        elif leader is not None and leader.mode in found:
-            found[candidate.mode] = replace(found[leader.mode], robot=candidate.robot)
-        if not verdict.warnings and (leader is None or candidate.mode in found and found[candidate.mode].in_order):
+        elif leader is not None and leader.mode in begun:
+            begun[candidate.mode] = replace(begun[leader.mode], robot=candidate.robot)
+        if not verdict.warnings and (leader is None or candidate.mode in begun and begun[candidate.mode].in_order):
             known.accept(candidate.texts, started=starts)
         for warning in verdict.warnings:
             _say(Code.MJCF_WARNING, "warns of", warning, candidate, candidate.model, report, severity=Severity.WARNING)
-    start.say([found[one.mode] for one in waiting if one.mode in found], report)
+    start.say([begun[one.mode] for one in waiting if one.mode in begun], report)
 
 
 def _verdicts(
@@ -116,15 +116,15 @@ def due(candidates: Sequence[Candidate], share: int, memo: Memo) -> list[Candida
     kind that it has not taken yet, and every so many after it."""
     if share <= 1:
         return list(candidates)
-    found = []
+    asked = []
     for candidate in candidates:
         place = _kind(candidate)
         taken: int | None = memo.last(place, ())
         if taken is None or taken % share == 0:
-            found.append(candidate)
+            asked.append(candidate)
         if taken is not None:
             memo.keep(place, (), taken + 1)
-    return found
+    return asked
 
 
 def took(candidates: Sequence[Candidate], share: int, memo: Memo) -> None:

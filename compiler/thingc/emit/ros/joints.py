@@ -40,7 +40,7 @@ def joints(robot: Robot) -> tuple[Moving, ...]:
     """Those of a mode, parents before children; those of a base that moves first."""
     in_tree = {joint.path for body in robot.bodies for joint in body.joints}
     follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in in_tree)
-    found: list[Moving] = []
+    moving: list[Moving] = []
     for index, body in enumerate(robot.bodies):
         for move in moves(_lead(robot, body), NO_POSE):
             path = move.joint.path
@@ -48,8 +48,8 @@ def joints(robot: Robot) -> tuple[Moving, ...]:
             drive = move.joint.actuator if path in robot.present and not following else None
             if drive is not None and written(CAPABILITIES["drives"][drive_cell(move.joint, drive)]) is None:
                 drive = None
-            found.append(Moving(name=safe(move.path), body=index, move=move, follows=following, drive=drive))
-    return tuple(found)
+            moving.append(Moving(name=safe(move.path), body=index, move=move, follows=following, drive=drive))
+    return tuple(moving)
 
 
 def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:

@@ -76,13 +76,13 @@ def meetings(
         import mujoco
 
         try:
-            found = _Sampler(text, {file: store.read(mesh.mesh.sha256) for file, mesh in used.items()}, bare, neighbours)
-            counts = found.counts()
-            at = {name: found.at(q) for name, q in starts.items()}
+            sampler = _Sampler(text, {file: store.read(mesh.mesh.sha256) for file, mesh in used.items()}, bare, neighbours)
+            counts = sampler.counts()
+            at = {name: sampler.at(q) for name, q in starts.items()}
         except mujoco.FatalError as fault:
             raise ValueError(str(fault)) from None
         known = {
-            "samples": found.samples, "counts": [[*pair, count] for pair, count in sorted(counts.items())],
+            "samples": sampler.samples, "counts": [[*pair, count] for pair, count in sorted(counts.items())],
             "at": {name: sorted(pairs) for name, pairs in at.items()},
         }
         store.put_json(MEETING, key, known)

@@ -70,15 +70,15 @@ def groups(robot: Robot, moving: tuple[Moving, ...], report: Report) -> list[Gro
     for index, body in enumerate(robot.bodies):
         before = of_body[body.parent] if body.parent is not None else ()
         of_body[index] = (*before, *(joint for joint in moving if joint.body == index and body.parent is not None))
-    found: list[Group] = []
+    named: list[Group] = []
     whole = tuple(joint for joint in moving if robot.bodies[joint.body].parent is not None)
     if whole:
         name = names.take(robot.assembly.name, robot.mode.origin, "the group of all joints")
-        found.append(Group(name=name, tip=None, joints=whole, origin=robot.mode.origin))
+        named.append(Group(name=name, tip=None, joints=whole, origin=robot.mode.origin))
     for site in _exported(robot):
         if any(not joint.follows for joint in of_body[site.body]):
-            found.append(Group(name=names.take(site.path, site.origin), tip=safe(site.path), joints=of_body[site.body], origin=site.origin))
-    return found
+            named.append(Group(name=names.take(site.path, site.origin), tip=safe(site.path), joints=of_body[site.body], origin=site.origin))
+    return named
 
 
 def _exported(robot: Robot) -> Iterator[Site]:

@@ -64,7 +64,7 @@ def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri:
     alike: dict[frozenset[str], list[tuple[Robot, Element]]] = {}
     for robot, tree in zip(request.robots, trees, strict=True):
         alike.setdefault(frozenset(joint.path for body in robot.bodies for joint in body.joints), []).append((robot, tree))
-    found: dict[str, Meetings] = {}
+    by_mode: dict[str, Meetings] = {}
     lost: list[Loss] = []
     for group in alike.values():
         first, tree = group[0]
@@ -75,5 +75,5 @@ def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri:
             what = "which links never meet: MuJoCo does not read their shapes"
             lost += [Loss.of(robot.mode.origin, "ros", robot.mode.name, robot.mode.name, what, "omitted") for robot, _ in group]
         else:
-            found |= {robot.mode.name: met for robot, _ in group}
-    return found, lost
+            by_mode |= {robot.mode.name: met for robot, _ in group}
+    return by_mode, lost

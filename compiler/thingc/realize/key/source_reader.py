@@ -56,7 +56,7 @@ def read(source: bytes) -> dict[str, Any]:
 def functions(tree: ast.Module, source: bytes) -> list[ast.FunctionDef]:
     """The functions and methods of a module that run when they are called and not before, in the order of the text. Left out are those
     that others may have looked at by then (decorated ones, but for what Python itself has), and those whose call runs nothing yet."""
-    found: list[ast.FunctionDef] = []
+    definitions: list[ast.FunctionDef] = []
     yields = b"yield" in source
     waiting: list[ast.AST] = [statement for statement in tree.body if not _is_main_guard(statement)]
     while waiting:
@@ -64,10 +64,10 @@ def functions(tree: ast.Module, source: bytes) -> list[ast.FunctionDef]:
         if isinstance(node, ast.FunctionDef):
             plain = all(isinstance(one, ast.Name) and one.id in PLAIN for one in node.decorator_list)
             if plain and not (yields and any(isinstance(one, (ast.Yield, ast.YieldFrom)) for one in ast.walk(node))):
-                found.append(node)
+                definitions.append(node)
         elif not isinstance(node, (ast.AsyncFunctionDef, ast.expr)):
             waiting[:0] = ast.iter_child_nodes(node)
-    return found
+    return definitions
 
 
 def _own(function: ast.FunctionDef) -> list[Any]:

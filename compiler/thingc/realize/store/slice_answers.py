@@ -49,7 +49,7 @@ class SliceAnswers:
         return sliced
 
     def _ask(
-        self, missing: Mapping[tuple[str, Slicing], list[str]], found: Records, run: Run, timeout: float,
+        self, missing: Mapping[tuple[str, Slicing], list[str]], records: Records, run: Run, timeout: float,
         broken: Callable[[str, dict[str, Any]], PartFailure],
     ) -> None:
         ordered = sorted(missing, key=repr)
@@ -61,7 +61,7 @@ class SliceAnswers:
             key = ordered[request["number"]]
             if "failed" in answer:
                 for text in missing[key]:
-                    found[text] = broken(text, answer)
+                    records[text] = broken(text, answer)
                 continue
             self._keep(key, answer["answer"])
 

@@ -97,10 +97,10 @@ class _Kind:
     raw: bool
 
 
-def _distinct(found: Iterable[tuple[Touching, Touching]]) -> Iterator[tuple[Touching, Touching]]:
+def _distinct(meeting: Iterable[tuple[Touching, Touching]]) -> Iterator[tuple[Touching, Touching]]:
     """One pair for all that are refused for the same reason."""
     seen: set[tuple[_Kind, _Kind]] = set()
-    for pair in found:
+    for pair in meeting:
         one, other = (
             _Kind(
                 (geom.type, str(geom.margin), geom.values.get("condim", ""), geom.values.get("priority", "")),
@@ -126,11 +126,11 @@ def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
 
 def _prisms(root: Element) -> Iterator[Loss]:
     """A prism in the place of every cylinder that may meet a box or a mesh. Prisms are meshes, which other cylinders may meet."""
-    found = [pair for pair in pairs(root) if pair[0].element is not None]
+    meeting = [pair for pair in pairs(root) if pair[0].element is not None]
     replaced: dict[int, Touching] = {}
     while True:
         more = [
-            geom for pair in found for geom in pair
+            geom for pair in meeting for geom in pair
             if geom.type == "cylinder" and id(geom.element) not in replaced
             and any(("mesh" if id(other.element) in replaced else other.type) in ("box", "mesh") for other in pair if other is not geom)
         ]

@@ -65,15 +65,15 @@ def pairs(root: Element) -> Iterator[tuple[Touching, Touching]]:
 
 def defaults(root: Element, tag: str) -> dict[str, dict[str, str]]:
     """What the default classes say of elements of a kind, by class, with what they have of those around them."""
-    found: dict[str, dict[str, str]] = {}
+    by_class: dict[str, dict[str, str]] = {}
     waiting = [(child, dict[str, str]()) for child in root.children if child.tag == "default"]
     while waiting:
         element, above = waiting.pop()
         own = element.find(tag)
         values = {**above, **(own.attributes if own is not None else {})}
-        found[element.attributes.get("class", "main")] = values
+        by_class[element.attributes.get("class", "main")] = values
         waiting += [(child, values) for child in element.children if child.tag == "default"]
-    return found
+    return by_class
 
 
 def _bodies(root: Element) -> Iterator[tuple[Element, int | None]]:
