@@ -11,9 +11,10 @@ from thingc.diagnostics import Code, Diagnostic, Severity, Stage, shown_path
 from thingc.environment import Environment, Options
 from thingc.frozen import dataclass
 from thingc.layout import write_in_place
-from thingc.layout.setting import Keys, Unsettable, changes, with_values
+from thingc.layout.setting import Keys, Unsettable, Written, changes, with_values
 from thingc.load import Documents
-from thingc.source import Document, MappingNode, node_at
+from thingc.load.flow import is_flow, read_flow
+from thingc.source import Document, MappingNode, Node, SequenceNode, line_of, node_at
 from thingc.spec.choices import nested, parse
 
 
@@ -43,7 +44,7 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
         return ValuesWritten(found=tuple(elsewhere))
     values = {keys_of(root, path): text for path, text in given.items()}
     try:
-        text = with_values(root, values).text
+        text = with_values(root, {keys: _written(text) for keys, text in values.items()}).text
     except Unsettable as fault:
         return ValuesWritten(found=(_wrong(str(fault), "write it by hand"),))
     before, after = both(root, text)
@@ -98,6 +99,18 @@ def keys_of(root: Document, path: str) -> Keys:
         return tuple(path.split("."))
     full = isinstance(node_at(root.tree, ("parameters", path)), MappingNode)
     return ("parameters", path, "value") if full else ("parameters", path)
+
+
+def _written(text: str) -> Written:
+    """What a text is in a document, where nothing is wrong with it."""
+    tree = read_flow(text, line_of("")) if is_flow(text) else None
+    return text if tree is None or isinstance(tree, Diagnostic) else _texts(tree)
+
+
+def _texts(node: Node) -> Written:
+    if isinstance(node, MappingNode):
+        return {key: _texts(one) for key, one in node.entries.items()}
+    return [_texts(one) for one in node.items] if isinstance(node, SequenceNode) else node.text
 
 
 def _elsewhere(root: Document, path: str) -> Diagnostic | None:

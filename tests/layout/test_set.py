@@ -205,7 +205,27 @@ def test_values_are_written_and_said(here: Path, capsys: pytest.CaptureFixture[s
     assert json.loads(capsys.readouterr().out)["set"] == [{"path": "parameters.load", "before": "2 kg", "after": "3 kg"}]
 
 
+def test_a_mapping_and_a_list_are_set_as_a_whole(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["joints.lift.dynamics={damping: 0.1 N*m*s/rad, friction: '0.2 N*m'}", "joints.lift.limit={lower: -1 rad, upper: 90 deg}"]
+    assert main(["set", "arm.yaml", *words, "components.base.mounts.top.xyz=[0, 0, =reach / 2]"]) == 0
+    assert changed(DOCUMENT, (here / "arm.yaml").read_text()) == [
+        "-  base: {frame: true, mounts: {top: {xyz: [0, 0, =reach]}}}", "+  base: {frame: true, mounts: {top: {xyz: [0, 0, =reach / 2]}}}",
+        "-  lift: {type: revolute, parent: base.top, child: beam.origin, limit: {lower: -90 deg, upper: 90 deg}}",
+        "+  lift: {type: revolute, parent: base.top, child: beam.origin, limit: {lower: -1 rad, upper: 90 deg}, "
+        "dynamics: {damping: 0.1 N*m*s/rad, friction: 0.2 N*m}}",
+    ]
+    (here / "arm.toml").write_text(
+        'thingc = "assembly/1"\nname = "arm"\n[components.base]\nframe = true\n[modes]\nm = {root = "base", base = "fixed"}\n'
+    )
+    assert main(["set", "arm.toml", "modes.m.at={xyz: [0, 0, 200 mm]}"]) == 0
+    assert tomllib.loads((here / "arm.toml").read_text())["modes"]["m"]["at"] == {"xyz": [0, 0, "200 mm"]}
+
+
 @pytest.mark.parametrize(("words", "said"), [
+    (["joints.lift.limit={lower: 1 deg, uper: 2 deg}"], ["unknown key `uper` in `joints.lift.limit`", "did you mean `upper`?"]),
+    (["joints.lift.limit={lower: 1 deg"], ["`joints.lift.limit` cannot be read: the `{` opened here is not closed"]),
+    (["joints.lift.limit=[1 deg, 2 deg]"], ["expected a mapping", "found a list of 2"]),
+    (["joints.lift.limit=1 deg"], ["is no value, but has values inside", "or set all of it: `joints.lift.limit={...}`"]),
     (["rech=1 mm", "load=3 mm", "joints.lift.limits.upper=1 deg"], [
         "has no parameter `rech`", "found a length (`3 mm`)", "has no `limits`"]),
     (["reach=300 mm"], ["at most 200 mm"]),

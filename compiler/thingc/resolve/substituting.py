@@ -1,8 +1,8 @@
 """Values that are set by their path in place of what a document says: `joints.elbow.limit.upper` and a text.
 
-The text is put into the document's tree as if it were written there, and the tree is validated anew: what may stand at a place,
-and in which unit, is said by whoever says it of documents. Its place is the option (`source.option_span`), so that whatever is wrong
-with it, here or in a later pass, is said of the option and not of the document.
+The text is put into the document's tree as if it were written there, a mapping or a list on one line (`{on: floor}`) included, and the tree
+is validated anew: what may stand at a place, and in which unit, is said by whoever says it of documents. Its place is the option
+(`source.option_span`), so that whatever is wrong with it, here or in a later pass, is said of the option and not of the document.
 """
 
 from __future__ import annotations
@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 
-from thingc.diagnostics import Code, Report
+from thingc.diagnostics import Code, Diagnostic, Report
+from thingc.frozen import dataclass
+from thingc.load.flow import is_flow, read_flow
 from thingc.load.scalars import core_value
 from thingc.load.text import forbidden
 from thingc.resolve.table import Context
-from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode, closest, option_span
+from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span, closest, option_span
 from thingc.spec import validate_one
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.shapes import AnnotationShape, alternatives, model_keys, shape_of
@@ -29,6 +31,14 @@ FIXED = {
 """Keys of an assembly at which nothing is set, and why."""
 
 
+@dataclass(frozen=True, slots=True)
+class Astray:
+    """Why a text cannot stand at a path, and what helps."""
+
+    message: str
+    help: str | None
+
+
 def substituted(
     context: Context, document: Document, spec: AssemblySpec, values: Mapping[str, str],
 ) -> tuple[Document, AssemblySpec]:
@@ -40,20 +50,13 @@ def substituted(
     wrong = False
     for path, text in values.items():
         keys = tuple(path.split("."))
-        said = _astray(document, keys, context.from_top)
-        value = None
-        if said is None and (bad := forbidden(text)) is not None:
-            said = (f"`{path}`: {bad[1]}", "take it out")
-        if said is None:
-            try:
-                value = core_value(text)
-            except OverflowError:
-                said = (f"`{path}` is a number that is not finite (`{shortened(text)}`)", "write a finite number")
-        if said is not None:
-            context.say_of_option(path, *said)
+        place = option_span(context.from_top(path), shortened(text))
+        read = _astray(document, keys, text, context.from_top) or _read(path, text, place)
+        if isinstance(read, Astray):
+            context.say_of_option(path, read.message, read.help)
             wrong = True
-            continue
-        tree = _with(tree, keys, ScalarNode(value=value, text=text, span=option_span(context.from_top(path), shortened(text))))
+        else:
+            tree = _with(tree, keys, read)
     if wrong or not isinstance(tree, MappingNode):
         return document, spec
     changed = replace(document, tree=tree)
@@ -67,7 +70,20 @@ def substituted(
     return (changed, sound) if isinstance(sound, AssemblySpec) else (document, spec)
 
 
-def _with(node: Node | None, keys: tuple[str, ...], leaf: ScalarNode) -> Node:
+def _read(path: str, text: str, place: Span) -> Node | Astray:
+    """What a text says at a path, all of it at one place."""
+    if (bad := forbidden(text)) is not None:
+        return Astray(f"`{path}`: {bad[1]}", "take it out")
+    if is_flow(text):
+        tree = read_flow(text, place)
+        return Astray(f"`{path}` cannot be read: {tree.message}", tree.help) if isinstance(tree, Diagnostic) else tree
+    try:
+        return ScalarNode(value=core_value(text), text=text, span=place)
+    except OverflowError:
+        return Astray(f"`{path}` is a number that is not finite (`{shortened(text)}`)", "write a finite number")
+
+
+def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
     """A tree like `node` with `leaf` at `keys`; mappings on the way that are not there are made."""
     if not keys:
         return leaf
@@ -78,19 +94,19 @@ def _with(node: Node | None, keys: tuple[str, ...], leaf: ScalarNode) -> Node:
     return MappingNode(entries=entries, keys=spans, span=leaf.span if node is None else node.span)
 
 
-def _astray(document: Document, keys: tuple[str, ...], whole: Callable[[str], str]) -> tuple[str, str | None] | None:
+def _astray(document: Document, keys: tuple[str, ...], text: str, whole: Callable[[str], str]) -> Astray | None:
     """Where a path leaves what an assembly may have or, of things with names, what this one has: a message, and the nearest path that
-    does not. None where it leads to a value. `whole` gives paths as the top document has them."""
+    does not. None where it leads to a value, or `text` is what holds values. `whole` gives paths as the top document has them."""
     if keys[0] in FIXED:
-        return f"`{keys[0]}` is not set by a path", FIXED[keys[0]]
+        return Astray(f"`{keys[0]}` is not set by a path", FIXED[keys[0]])
     node: Node | None = document.tree
     shape = shape_of(AssemblySpec)
     for depth, key in enumerate(keys):
         here = whole(".".join(keys[:depth]))
         if isinstance(node, ScalarNode):
-            return f"`{here}` is `{shortened(node.text)}`: there is nothing inside it", f"set `{here}`"
+            return Astray(f"`{here}` is `{shortened(node.text)}`: there is nothing inside it", f"set `{here}`")
         if isinstance(node, SequenceNode):
-            return f"`{here}` is a list: nothing inside it is set by a path", f"set `{here}` as a whole, as text, where it takes text"
+            return Astray(f"`{here}` is a list: nothing inside it is set by a path", f"set `{here}` as a whole")
         branches = alternatives(shape)
         inner = next((branch for branch in branches if branch.model is not None and key in model_keys(branch.model)), None)
         if inner is not None:
@@ -107,14 +123,14 @@ def _astray(document: Document, keys: tuple[str, ...], whole: Callable[[str], st
             there = [key for one in branches if one.model is not None for key in model_keys(one.model)]
             return _no_such(document, keys, depth, there, whole)
         else:
-            return f"`{here}` is a value: there is nothing inside it", f"set `{here}`"
+            return Astray(f"`{here}` is a value: there is nothing inside it", f"set `{here}`")
         node = node.entries.get(key) if isinstance(node, MappingNode) else None
-    return _unfinished(whole(".".join(keys)), shape, node)
+    return None if is_flow(text) else _unfinished(whole(".".join(keys)), shape, node)
 
 
 def _no_such(
     document: Document, keys: tuple[str, ...], depth: int, known: Iterable[str], whole: Callable[[str], str],
-) -> tuple[str, str]:
+) -> Astray:
     """What to say of the key at `depth`, which is none of those that are known there."""
     known, key = list(known), keys[depth]
     sections = [name for name, node in document.tree.entries.items() if isinstance(node, MappingNode) and keys[0] in node.entries]
@@ -126,10 +142,10 @@ def _no_such(
     else:
         help = did_you_mean(key, known, what=keys[0] if depth == 1 else "keys")
     here = f"`{whole('.'.join(keys[:depth]))}` has" if depth else "an assembly has"
-    return f"{here} no `{shortened(key)}`", help
+    return Astray(f"{here} no `{shortened(key)}`", help)
 
 
-def _unfinished(path: str, shape: AnnotationShape, node: Node | None) -> tuple[str, str] | None:
+def _unfinished(path: str, shape: AnnotationShape, node: Node | None) -> Astray | None:
     """What to say where a path ends before a value: at something that is a mapping, or a list of them, and nothing else."""
     branches = alternatives(shape)
     kinds = {branch.kind for branch in branches}
@@ -137,5 +153,6 @@ def _unfinished(path: str, shape: AnnotationShape, node: Node | None) -> tuple[s
         return None
     inside = [key for branch in branches if branch.model is not None for key in model_keys(branch.model)]
     inside += node.entries if isinstance(node, MappingNode) else ()
-    help = "name one of them: " + ", ".join(f"`{path}.{key}`" for key in dict.fromkeys(inside[:6])) if inside else None
-    return f"`{path}` is no value, but has values inside", help or ""
+    named = [f"`{path}.{key}`" for key in dict.fromkeys(inside[:6])]
+    help = f"name one of them: {', '.join(named)}; or set all of it: `{path}={{...}}`" if named else f"set all of it: `{path}={{...}}`"
+    return Astray(f"`{path}` is no value, but has values inside", help)
