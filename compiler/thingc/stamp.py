@@ -7,7 +7,6 @@ folder it wrote) still stands, and no document needs to be parsed.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import os
@@ -73,7 +72,6 @@ def save(
 
     Without inputs (they changed under the run) nothing is remembered.
     """
-    from thingc.realize.store.local import StoreUnusable
 
     if inputs is None:
         return
@@ -83,9 +81,7 @@ def save(
         "diagnostics": [packed(d) for d in diagnostics],
         "answer": dict(answer),
     }
-    # A store that can only be read makes the next run slower, not this one wrong.
-    with contextlib.suppress(StoreUnusable):
-        store.put_json("stamp", key, kept)
+    store.note_json("stamp", key, kept)
 
 
 def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | None:

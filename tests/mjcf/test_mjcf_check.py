@@ -350,6 +350,27 @@ def test_modes_that_differ_in_names_and_gravity_start_alike(store: Store, monkey
     assert looked[2:] == 2 * ["floor", "adrift"]
 
 
+def test_of_modes_that_start_alike_one_is_compiled_again_in_a_session(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another damping, then a limit as well: with that, each mode has something of its own that nobody has seen yet."""
+    counted = compiled(monkeypatch)
+    made, memo = arm(store), Memo()
+
+    def of_three() -> int:
+        request = replace(made.request(store, ("floor", "fixed"), ("wall", "fixed"), ("adrift", "free")), memo=memo)
+        floor, wall, adrift = request.robots
+        before = len(counted)
+        emit(replace(request, robots=(floor, replace(wall, gravity=(9.81, 0.0, 0.0)), adrift)))
+        assert request.report.diagnostics == []
+        return len(counted) - before
+
+    assert of_three() == 3
+    made.segments[1].dynamics = replace(made.segments[1].dynamics, damping=0.31)
+    assert of_three() == 2
+    made.segments[1].dynamics = replace(made.segments[1].dynamics, damping=0.32)
+    made.segments[1].limit = replace(made.segments[1].limit, upper=2.5)
+    assert of_three() == 3
+
+
 def test_of_what_starts_otherwise_only_what_touches_is_read_again(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     """The drawn mesh of a part is longer by a comment. It is known then, and no start depends on it."""
     made = arm(store)

@@ -123,6 +123,28 @@ def test_an_answer_that_has_come_before_it_is_asked_for_is_given(place: Any, sen
     assert isinstance(made(service), PartRecord) and sent == []
 
 
+@pytest.mark.parametrize("saved_again", [False, True])
+def test_a_child_is_ready_before_it_is_asked(place: Any, sent: list[str], saved_again: bool) -> None:
+    """It has the code that was there by then; of what was saved afterwards it is not asked."""
+    place.write("parts/blocks.py", BLOCK)
+    made(place.service())
+    path = place.write("parts/blocks.py", BLOCK.replace("30", "33"))
+    place.workers.prepare([str(path)])
+    [worker] = place.workers._processes
+    last = time.monotonic() + 60.0
+    while not (ready := psutil.Process(worker.process.pid).children()) and time.monotonic() < last:
+        time.sleep(0.01)
+    [child] = ready
+    if saved_again:
+        place.write("parts/blocks.py", BLOCK.replace("30", "34"))
+    found = made(place.service())
+    assert isinstance(found, PartRecord) and found.box is not None
+    assert found.box[1][0] - found.box[0][0] == pytest.approx(0.034 if saved_again else 0.033, abs=1e-9)
+    while (left := psutil.Process(worker.process.pid).children()) and time.monotonic() < last:
+        time.sleep(0.01)
+    assert left == [] and not child.is_running()
+
+
 def test_the_workers_are_asked_before_what_is_done_meanwhile(place: Any, sent: list[str]) -> None:
     """More than they take at once, too."""
     references = [f"blocks_{number}:Block" for number in range(6)]

@@ -143,3 +143,24 @@ def test_writers_killed_at_any_moment_leave_nothing_damaged(tmp_path: Path) -> N
         assert hashlib.sha256(Path(store.path(name)).read_bytes()).hexdigest() == name
     found = [value for k in range(50) if (value := store.get_json("kind", str(k))) is not None]
     assert len(found) == len([path for path in (tmp_path / "kind").glob("*/*") if "." not in path.name])
+
+
+def test_what_is_only_noted_waits_while_somebody_is_in_a_hurry(tmp_path: Path) -> None:
+    store, other = Store(str(tmp_path)), Store(str(tmp_path))
+    with store.hurried():
+        store.note_json("facts", "a", [1])
+        store.put_json("record", "b", [2])
+        assert store.get_json("facts", "a") == [1] and other.get_json("facts", "a") is None
+        assert other.get_json("record", "b") == [2]
+    assert other.get_json("facts", "a") == [1]
+    store.note_json("facts", "a", [3])
+    assert other.get_json("facts", "a") == [3]
+
+
+def test_what_is_only_noted_is_lost_without_a_word(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    store = Store(str(tmp_path / "file" / "store"))
+    with store.hurried():
+        store.note_json("facts", "a", [1])
+    store.note_json("facts", "a", [1])
+    assert store.get_json("facts", "a") is None

@@ -92,6 +92,7 @@ class Live:
         self._turn = turn or contextlib.nullcontext()
         self._workers = self._fresh_workers()
         self._abandoned: tuple[str, ...] = ()
+        self._saved: tuple[str, ...] = ()
         self._memo = Memo()
         self._geometry: GeometryService | None = None
         self._last_geometry: GeometryService | None = None
@@ -156,7 +157,7 @@ class Live:
     def _round(self, saved: tuple[str, ...]) -> tuple[Round, tuple[str, ...]]:
         """What comes of the document now, and what was saved while it was looked at: then nothing has been written."""
         started, clock, begun = time.perf_counter(), time.time(), time.monotonic()
-        self._abandoned = ()
+        self._abandoned, self._saved = (), saved
         built: Built | None = None
         folder: str | None = None
         good = False
@@ -167,16 +168,17 @@ class Live:
         more: tuple[str, ...] = ()
         try:
             wish = self._wish()
-            if isinstance(wish, Wish):
-                built = self._built(wish)
-                said = built.diagnostics
-            else:
-                said = wish
-            time.sleep(_unquiet(saved))
-            more = self._look(clock, built) or self._abandoned
-            if not more and built is not None and built.files is not None and isinstance(wish, Wish):
-                folder = building.write(self.environment, built, wish, self._on_wait) if self._writes else None
-                good = True
+            with self.environment.store.hurried():
+                if isinstance(wish, Wish):
+                    built = self._built(wish)
+                    said = built.diagnostics
+                else:
+                    said = wish
+                time.sleep(_unquiet(saved))
+                more = self._look(clock, built) or self._abandoned
+                if not more and built is not None and built.files is not None and isinstance(wish, Wish):
+                    folder = building.write(self.environment, built, wish, self._on_wait) if self._writes else None
+                    good = True
         except Exception as fault:  # whatever it is, the next save may mend it
             said = [self._refused(fault)]
             more = self._look(clock, built) or self._abandoned
@@ -242,7 +244,7 @@ class Live:
         if self._geometry is None or self._geometry.workspace != workspace:
             self._geometry = geometry_of(workspace, self.options, store, workers=self._workers)
             if self._last_geometry is not None:
-                self._geometry.expect(self._last_geometry)
+                self._geometry.expect(self._last_geometry, self._saved)
         return self._geometry
 
     def _look(self, clock: float, built: Built | None) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from thingc.source import MappingNode, Node, SequenceNode, Span
 
 
 def is_flow(text: str) -> bool:
-    """Whether a text is written as a mapping or a list in YAML's flow style, well or not, and not as a value (which may be `[draft] arm`)."""
+    """Whether a text is written as a mapping or a list in YAML's flow style, well or not: `[draft] arm` is not."""
     return text.startswith("{") or text.startswith("[") and text.endswith("]")
 
 

@@ -106,6 +106,11 @@ class Workers:
                 for request in requests:
                     self._begun[_text(request)] = self._send(self._processes[0], request)
 
+    def prepare(self, files: Sequence[str]) -> None:
+        """Let workers that are there, and fork, get ready for a part whose code is in these files."""
+        for worker in self._processes if self.forking else ():
+            worker.process.ask({"prepare": files})
+
     def forget(self, but: Iterable[Mapping[str, Any]] = ()) -> None:
         """End what was begun and is not wanted: all but these requests."""
         wanted = set(map(_text, but))

@@ -48,8 +48,7 @@ class KeptRecords:
         self, definition: PartDefinition, build_key: BuildKey, code: CodeIngredients | None, ran: Mapping[str, Sequence[int] | None] | None,
         reads: list[list[str]],
     ) -> None:
-        """Keep which functions ran, by file (None: nobody knows), for the record under a part's key with these reads. Raises
-        `StoreUnusable`."""
+        """Keep which functions ran, by file (None: nobody knows), for the record under a part's key with these reads."""
         if code is None or not code.sources or ran is None:
             return
         traces = evidence(code, ran)
@@ -57,7 +56,7 @@ class KeptRecords:
             key = self._outline_key(definition, code)
             others = [one for one in self._store.get_json("ran", key) or () if (one["digest"], one["reads"]) != (traces["digest"], reads)]
             newest = {**traces, "record": build_key.key, "reads": reads}
-            self._store.put_json("ran", key, [newest, *others[: CANDIDATES - 1]])
+            self._store.note_json("ran", key, [newest, *others[: CANDIDATES - 1]])
 
     def _outline_key(self, definition: PartDefinition, code: CodeIngredients) -> str:
         return record_key(definition, outlined(code), self._parts.versions(code, definition.reference), self._workspace).key

@@ -129,11 +129,12 @@ class GeometryService:
             self.warm()
         return needed
 
-    def expect(self, last: GeometryService) -> None:
+    def expect(self, last: GeometryService, saved: Collection[str] = ()) -> None:
         """Begin with what will likely have to be modelled anew: parts that the service before this one was asked for, whose code is
-        another now. What they take is described meanwhile, and `realize` finds them under way where that left them what they were: with
-        the parameters that were given to them, and defaults as they are now."""
-        requests = []
+        another now, for these files (absolute paths) were `saved`. What they take is described meanwhile, and `realize` finds them under
+        way where that left them what they were: with the parameters that were given to them, and defaults as they are now."""
+        begun = 0
+        self._worker_pool().prepare([path for path in saved if path.endswith(".py")])
         self._requests.slicings = dict(last._requests.slicings)
         for definition in last.wanted:
             prepared = self._requests.prepared(definition, last._requests.given(definition))
@@ -142,10 +143,9 @@ class GeometryService:
             kept = self._kept.find(definition, prepared.build_key, prepared.code)
             if kept is not None:
                 self._expected[prepared.build_key.key] = kept
-            else:
-                requests.append(self._requests.modelling(definition, prepared))
-        if requests:
-            self._worker_pool().begin(requests[: self._jobs])
+            elif begun < self._jobs:
+                self._worker_pool().begin([self._requests.modelling(definition, prepared)])
+                begun += 1
 
     def close(self) -> None:
         """End the workers; nothing of them is alive afterwards."""

@@ -57,7 +57,7 @@ def check_overlaps(assembly: Assembly, store: Store, report: Report, memo: Memo)
     content = [[_made_of(pair.one), _made_of(pair.other), repr(pair.at)] for pair in pairs]
     key = hashlib.sha256(json.dumps([SHARE, LEAST, content]).encode()).hexdigest()
     if store.get_json(KIND, key) is None and not _look(pairs, store, report, memo):
-        store.put_json(KIND, key, True)
+        store.note_json(KIND, key, True)
 
 
 def _look(pairs: Sequence[_Pair], store: Store, report: Report, memo: Memo) -> bool:

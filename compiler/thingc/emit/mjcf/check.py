@@ -53,11 +53,14 @@ class Verdict:
     model: Any = None
 
 
-def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, report: Report, *, starts: bool = True) -> None:
+def check(
+    candidates: Sequence[Candidate], geometry: Geometry, store: Store, report: Report, memo: Memo, *, starts: bool = True,
+) -> None:
     """Compile every candidate's scene, and with it the model in it; errors and warnings go to `report` at their origin. With `starts`
     the first instant of each is looked at, too (`start.py`); of several that start alike, that of the first.
 
-    What MuJoCo has accepted before, it is not asked again (`known.py`).
+    What MuJoCo has accepted before, it is not asked again (`known.py`): nor is one of several that start alike compiled where the first of
+    them is accepted, and what it has of its own (names, limits, colours, gravity) was when it was compiled last in this session.
     """
     known = Known(store, mujoco_version(), geometry.meshes)
     waiting = [candidate for candidate in candidates if not known.model(candidate.texts, started=starts)]
@@ -68,8 +71,9 @@ def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, rep
         if key in alike or not known.start(key):
             leaders[one.mode] = alike.setdefault(key, one)
     begun: dict[str, start.Start] = {}
+    settled: set[str] = set()
     touching = {shape.mesh for one in geometry.shapes for shape in one.collision if shape.mesh is not None}
-    for candidate, verdict, files in _verdicts(waiting, known, {one.mode for one in alike.values()}, touching):
+    for candidate, verdict, files in _verdicts(waiting, known, {one.mode for one in alike.values()}, touching, settled):
         if verdict.error is not None:
             _explain(candidate, files, report, scene_error=verdict.error)
             continue
@@ -82,21 +86,25 @@ def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, rep
             begun[candidate.mode] = replace(begun[leader.mode], robot=candidate.robot)
         if not verdict.warnings and (leader is None or candidate.mode in begun and begun[candidate.mode].in_order):
             known.accept(candidate.texts, started=starts)
+            memo.keep(*_own(candidate), True)
+            followers = [one for one in waiting if leader is candidate and leaders.get(one.mode) is candidate]
+            settled.update(one.mode for one in followers if memo.last(*_own(one)))
         for warning in verdict.warnings:
             _say(Code.MJCF_WARNING, "warns of", warning, candidate, candidate.model, report, severity=Severity.WARNING)
     start.say([begun[one.mode] for one in waiting if one.mode in begun], report)
 
 
 def _verdicts(
-    candidates: Sequence[Candidate], known: Known, looked: Collection[str], touching: Collection[str],
+    candidates: Sequence[Candidate], known: Known, looked: Collection[str], touching: Collection[str], settled: Collection[str],
 ) -> Iterator[tuple[Candidate, Verdict, Any]]:
     """What MuJoCo says of each scene, which holds all that the model in it does, and the files that it has read. Modes that are `looked` at
-    need the true meshes of what is `touching`, and come first. One after the other, for it keeps what it reads among the files, so that two
-    at once are given each other's models, or end the process. It keeps the meshes of the first, too, and needs threads for these alone; and
-    the textures, which are the same in all scenes, it need not paint again."""
+    need the true meshes of what is `touching`, and come first; of the others those that are `settled` by then are left out. One after the
+    other, for it keeps what it reads among the files, so that two at once are given each other's models, or end the process. It keeps the
+    meshes of the first, too, and needs threads for these alone; and the textures, which are the same in all scenes, it need not paint
+    again."""
     first = True
     for true in (touching, ()):
-        batch = [one for one in candidates if (one.mode in looked) is (true is touching)]
+        batch = [one for one in candidates if (one.mode in looked) is (true is touching) and one.mode not in settled]
         if not batch:
             continue
         files = in_memory(known.data([one.root for one in batch], true))
@@ -172,6 +180,12 @@ def took_scenes(candidates: Sequence[Candidate], memo: Memo) -> None:
     """Note that MuJoCo has taken the scenes of these without a word."""
     for candidate in candidates:
         memo.keep(*_scene(candidate), True)
+
+
+def _own(candidate: Candidate) -> tuple[tuple[str, str], tuple[str, tuple[str, ...]]]:
+    """Where it is noted that MuJoCo has taken what a mode has of its own, and what that is: its scene without numbers, and what of its
+    model `start.key` leaves out."""
+    return ("mujoco own", candidate.mode), (_NUMBERS.sub("", candidate.scene.text), start.apart(candidate.model.text))
 
 
 def _scene(candidate: Candidate) -> tuple[tuple[str, str], tuple[str]]:

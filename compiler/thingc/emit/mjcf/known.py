@@ -53,13 +53,13 @@ class Known:
 
     def accept(self, texts: Sequence[str], *, started: bool) -> None:
         """Remember a model, and the meshes in it; with `started` also that its first instant was in order."""
-        self.store.put_json(MODEL, self._key((*texts, str(started))), True)
+        self.store.note_json(MODEL, self._key((*texts, str(started))), True)
         self.accept_meshes()
 
     def accept_meshes(self) -> None:
         """Remember the meshes of a model that was accepted."""
         while self._new:
-            self.store.put_json(MESH, self._new.popitem()[1], True)
+            self.store.note_json(MESH, self._new.popitem()[1], True)
 
     def start(self, key: str) -> bool:
         """Whether a first instant was in order."""
@@ -67,7 +67,7 @@ class Known:
 
     def accept_start(self, key: str) -> None:
         """Remember that it was."""
-        self.store.put_json(START, self._key((key,)), True)
+        self.store.note_json(START, self._key((key,)), True)
 
     def data(self, models: Iterable[Element], true: Collection[str] = ()) -> dict[str, bytes]:
         """What MuJoCo shall read as each file: its bytes where it is not known, or has to be `true` (names of meshes), else a tetrahedron.

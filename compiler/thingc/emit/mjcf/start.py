@@ -35,6 +35,12 @@ def key(text: str, robot: Robot) -> str:
     return hashlib.sha256(f"{robot.mode.pose}\n{model}".encode()).hexdigest()
 
 
+def apart(text: str) -> tuple[str, ...]:
+    """What of a model's text no first instant depends on: what `key` leaves out."""
+    head, _, rest = text.partition("<mujoco ")
+    return (head, rest.partition(">")[0], *_INDIFFERENT.findall(rest))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inside:
     """Two parts, by path, that start in each other by `depth` [m]."""

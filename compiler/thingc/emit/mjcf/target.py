@@ -73,7 +73,7 @@ def models(request: EmitRequest) -> Models:
         starts = not request.repeated
         due = check.due(every, request.verify, request.memo)
         waiting = check.doubtful(due, geometry.meshes, request.store, request.memo, starts=starts)
-        check.check(waiting, geometry, request.store, report, starts=starts)
+        check.check(waiting, geometry, request.store, report, request.memo, starts=starts)
         if not report.diagnostics:
             check.took_scenes(waiting, request.memo)
             check.took(due, request.verify, request.memo)

@@ -8,7 +8,6 @@ that it read.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import os
 import sys
@@ -17,7 +16,7 @@ from dataclasses import field
 
 from thingc.frozen import dataclass
 from thingc.realize.key.modules import Finder, Module
-from thingc.realize.store.local import Store, StoreUnusable
+from thingc.realize.store.local import Store
 
 VERSION = 4
 """Of `ModuleFacts`: a change of their meaning must raise it, since they are kept by the content of a file."""
@@ -137,8 +136,7 @@ class ModuleSources:
 
             facts = read(data)
             if self.store is not None:
-                with contextlib.suppress(StoreUnusable):  # kept for speed only
-                    self.store.put_json("facts", key, facts)
+                self.store.note_json("facts", key, facts)
         file = module.file or ""
         inside = module.workspace and file.startswith(self.root)
         path = file[len(self.root) :].replace(os.sep, "/") if inside else os.path.basename(file)

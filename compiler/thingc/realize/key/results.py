@@ -5,7 +5,6 @@ One build_key may have several answers, each with its reads; the one whose reads
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
@@ -13,7 +12,7 @@ from typing import Any
 from thingc.frozen import dataclass
 from thingc.realize.key.build_key import BuildKey
 from thingc.realize.key.file_states import state_of
-from thingc.realize.store.local import Store, StoreUnusable
+from thingc.realize.store.local import Store
 
 CANDIDATES = 8
 """How many answers are kept under one build_key; the oldest goes first."""
@@ -79,8 +78,7 @@ class Results:
     def note_files(self, files: Mapping[str, str]) -> None:
         """Remember what the files that parts depend on were like (`path` in the workspace or absolute: state)."""
         if self.store.get_json("files", self.root) != dict(files):
-            with contextlib.suppress(StoreUnusable):
-                self.store.put_json("files", self.root, dict(files))
+            self.store.note_json("files", self.root, dict(files))
 
     def files_changed(self) -> bool:
         """Whether a file that parts depended on in the last run is another now; also True when there was no last run."""
@@ -102,14 +100,13 @@ class Results:
     def remember(self, realized: Iterable[tuple[str, str, BuildKey]]) -> None:
         """Note what was realized now (reference, definition text, build_key); nothing is written when it is what was realized
         before."""
-        with contextlib.suppress(StoreUnusable):  # what is reused from a read-only store is not worth an error
-            for reference, text, build_key in realized:
-                if self.store.get_json("last", self._of(text)) == build_key.key:
-                    continue
-                self.store.put_json("build_key", build_key.key, build_key.ingredients)
-                self.store.put_json("last", self._of(text), build_key.key)
-                if not self.met_before(reference):
-                    self.store.put_json("met", self._of(reference), True)
+        for reference, text, build_key in realized:
+            if self.store.get_json("last", self._of(text)) == build_key.key:
+                continue
+            self.store.note_json("build_key", build_key.key, build_key.ingredients)
+            self.store.note_json("last", self._of(text), build_key.key)
+            if not self.met_before(reference):
+                self.store.note_json("met", self._of(reference), True)
 
     def _of(self, name: str) -> str:
         """A key for something of this workspace alone."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import os
 import platform
@@ -15,7 +14,7 @@ from thingc.installed import import_path
 from thingc.realize.key.environment import passed
 from thingc.realize.key.file_states import state_of
 from thingc.realize.key.modules import OWN_FOLDER, is_installed
-from thingc.realize.store.local import Store, StoreUnusable
+from thingc.realize.store.local import Store
 
 KERNEL = ("build123d", "OCP", "numpy", "manifold3d")
 """Top-level packages that every record depends on."""
@@ -109,6 +108,5 @@ def _by_import_name(store: Store | None) -> dict[str, str]:
         for name, distributions in metadata.packages_distributions().items()
     }
     if store is not None:
-        with contextlib.suppress(StoreUnusable):  # kept for speed only
-            store.put_json("packages", key, table)
+        store.note_json("packages", key, table)
     return table

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import os
 import time
 from io import BufferedReader
 
-from thingc.realize.store.local import Store, StoreUnusable
+from thingc.realize.store.local import Store
 
 LARGE = 1 << 20
 """Bytes from which on a digest is worth keeping."""
@@ -43,8 +42,7 @@ def _kept(stream: BufferedReader, before: FileSignature, store: Store, path: str
         return str(kept[-1])
     digest = _read(stream)
     if _signature(stream.fileno()) == before and time.time_ns() - max(before[1:3]) > SETTLED:
-        with contextlib.suppress(StoreUnusable):
-            store.put_json("digest", key, [*before, digest])
+        store.note_json("digest", key, [*before, digest])
     return digest
 
 

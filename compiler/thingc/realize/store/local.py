@@ -18,6 +18,7 @@ import hashlib
 import json
 import os
 import sys
+from collections.abc import Iterator
 from typing import Any
 
 SEALED = 946_684_800
@@ -67,10 +68,11 @@ class Store:
     not there.
     """
 
-    __slots__ = ("root",)
+    __slots__ = ("_noted", "root")
 
     def __init__(self, root: str | None = None) -> None:
         self.root = os.path.abspath(root) if root else default_root()
+        self._noted: dict[str, bytes] | None = None
 
     # --- blobs ---------------------------------------------------------------------------------------------------
 
@@ -132,11 +134,15 @@ class Store:
 
     def get_json(self, kind: str, key: str) -> Any | None:
         """The value kept under `kind` (a word, it names a folder) and `key` (any text), or None."""
-        try:
-            with open(self._document(kind, key), "rb") as stream:
-                checksum, _, payload = stream.read().partition(b"\n")
-        except OSError:
-            return None
+        path = self._document(kind, key)
+        data = self._noted.get(path) if self._noted else None
+        if data is None:
+            try:
+                with open(path, "rb") as stream:
+                    data = stream.read()
+            except OSError:
+                return None
+        checksum, _, payload = data.partition(b"\n")
         if _checksum(kind, _name(key), payload) != checksum:
             return None
         try:
@@ -146,8 +152,27 @@ class Store:
 
     def put_json(self, kind: str, key: str, value: Any) -> None:
         """Keep a JSON value under `kind` and `key`, in place of what was there."""
-        payload = json.dumps(value, separators=(",", ":"), sort_keys=True, ensure_ascii=False).encode()
-        self._write(self._document(kind, key), _checksum(kind, _name(key), payload) + b"\n" + payload)
+        self._write(self._document(kind, key), _sealed(kind, key, value))
+
+    def note_json(self, kind: str, key: str, value: Any) -> None:
+        """Keep a JSON value of a kind that only saves time: where that cannot be written, nothing is lost, and nothing is said."""
+        path, data = self._document(kind, key), _sealed(kind, key, value)
+        if self._noted is not None:
+            self._noted[path] = data
+        else:
+            self._write_noted(path, data)
+
+    @contextlib.contextmanager
+    def hurried(self) -> Iterator[None]:
+        """Meanwhile nothing is written of what is only noted: that is done at the end, when nobody waits any more."""
+        noted: dict[str, bytes] = {}
+        self._noted = noted
+        try:
+            yield
+        finally:
+            self._noted = None
+            for path, data in noted.items():
+                self._write_noted(path, data)
 
     # --- files ---------------------------------------------------------------------------------------------------
 
@@ -164,6 +189,10 @@ class Store:
     def _document(self, kind: str, key: str) -> str:
         name = _name(key)
         return os.path.join(self.root, kind, name[:2], name[2:])
+
+    def _write_noted(self, path: str, data: bytes) -> None:
+        with contextlib.suppress(StoreUnusable):
+            self._write(path, data)
 
     def _write(self, path: str, data: bytes, *, seal: bool = False) -> None:
         aside = f"{path}.{os.getpid()}-{os.urandom(6).hex()}"
@@ -193,6 +222,12 @@ class Store:
 
 def _name(key: str) -> str:
     return hashlib.sha256(key.encode()).hexdigest()
+
+
+def _sealed(kind: str, key: str, value: Any) -> bytes:
+    """A JSON document as it is written: a line with its checksum, and the value."""
+    payload = json.dumps(value, separators=(",", ":"), sort_keys=True, ensure_ascii=False).encode()
+    return _checksum(kind, _name(key), payload) + b"\n" + payload
 
 
 def _checksum(kind: str, name: str, payload: bytes) -> bytes:

@@ -13,6 +13,7 @@ import tempfile
 import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 from thingc.realize.worker import process_tree
@@ -33,17 +34,34 @@ WATCH = 0.05
 
 @dataclass(slots=True, kw_only=True)
 class Child:
-    """A running child: what was asked of it, its process (leader of its own group), the pipe its answer comes on, its standard error,
-    and its folder. `status` is how it has ended, as far as that is known."""
+    """A running child: what was asked of it (nothing yet: empty), its process (leader of its own group), the pipes that it is asked on
+    (-1: it has been) and that its answer comes on, its standard error, and its folder. `status` is how it has ended, as far as that is
+    known."""
 
     request: Mapping[str, Any]
     process: int
+    asking: int
     pipe: int
     errors: Any
     scratch: str
     deadline: float
     received: bytearray
     status: int | None = None
+
+    def ask(self, request: Mapping[str, Any]) -> None:
+        """Ask it what it is there for."""
+        self.request = request
+        self.deadline = time.monotonic() + float(request["timeout"])
+        line = json.dumps(request).encode()
+        with contextlib.suppress(OSError):  # it has ended, which is found out as of others
+            while line:
+                line = line[os.write(self.asking, line) :]
+        self._close_asking()
+
+    def _close_asking(self) -> None:
+        if self.asking >= 0:
+            os.close(self.asking)
+            self.asking = -1
 
     def read(self) -> bool:
         """Take what has come; False at the end."""
@@ -59,6 +77,16 @@ class Child:
         """Whether a whole answer has come."""
         return self.received.endswith(b"\n")
 
+    @property
+    def answer(self) -> dict[str, Any]:
+        """What it has answered, for the client."""
+        return {"id": self.request["id"], **json.loads(self.received)}
+
+    def stop(self) -> bool:
+        """Let the child do nothing any more; whether it has started nothing that might."""
+        self._kill(signal.SIGSTOP)
+        return not process_tree.descendants(self.process)
+
     def over(self, now: float) -> str | None:
         """Whether it is time to end the child, which has not answered: `hung`, `swarmed` (too many processes), or `crashed`."""
         if self.deadline <= now:
@@ -70,7 +98,7 @@ class Child:
     def end(self, over: str | None, others: Collection[int]) -> dict[str, Any]:
         """End the child and everything that it has started, but nothing of the `others` that run beside it, and say how it went: the
         answer for the client. `over`: why it is ended without an answer."""
-        number = {"id": self.request["id"]}
+        number = {"id": self.request.get("id")}
         if not self.answered and over in (None, "crashed"):
             self._wait()
         elif over == "swarmed":
@@ -80,10 +108,11 @@ class Child:
             self._kill(signal.SIGCONT)
             self._wait()
         left = self._end_processes(others)
+        self._close_asking()
         os.close(self.pipe)
         try:
             if self.answered:
-                return {**number, **json.loads(self.received), **({"left": left} if left else {})}
+                return {**self.answer, **({"left": left} if left else {})}
             self.errors.seek(0, os.SEEK_END)
             self.errors.seek(max(0, self.errors.tell() - KEPT))
             tail = self.errors.read().decode("utf-8", "replace")
@@ -164,15 +193,14 @@ def live_without_parent() -> None:
         ctypes.CDLL(None, use_errno=True).prctl(1, 0, 0, 0, 0)
 
 
-def start(
-    request: Mapping[str, Any], run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch: str, close: list[int]
-) -> Child:
-    """Fork a child that runs `run(request)` with the folder `scratch` for itself, the only one that it may change, and writes the
-    answer as one line. Then it waits for its end. `nice`: how it is scheduled; `close`: descriptors it must not hold."""
+def start(run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch: str, close: list[int]) -> Child:
+    """Fork a child that waits to be asked (`Child.ask`), runs `run(request)` with the folder `scratch` for itself, the only one that it may
+    change, and writes the answer as one line. Then it waits for its end. `nice`: how it is scheduled; `close`: descriptors it must not
+    hold."""
     reader, writer = os.pipe()
+    asked, asking = os.pipe()
     errors = tempfile.TemporaryFile()  # noqa: SIM115 (it lives as long as the child)
     server = os.getpid()
-    timeout = float(request["timeout"])
     process = os.fork()
     if process == 0:
         status = 1
@@ -181,7 +209,7 @@ def start(
             if sys.platform != "linux":
                 _watch(server)
             die_with_parent(server)
-            for descriptor in (reader, *close):
+            for descriptor in (reader, asking, *close):
                 os.close(descriptor)
             settle(scratch)
             process_tree.give_priority(nice)
@@ -190,6 +218,9 @@ def start(
             os.dup2(errors.fileno(), 1)
             os.dup2(errors.fileno(), 2)
             signal.signal(signal.SIGINT, signal.SIG_DFL)
+            with open(asked, "rb") as stream:
+                request = json.loads(stream.read())
+            timeout = float(request["timeout"])
             faulthandler.enable(file=errors.fileno(), all_threads=False)
             faulthandler.dump_traceback_later(timeout - min(0.5, timeout / 4), file=errors.fileno())
             _without_core_dump()
@@ -207,11 +238,11 @@ def start(
         finally:
             os._exit(status)
     os.close(writer)
+    os.close(asked)
     with contextlib.suppress(OSError):
         os.setpgid(process, process)
     return Child(
-        request=request, process=process, pipe=reader, errors=errors, scratch=scratch, deadline=time.monotonic() + timeout,
-        received=bytearray(),
+        request={}, process=process, asking=asking, pipe=reader, errors=errors, scratch=scratch, deadline=inf, received=bytearray(),
     )
 
 

@@ -18,19 +18,23 @@ _compiled: dict[tuple[str, str], types.CodeType] = {}
 """Code objects by file and the SHA-256 of its source, compiled once in the server and inherited by its children."""
 
 
-def compile_ahead(file: str, sha256: str) -> None:
-    """Compile a source file whose content is `sha256`, without running it. What cannot be compiled is left to the import."""
+def compile_ahead(file: str, sha256: str | None) -> bool:
+    """Compile a source file whose content is `sha256` (None: whatever it is), without running it; whether that was new. What cannot be
+    compiled is left to the import."""
     import hashlib
 
     if (file, sha256) in _compiled:
-        return
+        return False
     try:
         with open(file, "rb") as stream:
             source = stream.read()
-        if hashlib.sha256(source).hexdigest() == sha256:
-            _compiled[file, sha256] = ran.compiled(source, file, sha256)
+        found = hashlib.sha256(source).hexdigest()
+        if sha256 in (found, None) and (file, found) not in _compiled:
+            _compiled[file, found] = ran.compiled(source, file, found)
+            return True
     except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
-        return
+        pass
+    return False
 
 
 class PartImporter(importlib.abc.MetaPathFinder):

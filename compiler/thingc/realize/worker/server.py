@@ -205,7 +205,7 @@ def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any],
 
 class _Server:
     """Children for requests: at most `jobs` at once, and besides as many that describe classes, for whoever asks waits for those before he
-    asks for more. Each has its deadline and its folder. Nothing that they start outlives them."""
+    asks for more. Each has its deadline and its folder. Nothing that they start outlives them. One may be there before it is asked."""
 
     def __init__(self, answers: int, jobs: int, scratch: Scratch) -> None:
         from thingc.realize.worker.process_tree import FIRST, adopt_orphans, give_priority
@@ -217,6 +217,7 @@ class _Server:
         self.usual = give_priority(FIRST)
         self.waiting: dict[bool, deque[dict[str, Any]]] = {True: deque(), False: deque()}  # to describe, and for all else
         self.running: dict[int, Child] = {}
+        self.spare: Child | None = None
         self.selector = selectors.DefaultSelector()
         self.selector.register(0, selectors.EVENT_READ)
         self.received = bytearray()
@@ -245,7 +246,7 @@ class _Server:
         except BrokenPipeError:
             return
         finally:
-            for child in self.running.values():
+            for child in self.children():
                 child.end("hung", ())
 
     def receive(self, data: bytes) -> None:
@@ -256,9 +257,13 @@ class _Server:
             self.take(json.loads(line))
 
     def take(self, asked: dict[str, Any]) -> None:
-        """Put a request behind the others; or forget one."""
+        """Put a request behind the others; or forget one; or get ready for one."""
         from thingc.realize.worker.scratch import remove
 
+        if "prepare" in asked:
+            self.prepare({"hashes": dict.fromkeys(asked["prepare"])})
+            self.spare = self.spare or self.start()
+            return
         if "forget" not in asked:
             self.waiting[asked["op"] == "describe"].append(asked)
             return
@@ -276,18 +281,41 @@ class _Server:
                 self.begin(asked.popleft())
 
     def begin(self, request: dict[str, Any]) -> None:
-        """Fork a child for a request."""
-        from thingc.realize.worker.children import start
-
-        _prepare(request)
-        descriptors = [0, self.answers, *self.scratch.descriptors, *self.running]
-        child = start(request, answered, self.usual, self.scratch.make(), descriptors)
+        """Ask a child: the one that is there, or a new one."""
+        self.prepare(request)
+        child, self.spare = self.spare or self.start(), None
+        child.ask(request)
         self.running[child.pipe] = child
         self.selector.register(child.pipe, selectors.EVENT_READ)
 
+    def prepare(self, request: Mapping[str, Any]) -> None:
+        """See to it that children have at hand what a request needs: one that was forked before it was there is of no use."""
+        from thingc.realize.worker.scratch import remove
+
+        if _prepare(request) and self.spare is not None:
+            spare, self.spare = self.spare, None
+            spare.end("hung", {child.process for child in self.children()})
+            remove(spare.scratch)
+
+    def start(self) -> Child:
+        """Fork a child."""
+        from thingc.realize.worker.children import start
+
+        descriptors = [0, self.answers, *self.scratch.descriptors, *self.running]
+        return start(answered, self.usual, self.scratch.make(), descriptors)
+
+    def children(self) -> list[Child]:
+        """Those that are at work, and the one that is ready for it."""
+        return [*self.running.values(), *([self.spare] if self.spare is not None else [])]
+
     def finish(self, child: Child, over: str | None = None) -> None:
-        """End a child, and send its answer."""
-        _answer(self.answers, _settled(self.end(child, over), child.request["store"], child.scratch))
+        """End a child, and send its answer. One that has started nothing is stopped, and ends when its answer is on its way: to take its
+        memory back takes the system as long as to fork."""
+        alone = over is None and child.answered and child.stop()
+        ended = child.answer if alone else self.end(child, over)
+        _answer(self.answers, _settled(ended, child.request["store"], child.scratch))
+        if alone:
+            self.end(child, over)
 
     def end(self, child: Child, over: str | None) -> dict[str, Any]:
         """End a child; its answer, or what has become of it."""
@@ -295,24 +323,25 @@ class _Server:
             self.begin_waiting(child)
         self.selector.unregister(child.pipe)
         del self.running[child.pipe]
-        return child.end(over, {other.process for other in self.running.values()})
+        return child.end(over, {other.process for other in self.children()})
 
 
-def _prepare(request: Mapping[str, Any]) -> None:
+def _prepare(request: Mapping[str, Any]) -> bool:
     """What children would each do again: compile the part files (without running them), load the packages they import, look at the modules
-    that are there."""
+    that are there. Whether there was anything to do."""
     from thingc.realize.worker.kernel.mesh_files import reads_with_trimesh
     from thingc.realize.worker.loading import compile_ahead
     from thingc.realize.worker.reads import remember_loaded
 
-    for file, sha256 in request.get("hashes", {}).items():
-        compile_ahead(file, sha256)
+    news = [compile_ahead(file, sha256) for file, sha256 in request.get("hashes", {}).items()]
     of_file = request.get("definition", {}).get("kind") == "file" and reads_with_trimesh(request["definition"]["reference"])
     for name in (*request.get("preload", ()), *(["trimesh"] if of_file else [])):
         if name not in sys.modules:
             with contextlib.suppress(Exception):
                 importlib.import_module(name)
+            news.append(True)
     remember_loaded()
+    return any(news)
 
 
 if __name__ == "__main__":
