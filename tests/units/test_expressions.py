@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from thingc.expressions import Expression, ExpressionError, evaluate, parse_expression, zero_literal
+from thingc.expressions import Expression, ExpressionError, evaluate, parse_expression
 from thingc.units import ANGLE, AREA, LENGTH, LENGTH_PER_ANGLE, MASS, NUMBER, Dimension, Quantity, parse_quantity
 
 NAMES: dict[str, Quantity | bool | str] = {
@@ -137,12 +137,6 @@ def test_what_is_said(text: str, message: str, kind: str, place: tuple[int, int]
 def test_names_in_order_with_places() -> None:
     found = parse_expression("=reach * pi + min(i, reach) - 8 mm").names
     assert [(use.name, use.offset) for use in found] == [("reach", 1), ("i", 18), ("reach", 21)]
-
-
-def test_a_bare_zero() -> None:
-    assert zero_literal(parse_expression("=0"))
-    assert not zero_literal(parse_expression("=0 mm"))
-    assert not zero_literal(parse_expression("=n"))
 
 
 def test_long_sums_need_no_deep_stack() -> None:

@@ -136,8 +136,3 @@ def words_in(expression: Expression) -> Iterator[tuple[int, int, str]]:
             unit = expression.text[number : term.end].lstrip()
             if unit:
                 yield term.end - len(unit), term.end, "unit"
-
-
-def zero_literal(expression: Expression) -> bool:
-    """Whether it is a bare `0`, which is 0 of every dimension."""
-    return isinstance(expression.tree, Literal) and expression.tree.zero

@@ -21,7 +21,6 @@ class SyntaxFault:
 
 
 _NO_SPACE = re.compile(r"\s*(?:-\s+)*(?P<key>[A-Za-z_][\w.*$-]*):(?P<value>[^\s:#].*)")
-_PARSER_WORDS = re.compile(r"<[a-z ]+>|'[^']*'")
 
 
 def explain(source: Source, *, problem: str, at: int, context: str, began: int) -> SyntaxFault:

@@ -78,7 +78,8 @@ def _code(operation: str, arguments: Sequence[Ref | Const]) -> str:
     return f"{operation}({', '.join(words)})"
 
 
-def _axes(a: float, b: float, c: float, d: float, e: float, f: float, g: float, h: float, i: float) -> tuple[float, ...]:
+def _axes(*entries: float) -> tuple[float, ...]:
     """`principal_axes` from one number after the other to the same."""
+    a, b, c, d, e, f, g, h, i = entries
     values, (x, y, z) = principal_axes(((a, b, c), (d, e, f), (g, h, i)))
     return (*values, *x, *y, *z)

@@ -60,20 +60,18 @@ def _mesh(context: Context, scope: Scope, spec: ShapeSpec, path: Path) -> MeshFi
                 f"{LARGEST // 1_000_000} MB", (*path, "mesh"), help="simplify the mesh: nobody sees more than some ten thousand triangles",
             )
             return None
-        own = (absolute, *((stat.st_ino, stat.st_size, stat.st_mtime_ns)))
         beside = tuple(os.path.join(os.path.dirname(absolute), name) for name in libraries(absolute))
         times = tuple(os.stat(one).st_mtime_ns if os.path.isfile(one) else 0 for one in beside)
+        state = (stat.st_ino, stat.st_size, stat.st_mtime_ns, *times)
         return context.memo(
-            ("mesh", absolute, scale), partial(_file, scale, context.digest), *own, times, workspace.relative(absolute),
+            ("mesh", absolute, scale), partial(_file, scale, context.digest), absolute, workspace.relative(absolute), state,
         )
     except OSError:
         return None
 
 
-def _file(
-    scale: Vector, digest: Callable[[str], str], absolute: str, _inode: int, _size: int, _changed: int, _times: object, path: str,
-) -> MeshFile:
-    """The file, of which the memo compares the times."""
+def _file(scale: Vector, digest: Callable[[str], str], absolute: str, path: str, _state: tuple[int, ...]) -> MeshFile:
+    """The file, of which the memo compares the state."""
     return mesh_file(absolute, path, scale, digest)
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from thingc.robot.kinematics import body_poses, joint_names, link_names, mass_properties, occurrence_poses, placed_bodies
+from thingc.robot.kinematics import body_poses, link_names, mass_properties, occurrence_poses, placed_bodies
 from thingc.robot.spanning_tree import root
 from thingc.robot.standing import stand
 from thingc.robot.starting import check_starts
 from thingc.robot.tree import in_link
 
 __all__ = [
-    "body_poses", "check_starts", "in_link", "joint_names", "link_names", "mass_properties", "occurrence_poses", "placed_bodies", "root",
+    "body_poses", "check_starts", "in_link", "link_names", "mass_properties", "occurrence_poses", "placed_bodies", "root",
     "stand",
 ]

@@ -64,8 +64,3 @@ def mass_properties(robot: Robot, q: Mapping[str, float]) -> MassProperties:
 def link_names(robot: Robot) -> tuple[str, ...]:
     """The names of the bodies, in body order."""
     return tuple(robot.assembly.links[body.link].name for body in robot.bodies)
-
-
-def joint_names(robot: Robot) -> tuple[str, ...]:
-    """The paths of the joints, in body order."""
-    return tuple(joint.path for body in robot.bodies for joint in body.joints)
