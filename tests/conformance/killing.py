@@ -86,7 +86,7 @@ def sound(store: Path) -> Iterator[str]:
     """Every finished file of a store, each checked against its place: a blob's name is the hash of its bytes, and the first line of a
     document that of its kind, its name and the rest."""
     for path in store.rglob("*"):
-        if not path.is_file() or "." in path.name or path.name == "claims":
+        if not path.is_file() or "." in path.name or path.name == "build_locks":
             continue  # being written when it was killed: a name nobody looks for; or the file whose bytes are locked, which is empty
         data = path.read_bytes()
         kind, name = path.relative_to(store).parts[0], path.parent.name + path.name

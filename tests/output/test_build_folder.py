@@ -232,7 +232,7 @@ class TestStrangers:
             build(tmp_path, FIRST, store)
         assert raised.value.names == ("manifest.json",)
 
-    def test_empty_folders_are_no_strangers(self, tmp_path: Path, store: Store) -> None:
+    def test_empty_folders_are_not_unexpected(self, tmp_path: Path, store: Store) -> None:
         (tmp_path / "arm" / "stl" / "empty").mkdir(parents=True)
         folder = build(tmp_path, FIRST, store)
         assert content(folder) == FIRST

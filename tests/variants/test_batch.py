@@ -390,7 +390,7 @@ def test_a_finished_batch_is_replaced(tmp_path: Path, shared_store: str) -> None
 
 
 @pytest.mark.parametrize("place", [".old-notes", "notes.txt", "variants/notes.txt", "variants/ID/notes.txt", "assets/notes.txt"])
-def test_a_folder_with_strangers_is_left_as_it_is(tmp_path: Path, shared_store: str, place: str) -> None:
+def test_a_folder_with_unexpected_files_is_left_as_it_is(tmp_path: Path, shared_store: str, place: str) -> None:
     here = workspace(tmp_path)
     summary = batch(here, shared_store)
     some = next((Path(summary.folder) / "variants").iterdir()).name

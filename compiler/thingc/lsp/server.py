@@ -52,7 +52,7 @@ class Feature:
 
 
 LEGEND = {"tokenTypes": ["parameter", "variable", "function", "number", "keyword"], "tokenModifiers": []}
-"""What the words of an expression are to an editor (`outline.TOKENS`): a unit is a keyword."""
+"""What the words of an expression are to an editor (`symbols.TOKENS`): a unit is a keyword."""
 
 FEATURES: dict[str, Feature] = {
     "textDocument/codeAction": Feature(answer="actions:actions", options={"codeActionKinds": ["quickfix"]}),
@@ -61,15 +61,15 @@ FEATURES: dict[str, Feature] = {
     ),
     "textDocument/definition": Feature(answer="navigation:definition"),
     "textDocument/documentHighlight": Feature(answer="navigation:highlights"),
-    "textDocument/documentSymbol": Feature(answer="outline:symbols"),
-    "textDocument/foldingRange": Feature(answer="outline:folds"),
+    "textDocument/documentSymbol": Feature(answer="symbols:symbols"),
+    "textDocument/foldingRange": Feature(answer="symbols:folds"),
     "textDocument/formatting": Feature(answer="formatting:formatted"),
     "textDocument/hover": Feature(answer="hover:hover"),
     "textDocument/inlayHint": Feature(answer="hints:hints"),
     "textDocument/prepareRename": Feature(answer="navigation:prepare_rename", everywhere=True),
     "textDocument/references": Feature(answer="navigation:references", everywhere=True),
     "textDocument/rename": Feature(answer="navigation:rename", options={"prepareProvider": True}, everywhere=True),
-    "textDocument/semanticTokens/full": Feature(answer="outline:tokens", options=LEGEND),
+    "textDocument/semanticTokens/full": Feature(answer="symbols:tokens", options=LEGEND),
     "workspace/symbol": Feature(answer="navigation:workspace_symbols", document=False, everywhere=True),
 }
 """Requests of the protocol and who answers them."""

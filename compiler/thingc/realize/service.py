@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from thingc.workspace import Workspace
 
 PATIENCE = 150.0
-"""How long [s] beyond a part's own timeout to wait for the process that has claimed it: its worker may have to load the kernel."""
+"""How long [s] beyond a part's own timeout to wait for the process that has locked it: its worker may have to load the kernel."""
 
 Progress = Callable[[str, int, int], None]
 Printed = Callable[[str, Sequence[str]], None]
@@ -327,7 +327,7 @@ class GeometryService:
     def _model(
         self, tasks: Sequence[_Task], definitions: Mapping[str, PartDefinition], answers: dict[str, PartRecord | PartFailure],
     ) -> None:
-        """Fill `answers` for these tasks, each modelled here or by the process that has claimed it."""
+        """Fill `answers` for these tasks, each modelled here or by the process that has locked it."""
         by_text = {task.subject: task for task in tasks}
         elsewhere: list[_Task] = []
 

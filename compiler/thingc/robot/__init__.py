@@ -1,4 +1,4 @@
-"""Rooting: one robot per mode, a tree of bodies whose joints mean the same whatever its root."""
+"""Spanning trees: one robot per mode, a tree of bodies whose joints mean the same whatever its root."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Who is modelling what, among all processes that share a store: a part that two of them need is modelled once.
 
-A claim is a lock on one byte of the store's file `claims`, whose place follows from the build key. The system frees it when its
-process ends, however it ends. Nobody waits for one claim while holding another, so that no circle can form. Where locks do not
-work (some network file systems, Windows) every claim is granted, and a part may be modelled twice, with the same result.
+A build lock is on one byte of the store's file `build_locks`, whose place follows from the build key. The system frees it when its
+process ends, however it ends. Nobody waits for one lock while holding another, so that no circle can form. Where locks do not
+work (some network file systems, Windows) every one is granted, and a part may be modelled twice, with the same result.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ try:
 except ImportError:
     fcntl = None
 
-FILE = "claims"
+FILE = "build_locks"
 SHORTEST, LONGEST = 0.002, 0.05
-"""How long [s] to wait before asking again for a claim that somebody else has."""
+"""How long [s] to wait before asking again for a lock that somebody else has."""
 
 
 class BuildLocks:
-    """The claims of one process on one store. `close` gives all of them back."""
+    """The locks of one process on one store. `close` gives all of them back."""
 
     def __init__(self, store: Store) -> None:
         self._path = os.path.join(store.root, FILE)
@@ -35,7 +35,7 @@ class BuildLocks:
         self._idle = fcntl is None
 
     def take(self, key: str) -> bool:
-        """Lock a build key (hexadecimal), unless another process has it. True where claims do not work."""
+        """Lock a build key (hexadecimal), unless another process has it. True where locks do not work."""
         descriptor = self._file()
         if descriptor is None or fcntl is None:
             return True
@@ -48,7 +48,7 @@ class BuildLocks:
         return True
 
     def wait(self, key: str, limit: float) -> bool:
-        """Claim a key when its holder has given it back; False after `limit` [s]."""
+        """Lock a key when its holder has given it back; False after `limit` [s]."""
         end, pause = time.monotonic() + limit, SHORTEST
         while not self.take(key):
             if time.monotonic() >= end:
@@ -58,7 +58,7 @@ class BuildLocks:
         return True
 
     def give_back(self, key: str) -> None:
-        """End a claim; one that was not taken may be given back, too."""
+        """End a lock; one that was not taken may be given back, too."""
         if self._descriptor is not None and fcntl is not None:
             with contextlib.suppress(OSError):
                 fcntl.lockf(self._descriptor, fcntl.LOCK_UN, 1, _place(key))
@@ -72,7 +72,7 @@ class BuildLocks:
             self.close()
 
     def close(self) -> None:
-        """Give all claims back."""
+        """Give all locks back."""
         descriptor, self._descriptor = self._descriptor, None
         if descriptor is not None:
             os.close(descriptor)
