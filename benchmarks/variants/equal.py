@@ -1,4 +1,4 @@
-"""Is a variant what a single build makes of the same settings? `python benchmarks/variants/equal.py [KIND ...] [--count N] [--layout L]`.
+"""Is a variant what a single build makes of the same settings? `python benchmarks/variants/equal.py [KIND ...] [--count N] [--seed N] [--layout L]`.
 
 N sampled variants of each kind are built as a batch; then each is built alone, by the command that the batch's table gives for it, in a
 process of its own, and the two folders are compared byte for byte. A variant that is refused has to be refused alone, with the same code.
@@ -38,7 +38,7 @@ KINDS = {
         sample:
           method: sobol
           count: {count}
-          seed: 11
+          seed: {seed}
           ranges: {{leg_length: [64 mm, 140 mm], body_length: [92 mm, 220 mm], wall: [2.5 mm, 4 mm]}}
         modes: [front_foot, crawl, bridge]
     """,
@@ -47,7 +47,7 @@ KINDS = {
         sample:
           method: sobol
           count: {count}
-          seed: 11
+          seed: {seed}
           ranges:
             components.bus_board.mass: [5 g, 40 g]
             joints.elbow.limit.upper: [126 deg, 150 deg]
@@ -56,12 +56,12 @@ KINDS = {
     """,
     "mesh": """
         assembly: assemblies/arm.yaml
-        sample: {{method: sobol, count: {count}, seed: 11, ranges: {{components.bus_board.mass: [5 g, 40 g]}}}}
+        sample: {{method: sobol, count: {count}, seed: {seed}, ranges: {{components.bus_board.mass: [5 g, 40 g]}}}}
         parameters: {{pen_diameter: {{from: 8 mm, to: 15.5 mm, count: 16}}}}
     """,
     "structure": """
         assembly: assemblies/arm.yaml
-        sample: {{method: sobol, count: {count}, seed: 11, ranges: {{components.bus_board.mass: [5 g, 40 g]}}}}
+        sample: {{method: sobol, count: {count}, seed: {seed}, ranges: {{components.bus_board.mass: [5 g, 40 g]}}}}
         parameters:
           components.forearm.collision: [part, hull, box, mesh, none]
           modes.adrift.root: [bracket, plate, hand.tip]
@@ -79,6 +79,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("kinds", nargs="*", metavar="KIND", help=f"{', '.join(KINDS)} (default: all)")
     parser.add_argument("--count", type=int, default=300, help="variants of each kind (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=11, help="of the samples (default: %(default)s)")
     parser.add_argument("--layout", choices=("folders", "packed"), default="folders", help="of the batch; what is packed is unpacked")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="single builds at once")
     parser.add_argument("--store", help="where modelled parts are kept (default: an empty one)")
@@ -99,7 +100,7 @@ def main() -> int:
 
 def study(kind: str, folder: Path, environment: dict[str, str], arguments: argparse.Namespace) -> int:
     """Build and compare the variants of a kind in a workspace; how many differ."""
-    said = textwrap.dedent(KINDS[kind].format(count=arguments.count)).lstrip()
+    said = textwrap.dedent(KINDS[kind].format(count=arguments.count, seed=arguments.seed)).lstrip()
     (folder / f"{kind}.yaml").write_text(f"thingc: variants/1\nname: {kind}\n{said}emit: [mjcf, bom]\n")
     begun = time.monotonic()
     batch = thingc(["batch", f"{kind}.yaml", "--pictures", "none", "--layout", arguments.layout], folder, environment)
