@@ -1,4 +1,4 @@
-"""Is a variant what a single build makes of the same settings? `python benchmarks/variants/equal.py [KIND ...] [--count N] [--seed N] [--layout L]`.
+"""Is a variant what a single build makes of the same settings? `python benchmarks/variants/equal.py [KIND ...] [--count N] [--layout L]`.
 
 N sampled variants of each kind are built as a batch; then each is built alone, by the command that the batch's table gives for it, in a
 process of its own, and the two folders are compared byte for byte. A variant that is refused has to be refused alone, with the same code.

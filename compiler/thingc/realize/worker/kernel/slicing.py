@@ -239,13 +239,19 @@ class _Slicer:
 
     def shells(self, inside: Region, small: Region, *lids: Region) -> Region:
         """What of the inside is solid: small pieces, and what is below or above one of these lids."""
-        margin = 3.0 * self.lengths.width
         regions = [small]
         for lid in lids:
-            new = _both(lid, inside)
-            narrow = _without(new, _opened(new, margin, miter=5.0))
-            regions += [new, _both(_grown(narrow, margin, JoinType.Round), inside)]
+            regions += self.once(self.shell, inside, lid)
         return CrossSection.batch_boolean(regions, OpType.Add) if len(regions) > 1 else small
+
+    def shell(self, inside: Region, lid: Region) -> tuple[Region, Region]:
+        """What of the inside is below or above a lid, and what is laid beside that where it is too narrow to be laid."""
+        new = _both(lid, inside)
+        if new.is_empty():
+            return NOTHING, NOTHING
+        margin = 3.0 * self.lengths.width
+        narrow = _without(new, _opened(new, margin, miter=5.0))
+        return new, _both(_grown(narrow, margin, JoinType.Round), inside)
 
     def bridge(self, solid: Region, *below: Region) -> Region:
         """What of the solid inside lies over sparse infill in all layers that its strands sink into."""
@@ -302,6 +308,11 @@ class _Once:
 # --- regions ----------------------------------------------------------------------------------------------------------
 
 
+def _some(region: Region) -> Region:
+    """The region; where it is empty always the same one, so that what follows from it is worked out once."""
+    return NOTHING if region.is_empty() else region
+
+
 def _grown(region: Region, by: float, join: JoinType = JoinType.Miter, miter: float = 2.0) -> Region:
     """With a border of width `by` around it, or within it for a negative one."""
     if region.is_empty() or by == 0.0:
@@ -310,7 +321,7 @@ def _grown(region: Region, by: float, join: JoinType = JoinType.Miter, miter: fl
         x, y, u, v = region.bounds()
         if min(u - x, v - y) <= -2.0 * by:  # nothing is left; to find that out takes long
             return NOTHING
-    return region.offset(by, join, miter, 8)
+    return _some(region.offset(by, join, miter, 8))
 
 
 def _opened(region: Region, by: float, miter: float = 2.0) -> Region:
@@ -319,7 +330,7 @@ def _opened(region: Region, by: float, miter: float = 2.0) -> Region:
 
 
 def _both(a: Region, b: Region) -> Region:
-    return a ^ b if not (a.is_empty() or b.is_empty()) else NOTHING
+    return _some(a ^ b) if not (a.is_empty() or b.is_empty()) else NOTHING
 
 
 def _either(a: Region, b: Region) -> Region:
@@ -327,7 +338,9 @@ def _either(a: Region, b: Region) -> Region:
 
 
 def _without(a: Region, b: Region) -> Region:
-    return a - b if not (a.is_empty() or b.is_empty()) else a
+    if a is b:
+        return NOTHING
+    return _some(a - b) if not (a.is_empty() or b.is_empty()) else a
 
 
 # --- moments ----------------------------------------------------------------------------------------------------------
