@@ -12,9 +12,11 @@ from thingc.environment import Environment, Options
 from thingc.frozen import dataclass
 from thingc.layout import write_in_place
 from thingc.layout.setting import Keys, Unsettable, Written, changes, with_values
-from thingc.load import Documents
+from thingc.load import Documents, load
 from thingc.load.flow import is_flow, read_flow
+from thingc.memo import Memo
 from thingc.source import Document, MappingNode, Node, SequenceNode, line_of, node_at
+from thingc.spec import validate
 from thingc.spec.choices import nested, parse
 
 
@@ -85,9 +87,22 @@ def put(root: Document, before: bytes, after: bytes) -> Diagnostic | None:
     return Diagnostic(code=Code.OUTPUT, severity=Severity.ERROR, message=message)
 
 
-def checked(document: str, options: Options, *, strict: bool = False) -> tuple[Documents | None, list[Diagnostic]]:
-    """The document with all that it names, None where it cannot be read, and what a check says of it."""
-    with Environment(document, replace(options, lock=True)) as environment:
+def opened(document: str, options: Options, memo: Memo) -> Documents | None:
+    """The document with all that it names; None where it or one of those cannot be read, or has what a document of its kind has not."""
+    with Environment(document, options, memo=memo) as environment:
+        if environment.workspace is None:
+            return None
+        documents = load(environment.document, environment.workspace, environment.report, memo=memo)
+        if documents is not None:
+            validate(documents, environment.report, memo)
+        return None if environment.report.failed else documents
+
+
+def checked(
+    document: str, options: Options, *, strict: bool = False, memo: Memo | None = None,
+) -> tuple[Documents | None, list[Diagnostic]]:
+    """The document with all that it names, None where it cannot be read, and what a check says of it. `memo` knows what has been read."""
+    with Environment(document, replace(options, lock=True), memo=memo) as environment:
         compilation = pipeline.compile(environment)
     pipeline.say_unneeded(compilation, [Stage.CHECK])
     return compilation.documents, (compilation.report.strict() if strict else compilation.report).ordered()

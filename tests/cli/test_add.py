@@ -10,6 +10,7 @@ from typing import Any, get_args
 import pytest
 from ruamel.yaml import YAML
 
+from thingc import pipeline
 from thingc.checks import kinds
 from thingc.cli.main import main
 from thingc.joints.kind import JointType
@@ -344,3 +345,16 @@ def test_a_document_that_is_wrong_already_stays(document: Path, capsys: pytest.C
     document.write_text(document.read_text().replace("1 kg", "1 mm"))
     assert main(["add", "mode", "x", "--to", document.name, "--format", "json"]) == 1
     assert "TC207" in capsys.readouterr().out and "modes" not in read(document)
+    capsys.readouterr()
+    document.write_text(YAML_TEXT + "\nmodes:\n  a: {extends: b}\n  b: {extends: a}\n" if document.suffix == ".yaml"
+                        else TOML_TEXT + '\n[modes]\na = {extends = "b"}\nb = {extends = "a"}\n')
+    before = document.read_text()
+    assert main(["add", "mode", "x", "--to", document.name]) == 1
+    assert "modes extend each other in a circle" in capsys.readouterr().out and document.read_text() == before
+
+
+def test_a_document_is_checked_once(document: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled, true = [], pipeline.compile
+    monkeypatch.setattr(pipeline, "compile", lambda *given, **more: (compiled.append(given), true(*given, **more))[1])
+    assert main(["add", "mode", "x", "--to", document.name]) == 0
+    assert len(compiled) == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import hashlib
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,12 +16,13 @@ from thingc.cli.stubs import BASES, STUBS, Addition
 from thingc.diagnostics import Diagnostic, Report, Severity, shown_path
 from thingc.environment import Options
 from thingc.joints.kind import JointType
-from thingc.layout import format_document, write_in_place
+from thingc.layout import format_document, is_laid_out, write_in_place
 from thingc.layout.setting import Unsettable, with_values, without
-from thingc.load import Documents
+from thingc.load import Documents, read_tree, remember
+from thingc.memo import Memo
 from thingc.source import Document
 from thingc.typos import did_you_mean
-from thingc.writing import both, checked, put
+from thingc.writing import both, checked, opened, put
 
 EPILOG = """\
 Nothing is written unless all of the document would be right with what is added. It is a stub: change it as you like.
@@ -118,23 +120,28 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
     if arguments.by is not None and arguments.on is None:
         raise common.WrongCommandLine("--by names what meets a mount, and which mount is not said", "write --on as well")
     common.require_document(arguments.to)
-    documents, diagnostics = checked(arguments.to, options)
-    if documents is None or any(one.severity is Severity.ERROR for one in diagnostics):
-        return _say(arguments, diagnostics)
-    return _write(arguments, options, documents, STUBS[what](arguments, documents))
+    memo = Memo()
+    documents = opened(arguments.to, options, memo)
+    if documents is None:
+        return _say(arguments, checked(arguments.to, options)[1])
+    return _write(arguments, options, documents, STUBS[what](arguments, documents), memo)
 
 
-def _write(arguments: argparse.Namespace, options: Options, documents: Documents | None, addition: Addition) -> int:
-    """Write files and document, unless something would be wrong then."""
+def _write(
+    arguments: argparse.Namespace, options: Options, documents: Documents | None, addition: Addition, memo: Memo | None = None,
+) -> int:
+    """Write files and document, unless something would be wrong then. `memo` knows the documents."""
     with _files(addition.files) as keep:
         diagnostics: list[Diagnostic] = []
         if documents is not None:
             root = documents.root
-            text = _with_addition(root, addition)
-            before, after = both(root, text)
-            _, diagnostics = checked(root.path, replace(options, texts={root.path: after}))
-            if any(one.severity is Severity.ERROR for one in diagnostics):
-                return _say(arguments, diagnostics, texts={root.path: text})
+            changed, memo = _with_addition(root, addition), memo or Memo()
+            before, after = both(root, changed.text)
+            remember(replace(changed, sha256=hashlib.sha256(after).hexdigest()), memo)
+            _, diagnostics = checked(root.path, replace(options, texts={root.path: after}), memo=memo)
+            if _wrong(diagnostics):
+                _, already = checked(root.path, options)
+                return _say(arguments, already) if _wrong(already) else _say(arguments, diagnostics, texts={root.path: changed.text})
             refused = put(root, before, after)
             if refused is not None:
                 return _say(arguments, [refused])
@@ -144,19 +151,24 @@ def _write(arguments: argparse.Namespace, options: Options, documents: Documents
     return _say(arguments, diagnostics, done=done)
 
 
-def _with_addition(root: Document, addition: Addition) -> str:
-    """The text of the document with it; laid out, where it was laid out before. Raises `WrongCommandLine` where that cannot be."""
+def _wrong(diagnostics: Sequence[Diagnostic]) -> bool:
+    return any(one.severity is Severity.ERROR for one in diagnostics)
+
+
+def _with_addition(root: Document, addition: Addition) -> Document:
+    """The document with it; laid out, where it was laid out before. Raises `WrongCommandLine` where that cannot be."""
     document = root
     try:
         for keys in addition.placed:
             document = without(document, keys)
-        text = with_values(document, addition.values).text
+        document = with_values(document, addition.values)
     except Unsettable as fault:
         raise common.WrongCommandLine(str(fault), "write it by hand") from fault
-    if format_document(root.path, root.text.encode(), Report()) == root.text.encode():
-        formatted = format_document(root.path, text.encode(), Report())
-        return text if formatted is None else formatted.decode()
-    return text
+    laid_out = format_document(document.path, document.text.encode(), Report(), tree=document.tree) if is_laid_out(root) else None
+    if laid_out is None or laid_out == document.text.encode():
+        return document
+    tree = read_tree(document.path, laid_out, Report())
+    return document if tree is None else replace(document, text=laid_out.decode(), tree=tree)
 
 
 @contextlib.contextmanager

@@ -221,7 +221,7 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Additio
     root = documents.root
     name = _new(root, "modes", arguments.name)
     modes = _section(root.tree, "modes")
-    first: Mapping[str, object] = _extended(modes, next(iter(modes))) if modes else {"root": _base(root)}
+    first = {"root": _base(root), **(_extended(modes, next(iter(modes))) if modes else {})}
     soles: list[str] = arguments.standing_on or []
     by_sole = len(soles) == 1 and arguments.base not in BASES[2:]
     if by_sole and arguments.root is not None:
@@ -311,11 +311,12 @@ def _section(tree: MappingNode | None, section: str) -> dict[str, object]:
     return {key: one.plain() for key, one in node.entries.items()} if isinstance(node, MappingNode) else {}
 
 
-def _extended(modes: Mapping[str, object], name: str) -> dict[str, object]:
-    """The keys of a mode over those of the modes that it extends, in a document that is right."""
-    mode = modes[name]
-    assert isinstance(mode, dict)
-    return {**_extended(modes, mode["extends"]), **mode} if "extends" in mode else mode
+def _extended(modes: Mapping[str, object], name: str, above: tuple[str, ...] = ()) -> dict[str, object]:
+    """The keys of a mode over those of the modes that it extends, as far as these are there; of a circle `check` has its say."""
+    mode = modes.get(name)
+    if not isinstance(mode, dict) or name in above:
+        return {}
+    return {**_extended(modes, str(mode.get("extends")), (*above, name)), **mode}
 
 
 def _base(root: Document) -> str:

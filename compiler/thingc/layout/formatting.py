@@ -12,20 +12,23 @@ from thingc.layout.pieces import Unusual
 from thingc.layout.quantities import equal_values, takes_vectors
 from thingc.load import read_tree
 from thingc.load.documents import document_kind
-from thingc.source import MappingNode, Node, ScalarNode, SequenceNode
+from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode
 from thingc.spec.shapes import AnnotationShape
 
 MODELINE = "# yaml-language-server: $schema="
 """What begins the comment in which the YAML language server looks for a schema."""
 
 
-def format_document(path: str, data: bytes, report: Report, *, schema: str | None = None) -> bytes | None:
+def format_document(
+    path: str, data: bytes, report: Report, *, schema: str | None = None, tree: MappingNode | None = None,
+) -> bytes | None:
     """The bytes of a document in canonical layout; None where it is not well-formed, which has been reported.
 
     Lines end as the first of the file does; a byte order mark goes. With `schema` (a path relative to the document) a
-    YAML document has a modeline that names it. Texts in a form that is left alone come back as they are.
+    YAML document has a modeline that names it. `tree` is that of the text, where it has been read. Texts in a form that is left alone come
+    back as they are.
     """
-    before = read_tree(path, data, report)
+    before = tree or read_tree(path, data, report)
     kind = None if before is None else document_kind(before, report)
     if before is None or kind is None or report.failed:
         return None
@@ -51,6 +54,15 @@ def format_document(path: str, data: bytes, report: Report, *, schema: str | Non
             )
             return None
     return formatted
+
+
+def is_laid_out(document: Document) -> bool:
+    """Whether `format_document` would leave a document as it is, but for the ends of lines."""
+    text = re.sub(r"\r\n?", "\n", document.text)
+    try:
+        return _layout(document.path, text, root_shape(document.kind)) == text
+    except Unusual:
+        return True
 
 
 def _layout(path: str, text: str, shape: AnnotationShape | None) -> str:

@@ -3,7 +3,6 @@ stays as it is."""
 
 from __future__ import annotations
 
-import copy
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -33,9 +32,8 @@ def with_values(document: Document, values: Mapping[Keys, Written]) -> Document:
     """
     set_one = _in_toml if _is_toml(document.path) else _in_yaml
     for keys, value in values.items():
-        expected = _plain_with(document.tree.plain(), keys, _meant(value))
         after = _read(document, set_one(document, keys, value))
-        if after is None or after.tree.plain() != expected:
+        if after is None or after.tree.plain() != _plain_with(document.tree.plain(), keys, _meant(value)):
             what = "what stands there is used elsewhere, too, or written in a way of its own"
             raise Unsettable(f"`{'.'.join(keys)}` cannot be set alone: {what}")
         document = after
@@ -47,9 +45,8 @@ def without(document: Document, keys: Keys) -> Document:
 
     Raises `Unsettable` where the text would then say something else than what it said without them.
     """
-    expected = _plain_without(document.tree.plain(), keys)
     after = _read(document, (_out_of_toml if _is_toml(document.path) else _out_of_yaml)(document, keys))
-    if after is None or after.tree.plain() != expected:
+    if after is None or after.tree.plain() != _plain_without(document.tree.plain(), keys):
         raise Unsettable(f"`{'.'.join(keys)}` cannot be taken out alone: it is used elsewhere, too, or written in a way of its own")
     return after
 
@@ -72,9 +69,8 @@ def _read(document: Document, text: str) -> Document | None:
     return replace(document, text=text, tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
 
 
-def _plain_with(plain: Plain, keys: Keys, value: Any) -> Plain:
-    """The values of a document with one more, or another one."""
-    whole = copy.deepcopy(plain)
+def _plain_with(whole: Plain, keys: Keys, value: Any) -> Plain:
+    """The values of a document with one more, or another one, which the same object has afterwards."""
     inner: Any = whole
     for key in keys[:-1]:
         if not isinstance(inner.get(key), dict):
@@ -84,9 +80,8 @@ def _plain_with(plain: Plain, keys: Keys, value: Any) -> Plain:
     return whole
 
 
-def _plain_without(plain: Plain, keys: Keys) -> Plain:
-    """The values of a document without one of them."""
-    whole = copy.deepcopy(plain)
+def _plain_without(whole: Plain, keys: Keys) -> Plain:
+    """The values of a document without one of them, which the same object has afterwards no more."""
     inner: Any = whole
     for key in keys[:-1]:
         inner = inner[key]
@@ -199,10 +194,12 @@ def _in_toml(document: Document, keys: Keys, value: Written) -> str:
 
     text = document.text
     line_end = "\r\n" if "\r\n" in text else "\n"
-    if isinstance(value, Mapping) and len(keys) == 2 and (at := _behind_tables(document, keys)) is not None:
+    if isinstance(value, Mapping) and len(keys) == 2 and (found := _behind_entries(document, keys)) is not None:
+        at, tables = found
         entries = (f"{tomlkit.key(key).as_string()} = {tomlkit.item(_toml_value(one)).as_string()}" for key, one in value.items())
-        lines = ("", "", f"[{'.'.join(tomlkit.key(key).as_string() for key in keys)}]", *entries)
-        return text[:at] + line_end.join(lines) + text[at:]
+        header = f"[{'.'.join(tomlkit.key(key).as_string() for key in keys)}]"
+        inline = f"{tomlkit.key(keys[1]).as_string()} = {tomlkit.item(_toml_value(value)).as_string()}"
+        return text[:at] + line_end.join(("", "", header, *entries) if tables else ("", inline)) + text[at:]
     whole = tomlkit.parse(text.replace("\r\n", "\n"))
     table: Any = whole
     for depth, key in enumerate(keys[:-1]):
@@ -214,18 +211,19 @@ def _in_toml(document: Document, keys: Keys, value: Written) -> str:
     return tomlkit.dumps(whole).replace("\n", line_end)
 
 
-def _behind_tables(document: Document, keys: Keys) -> int | None:
-    """Where a new entry of a section is written whose last one is a table with a header of its own: at the end of that one's last line.
-    None where the entry is there, or the last one is written otherwise."""
+def _behind_entries(document: Document, keys: Keys) -> tuple[int, bool] | None:
+    """Where a new entry of a section with a header is written: at the end of the last one's last line, and whether that one is a table with
+    a header of its own. None where the entry is there, or the section is written otherwise."""
     source, text, node = Source(document.path, document.text), document.text, node_at(document.tree, keys[:1])
     if not isinstance(node, MappingNode) or not node.entries or keys[1] in node.entries:
         return None
     last = max(node.entries.values(), key=lambda one: _place(source, one.span)[1])
     start, end = _place(source, last.span)
-    if not isinstance(last, MappingNode) or text[start] != "[":
+    tables = isinstance(last, MappingNode) and text[start] == "["
+    if not tables and text[_place(source, node.span)[0]] != "[":
         return None
     line = source.line_at(end - 1)
-    return source.starts[line] + len(source.line(line))
+    return source.starts[line] + len(source.line(line)), tables
 
 
 def _out_of_toml(document: Document, keys: Keys) -> str:

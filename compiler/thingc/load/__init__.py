@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from thingc.exports import exported
-from thingc.load.documents import Documents, load, load_more, read_tree
+from thingc.load.documents import Documents, load, load_more, read_tree, remember
 from thingc.load.paths import find_assembly, named
 from thingc.load.text import Source
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Documents", "Source", "assemblies_in", "documents_in", "documents_near", "find_assembly", "has_header", "is_document", "load",
-    "load_more", "named", "packaged_documents", "read_tree",
+    "load_more", "named", "packaged_documents", "read_tree", "remember",
 ]
 
 __getattr__ = exported(__name__, {

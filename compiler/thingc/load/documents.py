@@ -87,6 +87,16 @@ def load(
     return reader.documents(root)
 
 
+def remember(document: Document, memo: Memo) -> None:
+    """Let `load` take a document that has been read already for what lies at its path, or is given as its text, with the same bytes."""
+    memo.keep(*_known(document.path, document.relative, document.sha256), document)
+
+
+def _known(path: str, relative: str, sha256: str) -> tuple[tuple[str, str, str], tuple[str]]:
+    """Where a document is remembered, and what it holds."""
+    return ("document", path, relative), (sha256,)
+
+
 def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, report: Report) -> Documents:
     """The documents together with further assemblies that stand in none of them (as the root document would name them), and
     what those name. Documents that have been read are not read again; everything wrong with the new ones is reported."""
@@ -214,8 +224,8 @@ class _Reader:
             self.report.add(Code.UNREADABLE, f"cannot read `{name}`: {reason[:1].lower()}{reason[1:]}", None)
             return None
         self.bytes += len(data)
-        place, content = ("document", path, relative), (hashlib.sha256(data).hexdigest(),)
-        document: Document | None = self.memo.last(place, content)
+        sha256 = hashlib.sha256(data).hexdigest()
+        document: Document | None = self.memo.last(*_known(path, relative, sha256))
         if document is None:
             said = len(self.report.diagnostics)
             tree = read_tree(path, data, self.report)
@@ -223,10 +233,10 @@ class _Reader:
             if tree is None or kind is None:
                 return None
             document = Document(
-                path=path, relative=relative, kind=kind, tree=tree, sha256=content[0], text=data.decode("utf-8-sig"),
+                path=path, relative=relative, kind=kind, tree=tree, sha256=sha256, text=data.decode("utf-8-sig"),
             )
             if len(self.report.diagnostics) == said:
-                self.memo.keep(place, content, document)
+                remember(document, self.memo)
         self.by_path[relative] = document
         self.failed.discard(relative)
         return document

@@ -42,7 +42,8 @@ class Source:
     def span(self, start: int, end: int) -> Span:
         """The characters from `start` to before `end` (indices into `text`)."""
         line = bisect_right(self.starts, start)
-        last = bisect_right(self.starts, end) if end > start else line
+        on_one = end <= start or line == len(self.starts) or end < self.starts[line]
+        last = line if on_one else bisect_right(self.starts, end)
         return Span(
             file=self.file, line=line, column=start - self.starts[line - 1] + 1,
             end_line=last, end_column=max(end, start) - self.starts[last - 1] + 1,
