@@ -22,6 +22,7 @@ from thingc.robot import body_poses
 from thingc.robot.types import Robot
 from thingc.statics import Efforts, static_efforts
 from thingc.statics.efforts import balance_tree, problem
+from thingc.statics.types import DriveTransmission
 from thingc.statics.loads import loads
 from thingc.statics.shared import balance_shared
 from thingc.variants.measure import measure
@@ -313,3 +314,15 @@ def test_the_way_of_trees_imports_no_numpy() -> None:
     loaded: Any = json.loads(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout)
     assert not {name.split(".")[0] for name in loaded} & {"numpy", "scipy", "mujoco", "build123d", "OCP", "pyarrow"}
     assert "thingc.statics.shared" not in loaded and "thingc.statics.loads" in loaded
+
+
+@pytest.mark.parametrize("unit", [1e-300, 1.0, 1e300])
+def test_limits_count_by_their_ratio_however_great_or_small(unit: float) -> None:
+    """Two drives on a coordinate share its load as 1 to 4, by the squares of their limits; one alone holds all of it."""
+    drives = [
+        DriveTransmission(path, ((coordinate, 1.0),), limit * unit, limit * unit)
+        for path, coordinate, limit in (("a", "x", 1.0), ("b", "x", 2.0), ("c", "y", 3.0))
+    ]
+    found = balance_tree({"x": -10.0, "y": 6.0}, drives)
+    assert found.by_joint == pytest.approx({"a": 2.0, "b": 8.0, "c": -6.0}) and found.unheld == 0.0
+    assert found.margins == pytest.approx({"a": 0.5 * unit, "b": 0.25 * unit, "c": 0.5 * unit})

@@ -74,12 +74,19 @@ def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission])
     Of drives on one coordinate, with factors f and weights l, the least sum of (t / l)^2 with sum f t = -Q is at
     t = -Q f l^2 / sum (f l)^2.
     """
+    largest: dict[str, float] = {}  # what is written as a limit may have a square that no double holds
+    for _, ((leader, factor),), _, weight in drives:
+        largest[leader] = max(largest.get(leader, 0.0), abs(factor * weight))
+
+    def squared(leader: str, factor: float, weight: float) -> float:
+        return (factor * weight / largest[leader]) ** 2 if largest[leader] > 0.0 else 0.0
+
     total: dict[str, float] = {}
     for _, ((leader, factor),), _, weight in drives:
-        total[leader] = total.get(leader, 0.0) + (factor * weight) ** 2
+        total[leader] = total.get(leader, 0.0) + squared(leader, factor, weight)
     efforts: dict[str, float] = {}
     for path, ((leader, factor),), _, weight in drives:
-        share = (factor * weight) ** 2
+        share = squared(leader, factor, weight)
         # A drive alone has a share of 1, exactly; one that does not move with its coordinate holds nothing.
         efforts[path] = 0.0 - load[leader] * (share / total[leader]) / factor if share > 0.0 else 0.0
     held = {leader for leader, value in total.items() if value > 0.0}
