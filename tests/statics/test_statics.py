@@ -22,9 +22,9 @@ from thingc.robot import body_poses
 from thingc.robot.types import Robot
 from thingc.statics import Efforts, static_efforts
 from thingc.statics.efforts import balance_tree, problem
-from thingc.statics.types import DriveTransmission
 from thingc.statics.loads import loads
 from thingc.statics.shared import balance_shared
+from thingc.statics.types import DriveTransmission
 from thingc.variants.measure import measure
 
 pytestmark = pytest.mark.usefixtures("one_kernel")

@@ -186,7 +186,10 @@ def test_an_end_must_be_seen_to_where_nothing_begins_anew(family: thingc.RobotFa
 def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: Path) -> None:
     for given, kind, words in (
         ({"mode": "hangin"}, UnknownChoice, "has no mode `hangin`"),
-        ({"num_envs": 0}, FamilyError, "expected `num_envs` to be at least 1, found 0"),
+        ({"num_envs": 0}, FamilyError, "expected `num_envs` to be a whole number of at least 1, found 0"),
+        ({"num_envs": 2.5}, FamilyError, "expected `num_envs` to be a whole number of at least 1, found 2.5"),
+        ({"threads": -1}, FamilyError, "expected `threads` to be a whole number of at least 1, found -1"),
+        ({"autoreset_mode": "SameSteps"}, FamilyError, "there is no `autoreset_mode` `SameSteps`: did you mean `SameStep`"),
         ({"reward": "fast"}, UnknownVariant, "there is no task `fast`: known tasks: `forward`, `hold`"),
         ({"descriptor": ("lenght",)}, UnknownVariant, "`pendulum` has nothing to set called `lenght`: did you mean `length`"),
         ({"settings": []}, FamilyError, "expected at least one of `settings`"),

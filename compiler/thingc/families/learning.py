@@ -311,12 +311,16 @@ def make_vec_env(
     `UnknownChoice` for a mode, `CompileError` for a document with errors.
     """
     made = rules(reward, terminated, frame_skip, max_steps, pose, noise)
-    at_least_one(num_envs=num_envs, cache=cache)
+    threads = threads or os.cpu_count() or 1
+    at_least_one(num_envs=num_envs, cache=cache, threads=threads)
+    resetting = [mode.value for mode in AutoresetMode]
+    if autoreset_mode not in (*AutoresetMode, *resetting):
+        raise FamilyError(f"there is no `autoreset_mode` `{autoreset_mode}`: {did_you_mean(str(autoreset_mode), resetting, what='modes')}")
     robots = family if isinstance(family, RobotFamily) else family_of(family)
     try:
         return FamilyVectorEnv(
             robots, num_envs, choices=_choices(robots, settings), rules=made, mode=robots.mode if mode is None else mode, floor=floor,
-            visual=visual, descriptor=tuple(descriptor), threads=threads or os.cpu_count() or 1, cache=cache,
+            visual=visual, descriptor=tuple(descriptor), threads=threads, cache=cache,
             autoreset_mode=AutoresetMode(autoreset_mode), seed=seed, owned=robots is not family,
         )
     except BaseException:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,10 +45,10 @@ def rules(reward: Reward | str, terminated: Terminated | None, frame_skip: int, 
 
 
 def at_least_one(**numbers: int) -> None:
-    """Raises `FamilyError` for a number below 1, by its name."""
+    """Raises `FamilyError` for what is no whole number of at least 1, by its name."""
     for name, value in numbers.items():
-        if value < 1:
-            raise FamilyError(f"expected `{name}` to be at least 1, found {value}")
+        if not isinstance(value, Integral) or value < 1:
+            raise FamilyError(f"expected `{name}` to be a whole number of at least 1, found {value}")
 
 
 class Episode:
