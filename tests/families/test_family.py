@@ -98,7 +98,7 @@ def test_what_is_written_is_a_single_build(workspace: Path, many: thingc.RobotFa
     assert own.keys() == alone.keys() and [name for name in own if own[name] != alone[name]] == []
     said = many.write({"length": 5.0}, tmp_path / "wrong")
     assert said[0].code.code == "TC803" and not (tmp_path / "wrong").exists()
-    assert many.write(variant, tmp_path / "zipped" / "everything", emit=["mjz"]) == ()
+    assert many.write(variant, tmp_path / "zipped" / "everything", emit="mjz") == ()
     zipped = {path.name for path in (tmp_path / "zipped").rglob("*") if path.is_file()}
     assert zipped == {"manifest.json", *(f"everything_{mode}.mjz" for mode in many.modes)}
     with pytest.raises(UnknownChoice, match="there is no target `mjzz`") as fault:

@@ -128,20 +128,20 @@ class RobotFamily:
         return batched(models.each(read, share=True), (lambda index: models.source(read[index][1])) if union else None)
 
     def write(
-        self, settings: Mapping[str, Any] | Variant, folder: str | os.PathLike[str], *, emit: Sequence[str] = (),
+        self, settings: Mapping[str, Any] | Variant, folder: str | os.PathLike[str], *, emit: Sequence[str] | str = (),
     ) -> tuple[Diagnostic, ...]:
         """Write what `thingc build` does with these settings into `folder`, byte for byte; all that was said. With errors nothing is
-        written. `emit` are the targets; unless named those of the document of variants, else those of a build. What comes without a
-        compilation (of other targets than `hag`, `glb` and `html`) MuJoCo is not asked about, unless it is compared with one.
-        Raises `UnknownChoice` for a target that is not there, `OutputError` where the system refuses, and `UnexpectedFilesError` for a
-        folder that holds anything but such a build."""
+        written. `emit` are the targets, or a text as `--emit` takes it; unless named those of the document of variants, else those of a
+        build. What comes without a compilation (of other targets than `hag`, `glb` and `html`) MuJoCo is not asked about, unless it is
+        compared with one. Raises `UnknownChoice` for a target that is not there, `OutputError` where the system refuses, and
+        `UnexpectedFilesError` for a folder that holds anything but such a build."""
         from thingc.output import write_build
 
         _, read = self._read(settings)
         if read.report is not None:
             return tuple(read.report.ordered())
         own = self._reader.settings(read, self._units)
-        builds = self._builds_of(tuple(emit))
+        builds = self._builds_of((emit,) if isinstance(emit, str) else tuple(emit))
         planned = builds.planned(own)
         files, problems = builds.passed(own) if planned is None else (planned.files(), planned.problems)
         if files:
@@ -184,7 +184,7 @@ class RobotFamily:
         """Which way a number goes into the models of a mode, by parameter or path: found out by setting it to `value` (None: what stands
         in the document) and to numbers near it. `NoModel` where it cannot be set to that."""
         models = self._of(mode, False)
-        settings: dict[str, Any] = {one: self._stated(one) if value is None else value for one in self._reader.meant(name)}
+        settings: dict[str, Any] = {one: self._stated(one) if value is None else value for one in self._reader.meant(str(name))}
         read = self._reader.read(settings or {name: ""})
         form: Form[Any] = Form()
         plan = models.plan(read, form) if settings.keys() <= set(read.names) else None
