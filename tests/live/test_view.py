@@ -248,7 +248,7 @@ def test_builds_and_wrong_command_lines(
     code, said = run("view", "wrong.yaml", "--no-open", "--against", "wrong.yaml")  # as it is now is nothing
     assert code == 1 and "TC601" in said and "wrong.yaml:23:16" in said
     code, said = run("view", ".", "--no-open")
-    assert code == 2 and "`.` is a folder without a build" in said
+    assert code == 2 and "`.` is a folder without a build" in said and "`robot.yaml`" in said
     assert run("build", "robot.yaml", "--emit", "bom")[0] == 0
     for folder in ("build/robot", "build"):
         code, said = run("view", folder, "--no-open")

@@ -150,6 +150,7 @@ def test_no_machine_gets_colours(form: str, folder: Path) -> None:
     (FileExistsError(17, "File exists", "build"), "move away what is in its place"),
     (PermissionError(13, "Permission denied", "build"), "allow it to be written, or choose another place"),
     (OSError(28, "No space left on device", "build"), "make room, or choose another place"),
+    (OSError(30, "Read-only file system", "build"), "allow it to be written, or choose another place"),
 ])
 def test_what_the_system_refuses_has_a_hint(fault: OSError, help: str) -> None:
     said = of_exception(fault)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import os
 import re
 import sys
@@ -404,9 +405,10 @@ def of_exception(fault: Exception) -> Diagnostic:
             help="choose a folder that can be written with --store or THINGC_STORE",
         )
     if isinstance(fault, OSError) and fault.filename is not None:
+        kind = PermissionError if fault.errno == errno.EROFS else type(fault)
         return Diagnostic(
-            code=Code.OUTPUT, severity=Severity.ERROR, message=f"`{fault.filename}`: {fault.strerror or fault}",
-            help=_CURES.get(type(fault), "make room, or choose another place"),
+            code=Code.OUTPUT, severity=Severity.ERROR, message=f"`{shown_path(str(fault.filename))}`: {fault.strerror or fault}",
+            help=_CURES.get(kind, "make room, or choose another place"),
         )
     import traceback
 

@@ -215,6 +215,8 @@ def _open_build(arguments: argparse.Namespace) -> int:
 
 def _build_meant(name: str) -> Path:
     """The build that a folder is, or the only one that it holds. Raises `WrongCommandLine` with what to type."""
+    from thingc.load import documents_near, is_document
+
     folder = Path(name)
     if (folder / MANIFEST).is_file():
         return folder
@@ -225,7 +227,9 @@ def _build_meant(name: str) -> Path:
     if builds:
         hint = did_you_mean("", [shown_path(str(one)) for one in builds], what="builds")
         raise common.WrongCommandLine(f"`{name}` holds {len(builds)} builds", f"name one of them: {hint}", Code.NO_DOCUMENT)
-    raise common.WrongCommandLine(f"`{name}` is a folder without a build", "name a document, or a build with html/", Code.NO_DOCUMENT)
+    robots = [shown_path(path) for path in documents_near(name, None) if is_document(path, "assembly/")]
+    hint = did_you_mean("", robots, what="robots") if robots else "name a document, or a build with html/"
+    raise common.WrongCommandLine(f"`{name}` is a folder without a build", hint, Code.NO_DOCUMENT)
 
 
 def _port(text: str) -> int:
