@@ -92,6 +92,32 @@ def test_how_far_the_robot_reaches(crane: Portrait, tmp_path: Path, shared_store
     assert (reach.old, reach.new, reach.because) == (pytest.approx(0.5), pytest.approx(0.56), ("mast/head",))
 
 
+@pytest.mark.parametrize(("kind", "at", "words"), [
+    ("cylindrical", "[=1 rad * lean, 0]", ("30 deg", "45 deg")), ("cylindrical", "[0, =9 mm * lean]", ("4.71239 mm", "7.06858 mm")),
+    ("planar", "[=9 mm * lean, 0, 0]", ("4.71239 mm", "7.06858 mm")), ("screw, lead: 9 mm", "=1 rad * lean", ("30 deg", "45 deg")),
+])
+def test_a_value_that_is_worked_out_is_told_in_the_units_of_its_coordinate(
+    tmp_path: Path, shared_store: str, kind: str, at: str, words: tuple[str, str],
+) -> None:
+    text = """\
+thingc: assembly/1
+name: rod
+parameters: {lean: 30 deg / 1 rad}
+components:
+  rod: {link: true, shapes: [{box: 20 20 20 mm}], mass: 1 kg, mounts: {end: {xyz: 0 0 10 mm}}}
+  sleeve: {link: true, shapes: [{box: 20 20 20 mm}], mass: 1 kg, mounts: {end: {xyz: 0 0 10 mm}}}
+joints: {fit: {type: KIND, parent: rod.end, child: sleeve.end}}
+poses: {out: {fit: AT}}
+"""
+    robots: list[Portrait] = []
+    for name, lean in (("before", math.pi / 6.0), ("after", math.pi / 4.0)):
+        (tmp_path / name).mkdir()
+        document = tmp_path / name / "rod.yaml"
+        document.write_text(text.replace("KIND", kind).replace("AT", at).replace("30 deg / 1 rad", repr(lean)))
+        robots.append(drawn(document, shared_store))
+    assert [change.words for change in compare(*robots).changes if change.what == "pose"] == [words]
+
+
 def test_a_quaternion_is_told_as_it_is_written(crane: Portrait, tmp_path: Path, shared_store: str) -> None:
     """Beside another quaternion; beside angles, or nothing, in angles. The same turn in other words is no change."""
     yard = "stand: {root: mast, base: fixed, pose: up"

@@ -135,6 +135,16 @@ limit = {lower = "0 mm", upper = "=reach"}
 """
 
 
+@pytest.mark.parametrize(("kind", "offered"), [
+    ("prismatic", {"m", "mm"}), ("screw", {"rad", "deg"}), ("cylindrical", {"m", "mm", "rad", "deg"}),
+])
+def test_a_limit_is_in_the_units_of_its_kind(toml: tuple[Documents, Path], kind: str, offered: set[str]) -> None:
+    documents, path = toml
+    text, offset = at(TOML_ROBOT.replace("prismatic", kind), 'lower = "0 mm"', 'lower = "5 │')
+    units = {one.shown for one in items(documents.analysis(path, text), text, offset)}
+    assert units & {"m", "mm", "rad", "deg", "kg", "N"} == offered
+
+
 @pytest.mark.parametrize(("found", "marked", "shown", "after"), [
     ('type = "prismatic"', "type = │", "prismatic", 'type = "prismatic"'),
     ('parent = "base.top"', 'parent = "base.│"', "top", 'parent = "base.top"'),

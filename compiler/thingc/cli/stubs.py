@@ -11,11 +11,12 @@ import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 from thingc.cli import common
 from thingc.cli.set import settings
 from thingc.diagnostics import Report, shown_path
+from thingc.joints.bases import BaseType, stays
 from thingc.layout.setting import Keys, Written
 from thingc.load import Documents, read_tree
 from thingc.load.paths import DOCUMENT_SUFFIXES
@@ -23,12 +24,12 @@ from thingc.load.scalars import core_value
 from thingc.realize.record import PartRecord, PartSchema
 from thingc.source import Document, MappingNode, SequenceNode, node_at
 from thingc.typos import did_you_mean, meant
-from thingc.units import ANGLE, shortened
+from thingc.units import shortened
 
 if TYPE_CHECKING:
     from thingc.realize.service import GeometryService
 
-BASES = ("fixed", "held", "free", "planar", "ball")
+BASES: tuple[BaseType, ...] = get_args(BaseType)
 """What a mode may have for a base."""
 NAME = r"[A-Za-z][A-Za-z0-9_]*"
 """What a name is made of."""
@@ -223,19 +224,19 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Additio
     modes = _section(root.tree, "modes")
     first = {"root": _base(root), **(_extended(modes, next(iter(modes))) if modes else {})}
     soles: list[str] = arguments.standing_on or []
-    by_sole = len(soles) == 1 and arguments.base not in BASES[2:]
+    by_sole = len(soles) == 1 and (arguments.base is None or stays(arguments.base))
     if by_sole and arguments.root is not None:
         raise common.WrongCommandLine(
             f"`{soles[0]}` is the root of a mode that stands on it, and --root names another", "leave --root out, or write `--base free`",
         )
     stands = soles[0] if by_sole else arguments.root or str(first["root"])
-    usual = ("held", "fixed") if by_sole else ("free",) if soles else BASES[:3]
+    usual: tuple[BaseType, ...] = ("held", "fixed") if by_sole else ("free",) if soles else ("fixed", "held", "free")
     taken = {str(mode.get("base", "fixed")) for mode in (_extended(modes, one) for one in modes) if mode.get("root") == stands}
-    base = arguments.base or next((one for one in usual if one not in taken), usual[0])
+    base: BaseType = arguments.base or next((one for one in usual if one not in taken), usual[0])
     value: dict[str, Written] = {"root": stands, "base": base}
     if by_sole:
         pass  # the mount lies on the world's origin, and the robot stands above it
-    elif stands == first["root"] and base in ("fixed", "held"):
+    elif stands == first["root"] and stays(base):
         value |= {"at": _written(first["at"])} if "at" in first else {}
     elif _shaped(root):
         value["at"] = {"on": "floor"}
@@ -271,8 +272,10 @@ def _joint(arguments: argparse.Namespace, documents: Documents | None) -> Additi
     if kind.leads:
         value["lead"] = "2 mm"
     if kind.limits == "required":
-        turns = kind.coordinate == ANGLE
-        value["limit"] = {"lower": "-90 deg", "upper": "90 deg"} if turns else {"lower": "0", "upper": "50 mm"}
+        bounds: list[Written] = [
+            {"lower": "-90 deg", "upper": "90 deg"} if one.turns else {"lower": "0", "upper": "50 mm"} for one in kind.twists
+        ]
+        value["limit"] = bounds if len(bounds) > 1 else bounds[0]
     component = arguments.child.partition(".")[0]
     ways = () if arguments.loop else ("attach", "at")
     placed = tuple(("components", component, way) for way in ways if node_at(root.tree, ("components", component, way)) is not None)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from thingc.brief import counted
 from thingc.diff.answer import Differences
-from thingc.diff.change import PERHAPS, Change, Told, What
+from thingc.diff.change import PERHAPS, Change, How, Told, What
 from thingc.diff.comparing import Comparison
 from thingc.frozen import dataclass
 from thingc.shown import shown
@@ -28,7 +28,7 @@ _RANK: dict[What, int] = {
     "mount": 12, "material": 13, "sensor": 14,
 }
 """What follows, the most important first."""
-_SIGNS = {"added": "+", "removed": "-", "renamed": "~", "moved": "~", "changed": " "}
+_SIGNS: dict[How, str] = {"added": "+", "removed": "-", "renamed": "~", "moved": "~", "changed": " "}
 TITLES: dict[What, str] = {
     "test": "tests", "mass": "masses", "bom": "bill of materials", "file": "files to print anew", "joint": "joints", "mode": "modes",
     "pose": "poses", "component": "places", "geometry": "geometry", "mate": "mates", "parameter": "parameters", "mount": "mounts",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from thingc.diff.pairing import Pair
 from thingc.diff.portrait import Fact, Portrait, StatedThing, Value
-from thingc.units import ANGLE, LENGTH, Dimension, Quantity, UnitError, parse_quantity
+from thingc.joints import KINDS
+from thingc.units import Dimension, Quantity, UnitError, parse_quantity
 
-SLIDING = frozenset({"prismatic"})
 POSITIONS = frozenset({"limit.lower", "limit.upper", "limit.cone", "offset"})
 LONGEST = 40
 """Characters of what is shown as it is written."""
@@ -37,7 +37,7 @@ def _said(fact: Fact | None) -> str | None:
 def _dimension(thing: StatedThing, key: str, robot: Portrait) -> Dimension | None:
     if thing.what == "pose" or thing.what == "joint" and key in POSITIONS:
         joint = robot.things.get(("joint", key)) if thing.what == "pose" else thing
-        return None if joint is None else LENGTH if joint.label in SLIDING else ANGLE
+        return None if joint is None else _coordinate(joint)
     if thing.what == "parameter":
         for fact in thing.facts.values():
             try:
@@ -45,6 +45,15 @@ def _dimension(thing: StatedThing, key: str, robot: Portrait) -> Dimension | Non
             except UnitError:
                 continue
     return None
+
+
+def _coordinate(joint: StatedThing) -> Dimension | None:
+    """Of q of a joint, or of one coordinate of it, whose path ends with its number: `wrist_1`."""
+    kind = KINDS.get(joint.label or "")
+    if kind is None or kind.coordinate is not None:
+        return kind.coordinate if kind is not None else None
+    number = joint.path.rpartition("_")[2]
+    return kind.twists[int(number)].coordinate if number.isdecimal() and int(number) < len(kind.twists) else None
 
 
 def _number(value: Value, dimension: Dimension) -> str:

@@ -8,10 +8,10 @@ from typing import Any
 
 from thingc.editor import values
 from thingc.editor.values import Schema
-from thingc.realize.record import DIMENSIONS, WHOLE, ParameterSchema, PartSchema
+from thingc.realize.record import DIMENSIONS, WHOLE, ParameterKind, ParameterSchema, PartSchema
 from thingc.units import NUMBER, Quantity
 
-_KINDS = {
+_KINDS: Mapping[ParameterKind, str] = {
     "length": "a length", "angle": "an angle", "mass": "a mass", "ratio": "a number or a percentage", "number": "a number",
     "count": "a whole number", "integer": "a whole number", "flag": "`true` or `false`", "text": "a text",
     "choice": "one of the words offered",

@@ -10,7 +10,7 @@ all targets.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Generic, Literal, TypedDict, TypeVar
+from typing import Any, Generic, Literal, TypedDict, TypeVar, assert_never
 
 from thingc.emit.artifact import Loss
 from thingc.frozen import dataclass
@@ -314,7 +314,7 @@ class _Lost:
 
     def of_mode(self, robot: Robot) -> Iterator[Loss]:
         """Of one mode."""
-        mode, modes, bases = robot.mode, self.says["modes"], self.says["bases"]
+        mode, modes = robot.mode, self.says["modes"]
         for closure in robot.closures:
             cell = self.says["loops"]["hold" if closure.hold else closure.kind]
             what = "that it is held where it is" if closure.hold else "the loop through it"
@@ -332,17 +332,29 @@ class _Lost:
             yield from self(cell, mode.name, link.name, what, link.origin)
         of_mode = (
             (modes["gravity"], "its gravity", robot.gravity != GRAVITY),
-            (bases["held"], "that its base is held, and can be moved while it is", robot.base == "held"),
-            (bases["free"], "that its base floats", robot.base == "free"),
-            (bases["start"], "where it begins", robot.base == "free" and robot.bodies[0].X_PL != NO_POSE),
-            (bases["planar"], "the motion of its base", robot.base == "planar"),
-            (bases["ball"], "the motion of its base", robot.base == "ball"),
+            *self.of_base(robot),
             *self.stepping(mode.simulation),
             (modes["exclude"], "which links never touch, besides neighbours", bool(mode.exclude)),
         )
         for cell, what, used in of_mode:
             if used:
                 yield from self(cell, mode.name, mode.name, what, mode.origin)
+
+    def of_base(self, robot: Robot) -> tuple[tuple[Plain, str, bool], ...]:
+        """Of what a mode lets its root do: the cell, what it is, and whether it is used."""
+        base, bases = robot.base, self.says["bases"]
+        match base:
+            case "fixed":
+                return ()
+            case "held":
+                return ((bases["held"], "that its base is held, and can be moved while it is", True),)
+            case "free":
+                begins = robot.bodies[0].X_PL != NO_POSE
+                return ((bases["free"], "that its base floats", True), (bases["start"], "where it begins", begins))
+            case "planar" | "ball":
+                return ((bases[base], "the motion of its base", True),)
+            case _:
+                assert_never(base)
 
     def stepping(self, simulation: Mapping[str, object]) -> tuple[tuple[Plain, str, bool], ...]:
         """Of what a document or a mode says under `simulation`: the cell, what it is, and whether it is used."""

@@ -29,7 +29,7 @@ from thingc.inertia import MassProperties, physical_fault
 from thingc.memo import Memo
 from thingc.mirror import Mirror
 from thingc.pose import NO_POSE
-from thingc.realize.record import Outside, PartDefinition, PartFailure, PartRecord, PartWarning
+from thingc.realize.record import FailureKind, Outside, PartDefinition, PartFailure, PartRecord, PartWarning
 from thingc.realize.slices import Unsliced
 from thingc.resolve.link_definition import LinkDefinition, mesh_files_of
 from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Material, Process
@@ -38,7 +38,7 @@ from thingc.source import Origin, line_of
 from thingc.typos import did_you_mean, nearest
 
 _WRITE_WHERE = "let it write nothing, or into `tempfile.gettempdir()`, which is its own and goes with it"
-_FAILED = {
+_FAILED: Mapping[FailureKind, tuple[Code, str, str]] = {
     "raised": (Code.PART_RAISED, "raised an exception", "change its `params`, or mend the part file"),
     "hung": (Code.PART_HUNG, "took too long", "mend the part, or allow more time with `--part-timeout`"),
     "crashed": (Code.PART_CRASHED, "crashed the interpreter", "change its `params`, or what the part asks of the CAD kernel"),
@@ -47,13 +47,13 @@ _FAILED = {
     "empty": (Code.PART_EMPTY, "has no volume", "let `result()` return a solid, or None for a part without geometry"),
     "refused": (Code.PART_REFUSED, "is refused", "take a part from the workspace's `parts` folders or its `packages`"),
     "missing": (Code.PART_MISSING, "is not there", "write `module:Class` with a module on the part path and a class in it"),
-    "invalid": (Code.PART_INVALID, "is not valid", "mend the part file"),
+    **dict.fromkeys(("invalid", "resultless", "absent"), (Code.PART_INVALID, "is not valid", "mend the part file")),
     "unbounded": (Code.PART_INVALID, "cannot have so few triangles", "allow more `faces`"),
     "stale": (Code.LOCK_STALE, "has changed", "run `thingc lock`, and keep what it writes with the documents"),
     "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and keep what it writes with the documents"),
 }
 """By kind of failure: the code, the words that follow the part, and what to do."""
-_INSTEAD = {
+_INSTEAD: Mapping[Outside, str] = {
     Outside.ENVIRONMENT: "make it a parameter, or a file that the part reads with `asset(...)`",
     Outside.CLOCK: "make it a parameter",
     Outside.CHANCE: "seed the generator: `random.Random(7)`, `numpy.random.default_rng(7)`",
@@ -155,7 +155,7 @@ class PartInstances:
             component, path, origin = users[0]
             if not isinstance(failure, PartFailure) or not isinstance(component.definition, PartDefinition):
                 continue
-            code, what, help = _FAILED.get(failure.kind, _FAILED["invalid"])
+            code, what, help = _FAILED[failure.kind]
             notes = [note for other, _, place in users[1:_SHOWN_PLACES] for note in noted(f"`{other.name}` is one, too", place)]
             if len(users) > _SHOWN_PLACES:
                 notes.append(Note(message=f"and {counted(len(users) - _SHOWN_PLACES, 'more component')}"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, assert_never
 
 from thingc.frozen import dataclass
 from thingc.joints.twist import Twist, Z
@@ -54,6 +54,17 @@ class JointKind:
     def moves(self) -> bool:
         """Whether the joint has a coordinate: one that has none fuses what it connects into one link."""
         return bool(self.twists)
+
+    @property
+    def may_stop(self) -> bool:
+        """Whether a document may say `limit.lower` and `limit.upper`."""
+        match self.limits:
+            case "required" | "optional":
+                return True
+            case "none" | "cone":
+                return False
+            case _:
+                assert_never(self.limits)
 
     @property
     def coordinate(self) -> Dimension | None:

@@ -13,6 +13,7 @@ from typing import Any
 
 from thingc.expressions import CONSTANTS, FUNCTIONS
 from thingc.frozen import dataclass
+from thingc.joints import KINDS
 from thingc.lsp.analysis import Analysis
 from thingc.lsp.cursor import Cursor, cursor_at
 from thingc.lsp.frames import frame_words
@@ -276,8 +277,8 @@ class _Asked:
         if set(dimensions) != {ANGLE, LENGTH}:
             return dimensions
         if path[0] == "joints":
-            kind = self.cursor.scalars.get((*path[:2], "type"))
-            return (LENGTH,) if kind == "prismatic" else (ANGLE,) if kind in ("revolute", "continuous") else dimensions
+            kind = KINDS.get(self.cursor.scalars.get((*path[:2], "type"), ""))
+            return tuple(dict.fromkeys(twist.coordinate for twist in kind.twists)) if kind is not None and kind.moves else dimensions
         known = [one for step in path if (one := self.analysis.facts.joints.get(str(step))) is not None and one.angle is not None]
         return ((ANGLE,) if known[-1].angle else (LENGTH,)) if known else dimensions
 

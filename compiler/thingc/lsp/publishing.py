@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from typing import Any
 
 from thingc.diagnostics import Diagnostic, Severity
 from thingc.lsp.analysis import Analysis
 from thingc.source import Span
 
-_SEVERITY = {Severity.ERROR: 1, Severity.WARNING: 2, Severity.NOTE: 3}
+_SEVERITY: Mapping[Severity, int] = {Severity.ERROR: 1, Severity.WARNING: 2, Severity.NOTE: 3}
 _TOP = {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 0}}
 
 

@@ -7,6 +7,7 @@ slides and a turn about z, or a quaternion in the axes of the root link.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +20,7 @@ from thingc.modes.frames import Array, inverse, pose, quaternion_of, rotation_of
 class PartBase(Brief):
     """How the root link of a mode moves: `kind` is `planar` or `ball`, `X_WA` and `X0_WR` (4, 4) as above."""
 
-    kind: str
+    kind: Literal["planar", "ball"]
     X_WA: Array
     X0_WR: Array
 

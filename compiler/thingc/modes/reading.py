@@ -55,9 +55,14 @@ def _mode(name: str, described: Mapping[str, Any]) -> Mode:
         for link in described["links"]
     )
     base, X_world_root = str(described["base"]), _array(described["X_world_root"], 4, 4)
-    part = None
-    if base in ("planar", "ball"):
-        part = PartBase(kind=base, X_WA=_array(described["X_world_at"], 4, 4), X0_WR=X_world_root)
+    part: PartBase | None
+    match base:
+        case "planar" | "ball":
+            part = PartBase(kind=base, X_WA=_array(described["X_world_at"], 4, 4), X0_WR=X_world_root)
+        case "fixed" | "held" | "free":
+            part = None
+        case _:
+            raise ModesError(f"mode `{name}` has a base that this version of thingc does not know (`{base}`): build the robot again")
     index = {link.name: number for number, link in enumerate(links)}
     return Mode(
         name=name,

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from thingc.modes.tree import Cut, Mode
 from thingc.typos import did_you_mean
 
 OnMotion = Literal["raise", "drop", "impact"]
-CHOICES = ("raise", "drop", "impact")
+CHOICES: tuple[OnMotion, ...] = get_args(OnMotion)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -6,14 +6,14 @@ its toolkit: `%`, CR and LF in messages, `:` and `,` in properties too.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from thingc.diagnostics import Diagnostic, Note, Severity
 from thingc.reporting.places import within
 from thingc.shown import shown
 from thingc.source import Span
 
-_COMMANDS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE: "notice"}
+_COMMANDS: Mapping[Severity, str] = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE: "notice"}
 
 
 def as_github(diagnostics: Sequence[Diagnostic], *, base: str) -> str:

@@ -340,7 +340,7 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
             Code.LIMIT, f"joint `{name}` is {kind.name} and has no `limit.cone`", cone[1], key=True,
             help="a cone is the limit of a `ball`; others have `lower` and `upper`",
         )
-    if kind.limits == "none":
+    if not kind.may_stop:
         own = [(key, said[1]) for key, said in (("lower", lower), ("upper", upper)) if said is not None and said[1][0] == "joints"]
         if own:
             named = " and no ".join(f"`limit.{key}`" for key, _ in own)

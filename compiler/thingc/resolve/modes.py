@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from itertools import product
+from typing import cast
 
 from thingc.diagnostics import Code, Note
 from thingc.joints.bases import BaseType
@@ -20,14 +21,14 @@ from thingc.resolve.scope import Scope
 from thingc.resolve.standing import standing
 from thingc.resolve.table import Table
 from thingc.source import Origin, Path
-from thingc.spec.modes import ModeSpec
+from thingc.spec.modes import ModeSpec, StandsOn
 from thingc.typos import MAX_CIRCLE, circle_words
 from thingc.units import ACCELERATION, FORCE, LENGTH, NUMBER, TIME, Quantity
 
 MAX_EXTENDED = 20
 MAX_EXCLUDED = 100_000
 
-GRAVITY: dict[str, Vector] = {"floor": (0.0, 0.0, -9.81), "wall": (-9.81, 0.0, 0.0), "ceiling": (0.0, 0.0, 9.81)}
+GRAVITY: Mapping[StandsOn, Vector] = {"floor": (0.0, 0.0, -9.81), "wall": (-9.81, 0.0, 0.0), "ceiling": (0.0, 0.0, 9.81)}
 """Gravity [m/s^2] in the world frame by its word: what the robot stands on, clings to or hangs from."""
 
 
@@ -194,7 +195,7 @@ def _gravity(scope: Scope, layers: Layers) -> tuple[Vector, Origin]:
     if said is None:
         return GRAVITY["floor"], ()
     if isinstance(said[0], str):
-        return GRAVITY[said[0]], ()
+        return GRAVITY[cast("StandsOn", said[0])], ()
     gravity = scope.vector(*said, ACCELERATION, "`gravity`")
     return (GRAVITY["floor"], ()) if gravity is None else (gravity, scope.origin(said[1]))
 

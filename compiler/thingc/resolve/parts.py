@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 from thingc.brief import counted
 from thingc.diagnostics import MAX_FAULTS, Code, Note
@@ -14,6 +14,7 @@ from thingc.realize.record import (
     DIMENSIONS,
     FILE_UNIT,
     WHOLE,
+    FailureKind,
     ParameterSchema,
     PartDefinition,
     PartFailure,
@@ -28,10 +29,11 @@ from thingc.typos import did_you_mean, near_hint, nearest
 from thingc.units import NUMBER, Quantity, shortened
 from thingc.workspace import DEFAULT_PARTS
 
-_FAILURES = {
+_FAILURES: Mapping[FailureKind, Code] = {
     "missing": Code.PART_MISSING, "refused": Code.PART_REFUSED, "raised": Code.PART_RAISED, "hung": Code.PART_HUNG,
     "crashed": Code.PART_CRASHED, "trespassed": Code.PART_WRITES, "swarmed": Code.PART_SWARMED, "empty": Code.PART_EMPTY,
     "invalid": Code.PART_INVALID, "resultless": Code.NO_RESULT, "stale": Code.LOCK_STALE, "unlocked": Code.NOT_LOCKED,
+    **dict.fromkeys(("unbounded", "absent"), Code.PART_INVALID),
 }
 
 
@@ -212,7 +214,7 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
     elif failure.candidates:
         help = did_you_mean(reference, [f"{module}:{name}" for name in failure.candidates], what="parts")
     context.report.add(
-        _FAILURES.get(failure.kind, Code.PART_INVALID), message, node.scope.span(path),
+        _FAILURES[failure.kind], message, node.scope.span(path),
         help=help,
         path=f"{'.'.join(str(step) for step in path)}", notes=notes, detail=failure.detail,
     )

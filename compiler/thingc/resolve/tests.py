@@ -233,16 +233,20 @@ class Reader:
                 yield self._range(name, joint, *chosen[name])
 
     def _range(self, name: CoordinateName, joint: Joint, said: Any, key: Path) -> JointRange:
-        """From where to where a joint goes."""
+        """From where to where a joint goes: all that its limits allow, without them one turn."""
         twist = joint.twist
-        low = joint.limit.lower if joint.limit.lower is not None else -math.pi
-        high = joint.limit.upper if joint.limit.upper is not None else math.pi
+        endless = math.pi if twist is not None and twist.turns else math.inf
+        low = joint.limit.lower if joint.limit.lower is not None else -endless
+        high = joint.limit.upper if joint.limit.upper is not None else endless
+        if said == ALL and math.isinf(high - low):
+            self.error(Code.TEST, f"joint `{name}` slides without limits: `all` is no range", key,
+                       help="write from where to where: `[-20 mm, 20 mm]`, or give it a `limit`")
         if said != ALL and twist is not None:
             first, last = self.interval(said, key, twist.coordinate, f"the range of joint `{name}`")
-            shown = twist.shown
-            if joint.kind.limits != "none" and (first < low - 1e-9 or last > high + 1e-9):
+            if joint.kind.may_stop and (first < low - 1e-9 or last > high + 1e-9):
+                ends = " to ".join(twist.shown(end) if math.isfinite(end) else "no end" for end in (low, high))
                 self.error(
-                    Code.OUT_OF_RANGE, f"the range of joint `{name}` leaves its limits {shown(low)} to {shown(high)}", key,
+                    Code.OUT_OF_RANGE, f"the range of joint `{name}` leaves its limits {ends}", key,
                     help="write `all` for the whole range",
                 )
             low, high = first, last

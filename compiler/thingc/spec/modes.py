@@ -18,6 +18,9 @@ from thingc.spec.fields import (
 from thingc.spec.named import ComponentField, JointPattern, ModeField, PoseField, RootField, ShownMountField
 from thingc.spec.poses import PoseSpec
 
+StandsOn = Literal["floor", "wall", "ceiling"]
+"""What a robot stands on, clings to or hangs from, in words."""
+
 
 class SimulationSpec(Model):
     """How simulators step."""
@@ -89,7 +92,7 @@ class ModeSpec(Model):
     """`fixed` (default), `held`, `free`, `planar` (in the x-y plane of `at`) or `ball` (about the root's origin)."""
     at: WorldAtSpec | None = Field(default=None, examples=[{"xyz": "0 0 300 mm", "rpy": "0 0 90 deg"}, {"on": "floor"}])
     """Where in the world the root is; its origin unless written."""
-    gravity: Literal["floor", "wall", "ceiling"] | Vector3Acceleration | None = Field(default=None, examples=["wall", "0 0 -1.62 m/s^2"])
+    gravity: StandsOn | Vector3Acceleration | None = Field(default=None, examples=["wall", "0 0 -1.62 m/s^2"])
     """What the robot stands on or hangs from, or a vector in the world frame; `floor` unless written."""
     pose: PoseField | None = None
     """Where it starts."""

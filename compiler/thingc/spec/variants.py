@@ -92,10 +92,14 @@ class ListedSpec(Model):
     """Parts, assemblies and materials, by where they stand in the assembly."""
 
 
+Method = Literal["sobol", "lhs", "uniform"]
+"""How variants are drawn."""
+
+
 class SampleSpec(Model):
     """Variants that are drawn. What is listed under `parameters` and `choices` is drawn, too."""
 
-    method: Literal["sobol", "lhs", "uniform"] = "sobol"
+    method: Method = "sobol"
     """`sobol` (scrambled Sobol sequence), `lhs` (Latin hypercube) or `uniform`."""
     count: CountField
     """How many are drawn."""

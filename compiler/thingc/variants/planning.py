@@ -18,6 +18,7 @@ from thingc.printing import as_text
 from thingc.realize.record import Value
 from thingc.resolve.model import AssemblyDefinition
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
+from thingc.spec.variants import Method
 from thingc.units import Dimension, Quantity
 from thingc.variants.axes import Axis
 from thingc.variants.by_path import Paths
@@ -96,7 +97,7 @@ class Plan(Brief):
     fixed: Setting
     listed: tuple[Setting, ...]
     axes: tuple[Axis, ...]
-    method: str | None
+    method: Method | None
     drawn: int
     seed: int
     rules: tuple[Rule, ...]

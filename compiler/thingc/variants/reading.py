@@ -15,7 +15,7 @@ from thingc.resolve import AssemblyParameters, Settings, Sources
 from thingc.source import SET, Document, Path, ScalarNode, closest, dotted, node_at
 from thingc.spec import stated_choices, validate_one
 from thingc.spec.assembly import AssemblySpec
-from thingc.spec.variants import AxisSpec, VariantsSpec
+from thingc.spec.variants import AxisSpec, Method, VariantsSpec
 from thingc.variants import by_path
 from thingc.variants.axes import MOST_VALUES, Axis, ValueReader
 from thingc.variants.planning import OUTSIDE, Plan, PlanError, Setting, moved
@@ -316,7 +316,7 @@ class _Planner:
             made.append(setting)
         return tuple(made)
 
-    def sample(self, reader: ValueReader) -> tuple[str | None, int, int]:
+    def sample(self, reader: ValueReader) -> tuple[Method | None, int, int]:
         """Method, count and seed of what is drawn."""
         sample = self.spec.sample
         if sample is None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from typing import Any, assert_never
+
+from thingc.spec.variants import Method
 
 BLOCK = 256
 """Points that are made at once."""
 
 
-def points(method: str, dimensions: int, count: int, seed: int) -> Iterator[tuple[float, ...]]:
+def points(method: Method, dimensions: int, count: int, seed: int) -> Iterator[tuple[float, ...]]:
     """`count` points of the unit cube [0, 1) of so many dimensions.
 
     `sobol` is `scipy.stats.qmc.Sobol(d, scramble=True, rng=seed)`, `lhs` `scipy.stats.qmc.LatinHypercube(d, rng=seed)` and
@@ -22,16 +25,22 @@ def points(method: str, dimensions: int, count: int, seed: int) -> Iterator[tupl
     if dimensions == 0:
         yield from (() for _ in range(count))
         return
-    if method == "lhs":
-        for row in qmc.LatinHypercube(dimensions, rng=seed).random(count):
-            yield tuple(row.tolist())
-        return
-    sobol = qmc.Sobol(dimensions, scramble=True, rng=seed) if method == "sobol" else None
-    generator = numpy.random.default_rng(seed)
-    for start in range(0, count, BLOCK):
-        size = min(BLOCK, count - start)
+    size = BLOCK
+    match method:
+        case "lhs":
+            size, draw = max(count, 1), qmc.LatinHypercube(dimensions, rng=seed).random
+        case "sobol":
+            draw = qmc.Sobol(dimensions, scramble=True, rng=seed).random
+        case "uniform":
+            generator = numpy.random.default_rng(seed)
+
+            def draw(size: int) -> Any:
+                return generator.random((size, dimensions))
+        case _:
+            assert_never(method)
+    for start in range(0, count, size):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # that the count should be a power of 2: docs/variants.md says so
-            block = sobol.random(size) if sobol is not None else generator.random((size, dimensions))
+            block = draw(min(size, count - start))
         for row in block:
             yield tuple(row.tolist())

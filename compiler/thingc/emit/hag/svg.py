@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import unicodedata
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from thingc.drawing.layered import Drawing, Line, Rectangle, Route, Size, draw
 from thingc.emit.hag.words import KINDS, Bundle, bundles, entries, how, quantities, short, total
 from thingc.frozen import dataclass
-from thingc.graph.hag import Definition, Hag
+from thingc.graph.hag import Definition, DefinitionKind, Hag
 from thingc.shown import shown
 
 MARGIN = 28.0
@@ -26,8 +26,8 @@ MOST = 6
 
 FONT = "ui-monospace, 'SF Mono', Menlo, Consolas, 'DejaVu Sans Mono', 'Liberation Mono', monospace"
 INK, MUTED, LINE, JOINT = "#1f2937", "#6b7280", "#a3acba", "#c2410c"
-FILL = {"assembly": "#dbe7f6", "part": "#f7f4ec", "file": "#e6f2e6", "link": "#f3e8f3", "frame": "#ffffff"}
-EDGE = {"assembly": "#3d6fae", "part": "#a89c7c", "file": "#5d8a5d", "link": "#8d6a8d", "frame": "#8a8a8a"}
+FILL: Mapping[DefinitionKind, str] = {"assembly": "#dbe7f6", "part": "#f7f4ec", "file": "#e6f2e6", "link": "#f3e8f3", "frame": "#ffffff"}
+EDGE: Mapping[DefinitionKind, str] = {"assembly": "#3d6fae", "part": "#a89c7c", "file": "#5d8a5d", "link": "#8d6a8d", "frame": "#8a8a8a"}
 
 
 def picture(hag: Hag) -> str:
@@ -193,7 +193,7 @@ def _draw_box(board: ET.Element, definition: Definition, place: Rectangle, lines
         _text(group, x + 5.0, place.y + 19.0, badge, {"fill": "#ffffff", "font-weight": "bold"})
 
 
-def _box_style(kind: str) -> dict[str, str]:
+def _box_style(kind: DefinitionKind) -> dict[str, str]:
     return {"fill": FILL[kind], "stroke": EDGE[kind]} | ({"stroke-dasharray": "4 3"} if kind == "frame" else {})
 
 

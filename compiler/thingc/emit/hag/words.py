@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import get_args
 
 from thingc.brief import counted
 from thingc.frozen import dataclass
-from thingc.graph.hag import Definition, DefinitionEdge, Hag
+from thingc.graph.hag import Definition, DefinitionEdge, DefinitionKind, Hag
 from thingc.shown import shown
 
-KINDS = ("assembly", "part", "file", "link", "frame")
+KINDS: tuple[DefinitionKind, ...] = get_args(DefinitionKind)
 """Kinds of definitions, in the order of a legend."""
 
 

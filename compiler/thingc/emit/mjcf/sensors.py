@@ -76,14 +76,24 @@ def _volume(sensor: LinkedSensor) -> str:
 def sensors(robot: Robot, section: Element) -> None:
     """The section `sensor`, in the order of the documents."""
     for sensor in robot.assembly.sensors:
-        if written(CAPABILITIES["sensors"][sensor.kind]) != "elements" or _missing(robot, sensor):
-            continue
-        for reading in SENSORS[sensor.kind].readings:
-            attributes = {"name": sensor.part(reading.name), **_objects(robot, sensor, reading.name)}
-            for key, numbers_ in (("noise", sensor.noise), ("cutoff", sensor.cutoff)):
-                if reading.name in numbers_:
-                    attributes[key] = number(numbers_[reading.name])
-            section.add(ELEMENTS[sensor.kind][reading.name], attributes, sensor.origin)
+        form = written(CAPABILITIES["sensors"][sensor.kind])
+        match form:
+            case "elements":
+                if not _missing(robot, sensor):
+                    _elements(robot, sensor, section)
+            case "camera" | None:
+                pass  # a camera is on its body
+            case _:
+                assert_never(form)
+
+
+def _elements(robot: Robot, sensor: LinkedSensor, section: Element) -> None:
+    for reading in SENSORS[sensor.kind].readings:
+        attributes = {"name": sensor.part(reading.name), **_objects(robot, sensor, reading.name)}
+        for key, numbers_ in (("noise", sensor.noise), ("cutoff", sensor.cutoff)):
+            if reading.name in numbers_:
+                attributes[key] = number(numbers_[reading.name])
+        section.add(ELEMENTS[sensor.kind][reading.name], attributes, sensor.origin)
 
 
 def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[str, str]:

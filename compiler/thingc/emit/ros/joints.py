@@ -13,9 +13,10 @@ from thingc.graph import joints_of, leaders
 from thingc.graph.types import ActuatorModel
 from thingc.joints.twist import moved
 from thingc.pose import NO_POSE, Vector, cross, dot, multiply, rpy_of, transpose
+from thingc.realize.record import DriveType
 from thingc.robot.types import Body, CoreJoint, Robot
 
-INTERFACES = {"position": "position", "velocity": "velocity", "motor": "effort"}
+INTERFACES: Mapping[DriveType, str] = {"position": "position", "velocity": "velocity", "motor": "effort"}
 """What ros2_control calls the command that each kind of drive takes."""
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import assert_never
 
 from thingc.emit.capabilities import written
 from thingc.emit.names import Names
@@ -34,10 +35,15 @@ def sensors_of_link(robot: Robot, body: int, link: Element, names: Names) -> Non
         match form:
             case "imu" | "magnetometer":
                 _sensor(link, sensor, form, site.pose, names)
-            case "camera" if sensor.fovy is not None:
-                _camera(_sensor(link, sensor, form, site.pose @ LOOKING, names), sensor.fovy)
+            case "camera":
+                if sensor.fovy is not None:
+                    _camera(_sensor(link, sensor, form, site.pose @ LOOKING, names), sensor.fovy)
             case "gpu_lidar":
                 _ray(_sensor(link, sensor, form, site.pose @ LOOKING, names), sensor.cutoff.get("distance", math.inf))
+            case "force_torque" | "contact" | None:
+                pass  # in the joint that carries the link; on no mount
+            case _:
+                assert_never(form)
     collisions = [child.attributes["name"] for child in link.children if child.tag == "collision"]
     for sensor in robot.assembly.sensors:
         if written(CAPABILITIES["sensors"][sensor.kind]) == "contact" and sensor.touching[0] == robot.bodies[body].link and collisions:

@@ -12,15 +12,15 @@ from thingc.robot.types import Robot
 GRIP = 100.0
 """The friction of the floor: Gazebo takes the lesser of two, so that it is the robot's that counts, as in MuJoCo."""
 
+RENDERING = ("gz-sim-sensors-system", "gz::sim::systems::Sensors")
+"""What all sensors that see need of Gazebo's in the world."""
+
 SYSTEMS: dict[SensorForm, tuple[str, str]] = {
     "imu": ("gz-sim-imu-system", "gz::sim::systems::Imu"), "force_torque": ("gz-sim-forcetorque-system", "gz::sim::systems::ForceTorque"),
     "magnetometer": ("gz-sim-magnetometer-system", "gz::sim::systems::Magnetometer"),
-    "contact": ("gz-sim-contact-system", "gz::sim::systems::Contact"),
+    "contact": ("gz-sim-contact-system", "gz::sim::systems::Contact"), "camera": RENDERING, "gpu_lidar": RENDERING,
 }
 """What of Gazebo's a type of sensor needs in the world."""
-
-RENDERED: frozenset[SensorForm | None] = frozenset({"camera", "gpu_lidar"})
-"""Sensors that see: what they need of Gazebo's in the world is one for all."""
 
 
 def config(name: str, version: str, description: str) -> Element:
@@ -46,11 +46,10 @@ def world(robot: Robot, folder: str) -> Element:
         system = "".join(word.capitalize() for word in name.split("-"))
         element.add("plugin", {"filename": f"gz-sim-{name}-system", "name": f"gz::sim::systems::{system}"})
     forms = {written(CAPABILITIES["sensors"][sensor.kind]) for sensor in robot.assembly.sensors}
-    for form, (filename, name) in SYSTEMS.items():
-        if form in forms:
-            element.add("plugin", {"filename": filename, "name": name})
-    if not RENDERED.isdisjoint(forms):
-        element.add("plugin", {"filename": "gz-sim-sensors-system", "name": "gz::sim::systems::Sensors"}).say("render_engine", "ogre2")
+    for filename, name in dict.fromkeys(system for form, system in SYSTEMS.items() if form in forms):
+        plugin = element.add("plugin", {"filename": filename, "name": name})
+        if (filename, name) == RENDERING:
+            plugin.say("render_engine", "ogre2")
     element.say("gravity", numbers(robot.gravity))
     _light(element, "sun" if robot.assembly.name != "sun" else "light")
     _floor(element, "floor" if robot.assembly.name != "floor" else "ground")

@@ -7,6 +7,7 @@ link's own, so that no frame of an inertia or a joint is turned.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import assert_never
 
 from thingc.diagnostics import Report
@@ -20,6 +21,7 @@ from thingc.graph import joints_of, leaders
 from thingc.graph.types import ActuatorModel, JointEdge, Link
 from thingc.inertia import ZERO, MassProperties, physical_fault, within_triangle
 from thingc.pose import IDENTITY, NO_POSE, Pose, rpy_of, shifted
+from thingc.realize.record import DriveType
 from thingc.robot.tree import BASE
 from thingc.robot.types import Body, CoreJoint, Robot
 from thingc.source import Origin
@@ -39,7 +41,9 @@ LINK = "_link"
 MESHES = "meshes"
 """The folder of meshes beside the files."""
 
-INTERFACES = {"position": "PositionJointInterface", "velocity": "VelocityJointInterface", "motor": "EffortJointInterface"}
+INTERFACES: Mapping[DriveType, str] = {
+    "position": "PositionJointInterface", "velocity": "VelocityJointInterface", "motor": "EffortJointInterface",
+}
 """What a drive takes, as ROS called it."""
 
 
@@ -135,8 +139,15 @@ class _Builder:
             element.add("mimic", {"joint": safe(leader), "multiplier": number(multiplier), "offset": number(offset)}, origin)
         (self.followers if follows else self.root.children).append(element)
         drive = joint.actuator if move.follows is None and joint.path in self.robot.present else None
-        if drive is not None and written(CAPABILITIES["drives"][drive_cell(joint, drive)]) == "transmission":
-            self.transmissions.append(_transmission(element.attributes["name"], drive))
+        if drive is not None:
+            form = written(CAPABILITIES["drives"][drive_cell(joint, drive)])
+            match form:
+                case "transmission":
+                    self.transmissions.append(_transmission(element.attributes["name"], drive))
+                case None:
+                    pass
+                case _:
+                    assert_never(form)
 
     def _ends(self, move: Move) -> tuple[float, float]:
         """Between which values a joint stays: of one that follows and has no limits between those that its leader's take it to."""
