@@ -17,6 +17,7 @@ import errno
 import hashlib
 import json
 import os
+import stat
 import sys
 from collections.abc import Iterator
 from typing import Any
@@ -236,47 +237,51 @@ def _checksum(kind: str, name: str, payload: bytes) -> bytes:
 
 
 class Outbox(Store):
-    """A store as a process sees it that must not write there: it reads from `root`, and what it puts lies in `folder`, where it can be
-    read as well, until somebody who may takes it over with `deliver`. JSON documents are none of its business."""
+    """A store as a process sees it that must not write there: it reads from `root`, and what it puts is at hand for itself and lies in one
+    file in `folder` (a file for each takes the system longer than to write them), until somebody who may takes it over with `deliver`.
+    JSON documents are none of its business."""
 
-    __slots__ = ("folder",)
+    __slots__ = ("_held", "_path")
 
     def __init__(self, root: str, folder: str) -> None:
         super().__init__(root)
-        self.folder = os.path.join(folder, "outbox")
+        self._path = os.path.join(folder, "outbox")
+        self._held: dict[str, bytes] = {}
 
     def put(self, data: bytes) -> str:
         """Lay `data` down unless the store has it; its SHA-256 in hex."""
         sha256 = hashlib.sha256(data).hexdigest()
-        if not self.has(sha256, len(data)):
+        if sha256 not in self._held and not self.has(sha256, len(data)):
             try:
-                os.makedirs(self.folder, exist_ok=True)
-                with open(os.path.join(self.folder, sha256), "wb") as stream:
-                    stream.write(data)
+                with open(self._path, "ab") as stream:
+                    stream.writelines((len(data).to_bytes(_LENGTH, "little"), data))
             except OSError as fault:
-                raise StoreUnusable(self.folder, fault.strerror or str(fault)) from None
+                raise StoreUnusable(self._path, fault.strerror or str(fault)) from None
+            self._held[sha256] = data
         return sha256
 
     def read(self, sha256: str) -> bytes:
         """The bytes, of what was put or is in the store. Raises `BlobMissing`."""
-        with contextlib.suppress(OSError), open(os.path.join(self.folder, sha256), "rb") as stream:
-            data = stream.read()
-            if hashlib.sha256(data).hexdigest() == sha256:
-                return data
-        return super().read(sha256)
+        return self._held[sha256] if sha256 in self._held else super().read(sha256)
 
     def deliver(self) -> None:
-        """Put everything that lies in the folder into the store, by its content: whatever its name says, nothing can come into the
-        place of something else. Nobody may be at work there any more. Raises `StoreUnusable`."""
+        """Put everything that lies in the folder into the store, by its content, and remove it: whatever was written there, nothing comes
+        into the place of something else. Nobody may be at work there any more. Raises `StoreUnusable`."""
+        flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
         try:
-            with os.scandir(self.folder) as entries:
-                files = [entry.path for entry in entries if entry.is_file(follow_symlinks=False)]
+            descriptor = os.open(self._path, flags)
         except OSError:  # nothing was laid down
             return
-        for path in files:
-            try:
-                with open(path, "rb") as stream:
-                    data = stream.read()
-            except OSError as fault:
-                raise StoreUnusable(path, fault.strerror or str(fault)) from None
-            super().put(data)
+        with open(descriptor, "rb") as stream:
+            status = os.fstat(descriptor)
+            left = status.st_size if stat.S_ISREG(status.st_mode) else 0
+            while left > _LENGTH:
+                size = int.from_bytes(stream.read(_LENGTH), "little")
+                left -= _LENGTH + size
+                if left >= 0:
+                    super().put(stream.read(size))
+        self._discard(self._path)
+
+
+_LENGTH = 8
+"""How many bytes of an outbox say how long the next blob is."""
