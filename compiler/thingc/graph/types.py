@@ -119,6 +119,11 @@ class Occurrence(Brief):
         return () if shape is None else (self._surface(shape),)
 
     @property
+    def collides(self) -> bool:
+        """Whether it may touch anything, as far as that is known without its meshes."""
+        return bool(self.listed.touching) if self.listed is not None else self.overrides.collision != "none"
+
+    @property
     def solids(self) -> tuple[Surface, ...]:
         """What it is made of, in its own frame, however it is drawn or touched: of a part its mesh, of a link the shapes that touch, else
         those that are drawn."""

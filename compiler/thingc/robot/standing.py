@@ -97,7 +97,7 @@ def _lowest(
     for number, (part, pose) in enumerate(parts):
         low = math.inf if part.box is None else pose.translation[2] + of_box(part.box, pose.rotation[2])
         if mesh_vertices is None:
-            lowest = min(lowest, low if part.overrides.collision != "none" else math.inf)
+            lowest = min(lowest, low if part.collides else math.inf)
             continue
         for index, surface in enumerate(part.touching):
             shape = surface.solid

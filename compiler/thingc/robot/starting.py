@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 
 from thingc.diagnostics import Code, Note, Report, allow_hint, shown_path
-from thingc.graph.types import Assembly, Link, LinkedMode, Occurrence
+from thingc.graph.types import Assembly, Link, Occurrence
 from thingc.memo import Memo
 from thingc.pose import Pose, Vector
 from thingc.resolve.coordinates import Limit
@@ -48,15 +48,17 @@ def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, re
                 alike.setdefault((deepest[1], round(-deepest[0], 6)), []).append(robot)
     for (number, depth), group in alike.items():
         others = [robot.mode.name for robot in group[1:]]
-        _warn(group[0].mode, others, group[0].assembly.occurrences[number], depth, mesh_vertices is None, report)
+        _warn(group[0], others, group[0].assembly.occurrences[number], depth, mesh_vertices is None, report)
 
 
-def _warn(mode: LinkedMode, others: Sequence[str], part: Occurrence, depth: float, bound: bool, report: Report) -> None:
+def _warn(robot: Robot, others: Sequence[str], part: Occurrence, depth: float, bound: bool, report: Report) -> None:
+    mode = robot.mode
     height = mode.at.translation[2]
     shown = Quantity(float(f"{depth:.3g}"), LENGTH)
     raised = Quantity(float(f"{height + math.ceil(1e4 * depth) / 1e4:.6g}"), LENGTH)
-    help = f"write for example `at: {{xyz: 0 0 {raised}}}`, or let it stand: `at: {{on: floor}}`"
-    if height == 0.0 and mode.origin:
+    stands = any(one.collides for one in robot.assembly.occurrences)
+    help = f"write for example `at: {{xyz: 0 0 {raised}}}`{', or let it stand: `at: {on: floor}`' if stands else ''}"
+    if height == 0.0 and mode.origin and stands:
         typed = shlex.join(["thingc", "set", shown_path(mode.origin[0].file), f"modes.{mode.name}.at.on=floor"])
         help = f"let it stand: `{typed}`, or write for example `at: {{xyz: 0 0 {raised}}}`"
     if height < 0.0:
