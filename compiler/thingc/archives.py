@@ -55,11 +55,11 @@ def entries(archive: bytes) -> dict[str, Deflated]:
     """The entries of what `zipped` gave."""
     from zipfile import ZipFile
 
-    found = {}
+    members = {}
     for one in ZipFile(io.BytesIO(archive)).infolist():
         begin = one.header_offset + _HEADER + len(one.filename.encode())
-        found[one.filename] = Deflated(data=archive[begin: begin + one.compress_size], crc=one.CRC, size=one.file_size)
-    return found
+        members[one.filename] = Deflated(data=archive[begin: begin + one.compress_size], crc=one.CRC, size=one.file_size)
+    return members
 
 
 def inflate(entry: Deflated) -> bytes:

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
-Found = TypeVar("Found")
+Seen = TypeVar("Seen")
 
 Stat = tuple[int, int, int] | None
 """When a file was changed [ns], how long it is and its inode (another one after a save by renaming); None where there is none."""
@@ -30,7 +30,7 @@ def stat_of(path: str) -> Stat:
     return status.st_mtime_ns, status.st_size, status.st_ino
 
 
-def looks(look: Callable[[], Found], stop: threading.Event, pause: float) -> Iterator[Found]:
+def looks(look: Callable[[], Seen], stop: threading.Event, pause: float) -> Iterator[Seen]:
     """What `look` finds, again and again until `stop` is set, with a pause [s] in between that is longer where looking takes long."""
     while not stop.is_set():
         started = time.monotonic()

@@ -11,8 +11,8 @@ import pytest
 from graph.builder import record
 from thingc.emit.artifact import Stored
 from thingc.plans.exchange import Exchange, Exchanged, Modelled, TracedParts
+from thingc.plans.planning import PAYS, Form
 from thingc.plans.reading import Read
-from thingc.plans.recipes import PAYS, Form
 from thingc.plans.tape import Tape
 from thingc.pose import Pose
 from thingc.primitives import Primitive

@@ -148,8 +148,8 @@ class _Beside:
             if self._stop.is_set():
                 return
             with self._turn:
-                made, page, found = _shown(self._live, made)
-            server.tell_against(page, found)
+                made, page, diagnostics = _shown(self._live, made)
+            server.tell_against(page, diagnostics)
             self._lines.say(made)
 
 

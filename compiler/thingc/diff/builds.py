@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from thingc.diagnostics import Diagnostic, Report
-from thingc.diff.portrait import ComponentNode, Fact, Leaf, PartShape, Portrait, Row, StatedThing, Value
+from thingc.diff.portrait import ComponentNode, Fact, OccurrenceOf, PartShape, Portrait, Row, StatedThing, Value
 from thingc.diff.sides import MANIFEST
 from thingc.realize import read_lock
 from thingc.realize.record import PartRecord
@@ -54,7 +54,7 @@ def _of_build(manifest: Mapping[str, Any], modes: Mapping[str, Any], rows: list[
         name=manifest["name"],
         nodes=tuple(_node(one["path"], one["definition"]) for one in occurrences),
         things={(thing.what, thing.path): thing for thing in things},
-        leaves={one["path"]: _leaf(one["path"], one["definition"], one["mass"], one["mass_source"]) for one in occurrences},
+        occurrences={one["path"]: _occurrence(one["path"], one["definition"], one["mass"], one["mass_source"]) for one in occurrences},
         rows=tuple(
             Row(
                 definition=row["definition"], number=row["number"], quantity=row["quantity"], make=row["make"], material=row["material"],
@@ -72,16 +72,16 @@ def _of_build(manifest: Mapping[str, Any], modes: Mapping[str, Any], rows: list[
 
 def outline(portrait: Portrait) -> Portrait:
     """Of a document what a build folder would hold, too."""
-    things = [_component(path, leaf.definition) for path, leaf in portrait.leaves.items()]
+    things = [_component(path, one.definition) for path, one in portrait.occurrences.items()]
     for (what, _), thing in portrait.things.items():
         if what == "joint" and "type" in thing.facts:
             things.append(replace(thing, facts={"type": thing.facts["type"]}, of=""))
         elif what == "mode":
             things.append(replace(thing, facts={key: thing.facts[key] for key in ("base", "gravity")}))
     return Portrait(
-        name=portrait.name, nodes=tuple(_node(path, leaf.definition) for path, leaf in portrait.leaves.items()),
+        name=portrait.name, nodes=tuple(_node(path, one.definition) for path, one in portrait.occurrences.items()),
         things={(thing.what, thing.path): thing for thing in things},
-        leaves={path: _leaf(path, leaf.definition, leaf.mass, leaf.source) for path, leaf in portrait.leaves.items()},
+        occurrences={path: _occurrence(path, one.definition, one.mass, one.source) for path, one in portrait.occurrences.items()},
         rows=tuple(replace(row, stem=None) for row in portrait.rows), coordinates=portrait.coordinates, lacks=portrait.lacks,
     )
 
@@ -95,7 +95,7 @@ def portrait_of_lock(path: str) -> Portrait:
     if lock is None:
         raise UnreadableSide(f"`{path}` cannot be read", tuple(report.ordered()))
     things: dict[str, StatedThing] = {}
-    leaves: dict[str, Leaf] = {}
+    occurrences: dict[str, OccurrenceOf] = {}
     for reference in sorted(lock.things):
         schema = lock.schema(reference)
         facts: dict[str, Value] = {}
@@ -108,10 +108,10 @@ def portrait_of_lock(path: str) -> Portrait:
         for record in lock.relatives(reference):
             own = facts if record.text == reference else {}
             things[record.text] = _stated(record.text, {**own, **_said(record)}, path)
-            leaves[record.text] = _of_record(record)
+            occurrences[record.text] = _of_record(record)
     return Portrait(
         name=os.path.basename(path), nodes=tuple(_node(text, text) for text in things),
-        things={(thing.what, thing.path): thing for thing in things.values()}, leaves=leaves, lacks=frozenset({OF_LOCKS}),
+        things={(thing.what, thing.path): thing for thing in things.values()}, occurrences=occurrences, lacks=frozenset({OF_LOCKS}),
     )
 
 
@@ -132,11 +132,11 @@ def _said(record: PartRecord) -> dict[str, Value]:
     return said
 
 
-def _of_record(record: PartRecord) -> Leaf:
+def _of_record(record: PartRecord) -> OccurrenceOf:
     shape = None if record.box is None else PartShape(
         volume=record.volume, area=record.area, centre=record.centre, inertia=record.inertia, box=record.box,
     )
-    return Leaf(
+    return OccurrenceOf(
         path=record.text, definition=record.text, properties=None, mass=0.0, source="", shape=shape,
         mounts={name: mount.pose for name, mount in record.mounts.items()}, place=None,
     )
@@ -154,8 +154,8 @@ def _node(path: str, definition: str) -> ComponentNode:
     return ComponentNode(path=path, kind="part", reference=definition.partition("(")[0], text=definition, place=None)
 
 
-def _leaf(path: str, definition: str, mass: float, source: str) -> Leaf:
-    return Leaf(path=path, definition=definition, properties=None, mass=mass, source=source, shape=None, mounts={}, place=None)
+def _occurrence(path: str, definition: str, mass: float, source: str) -> OccurrenceOf:
+    return OccurrenceOf(path=path, definition=definition, properties=None, mass=mass, source=source, shape=None, mounts={}, place=None)
 
 
 def _json(folder: str, name: str, kind: type, otherwise: Any = None) -> Any:

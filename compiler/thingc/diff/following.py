@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from thingc.diff.change import Change, How, Told, What
 from thingc.diff.pairing import Pairing, equal, shared_order
-from thingc.diff.portrait import Leaf, Portrait, Row
+from thingc.diff.portrait import OccurrenceOf, Portrait, Row
 from thingc.diff.stated import Changes, above_of
 from thingc.inertia import MassProperties
 from thingc.pose import Pose, rpy_of
@@ -36,15 +36,15 @@ class _Following:
         self.pairing, self.changes, self.farthest = pairing, changes, farthest
         self.old: Portrait = pairing.old
         self.new: Portrait = pairing.new
-        self.leaves = [
-            (leaf, self.new.leaves[there]) for path, leaf in self.old.leaves.items()
-            if (there := pairing.path("component", path)) is not None and there in self.new.leaves
+        self.occurrences = [
+            (one, self.new.occurrences[there]) for path, one in self.old.occurrences.items()
+            if (there := pairing.path("component", path)) is not None and there in self.new.occurrences
         ]
         self._moved: dict[str, tuple[str, ...]] = {}
 
     def all(self) -> None:
         """Every kind, those that cause others first."""
-        for old, new in self.leaves:
+        for old, new in self.occurrences:
             self._geometry(old, new)
             self._mounts(old, new)
             self._mass(old, new)
@@ -70,12 +70,12 @@ class _Following:
 
     # --- parts -------------------------------------------------------------------------------------------------------
 
-    def _made(self, old: Leaf, new: Leaf) -> dict[str, None]:
+    def _made(self, old: OccurrenceOf, new: OccurrenceOf) -> dict[str, None]:
         """What gave a part another shape: what it is, and its parameters. Its code alone is the cause itself."""
         paths = (old.path, new.path)
         return self.changes.causes("component", paths, MADE) | self.changes.causes("parameter", paths, ("params.",))
 
-    def _geometry(self, old: Leaf, new: Leaf) -> None:
+    def _geometry(self, old: OccurrenceOf, new: OccurrenceOf) -> None:
         one, other = old.shape, new.shape
         if one == other or one is None and other is None:
             return
@@ -100,7 +100,7 @@ class _Following:
         if distance:
             self._add("geometry", paths, ("surface", distance, distance), because or [old.path], span)
 
-    def _mounts(self, old: Leaf, new: Leaf) -> None:
+    def _mounts(self, old: OccurrenceOf, new: OccurrenceOf) -> None:
         paths = (old.path, new.path)
         because: dict[str, None] | None = None
         for name in {**old.mounts, **new.mounts}:
@@ -114,7 +114,7 @@ class _Following:
             difference = ("pose", _told(before), _told(after))
             self._add("mount", (f"{old.path}/{name}", f"{new.path}/{name}"), difference, because, span, how)
 
-    def _mass(self, old: Leaf, new: Leaf) -> None:
+    def _mass(self, old: OccurrenceOf, new: OccurrenceOf) -> None:
         fields: list[Difference] = []
         if old.properties is not None and new.properties is not None:
             fields += _masses(old.properties, new.properties, "")
@@ -137,14 +137,14 @@ class _Following:
 
     def _places(self) -> None:
         """Where parts and frames are at q = 0, seen from the base, or from what it is now."""
-        base = next((leaf for leaf in self.old.leaves.values() if leaf.parent is None), None)
+        base = next((occurrence for occurrence in self.old.occurrences.values() if occurrence.parent is None), None)
         there = self.pairing.path("component", base.path) if base is not None else None
-        if base is None or there is None or base.place is None or there not in self.new.leaves:
+        if base is None or there is None or base.place is None or there not in self.new.occurrences:
             return
-        seen = self.new.leaves[there].place
+        seen = self.new.occurrences[there].place
         assert seen is not None
         back = base.place @ seen.inverse()
-        for old, new in self.leaves:
+        for old, new in self.occurrences:
             if old.place is None or new.place is None:
                 continue
             place = back @ new.place
@@ -157,36 +157,36 @@ class _Following:
         """What moved a part of the new robot: something between it and the base."""
         if path not in self._moved:
             self._moved[path] = ()
-            leaf = self.new.leaves[path]
-            if leaf.parent is not None:
-                causes = dict.fromkeys(self._mover(leaf.parent))
+            occurrence = self.new.occurrences[path]
+            if occurrence.parent is not None:
+                causes = dict.fromkeys(self._mover(occurrence.parent))
                 old = self.pairing.old_component(path)
-                before = self.old.leaves.get(old) if old is not None else None
-                if before is None or not self._hangs_as_before(before, leaf):
-                    causes |= self._hung(leaf)
+                before = self.old.occurrences.get(old) if old is not None else None
+                if before is None or not self._hangs_as_before(before, occurrence):
+                    causes |= self._hung(occurrence)
                     if before is not None:
                         causes |= self._hung(before)
                 self._moved[path] = tuple(causes)
         return self._moved[path]
 
-    def _hangs_as_before(self, old: Leaf, new: Leaf) -> bool:
+    def _hangs_as_before(self, old: OccurrenceOf, new: OccurrenceOf) -> bool:
         if old.parent is None or new.parent is None or self.pairing.path("component", old.parent) != new.parent:
             return False
-        places = (self.old.leaves[old.parent].place, old.place, self.new.leaves[new.parent].place, new.place)
+        places = (self.old.occurrences[old.parent].place, old.place, self.new.occurrences[new.parent].place, new.place)
         above, own, there, here = places
         return above is not None and own is not None and there is not None and here is not None and _same_pose(
             above.inverse() @ own, there.inverse() @ here,
         )
 
-    def _hung(self, leaf: Leaf) -> dict[str, None]:
+    def _hung(self, occurrence: OccurrenceOf) -> dict[str, None]:
         """What was changed where a part hangs: the mate, the joint, the mounts that meet, the parts that have them."""
-        ends = [leaf.path, *([leaf.parent] if leaf.parent is not None else [])]
+        ends = [occurrence.path, *([occurrence.parent] if occurrence.parent is not None else [])]
         above = [path for end in ends for path in above_of(end)]
         causes = self.changes.causes("mate", above) | self.changes.causes_of_mounts(above)
         causes |= self.changes.causes("parameter", ends, ("params.",)) | self.changes.causes("geometry", ends)
         causes |= self.changes.causes("component", ends, MADE)
-        if leaf.joint is not None:
-            coordinates = [leaf.joint, *(f"{leaf.joint}_{k}" for k in range(6))]
+        if occurrence.joint is not None:
+            coordinates = [occurrence.joint, *(f"{occurrence.joint}_{k}" for k in range(6))]
             causes |= self.changes.causes("joint", coordinates, ("turn", "gap", "axis", "offset", "parent", "child", "type"))
         return causes
 
@@ -195,7 +195,7 @@ class _Following:
     def _links(self) -> None:
         """What links are called and which frame they have; and the masses of those of several parts."""
         olds, news = ({link.frame: link for link in side.links} for side in (self.old, self.new))
-        for old, new in self.leaves:
+        for old, new in self.occurrences:
             one, other = olds.get(old.path), news.get(new.path)
             names = [None if link is None or link.name == frame else link.name for link, frame in ((one, old.path), (other, new.path))]
             if (one is None) != (other is None) or names[0] != names[1]:
@@ -219,13 +219,13 @@ class _Following:
             return
         fields = list(_masses(self.old.whole, self.new.whole, "robot."))
         if fields:
-            because = self._weighed([*self.old.leaves, *self.new.leaves]) or self.changes.structure()
+            because = self._weighed([*self.old.occurrences, *self.new.occurrences]) or self.changes.structure()
             for difference in fields:
                 self._add("mass", ("", ""), difference, because)
         one, other = _reach(self.old), _reach(self.new)
         if not _near(one, other):
-            moved = self.changes.causes("mount", [f"{path}/{name}" for path, leaf in self.new.leaves.items() for name in leaf.mounts])
-            moved |= self.changes.causes("component", [*self.old.leaves, *self.new.leaves], ("place",))
+            moved = self.changes.causes("mount", [f"{path}/{name}" for path, one in self.new.occurrences.items() for name in one.mounts])
+            moved |= self.changes.causes("component", [*self.old.occurrences, *self.new.occurrences], ("place",))
             self._add("geometry", ("", ""), ("robot.reach", one, other), moved or self.changes.structure())
 
     def _coordinates(self) -> None:
@@ -279,8 +279,8 @@ class _Following:
     def _listed(self, members: Sequence[str]) -> dict[str, None]:
         """What changed that pieces are there, or what they are."""
         materials = [
-            leaf.material for side in (self.old, self.new) for path in members
-            if (leaf := side.leaves.get(path)) is not None and leaf.material is not None
+            occurrence.material for side in (self.old, self.new) for path in members
+            if (occurrence := side.occurrences.get(path)) is not None and occurrence.material is not None
         ]
         return {
             **self.changes.causes("component", members, (*MADE, *WEIGHED)), **self.changes.causes("parameter", members, ("params.",)),
@@ -316,7 +316,7 @@ class _Following:
                 self.changes.add(Change(what="file", change="changed", path=path, because=tuple(because)))
 
     def _reshaped(self, old: Row, new: Row) -> bool:
-        shapes = [side.leaves[row.members[0]].shape for side, row in ((self.old, old), (self.new, new))]
+        shapes = [side.occurrences[row.members[0]].shape for side, row in ((self.old, old), (self.new, new))]
         one, other = shapes
         return one is not None and other is not None and not (
             _near(one.volume, other.volume) and _near(one.area, other.area) and _near(one.inertia, other.inertia)
@@ -366,13 +366,13 @@ def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Diffe
 
 def _reach(robot: Portrait) -> float:
     """How far from the base's origin the farthest frame or mount is at q = 0 [m]."""
-    base = next(leaf.place for leaf in robot.leaves.values() if leaf.parent is None)
+    base = next(occurrence.place for occurrence in robot.occurrences.values() if occurrence.parent is None)
     assert base is not None
     back = base.inverse()
     return max(
         math.hypot(*(back @ place).translation)
-        for leaf in robot.leaves.values() if leaf.place is not None
-        for place in (leaf.place, *(leaf.place @ mount for mount in leaf.mounts.values()))
+        for occurrence in robot.occurrences.values() if occurrence.place is not None
+        for place in (occurrence.place, *(occurrence.place @ mount for mount in occurrence.mounts.values()))
     )
 
 

@@ -116,16 +116,16 @@ class Pairing:
             tests.append((self._says_nearly_the_same, "it says nearly the same", True))
         for alike, reason, perhaps in tests:
             after = {path: [there for there, new in news.items() if alike(old, new)] for path, old in olds.items()}
-            before = {there: [path for path, found in after.items() if there in found] for there in news}
-            for path, found in after.items():
-                found = [there for there in found if there in news]
-                if not found:
+            before = {there: [path for path, candidates in after.items() if there in candidates] for there in news}
+            for path, candidates in after.items():
+                candidates = [there for there in candidates if there in news]
+                if not candidates:
                     continue
-                rivals = [one for one in before[found[0]] if one in olds]
-                if len(found) == len(rivals) and (len(found) == 1 or not perhaps):
+                rivals = [one for one in before[candidates[0]] if one in olds]
+                if len(candidates) == len(rivals) and (len(candidates) == 1 or not perhaps):
                     # Of several that are alike the order of the documents decides.
-                    there = found[rivals.index(path)] if path in rivals else found[0]
-                    self._take(olds[path], news[there], reason, perhaps or len(found) > 1)
+                    there = candidates[rivals.index(path)] if path in rivals else candidates[0]
+                    self._take(olds[path], news[there], reason, perhaps or len(candidates) > 1)
             for pair in self.pairs:
                 if pair.old.what == what:
                     olds.pop(pair.old.path, None)

@@ -30,17 +30,17 @@ def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, 
 
 def colours(changes: Iterable[Change]) -> dict[str, str]:
     """The colour of each part of the new robot that is not as it was, by path; what is inside of a new assembly is named itself."""
-    found: dict[str, str] = {}
+    by_path: dict[str, str] = {}
     for change in changes:
         path = change.new_path or change.path
         if change.what == "component" and change.change == "added":
-            found[path] = NEW
+            by_path[path] = NEW
         elif change.what in ("geometry", "component") and change.change == "changed" or change.what == "geometry":
-            found.setdefault(path, OTHER)
+            by_path.setdefault(path, OTHER)
     for change in changes:
         if change.what == "component" and change.change == "moved":
-            found.setdefault(change.new_path or change.path, MOVED)
-    return found
+            by_path.setdefault(change.new_path or change.path, MOVED)
+    return by_path
 
 
 def coloured(xml: str, colours: Mapping[str, str]) -> str:

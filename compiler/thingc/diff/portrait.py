@@ -99,7 +99,7 @@ class PartShape(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Leaf(Brief):
+class OccurrenceOf(Brief):
     """What came of a part or frame: its mass in its own frame and where that is from, its shape (None: it has none), mounts of its part
     by name, and its place at q = 0. It hangs on `parent` (None: the base) by the joint `joint` (None: rigidly)."""
 
@@ -118,7 +118,7 @@ class Leaf(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkOf(Brief):
-    """A link by its name: the leaf whose frame it has, its members, and its mass in its frame."""
+    """A link by its name: the occurrence whose frame it has, its members, and its mass in its frame."""
 
     name: str
     frame: str
@@ -161,7 +161,7 @@ class Portrait(Brief):
     nodes: tuple[ComponentNode, ...] = ()
     edges: tuple[Edge, ...] = ()
     things: Mapping[tuple[What, str], StatedThing] = field(default_factory=dict)
-    leaves: Mapping[str, Leaf] = field(default_factory=dict)
+    occurrences: Mapping[str, OccurrenceOf] = field(default_factory=dict)
     links: tuple[LinkOf, ...] = ()
     whole: MassProperties | None = None
     rows: tuple[Row, ...] = ()

@@ -8,14 +8,22 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 from thingc.diff.change import What
-from thingc.diff.portrait import ComponentNode, Edge, Fact, Leaf, LinkOf, Named, PartShape, Portrait, Row, StatedThing, TestOutcome, Value
+from thingc.diff.linked import edges_of, links_of, occurrences_of, rows_of
+from thingc.diff.portrait import (
+    ComponentNode,
+    Fact,
+    Named,
+    Portrait,
+    StatedThing,
+    TestOutcome,
+    Value,
+)
 from thingc.diff.sensors import sensor_values
 from thingc.diff.tendons import tendon_facts
 from thingc.diff.written import DocumentTrees
-from thingc.emit import with_pieces
-from thingc.graph.types import Assembly, JointEdge, Mate, Occurrence
+from thingc.graph.types import Assembly, JointEdge
 from thingc.pose import Pose, rpy_of
-from thingc.realize.record import PartDefinition, PartRecord
+from thingc.realize.record import PartDefinition
 from thingc.resolve.model import (
     AssemblyDefinition,
     At,
@@ -29,7 +37,7 @@ from thingc.resolve.model import (
     Reference,
     StatedValue,
 )
-from thingc.source import Origin, Span, line_of
+from thingc.source import Origin, Span
 
 if TYPE_CHECKING:
     from thingc.pipeline import Compilation
@@ -54,12 +62,12 @@ def portrait(compilation: Compilation, outcomes: Sequence[TestOutcome] | None = 
     return Portrait(
         name=assembly.name,
         nodes=tuple(reader.nodes),
-        edges=tuple(_edges(assembly)),
+        edges=tuple(edges_of(assembly)),
         things={(thing.what, thing.path): thing for thing in reader.things},
-        leaves={occurrence.path: leaf for occurrence, leaf in zip(assembly.occurrences, _leaves(assembly, whole), strict=True)},
-        links=tuple(_links(assembly)) if whole else (),
+        occurrences={one.path: one for one in occurrences_of(assembly, whole)},
+        links=tuple(links_of(assembly)) if whole else (),
         whole=assembly.properties if whole else None,
-        rows=tuple(_rows(assembly)) if whole else (),
+        rows=tuple(rows_of(assembly)) if whole else (),
         coordinates={
             robot.mode.name: tuple(joint.path for body in robot.bodies for joint in body.joints) for robot in compilation.robots
         },
@@ -93,7 +101,7 @@ class _Reader:
             self._joint(prefix, definition, prefix + name.replace(".", "/"), list(coordinates))
         for name, reference in definition.mounts.items():
             self._add(
-                "mount", prefix + name, {"of": Fact(value=_leaf(definition, prefix, reference))}, of=place, span=reference.origin[0],
+                "mount", prefix + name, {"of": Fact(value=_occurrence(definition, prefix, reference))}, of=place, span=reference.origin[0],
             )
         for component in definition.components:
             if isinstance(component.definition, AssemblyDefinition):
@@ -166,13 +174,13 @@ class _Reader:
         placement = component.placement
         if isinstance(placement, Attach):
             self._add("mate", path, {
-                "mount": fact(_leaf(definition, prefix, placement.mount), "attach", "mount"),
-                "to": fact(_leaf(definition, prefix, placement.to), "attach", "to"),
+                "mount": fact(_occurrence(definition, prefix, placement.mount), "attach", "mount"),
+                "to": fact(_occurrence(definition, prefix, placement.to), "attach", "to"),
                 "turn": fact(placement.turn, "attach", "turn"), "gap": fact(placement.gap, "attach", "gap"),
             }, of=path, span=placement.origin[0])
         elif isinstance(placement, At):
             self._add("mate", path, {
-                "in": fact(_leaf(definition, prefix, placement.to), "at", "in"),
+                "in": fact(_occurrence(definition, prefix, placement.to), "at", "in"),
                 **{key: fact(value, "at", key) for key, value in _pose(placement.pose)},
             }, of=path, span=placement.origin[0])
 
@@ -186,8 +194,8 @@ class _Reader:
 
         facts = {
             "type": fact(first, "type", first.kind.name),
-            "parent": fact(first, "parent", _leaf(definition, prefix, first.parent)),
-            "child": fact(first, "child", _leaf(definition, prefix, first.child)),
+            "parent": fact(first, "parent", _occurrence(definition, prefix, first.parent)),
+            "child": fact(first, "child", _occurrence(definition, prefix, first.child)),
             "axis": fact(first, "axis", first.axis), "turn": fact(first, "turn", first.turn), "gap": fact(first, "gap", first.gap),
             "loop": fact(first, "loop", first.loop),
         }
@@ -212,7 +220,7 @@ class _Reader:
         yield from ((f"dynamics.{key}", getattr(dynamics, key)) for key in DYNAMICS)
         drive, actuator = joint.drive, edge.actuator if edge is not None else None
         component = drive.component if drive is not None else None
-        yield "drive", _leaf(definition, prefix, component) if component is not None else None
+        yield "drive", _occurrence(definition, prefix, component) if component is not None else None
         for key in DRIVE:
             yield f"drive.{key}", getattr(actuator, key) if actuator is not None else None
         mimic = joint.mimic
@@ -273,7 +281,7 @@ class _Reader:
 
     def _plain(self, definition: AssemblyDefinition, value: Any) -> Value:
         if isinstance(value, Reference):
-            return _leaf(definition, "", value)
+            return _occurrence(definition, "", value)
         if isinstance(value, JointRange):
             return (Named(what="joint", path=value.joint), value.lower, value.upper)
         if isinstance(value, Pose):
@@ -294,15 +302,15 @@ class _Reader:
     def _mode(self, definition: AssemblyDefinition, mode: Mode) -> None:
         node = self.written.section(definition.document, "modes", mode.name)
 
-        def leaf(reference: Reference) -> Named:
-            return _leaf(definition, "", reference)
+        def component(reference: Reference) -> Named:
+            return _occurrence(definition, "", reference)
 
         def fact(value: Value, *keys: str) -> Fact:
             return self.written.fact(value, node, keys, otherwise=mode.origin[0])
 
         standing = mode.standing
         facts: dict[str, Fact] = {
-            "root": fact(leaf(mode.root), "root"), "base": fact(mode.base, "base"),
+            "root": fact(component(mode.root), "root"), "base": fact(mode.base, "base"),
             **{f"at.{key}": fact(value, "at", key) for key, value in _pose(mode.at)},
             "at.on": fact("floor" if mode.on_floor else None, "at", "on"),
             "gravity": fact(tuple(mode.gravity), "gravity"),
@@ -311,16 +319,16 @@ class _Reader:
             "actuators": fact(
                 None if mode.actuators is None else _sorted(Named(what="joint", path=path) for path in mode.actuators), "actuators",
             ),
-            "exclude": fact(tuple(sorted((_sorted(leaf(one) for one in pair) for pair in mode.exclude), key=repr)), "exclude"),
+            "exclude": fact(tuple(sorted((_sorted(component(one) for one in pair) for pair in mode.exclude), key=repr)), "exclude"),
             "cut": fact(_sorted(Named(what="joint", path=cut.joint) for cut in mode.cut), "cut"),
-            "standing_on": fact(None if standing is None else _sorted(leaf(mount) for mount in standing.mounts), "standing_on"),
+            "standing_on": fact(None if standing is None else _sorted(component(mount) for mount in standing.mounts), "standing_on"),
             "standing_on.friction": fact(None if standing is None else standing.friction, "standing_on", "friction"),
         }
         for hold in mode.holds:
             value = (*(part for _, part in _pose(hold.pose)),) if hold.pose is not None else "here"
-            facts[f"hold.{leaf(hold.mount).text}"] = fact((value, "force" if hold.turns else "all"), "hold")
+            facts[f"hold.{component(hold.mount).text}"] = fact((value, "force" if hold.turns else "all"), "hold")
         for mount, force in mode.adhesion:
-            facts[f"adhesion.{leaf(mount).text}"] = fact(force, "adhesion")
+            facts[f"adhesion.{component(mount).text}"] = fact(force, "adhesion")
         for key, one in {**definition.simulation, **mode.simulation}.items():
             facts[f"simulation.{key}"] = fact(one, "simulation", key)
         self._add("mode", mode.name, facts, span=mode.origin[0])
@@ -358,7 +366,7 @@ def _definitions(top: AssemblyDefinition) -> Iterator[AssemblyDefinition]:
                 waiting.append(inner)
 
 
-def _leaf(definition: AssemblyDefinition, prefix: str, reference: Reference) -> Named:
+def _occurrence(definition: AssemblyDefinition, prefix: str, reference: Reference) -> Named:
     """The part or frame, and its own mount, that a reference of a document at `prefix` means in the end."""
     current, at, mount = definition, prefix.rstrip("/"), reference.mount
     names = list(reference.path)
@@ -372,7 +380,7 @@ def _leaf(definition: AssemblyDefinition, prefix: str, reference: Reference) -> 
             if not names and mount is not None and (further := inner.mounts.get(mount)) is not None:
                 names, mount = list(further.path), further.mount
     if not reference.path and mount is not None and (further := definition.mounts.get(mount)) is not None and further.path:
-        return _leaf(definition, prefix, further)
+        return _occurrence(definition, prefix, further)
     return Named(what="component", path=at, mount=mount)
 
 
@@ -409,86 +417,3 @@ def _pose(pose: Pose) -> Iterator[tuple[str, Value]]:
 
 def _sorted(names: Iterator[Named]) -> tuple[Named, ...]:
     return tuple(sorted(names, key=lambda one: one.text))
-
-
-# --- what comes of it ----------------------------------------------------------------------------------------------
-
-
-def _edges(assembly: Assembly) -> Iterator[Edge]:
-    paths = [occurrence.path for occurrence in assembly.occurrences]
-    for mate in assembly.mates:
-        kind = mate.joints[0].kind.name if mate.joints else "fixed" if mate.name is not None else ""
-        yield Edge(
-            parent=paths[mate.parent], child=paths[mate.child], mounts=(mate.parent_mount, mate.child_mount), joint=kind,
-        )
-
-
-def _leaves(assembly: Assembly, whole: bool) -> Iterator[Leaf]:
-    placed = {mate.child: mate for mate in _placing(assembly)}
-    for occurrence in assembly.occurrences:
-        mate = placed.get(occurrence.index)
-        yield Leaf(
-            path=occurrence.path, definition=occurrence.definition.text,
-            properties=occurrence.properties if whole else None, mass=occurrence.properties.mass, source=occurrence.mass_source,
-            shape=_shape(occurrence.record) if whole else None,
-            mounts=_mounts(occurrence) if whole else {},
-            place=assembly.rest[occurrence.index] if whole else None,
-            parent=None if mate is None else assembly.occurrences[mate.parent].path, joint=None if mate is None else mate.name,
-            material=None if occurrence.material is None else occurrence.material.name,
-        )
-
-
-def _placing(assembly: Assembly) -> Iterator[Mate]:
-    """The mates without those that close loops, each turned so that its parent is nearer to the base."""
-    beside: dict[int, list[tuple[int, Mate]]] = {}
-    for mate in assembly.mates:
-        if mate.loop is None:
-            beside.setdefault(mate.parent, []).append((mate.child, mate))
-            beside.setdefault(mate.child, []).append((mate.parent, mate))
-    waiting, met = [assembly.base], {assembly.base}
-    while waiting:
-        index = waiting.pop()
-        for other, mate in beside.get(index, []):
-            if other not in met:
-                met.add(other)
-                waiting.append(other)
-                yield replace(mate, parent=index, child=other)
-
-
-def _shape(record: PartRecord | None) -> PartShape | None:
-    if record is None or record.box is None:
-        return None
-    drawn = record.meshes.get("visual")
-    code = record.code
-    return PartShape(
-        volume=record.volume, area=record.area, centre=record.centre, inertia=record.inertia, box=record.box,
-        mesh=None if drawn is None else drawn.sha256,
-        made=None if code is None else line_of(code[0], code[1]),
-    )
-
-
-def _mounts(occurrence: Occurrence) -> dict[str, Pose]:
-    """Those of its part; what the document adds is a thing of its own."""
-    added = occurrence.component.mounts
-    return {name: mount.pose for name, mount in occurrence.mounts.items() if name not in added and name != "origin"}
-
-
-def _links(assembly: Assembly) -> Iterator[LinkOf]:
-    paths = [occurrence.path for occurrence in assembly.occurrences]
-    for link in assembly.links:
-        yield LinkOf(
-            name=link.name, frame=paths[link.frame], members=tuple(paths[index] for index in link.members), properties=link.properties,
-        )
-
-
-def _rows(assembly: Assembly) -> Iterator[Row]:
-    for row, pieces in with_pieces(assembly):
-        stem = None
-        for occurrence in pieces:
-            definition, record = occurrence.component.definition, occurrence.record
-            if isinstance(definition, PartDefinition) and record is not None and "print" in record.meshes and row.make != "buy":
-                stem = definition.stem
-        yield Row(
-            definition=row.definition, number=row.number, quantity=row.quantity, make=row.make, material=row.material,
-            members=tuple(occurrence.path for occurrence in pieces), stem=stem,
-        )

@@ -196,10 +196,10 @@ class _StatedChanges:
         before, after = set(_named(self.pairing.now(old))), set(_named(new))
         causes: dict[str, None] = {}
         for one in before ^ after:
-            found = self.changes.causes(one.what, above_of(one.path))
-            if not found:
+            reasons = self.changes.causes(one.what, above_of(one.path))
+            if not reasons:
                 return ()
-            causes |= found
+            causes |= reasons
         return tuple(sorted(causes))
 
     def _parameter(self, path: str) -> tuple[str, ...]:

@@ -200,8 +200,8 @@ def _broken(laid: Laid, name: str, broken: Broken) -> BrokenSide:
                 texts[called] = stream.read()
         return replace(span, file=called)
 
-    found = tuple(
+    diagnostics = tuple(
         replace(d, span=named(d.span), notes=tuple(replace(note, span=named(note.span)) for note in d.notes), fixes=())
         for d in broken.diagnostics
     )
-    return BrokenSide(name=name, diagnostics=found, texts=texts)
+    return BrokenSide(name=name, diagnostics=diagnostics, texts=texts)

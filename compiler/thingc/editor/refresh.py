@@ -87,10 +87,10 @@ class Schemas:
         own = os.path.join(self.workspace.root, OWN_FILE)
         if os.path.exists(own):
             paths.append(own)
-        found = {path: stat_of(path) for path in paths}
+        stats = {path: stat_of(path) for path in paths}
         # Whoever saves a file may empty it before it is written: it is the document that it was.
-        emptied = {path: stat for path in self._seen if path not in found and (stat := stat_of(path)) is not None and stat[1] == 0}
-        return found | emptied
+        emptied = {path: stat for path in self._seen if path not in stats and (stat := stat_of(path)) is not None and stat[1] == 0}
+        return stats | emptied
 
     def refresh(self) -> RefreshOutcome:
         """Read what has changed, and write the schemas that say something else then. Raises OSError where that cannot be."""

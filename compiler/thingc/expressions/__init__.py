@@ -13,12 +13,12 @@ Nothing else can be written, and working out is bounded by the length of the tex
 
 from __future__ import annotations
 
-from thingc.expressions.evaluation import Found, evaluate, kind_of, plain, words_of
+from thingc.expressions.evaluation import ExpressionValue, evaluate, kind_of, plain, words_of
 from thingc.expressions.parsing import expression_hint, parse_expression
 from thingc.expressions.terms import CONSTANTS, FUNCTIONS, Expression, ExpressionError, NameUse, words_in
 from thingc.expressions.texts import text_of
 
 __all__ = [
-    "CONSTANTS", "FUNCTIONS", "Expression", "ExpressionError", "Found", "NameUse", "evaluate", "expression_hint", "kind_of",
+    "CONSTANTS", "FUNCTIONS", "Expression", "ExpressionError", "ExpressionValue", "NameUse", "evaluate", "expression_hint", "kind_of",
     "parse_expression", "plain", "text_of", "words_in", "words_of",
 ]

@@ -10,11 +10,11 @@ from thingc.expressions.terms import CONSTANTS, Binary, Call, Expression, Expres
 from thingc.typos import did_you_mean
 from thingc.units import ANGLE, NUMBER, UNITS, Dimension, Quantity, fits, shortened
 
-Found = Union[Quantity, bool, str]
+ExpressionValue = Union[Quantity, bool, str]
 """What a value of a document comes to."""
 
 
-def evaluate(expression: Expression, names: Mapping[str, Found]) -> Found:
+def evaluate(expression: Expression, names: Mapping[str, ExpressionValue]) -> ExpressionValue:
     """Work an expression out. `names` are the parameters and the repeat index (a Quantity of dimension NUMBER).
 
     A name alone passes a flag or a text through; a comparison gives a flag; everything else gives a finite Quantity.
@@ -26,11 +26,11 @@ def evaluate(expression: Expression, names: Mapping[str, Found]) -> Found:
 class _Evaluator:
     """Walks a tree; the text is for messages."""
 
-    def __init__(self, text: str, names: Mapping[str, Found]) -> None:
+    def __init__(self, text: str, names: Mapping[str, ExpressionValue]) -> None:
         self.text = text
         self.names = names
 
-    def value(self, term: Term) -> Found:
+    def value(self, term: Term) -> ExpressionValue:
         if isinstance(term, Literal):
             return term.value
         if isinstance(term, NameUse):
@@ -46,7 +46,7 @@ class _Evaluator:
             return self.power(term)
         return self.compare(term)
 
-    def lookup(self, term: NameUse) -> Found:
+    def lookup(self, term: NameUse) -> ExpressionValue:
         if term.name in self.names:
             return self.names[term.name]
         if term.name in CONSTANTS:
@@ -188,24 +188,24 @@ def _zero(term: Term) -> bool:
     return isinstance(term, Literal) and term.zero
 
 
-def kind_of(found: Found) -> str:
+def kind_of(value: ExpressionValue) -> str:
     """What a value is, with its article: `an angle`, `a text`, `true or false`."""
-    if isinstance(found, Quantity):
-        return found.dimension.words
-    return "true or false" if isinstance(found, bool) else "a text"
+    if isinstance(value, Quantity):
+        return value.dimension.words
+    return "true or false" if isinstance(value, bool) else "a text"
 
 
-def words_of(found: Found) -> str:
+def words_of(value: ExpressionValue) -> str:
     """A value as a document writes it."""
-    if isinstance(found, bool):
-        return "true" if found else "false"
-    return str(found)
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return str(value)
 
 
-def plain(found: Found) -> float | bool | str:
+def plain(value: ExpressionValue) -> float | bool | str:
     """A value without its dimension."""
-    if not isinstance(found, Quantity):
-        return found
-    if found.dimension == NUMBER and found.value % 1.0 == 0.0:
-        return int(found.value)
-    return found.value + 0.0
+    if not isinstance(value, Quantity):
+        return value
+    if value.dimension == NUMBER and value.value % 1.0 == 0.0:
+        return int(value.value)
+    return value.value + 0.0

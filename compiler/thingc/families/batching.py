@@ -128,10 +128,10 @@ def _united(groups: Sequence[_Group], source: Callable[[int], ModelSource]) -> B
     """Groups whose meshes are other ones as one; None where that cannot be."""
     import numpy as np
 
-    found = united([source(group.indices[0]) for group in groups], [group.model for group in groups])
-    if found is None or len({group.bodies for group in groups}) > 1:
+    together = united([source(group.indices[0]) for group in groups], [group.model for group in groups])
+    if together is None or len({group.bodies for group in groups}) > 1:
         return None
-    model, chosen = found
+    model, chosen = together
     meshes = np.concatenate([np.tile(np.array(one, dtype=np.int32), (len(group.indices), 1)) for one, group in zip(chosen, groups)])
     return _stacked(groups, model, {"geom_dataid": meshes})
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from thingc import pipeline
 from thingc.diagnostics import Code, Diagnostic, Report
-from thingc.expressions import ExpressionError, Found
+from thingc.expressions import ExpressionError, ExpressionValue
 from thingc.families.results import Evaluated
-from thingc.plans import recipes
+from thingc.plans import planning
 from thingc.plans.exchange import Exchange
+from thingc.plans.planning import Form, Forms, NumericPlan, Varying
 from thingc.plans.reading import Read, SettingsReader
-from thingc.plans.recipes import Form, Forms, Recipe, Varying
 from thingc.plans.rehearsal import NotTraceable, Rehearsal, rehearse
 from thingc.plans.tape import Tape
 from thingc.typos import did_you_mean
@@ -46,11 +46,11 @@ class Evaluation:
     def each(self, many: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
         """What comes of each, in order."""
         for settings, read in many:
-            found = None if tests else self._planned(read)
-            if found is None:
+            planned = None if tests else self._planned(read)
+            if planned is None:
                 yield self._passed(settings, read, tests)
                 continue
-            plan, outputs = found
+            plan, outputs = planned
             results = plan.made.of(outputs)
             self._made += 1
             if plan.is_due(self._made, self.verify):
@@ -61,13 +61,13 @@ class Evaluation:
                     continue
             yield self._judged(settings, read, results, plan.made.problems)
 
-    def _planned(self, read: Read) -> tuple[Recipe[_Shape], tuple[float, ...]] | None:
+    def _planned(self, read: Read) -> tuple[NumericPlan[_Shape], tuple[float, ...]] | None:
         if read.report is not None or not read.names:
             return None
         form = self.forms.of(read)
         return form.planned(read, partial(self._plan, read, form))
 
-    def _plan(self, read: Read, form: Form[_Shape]) -> Recipe[_Shape] | None:
+    def _plan(self, read: Read, form: Form[_Shape]) -> NumericPlan[_Shape] | None:
         """A plan that gives what compilations do; None, and the reason in `form`, where there is none."""
         first = self._measured(read)
         if not first[0]:
@@ -86,10 +86,10 @@ class Evaluation:
             shape = _Shape(rehearsal.made, first[1])
             return shape.outputs, shape
 
-        plan = recipes.make(read, self.reader, attempt, finish, form, exchanged)
+        plan = planning.make(read, self.reader, attempt, finish, form, exchanged)
         if plan is None:
             return None
-        for sample in recipes.samples(read, self.reader, form):
+        for sample in planning.samples(read, self.reader, form):
             outputs = plan.outputs(sample.values)
             whole = first if sample is read else self._measured(sample)
             if outputs is not None and whole[0] and whole != (plan.made.of(outputs), plan.made.problems):
@@ -146,7 +146,7 @@ class Evaluation:
 
     def _broken(self, read: Read, results: Results) -> tuple[str | None, tuple[Diagnostic, ...]]:
         """The first rule that is not kept, and what is wrong with rules."""
-        given: dict[str, Found] = {**self.reader.quantities(read)}
+        given: dict[str, ExpressionValue] = {**self.reader.quantities(read)}
         given.update((name, text) for name, text in read.texts if name in self.reader.parameters)
         values = self.values(given)
         report = Report()

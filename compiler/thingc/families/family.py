@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, overload
 from thingc.api import CompileError
 from thingc.diagnostics import Diagnostic, Report
 from thingc.environment import Options
-from thingc.expressions import Expression, ExpressionError, Found, evaluate
+from thingc.expressions import Expression, ExpressionError, ExpressionValue, evaluate
 from thingc.families.batching import Batches, batched
 from thingc.families.evaluation import Evaluation
 from thingc.families.models import ModelsOfMode
@@ -19,8 +19,8 @@ from thingc.families.space import Space, of_axes, of_parameters
 from thingc.families.texts import TextTemplate
 from thingc.pipeline import UnknownChoice
 from thingc.plans.builds import Builds
+from thingc.plans.planning import Form
 from thingc.plans.reading import Read, SettingsReader
-from thingc.plans.recipes import Form
 from thingc.session import Session
 from thingc.source import ScalarNode, node_at
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
@@ -294,7 +294,7 @@ def _single(settings: Any) -> bool:
     return isinstance(settings, Mapping) or not isinstance(settings, (Iterable, Sequence))
 
 
-def _given(value: Found | str) -> Any:
+def _given(value: ExpressionValue | str) -> Any:
     return value.value if isinstance(value, Quantity) else value
 
 

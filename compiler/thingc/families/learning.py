@@ -252,12 +252,12 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
                 sizes = [f"nq, nv, nu = {one.nq}, {one.nv}, {one.nu}" for one in (model, first)]
                 raise FamilyError(f"in mode `{self.mode}` the settings {dict(settings)} have {sizes[0]}, and others {sizes[1]}")
             self._kept[key] = Morphology(model, settings, self._descriptor(settings))
-        found = [self._kept[key] for key in keys]
+        morphologies = [self._kept[key] for key in keys]
         for key in keys:
             self._kept.move_to_end(key)
         while len(self._kept) > self._cache:
             self._kept.popitem(last=False)
-        return found
+        return morphologies
 
     def _state(self, k: int, morphology: Morphology) -> mujoco.MjData:
         """What a world of this morphology is simulated in: as long as models differ in numbers only, always the same."""
@@ -338,7 +338,7 @@ def _choices(family: RobotFamily, settings: Iterable[Settings] | Draw | None) ->
             raise FamilyError("expected at least one of `settings`: there is nothing to simulate")
         return Choices(many=[dict(_key(one)) for one in many])
     planned = [variant for variant in family.variants if variant.failed is None]
-    kept = [variant for variant, found in zip(planned, family.evaluate(planned)) if found.kept]
+    kept = [variant for variant, evaluated in zip(planned, family.evaluate(planned)) if evaluated.kept]
     if not kept:
         raise FamilyError(f"`{family.name}` has no variants that are right and keep the rules: say what may be set by `settings`")
     return Choices(

@@ -15,10 +15,10 @@ from thingc.families.results import NoModel
 from thingc.families.texts import TextTemplate, plain_text
 from thingc.families.union import ModelSource
 from thingc.patching import TOGETHER, Arrays, NotInArrays, differing
-from thingc.plans import recipes
+from thingc.plans import planning
 from thingc.plans.exchange import Exchange
+from thingc.plans.planning import Form, Forms, NumericPlan
 from thingc.plans.reading import Read, SettingsReader
-from thingc.plans.recipes import Form, Forms, Recipe
 from thingc.plans.rehearsal import Rehearsal, rehearse, written
 from thingc.plans.tape import Traced
 
@@ -56,29 +56,29 @@ class ModelsOfMode:
 
     def each(self, many: Iterable[Item], *, share: bool) -> Iterator[mujoco.MjModel | NoModel]:
         """The models, in order; shared ones are lent until the next."""
-        waiting: list[tuple[Item, Recipe[Any], tuple[float, ...]]] = []
+        waiting: list[tuple[Item, NumericPlan[Any], tuple[float, ...]]] = []
         for item in many:
-            found = None if self._is_kept(item[1]) else self._planned(item[1])
-            if waiting and (found is None or found[0] is not waiting[0][1] or len(waiting) == TOGETHER):
+            planned = None if self._is_kept(item[1]) else self._planned(item[1])
+            if waiting and (planned is None or planned[0] is not waiting[0][1] or len(waiting) == TOGETHER):
                 yield from self._together(waiting, share)
                 waiting = []
-            if found is None:
+            if planned is None:
                 yield self._passed(item, share)
             else:
-                waiting.append((item, *found))
+                waiting.append((item, *planned))
         yield from self._together(waiting, share)
 
     def _is_kept(self, read: Read) -> bool:
         """Whether a compiled model is at hand, and none that only needs its arrays written."""
         return read in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.forms.of(read).plans)
 
-    def _planned(self, read: Read) -> tuple[Recipe[Arrays | TextTemplate], tuple[float, ...]] | None:
+    def _planned(self, read: Read) -> tuple[NumericPlan[Arrays | TextTemplate], tuple[float, ...]] | None:
         if read.report is not None or not read.names:
             return None
         form = self.forms.of(read)
         return form.planned(read, partial(self.plan, read, form))
 
-    def plan(self, read: Read, form: Form[Arrays | TextTemplate]) -> Recipe[Arrays | TextTemplate] | None:
+    def plan(self, read: Read, form: Form[Arrays | TextTemplate]) -> NumericPlan[Arrays | TextTemplate] | None:
         """A plan that gives what compilations do; None, and the reason in `form`, where there is none."""
         first = self._compiled(read)
         if isinstance(first, tuple):  # they are refused, which says nothing of others
@@ -110,10 +110,10 @@ class ModelsOfMode:
             return template.outputs, template
 
         while True:
-            plan = recipes.make(read, self.reader, attempt, finish, form, exchanged)
+            plan = planning.make(read, self.reader, attempt, finish, form, exchanged)
             if plan is None:
                 return None
-            wrong = self._compared(plan, recipes.samples(read, self.reader, form), first)
+            wrong = self._compared(plan, planning.samples(read, self.reader, form), first)
             if not wrong:
                 return plan
             if isinstance(plan.made, TextTemplate):
@@ -121,7 +121,7 @@ class ModelsOfMode:
                 return None
             slower = f"a plan by arrays gave another `{wrong}`"
 
-    def _compared(self, plan: Recipe[Arrays | TextTemplate], samples: Sequence[Read], first: mujoco.MjModel) -> str:
+    def _compared(self, plan: NumericPlan[Arrays | TextTemplate], samples: Sequence[Read], first: mujoco.MjModel) -> str:
         """The first field in which models of a plan differ from compiled ones, of which `first` is that of the first sample; empty where
         none does."""
         for read in samples:
@@ -137,20 +137,22 @@ class ModelsOfMode:
                 return wrong[0]
         return ""
 
-    def _by(self, plan: Recipe[Arrays | TextTemplate], read: Read, outputs: tuple[float, ...]) -> mujoco.MjModel:
+    def _by(self, plan: NumericPlan[Arrays | TextTemplate], read: Read, outputs: tuple[float, ...]) -> mujoco.MjModel:
         if isinstance(plan.made, TextTemplate):
             return self._by_text(plan, plan.made, read, outputs)
         plan.made.put(plan.made.prepare([outputs]), 0)
         return plan.made.model
 
-    def _by_text(self, plan: Recipe[Any], template: TextTemplate, read: Read, outputs: tuple[float, ...]) -> mujoco.MjModel:
-        found = plan.exchanged(read.values)
-        if found is None:
+    def _by_text(self, plan: NumericPlan[Any], template: TextTemplate, read: Read, outputs: tuple[float, ...]) -> mujoco.MjModel:
+        exchanged = plan.exchanged(read.values)
+        if exchanged is None:
             return self._load(template.text(outputs))
-        self._mount(found.assets)
-        return self._load(template.text(outputs, found.names))
+        self._mount(exchanged.assets)
+        return self._load(template.text(outputs, exchanged.names))
 
-    def _together(self, waiting: Sequence[tuple[Item, Recipe[Any], tuple[float, ...]]], share: bool) -> Iterator[mujoco.MjModel | NoModel]:
+    def _together(
+        self, waiting: Sequence[tuple[Item, NumericPlan[Any], tuple[float, ...]]], share: bool,
+    ) -> Iterator[mujoco.MjModel | NoModel]:
         """The models of settings that one plan is of."""
         if not waiting:
             return
@@ -177,7 +179,7 @@ class ModelsOfMode:
                 self._keep(item[1], model)
             yield model if share or prepared is None else copy.copy(model)
 
-    def _right(self, read: Read, plan: Recipe[Any], model: mujoco.MjModel) -> bool:
+    def _right(self, read: Read, plan: NumericPlan[Any], model: mujoco.MjModel) -> bool:
         """Whether the model of a plan is the compiled one, where it is time to look (where parts are exchanged at the first of each
         plan, too); a plan whose model is another one is given up."""
         self._made += 1
@@ -194,10 +196,10 @@ class ModelsOfMode:
         settings, read = item
         known = self._kept.get(read) if read.report is None else None
         if known is None:
-            found = self._compiled(read)
-            if isinstance(found, tuple):
-                return NoModel(settings=settings, problems=found)
-            known = found
+            outcome = self._compiled(read)
+            if isinstance(outcome, tuple):
+                return NoModel(settings=settings, problems=outcome)
+            known = outcome
         self._keep(read, known)
         return known if share else copy.copy(known)
 
@@ -230,8 +232,8 @@ class ModelsOfMode:
 
     def problems(self, read: Read) -> tuple[Diagnostic, ...]:
         """Why there is no model of settings; empty where there is one."""
-        found = self._compiled(read)
-        return found if isinstance(found, tuple) else ()
+        outcome = self._compiled(read)
+        return outcome if isinstance(outcome, tuple) else ()
 
     def source(self, read: Read) -> ModelSource:
         """What the model of settings that are not refused is made from."""

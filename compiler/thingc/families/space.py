@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from thingc.brief import Brief
-from thingc.expressions import Found, plain
+from thingc.expressions import ExpressionValue, plain
 from thingc.frozen import dataclass
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.units import NUMBER, Quantity
@@ -109,12 +109,12 @@ class Space(Sequence[SpaceDimension]):
         return {one.name: float(round(value)) if one.whole else float(value) for one, value in zip(numbers, vector, strict=True)}
 
 
-def of_axes(axes: Sequence[Axis], own: Mapping[str, Found]) -> Space:
+def of_axes(axes: Sequence[Axis], own: Mapping[str, ExpressionValue]) -> Space:
     """The dimensions of a document of variants."""
     return Space([_of_axis(axis, own.get(axis.key)) for axis in axes])
 
 
-def _of_axis(axis: Axis, own: Found | None) -> SpaceDimension:
+def _of_axis(axis: Axis, own: ExpressionValue | None) -> SpaceDimension:
     value = None if own is None else plain(own)
     if axis.range is not None:
         low, high = axis.range
@@ -123,17 +123,17 @@ def _of_axis(axis: Axis, own: Found | None) -> SpaceDimension:
     return SpaceDimension(name=axis.key, unit=unit, choices=tuple(plain(one) for one in axis.values), value=value)
 
 
-def of_parameters(spec: AssemblySpec, values: Mapping[str, Found], bound: Any) -> Space:
+def of_parameters(spec: AssemblySpec, values: Mapping[str, ExpressionValue], bound: Any) -> Space:
     """The dimensions of an assembly: its parameters. `bound(name, key)` is the value [SI] of a bound of one."""
-    found: list[SpaceDimension] = []
+    dimensions: list[SpaceDimension] = []
     for name, own in values.items():
         entry = spec.parameters[name]
         if isinstance(own, bool):
-            found.append(SpaceDimension(name=name, choices=(False, True), value=own))
+            dimensions.append(SpaceDimension(name=name, choices=(False, True), value=own))
         elif isinstance(own, Quantity):
             low, high = (bound(name, key) if isinstance(entry, ParameterSpec) else None for key in ("min", "max"))
             symbol = "" if own.dimension == NUMBER else own.dimension.symbol
-            found.append(SpaceDimension(name=name, unit=symbol, low=low, high=high, value=own.value))
+            dimensions.append(SpaceDimension(name=name, unit=symbol, low=low, high=high, value=own.value))
         else:
-            found.append(SpaceDimension(name=name, value=own))
-    return Space(found)
+            dimensions.append(SpaceDimension(name=name, value=own))
+    return Space(dimensions)

@@ -81,12 +81,12 @@ def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: D
     named = tree.component(instance, drive.component)
     if named is None:
         return None
-    leaf = named.leaf
-    actuator = leaf.record.actuator if leaf is not None and leaf.record is not None else None
+    part = named.part
+    actuator = part.record.actuator if part is not None and part.record is not None else None
     if actuator is None:
         _no_actuator(instance, joint, twist, drive.component.text, named, drive.component.origin + instance.origin, findings)
         return None
-    if leaf is not None and leaf.record is not None and not leaf.record.exact:
+    if part is not None and part.record is not None and not part.record.exact:
         return None
     return _over(drive, actuator)
 
@@ -94,9 +94,9 @@ def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: D
 def _written(tree: Tree, instance: Instance, drive: Drive) -> tuple[Note, ...]:
     """The note that shows where the Thing that drives is written; none of an inline drive."""
     named = tree.component(instance, drive.component) if drive.component is not None else None
-    if named is None or named.leaf is None or named.leaf.record is None:
+    if named is None or named.part is None or named.part.record is None:
         return ()
-    return written_at(f"`{named.leaf.definition.label}`", named.leaf.record.code)
+    return written_at(f"`{named.part.definition.label}`", named.part.record.code)
 
 
 def _over(drive: Drive, actuator: ActuatorRecord) -> Drive:
@@ -119,18 +119,18 @@ def _no_actuator(
 ) -> None:
     able = [
         name for name, child in instance.children.items()
-        if child.leaf is not None and child.leaf.record is not None and child.leaf.record.actuator is not None
+        if child.part is not None and child.part.record is not None and child.part.record.actuator is not None
     ]
     notes: tuple[Note, ...] = ()
     if named.assembly is not None:
         what = f" (`{named.assembly.label}`), which is an assembly"
         able.extend(
             f"{text}.{name}" for name, child in named.children.items()
-            if child.leaf is not None and child.leaf.record is not None and child.leaf.record.actuator is not None
+            if child.part is not None and child.part.record is not None and child.part.record.actuator is not None
         )
-    elif named.leaf is not None and named.leaf.record is not None:
-        what = f" (`{named.leaf.definition.label}`), which declares no actuator"
-        notes = written_at(f"`{named.leaf.definition.label}`", named.leaf.record.code)
+    elif named.part is not None and named.part.record is not None:
+        what = f" (`{named.part.definition.label}`), which declares no actuator"
+        notes = written_at(f"`{named.part.definition.label}`", named.part.record.code)
     else:
         what = ", which is a frame"
     findings.error(

@@ -48,7 +48,7 @@ def link(
     mates, laid = mates_of(tree, findings, memo)
     exported = exported_of(tree, findings)
     occurrences = tuple(
-        memo.same(("occurrence", instance.path), _occurrence(index, instance, tree)) for index, instance in enumerate(tree.leaves)
+        memo.same(("occurrence", instance.path), _occurrence(index, instance, tree)) for index, instance in enumerate(tree.occurrences)
     )
     link_of = connected_components(len(occurrences), mates)
     links = links_of(tree, occurrences, mates, findings, memo)
@@ -66,7 +66,7 @@ def link(
     faulty = check_stated(links, link_of, occurrences, findings)
     if not findings.incomplete:
         # Only of whole assemblies: what was left out may be what carries the mass, or what sits on the mount.
-        faulty += [index for index, instance in enumerate(tree.leaves) if instance.leaf is not None and not instance.leaf.sound]
+        faulty += [index for index, instance in enumerate(tree.occurrences) if instance.part is not None and not instance.part.sound]
         shown = {(mount.occurrence, mount.mount) for mount in exported if "/" not in mount.path}
         check_links(links, link_of, occurrences, modes, between, faulty, findings)
         check_expectations(occurrences, mates, laid, shown, findings)
@@ -96,7 +96,7 @@ def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findin
     """Say which component is not `at` a place, where nothing that was said explains it."""
     if findings.failed or findings.earlier:
         return
-    alone = next((one for k, one in enumerate(tree.leaves) if k not in at), tree.top)
+    alone = next((one for k, one in enumerate(tree.occurrences) if k not in at), tree.top)
     findings.error(
         Code.INCOMPLETE, f"`{alone.path or model.name}` does not hang together with the base of `{model.name}`",
         alone.origin or model.origin, path=alone.path or None, help="place every component, once, on another one",
@@ -109,13 +109,13 @@ def _rest(mates: Sequence[Mate], base: int | None, count: int) -> dict[int, Pose
 
 
 def _occurrence(index: int, instance: Instance, tree: Tree) -> Occurrence:
-    leaf = instance.leaf
-    if leaf is None:
-        raise ValueError(f"{instance.path} is no leaf")
+    part = instance.part
+    if part is None:
+        raise ValueError(f"{instance.path} is no occurrence")
     added = tree.added.get(index)
     return Occurrence(
-        path=instance.path, index=index, definition=leaf.definition, component=leaf.component, record=leaf.record,
-        material=leaf.material, color=leaf.color, overrides=leaf.component.overrides, bom=leaf.bom, properties=leaf.properties,
-        mass_source=leaf.source, mounts={**leaf.mounts, **added} if added else leaf.mounts, origin=instance.origin,
-        estimate=leaf.estimate, listed=leaf.listed,
+        path=instance.path, index=index, definition=part.definition, component=part.component, record=part.record,
+        material=part.material, color=part.color, overrides=part.component.overrides, bom=part.bom, properties=part.properties,
+        mass_source=part.source, mounts={**part.mounts, **added} if added else part.mounts, origin=instance.origin,
+        estimate=part.estimate, listed=part.listed,
     )

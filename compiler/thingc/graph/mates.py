@@ -16,7 +16,7 @@ from thingc.diagnostics import Code
 from thingc.graph.drives import joint_edge, stated_edge
 from thingc.graph.findings import Findings, noted
 from thingc.graph.types import JointEdge, Link, Mate
-from thingc.graph.unroll import Found, Instance, Tree, unplaced
+from thingc.graph.unroll import FoundMount, Instance, Tree, unplaced
 from thingc.joints import Twist
 from thingc.memo import Memo
 from thingc.pose import IDENTITY, MATE, Pose, shifted, turned_x
@@ -123,7 +123,7 @@ def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[L
             )
 
 
-def _mated(parent: Found, child: Found, said: Attach | Joint, joints: tuple[JointEdge, ...], origin: Origin, path: str) -> Mate:
+def _mated(parent: FoundMount, child: FoundMount, said: Attach | Joint, joints: tuple[JointEdge, ...], origin: Origin, path: str) -> Mate:
     axis = said.axis if isinstance(said, Joint) else None
     before, after = parent.pose, child.pose.inverse() if axis is not None else MATE @ child.pose.inverse()
     if said.turn != 0.0:
@@ -139,7 +139,7 @@ def _mated(parent: Found, child: Found, said: Attach | Joint, joints: tuple[Join
     )
 
 
-def _laid_on(parent: Found, child: Found, pose: Pose, origin: Origin) -> Mate:
+def _laid_on(parent: FoundMount, child: FoundMount, pose: Pose, origin: Origin) -> Mate:
     return Mate(
         parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount="origin",
         X_PJ=parent.pose @ pose, X_JC=child.pose.inverse(), joints=(), origin=origin,

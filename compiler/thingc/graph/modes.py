@@ -123,8 +123,8 @@ def _feet(tree: Tree, mode: Mode, findings: Findings) -> Iterator[Foot]:
                 help="keep one of the two", notes=noted("it is held here", hold.origin),
             )
             continue
-        leaf = tree.leaves[choice.occurrence].leaf
-        stated = leaf.material.slide if leaf is not None and leaf.material is not None else None
+        part = tree.occurrences[choice.occurrence].part
+        stated = part.material.slide if part is not None and part.material is not None else None
         friction = mode.standing.friction if mode.standing.friction is not None else stated
         yield Foot(mount=choice, friction=SLIDE if friction is None else friction, origin=reference.origin)
 
@@ -170,7 +170,7 @@ def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int], withi
     place = tree.component(document, reference)
     if place is None:
         return iter(())
-    return iter(dict.fromkeys(link_of[leaf.index] for leaf in place.leaves() if leaf.index is not None))
+    return iter(dict.fromkeys(link_of[one.index] for one in place.occurrences() if one.index is not None))
 
 
 def adhesions_of(tree: Tree, model: AssemblyDefinition) -> tuple[Adhesion, ...]:

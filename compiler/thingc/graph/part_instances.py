@@ -85,7 +85,7 @@ class PartInstance:
 
 
 class PartInstances:
-    """PartInstances by component. A component of a definition that is used twice is asked for twice and worked out once.
+    """Part instances by component. A component of a definition that is used twice is asked for twice and worked out once.
 
     `unknown`: a part was met of which nobody may know more (see `PartRecord.exact`); the caller has said so.
     """
@@ -102,26 +102,26 @@ class PartInstances:
         self._told: set[tuple[str, Unsliced]] = set()
         self.unknown = False
 
-    def leaf(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
-        """The leaf of `component`, which stands in `scope` and was first met at `path`; None where its part failed."""
+    def of(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
+        """The instance of `component`, which stands in `scope` and was first met at `path`; None where its part failed."""
         key = id(component)
         if key not in self._known:
             self._known[key] = self._remembered(component, scope, path, origin)
         return self._known[key]
 
     def _remembered(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
-        """The leaf as it was worked out last, if nothing at all was to be said then, or was allowed."""
+        """The instance as it was worked out last, if nothing at all was to be said then, or was allowed."""
         record = self._records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
         material = scope.materials.get(record.material) if isinstance(record, PartRecord) and record.material else None
         files = mesh_files_of(component.definition)
         inputs = (component, record, material, scope.materials_known, tuple(self._meshes.get(file) for file in files))
-        instance: PartInstance | None = self._memo.last(("leaf", path), inputs)
+        instance: PartInstance | None = self._memo.last(("part instance", path), inputs)
         if instance is None:
             report, allowed = self._findings.report, self._findings.report.allowed
             instance = self._work_out(component, scope, path, origin)
             told = self._findings.incomplete or report.diagnostics or report.allowed > allowed or self._unknown
             if instance is not None and not told:
-                self._memo.keep(("leaf", path), inputs, instance)
+                self._memo.keep(("part instance", path), inputs, instance)
         return instance
 
     def report_materials(self) -> None:

@@ -23,7 +23,7 @@ def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge], fin
         for reference in _references(test.check):
             if reference.mount is None:
                 place = tree.component(tree.top, reference)
-                components[reference] = () if place is None else tuple(leaf.index for leaf in place.leaves() if leaf.index is not None)
+                components[reference] = () if place is None else tuple(one.index for one in place.occurrences() if one.index is not None)
                 lacking = lacking or place is None
                 continue
             mount = tree.find(tree.top, reference)

@@ -71,7 +71,7 @@ class Listed(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Occurrence(Brief):
-    """A leaf of the unrolled HAG: a part, a link or a frame at a path (`hand/cap`).
+    """A part, a link or a frame at a path of the unrolled HAG (`hand/cap`).
 
     `index` is its place in document order; `properties` in its own frame; `mass_source` is
     `measured | vendor | stated | derived | estimated`, `estimate` how one with an infill was estimated (`layers | skin`), else None.

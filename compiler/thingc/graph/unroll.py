@@ -1,6 +1,6 @@
 """The definitions unrolled into a tree of instances, and references looked up in it.
 
-An instance is one place of a definition: of a nested assembly, or of a part or frame (a leaf, an occurrence).
+An instance is one place of a definition: of a nested assembly, or of a part or frame (an occurrence).
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from thingc.typos import did_you_mean, meant
 class Instance:
     """A place in the tree. `path` is `hand/cap` (empty at the top); `origin` the chain of spans that made it.
 
-    Exactly one of `assembly` and `leaf` is there, unless the component was wrong and has been reported (neither).
-    `index` counts leaves in document order; of an assembly, whose `base` is the component that nothing places, it is
-    that of the base's leaf. None where that is missing.
+    Exactly one of `assembly` and `part` is there, unless the component was wrong and has been reported (neither).
+    `index` counts occurrences in document order; of an assembly, whose `base` is the component that nothing places, it is
+    that of the base's occurrence. None where that is missing.
     """
 
     path: str
     component: Component | None
     origin: Origin
     assembly: AssemblyDefinition | None = None
-    leaf: PartInstance | None = None
+    part: PartInstance | None = None
     children: dict[str, Instance] = field(default_factory=dict)
     index: int | None = None
     base: Instance | None = None
@@ -42,18 +42,18 @@ class Instance:
         """The path of something called `name` in this assembly."""
         return f"{self.path}/{name}" if self.path else name
 
-    def leaves(self) -> Iterator[Instance]:
+    def occurrences(self) -> Iterator[Instance]:
         """The occurrences in it, itself if it is one, in document order."""
         waiting = [self]
         while waiting:
             instance = waiting.pop()
-            if instance.leaf is not None:
+            if instance.part is not None:
                 yield instance
             waiting.extend(reversed(instance.children.values()))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class FoundMount:
     """A mount that was looked up: the occurrence that carries it, its name there, and its frame in the occurrence's."""
 
     occurrence: int
@@ -84,7 +84,7 @@ def unplaced(definition: AssemblyDefinition) -> list[str]:
 class Tree:
     """The unrolled model.
 
-    `assemblies` are parents first, `leaves` in document order (those of a nested assembly where it stands); `added`
+    `assemblies` are parents first, `occurrences` in document order (those of a nested assembly where it stands); `added`
     are mounts that documents add to nested assemblies, per occurrence: they lie on the base of the assembly.
     """
 
@@ -93,7 +93,7 @@ class Tree:
         self._said: set[tuple[Code, str, Origin]] = set()
         self.top = Instance(path="", component=None, origin=(), assembly=model)
         self.assemblies: list[tuple[Instance, AssemblyDefinition]] = []
-        self.leaves: list[Instance] = []
+        self.occurrences: list[Instance] = []
         self.added: dict[int, dict[str, MountFrame]] = {}
         self._unroll(model, instances)
         self._find_bases()
@@ -116,12 +116,12 @@ class Tree:
                     )
                 waiting.extend((child, scope) for child in reversed(instance.children.values()))
             elif component is not None:
-                instance.leaf = instances.leaf(component, scope, instance.path, instance.origin)
-                if instance.leaf is None:
+                instance.part = instances.of(component, scope, instance.path, instance.origin)
+                if instance.part is None:
                     self._findings.leave_out()
                 else:
-                    instance.index = len(self.leaves)
-                    self.leaves.append(instance)
+                    instance.index = len(self.occurrences)
+                    self.occurrences.append(instance)
 
     def _find_bases(self) -> None:
         for instance, definition in reversed(self.assemblies):  # a base that is an assembly has found its own before
@@ -148,20 +148,20 @@ class Tree:
                     frame = MountFrame(pose=extra.pose, interface=extra.interface)
                     self.added.setdefault(instance.index, {})[f"{instance.path}/{name}"] = frame
 
-    def find(self, instance: Instance, reference: Reference) -> Found | None:
+    def find(self, instance: Instance, reference: Reference) -> FoundMount | None:
         """The mount that `reference` names, read in the document of `instance`; None where it is wrong (reported)."""
-        place: Found | Instance | _Fault = self._walk(instance, reference.path)
+        place: FoundMount | Instance | _Fault = self._walk(instance, reference.path)
         if isinstance(place, Instance):
             place = self._mount(place, reference.mount or "origin", ".".join(reference.path), instance)
-        if isinstance(place, Found):
+        if isinstance(place, FoundMount):
             return place
         self._say(place, reference, instance)
         return None
 
-    def shown(self, instance: Instance, name: str) -> Found | None:
+    def shown(self, instance: Instance, name: str) -> FoundMount | None:
         """The mount called `name` that a component shows; None where it has none of that name."""
         mount = self._mount(instance, name, "", self.top)
-        return mount if isinstance(mount, Found) else None
+        return mount if isinstance(mount, FoundMount) else None
 
     def component(self, instance: Instance, reference: Reference) -> Instance | None:
         """The component that `reference` names (its mount, if it has one, is not looked at)."""
@@ -191,12 +191,12 @@ class Tree:
                     code=Code.UNKNOWN_COMPONENT, message=f"{owner} has no component `{name}`",
                     help=did_you_mean(name, instance.children, what="components"),
                 )
-            if child.assembly is None and child.leaf is None:
+            if child.assembly is None and child.part is None:
                 return _SILENT
             instance = child
         return instance
 
-    def _mount(self, instance: Instance, name: str, shown: str, document: Instance) -> Found | _Fault:
+    def _mount(self, instance: Instance, name: str, shown: str, document: Instance) -> FoundMount | _Fault:
         """A mount by name: of a part, of an assembly (exported or added), or `origin`. `shown` names the instance, as `document` does.
 
         What is wrong with an exported mount is said of the line that exports it, not of those that use it.
@@ -219,7 +219,7 @@ class Tree:
             elif component is not None and name in component.mounts and name not in definition.mounts:
                 if instance.index is None:
                     return _SILENT
-                return Found(occurrence=instance.index, mount=f"{instance.path}/{name}", pose=component.mounts[name].pose)
+                return FoundMount(occurrence=instance.index, mount=f"{instance.path}/{name}", pose=component.mounts[name].pose)
             elif name in definition.mounts:
                 reference = definition.mounts[name]
                 place = self._walk(instance, reference.path)
@@ -234,24 +234,24 @@ class Tree:
                     code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} shows no mount `{name}`",
                     help=_mount_help(name, [*definition.mounts, *added, "origin"], document), notes=_shown_by(definition),
                 )
-        if instance.leaf is not None and instance.index is not None and name in instance.leaf.mounts:
+        if instance.part is not None and instance.index is not None and name in instance.part.mounts:
             mirror = within.mirror if within is not None and name == "origin" else None  # the image of a frame, as a mount, is another
-            pose = Mirror(mirror).origin if mirror else instance.leaf.mounts[name].pose
-            return Found(occurrence=instance.index, mount=name, pose=pose)
+            pose = Mirror(mirror).origin if mirror else instance.part.mounts[name].pose
+            return FoundMount(occurrence=instance.index, mount=name, pose=pose)
         return _SILENT if exported else _no_mount(instance, name, shown, document)
 
 
 def _no_mount(instance: Instance, name: str, shown: str, document: Instance) -> _Fault:
     """What there is to say of a part that has no such mount."""
-    leaf = instance.leaf
-    if leaf is None or instance.index is None:
+    part = instance.part
+    if part is None or instance.index is None:
         return _SILENT
-    if leaf.record is not None and not leaf.record.exact and _may_be_there(name, leaf.record.mounts):
+    if part.record is not None and not part.record.exact and _may_be_there(name, part.record.mounts):
         return _SILENT
     return _Fault(
         code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} has no mount `{name}`",
-        help=_mount_help(name, leaf.mounts, document),
-        notes=written_at(f"`{leaf.definition.label}`", leaf.record.code) if leaf.record is not None else (),
+        help=_mount_help(name, part.mounts, document),
+        notes=written_at(f"`{part.definition.label}`", part.record.code) if part.record is not None else (),
     )
 
 
@@ -261,7 +261,7 @@ def _mount_help(name: str, mounts: Collection[str], document: Instance) -> str:
     numbers = sorted(int(one[len(name) + 1 :]) for one in mounts if re.fullmatch(rf"{re.escape(name)}_\d+", one))
     if numbers:
         return f"`{name}` is a list: its mounts are `{name}_{numbers[0]}`" + (f" to `{name}_{numbers[-1]}`" if len(numbers) > 1 else "")
-    having = [one for one, child in document.children.items() if child.leaf is not None and name in child.leaf.mounts]
+    having = [one for one, child in document.children.items() if child.part is not None and name in child.part.mounts]
     if meant(name, mounts) is None and 0 < len(having) <= 3:
         return f"did you mean {' or '.join(f'`{one}.{name}`' for one in having)}?"
     return did_you_mean(name, mounts, what="mounts")
@@ -282,7 +282,7 @@ def _counted(reference: Reference) -> tuple[Note, ...]:
 
 def _owner(instance: Instance, shown: str) -> str:
     """`hand.cap` (`arm:Cap`): as the document that refers to it names it, and what it is."""
-    label = instance.assembly.label if instance.assembly is not None else instance.leaf.definition.label if instance.leaf else ""
+    label = instance.assembly.label if instance.assembly is not None else instance.part.definition.label if instance.part else ""
     return f"`{shown}` (`{label}`)" if shown and label else f"`{shown or label}`"
 
 

@@ -46,9 +46,9 @@ def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str
     return text.encode(), answer["files"]
 
 
-def _by_packages(text: str, found: Mapping[str, str]) -> str:
+def _by_packages(text: str, folders: Mapping[str, str]) -> str:
     """What `$(find NAME)` has become is `package://NAME` again: no path of this machine stands in what is written."""
-    for name, folder in sorted(found.items(), key=lambda one: -len(one[1])):
+    for name, folder in sorted(folders.items(), key=lambda one: -len(one[1])):
         for before in ("file://", ""):
             text = text.replace(f'"{before}{folder}/', f'"package://{name}/')
     return text

@@ -80,11 +80,11 @@ def import_robot(
     if report.failed:
         return None
     warn_of_mirror_pairs(robot, report)
-    found, files, left_out = gathered(robot, places if meshes else None, report)
-    warn_of_units(robot, files, found, report)
+    placed_meshes, files, left_out = gathered(robot, places if meshes else None, report)
+    warn_of_units(robot, files, placed_meshes, report)
     if report.failed:
         return None
-    written = document_of(robot, roots, shown(os.path.basename(path)), {one.link.name: one.how for one in mended}, found, before)
+    written = document_of(robot, roots, shown(os.path.basename(path)), {one.link.name: one.how for one in mended}, placed_meshes, before)
     written = replace(written, losses=(*written.losses, *left_out))
     document = f"{written.name}.yaml" if before is None else before.document
     asked = {"roots": roots, "repair": repair, "meshes": meshes}

@@ -169,8 +169,8 @@ def _solid(shapes: Sequence[SourceShape], matter: Matter) -> MassProperties | No
 
 def _held(shape: SourceShape, matter: Matter) -> MassProperties | None:
     """What a mesh holds, in the frame of its link."""
-    found = matter(shape)
-    return None if found is None else found.seen_from(shape.pose)
+    held = matter(shape)
+    return None if held is None else held.seen_from(shape.pose)
 
 
 def _volume(shape: SourceShape) -> MassProperties:

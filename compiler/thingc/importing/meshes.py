@@ -63,9 +63,9 @@ def _corner(data: bytes, path: str) -> float:
         whole = (len(data) - 84) // 50
         numbers = [abs(one) for k in range(min(whole, SAMPLE)) for one in struct.unpack_from("<9f", data, 84 + 50 * k + 12)]
     elif path.endswith((".stl", ".obj")):
-        found = re.findall(rb"^\s*(?:v|vertex)\s+(\S+)\s+(\S+)\s+(\S+)", data[: 100 * SAMPLE], re.MULTILINE)
+        corners = re.findall(rb"^\s*(?:v|vertex)\s+(\S+)\s+(\S+)\s+(\S+)", data[: 100 * SAMPLE], re.MULTILINE)
         with contextlib.suppress(ValueError):
-            numbers = [abs(float(one)) for corner in found for one in corner]
+            numbers = [abs(float(one)) for corner in corners for one in corner]
     return max((one for one in numbers if math.isfinite(one)), default=0.0)
 
 

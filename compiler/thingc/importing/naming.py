@@ -25,14 +25,14 @@ def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier
     """What each of the names is called in a document; no two alike but for case, and none as what is `taken`. What was called something
     `earlier` is called so again; a name that can stay does, whatever the others are called."""
     used, wanted = {one.lower() for one in taken}, list(dict.fromkeys(names))
-    found: dict[str, str] = {}
+    words: dict[str, str] = {}
     for name in wanted:
         word = (earlier or {}).get(name)
         if word is not None and word.lower() not in used and plain_name(word, kind) == word:
-            found[name] = word
+            words[name] = word
             used.add(word.lower())
     for name in sorted(wanted, key=lambda name: plain_name(name, kind) != name):
-        if name in found:
+        if name in words:
             continue
         plain = plain_name(name, kind)
         number, word = 1, plain
@@ -40,5 +40,5 @@ def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier
             number += 1
             word = f"{plain}_{number}"
         used.add(word.lower())
-        found[name] = word
-    return {name: found[name] for name in wanted}
+        words[name] = word
+    return {name: words[name] for name in wanted}

@@ -114,10 +114,10 @@ def _called(folder: str) -> str | None:
     """The name of the package whose manifest lies in a folder."""
     try:
         with open(os.path.join(folder, MANIFEST), "rb") as stream:
-            found = _NAME_OF.search(stream.read(100_000))
+            match = _NAME_OF.search(stream.read(100_000))
     except OSError:
         return None
-    return None if found is None else found[1].decode("utf-8", "replace")
+    return None if match is None else match[1].decode("utf-8", "replace")
 
 
 def _within(path: str, folder: str) -> bool:

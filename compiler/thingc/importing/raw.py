@@ -15,20 +15,20 @@ from thingc.load.scalars import core_value
 
 def raw_of(words: Words) -> dict[tuple[str, ...], str]:
     """What is laid over MuJoCo's model, by path. What all shapes that touch have in common is said of their class."""
-    robot, found = words.robot, dict[tuple[str, ...], str]()
+    robot, by_path = words.robot, dict[tuple[str, ...], str]()
 
     def lay(kind: str, name: str, raw: Raw) -> None:
-        found.update(((kind, name, key), value) for key, value in raw)
+        by_path.update(((kind, name, key), value) for key, value in raw)
 
     for path, value in robot.options:
-        found[path] = value
+        by_path[path] = value
     shapes = [one for name in words.links for one in _touching(words, words.link_of[name])]
     common: set[tuple[str, str]] = set()
     for key in sorted({key for _, shape in shapes for key, _ in shape.raw}):
         values = [dict(shape.raw).get(key) for _, shape in shapes if not _says(shape, key)]
         if len(values) > 1 and len(set(values)) == 1 and values[0] is not None:
             common.add((key, values[0]))
-            found["default", "collision", "geom", key] = values[0]
+            by_path["default", "collision", "geom", key] = values[0]
     for name in words.links:
         lay("body", words.links[name], words.link_of[name].raw)
     for joint in (joint for one in words.order for joint in one.joints):
@@ -50,7 +50,7 @@ def raw_of(words: Words) -> dict[tuple[str, ...], str]:
         lay("geom", word, tuple(one for one in shape.raw if one not in common or _says(shape, one[0])))
     for state in robot.poses:
         lay("key", words.poses[state.name], _controls(words, state))
-    return found
+    return by_path
 
 
 def _touching(words: Words, link: SourceLink) -> Iterator[tuple[str, SourceShape]]:

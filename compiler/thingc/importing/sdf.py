@@ -103,11 +103,11 @@ class _Sdf:
 
     def _look_at_version(self) -> None:
         version = self.root.attributes.get("version", "").strip()
-        found = _VERSION.fullmatch(version)
-        if found is None or not 4 <= int(found[1]) <= 12:
+        match = _VERSION.fullmatch(version)
+        if match is None or not 4 <= int(match[1]) <= 12:
             help = "`gz sdf -p FILE` makes a newer one of an old one"
             self.values.fault(self.root, "version", f"`version` of `<sdf>`: expected 1.4 to 1.12, found `{version}`", help)
-        self.old_axes = found is not None and int(found[1]) <= 4
+        self.old_axes = match is not None and int(match[1]) <= 4
 
     def _model(self) -> SourceElement | None:
         """The one model of the file, right in it or in its world, that is no scenery."""

@@ -67,12 +67,12 @@ def earlier_import(folder: str) -> Earlier | None:
             record: Any = json.load(stream)
         document, asked, names = record["document"], record["asked"], record["names"]
         text = "".join(f"{line}\n" for line in document["lines"])
-        found = Earlier(
+        earlier = Earlier(
             folder=folder, document=_inside(document["file"]), text=text, roots=tuple(asked["roots"]), repair=_repair(asked["repair"]),
             meshes={_inside(name): str(sha256) for name, sha256 in record["meshes"].items()}, with_meshes=bool(asked["meshes"]),
             links={**names["links"], **names["frames"]}, joints={**names["joints"]},
         )
-        return found if document["sha256"] == _sha256(text.encode()) else None
+        return earlier if document["sha256"] == _sha256(text.encode()) else None
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
 

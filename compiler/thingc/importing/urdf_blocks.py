@@ -144,11 +144,11 @@ class _Blocks:
         """From bottom to top, of the angle from left to right and the shape of the picture."""
         cameras = [*element.all("camera")]
         images = [image for camera in cameras for image in camera.all("image")]
-        found = [FIELD_OF_VIEW, WIDTH, HEIGHT]
+        sizes = [FIELD_OF_VIEW, WIDTH, HEIGHT]
         for k, (tag, inside) in enumerate((("horizontal_fov", cameras), ("width", images), ("height", images))):
             for one in (one for outer in inside for one in outer.all(tag)):
-                found[k] = self._from_zero(one) or found[k]
-        return 2.0 * math.atan(math.tan(min(found[0], 3.1) / 2.0) * found[2] / found[1])
+                sizes[k] = self._from_zero(one) or sizes[k]
+        return 2.0 * math.atan(math.tan(min(sizes[0], 3.1) / 2.0) * sizes[2] / sizes[1])
 
     def _number(self, element: SourceElement) -> float | None:
         """As the text of an element, or its `value`."""

@@ -90,14 +90,14 @@ class Words:
             ],
             "poses": [(word, name, word) for name, word in self.poses.items()],
         }
-        found: dict[str, dict[str, str]] = {}
+        names: dict[str, dict[str, str]] = {}
         for kind, things in kinds.items():
             taken = {*TAKEN.get(kind, ()), *(self.links if kind == "mounts" else ())}
             for word, name, usual in things:
                 if name not in taken and name != usual and is_file_name(name):
-                    found.setdefault(kind, {})[word] = name
+                    names.setdefault(kind, {})[word] = name
                 taken.add(name)
-        return found
+        return names
 
     def others(self) -> dict[str, dict[str, str]]:
         """What other things of the source are called, as files have it: those kinds of which there are any."""

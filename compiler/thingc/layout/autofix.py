@@ -180,10 +180,10 @@ def _applied(chosen: Sequence[TextEdit], texts: Mapping[str, bytes], read: Calla
     return fresh
 
 
-def _faults(found: Sequence[Diagnostic], file: str) -> tuple[int, ...]:
+def _faults(diagnostics: Sequence[Diagnostic], file: str) -> tuple[int, ...]:
     """How many errors of each pass a file has, the first pass first: fewer of an early one is better, whatever it hid."""
     passes = Counter(
-        d.code.code[2] for d in found if d.severity is Severity.ERROR and d.span is not None and d.span.file == file
+        d.code.code[2] for d in diagnostics if d.severity is Severity.ERROR and d.span is not None and d.span.file == file
     )
     return tuple(passes[digit] for digit in "123456789")
 

@@ -194,8 +194,8 @@ def _in_toml(document: Document, keys: Keys, value: Written) -> str:
 
     text = document.text
     line_end = "\r\n" if "\r\n" in text else "\n"
-    if isinstance(value, Mapping) and len(keys) == 2 and (found := _behind_entries(document, keys)) is not None:
-        at, tables = found
+    if isinstance(value, Mapping) and len(keys) == 2 and (place := _behind_entries(document, keys)) is not None:
+        at, tables = place
         entries = (f"{tomlkit.key(key).as_string()} = {tomlkit.item(_toml_value(one)).as_string()}" for key, one in value.items())
         header = f"[{'.'.join(tomlkit.key(key).as_string() for key in keys)}]"
         inline = f"{tomlkit.key(keys[1]).as_string()} = {tomlkit.item(_toml_value(value)).as_string()}"

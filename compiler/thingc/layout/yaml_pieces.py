@@ -227,20 +227,20 @@ class _Commenter:
             value.start = value.end = value.body = at
         self.last, self.inside = item, False
 
-    def take(self, found: Between, column: int) -> list[str | None]:
+    def take(self, gap: Between, column: int) -> list[str | None]:
         """Give away what stands in a gap; returns the lines that lead the entry in `column`, which follows it."""
-        if found.comment is not None:
+        if gap.comment is not None:
             if self.last is None:
                 raise Unusual
             if self.inside:
-                self.last.key_comment = found.comment
+                self.last.key_comment = gap.comment
             else:
-                self.last.comment = found.comment
+                self.last.comment = gap.comment
         chain = list(self.ended)
         leading: list[str | None] = []
         blanks = 0
         trailing = True
-        for line in found.lines:
+        for line in gap.lines:
             if line is None:
                 blanks += 1
                 continue

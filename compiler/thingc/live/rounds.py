@@ -116,8 +116,8 @@ class Live:
         """The first round, then one after every save, until `stop` is set."""
         saved: tuple[str, ...] = ()
         first = True
-        for found in looks(self._watched.changed, stop, PAUSE):
-            saved = tuple(dict.fromkeys((*saved, *found)))
+        for files in looks(self._watched.changed, stop, PAUSE):
+            saved = tuple(dict.fromkeys((*saved, *files)))
             if not (saved or first):
                 continue
             if not self._small(saved):

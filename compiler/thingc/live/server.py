@@ -207,10 +207,10 @@ class _Handler(BaseHTTPRequestHandler):
         name = self.served.inside(self.path)
         if name == "events":
             return self._events(body=body)
-        found = None if name is None else self.served.content(name)
-        if found is None:
+        answer = None if name is None else self.served.content(name)
+        if answer is None:
             return self._refuse(HTTPStatus.NOT_FOUND)
-        kind, content = found
+        kind, content = answer
         self._begin(HTTPStatus.OK, kind, len(content))
         if body:
             self.wfile.write(content)

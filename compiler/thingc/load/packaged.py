@@ -58,7 +58,7 @@ def packaged_documents(workspace: Workspace) -> dict[str, str]:
     """The documents of materials at the top of every package in reach: absolute paths by what documents call them, sorted."""
     from thingc.load.finding import is_document
 
-    found: dict[str, str] = {}
+    documents: dict[str, str] = {}
     folders = [os.path.join(parts, name) for parts in workspace.parts for name in _listed(parts) if name.isidentifier()]
     packages = [folder for name in workspace.packages if (folder := package_folder(name)) is not None]
     for top in (*folders, *packages):
@@ -66,8 +66,8 @@ def packaged_documents(workspace: Workspace) -> dict[str, str]:
             stem, suffix = os.path.splitext(name)
             path = os.path.join(top, name)
             if stem.isidentifier() and suffix in DOCUMENT_SUFFIXES and _stays(path, top, workspace) and is_document(path, "materials"):
-                found.setdefault(f"{os.path.basename(top)}.{stem}", path)
-    return dict(sorted(found.items()))
+                documents.setdefault(f"{os.path.basename(top)}.{stem}", path)
+    return dict(sorted(documents.items()))
 
 
 def _stays(path: str, top: str, workspace: Workspace) -> bool:

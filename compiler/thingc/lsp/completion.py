@@ -170,9 +170,9 @@ class _Asked:
         dimensions = self._dimensions()
         if dimensions and not (self.cursor.toml and not self.cursor.quote and typed):
             low, high = bounds_of(self.analysis, self.cursor)
-            for name, found in self._parameters():
-                if any(fits(found.dimension, one) for one in dimensions) and low <= found.value <= high:
-                    yield self._item(f"={name}", self._quoted(f"={name}"), _VARIABLE, rank=100, detail=found.shown(6))
+            for name, quantity in self._parameters():
+                if any(fits(quantity.dimension, one) for one in dimensions) and low <= quantity.value <= high:
+                    yield self._item(f"={name}", self._quoted(f"={name}"), _VARIABLE, rank=100, detail=quantity.shown(6))
 
     def _word(self, word: str, *, rank: int, description: str) -> CompletionItem:
         """One of the schema's words: a name, a part, a document."""
@@ -310,10 +310,10 @@ class _Asked:
             return
         wanted = self._dimensions()
         low, high = bounds_of(self.analysis, self.cursor)
-        for name, found in self._parameters():
-            fitting = (not wanted or any(fits(found.dimension, one) for one in wanted)) and low <= found.value <= high
+        for name, value in self._parameters():
+            fitting = (not wanted or any(fits(value.dimension, one) for one in wanted)) and low <= value.value <= high
             yield CompletionItem(
-                shown=name, text=name, start=start, end=end, kind=_VARIABLE, rank=0 if fitting else 100, detail=found.shown(6),
+                shown=name, text=name, start=start, end=end, kind=_VARIABLE, rank=0 if fitting else 100, detail=value.shown(6),
                 description=self.cursor.scalars.get(("parameters", name, "doc"), ""),
             )
         if "repeat" in self.cursor.keys.get(self.cursor.path[:2], ()):
@@ -328,9 +328,9 @@ class _Asked:
 
     def _parameters(self) -> Iterator[tuple[str, Quantity]]:
         """The document's parameters that an expression may use here."""
-        for name, found in parameters_of(self.analysis).items():
-            if isinstance(found, Quantity) and self.cursor.path[:2] != ("parameters", name):
-                yield name, found
+        for name, quantity in parameters_of(self.analysis).items():
+            if isinstance(quantity, Quantity) and self.cursor.path[:2] != ("parameters", name):
+                yield name, quantity
 
     # --- text ---------------------------------------------------------------------------------------------------------
 

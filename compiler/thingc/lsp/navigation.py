@@ -51,8 +51,8 @@ class _Names:
 
     def locations(self, spans: Iterable[Span]) -> list[dict[str, Any]]:
         """Places in the protocol's form, in their order."""
-        found = ((span, self.range(span)) for span in dict.fromkeys(spans))
-        return [{"uri": self.analysis.uri(span.file), "range": there} for span, there in found if there is not None]
+        places = ((span, self.range(span)) for span in dict.fromkeys(spans))
+        return [{"uri": self.analysis.uri(span.file), "range": there} for span, there in places if there is not None]
 
 
 def _names(analysis: Analysis, *, near: bool = False) -> _Names | None:

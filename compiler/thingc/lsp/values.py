@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Mapping
 
-from thingc.expressions import ExpressionError, Found, evaluate, parse_expression
+from thingc.expressions import ExpressionError, ExpressionValue, evaluate, parse_expression
 from thingc.lsp.analysis import Analysis
 from thingc.lsp.cursor import Cursor
 from thingc.realize.record import PartSchema
@@ -17,13 +17,13 @@ MAX_ITEMS = 1000
 """Items of a `repeat` for which an expression is worked out."""
 
 
-def parameters_of(analysis: Analysis) -> Mapping[str, Found]:
+def parameters_of(analysis: Analysis) -> Mapping[str, ExpressionValue]:
     """The document's own parameters with what they come to."""
-    known: Mapping[str, Found] = analysis.known.once("parameters", lambda: _worked_out(analysis.known.tree))
+    known: Mapping[str, ExpressionValue] = analysis.known.once("parameters", lambda: _worked_out(analysis.known.tree))
     return known
 
 
-def comes_to(analysis: Analysis, path: Path, text: str) -> tuple[Found, ...]:
+def comes_to(analysis: Analysis, path: Path, text: str) -> tuple[ExpressionValue, ...]:
     """What the text of the value at a path comes to: a quantity, an expression over the parameters; inside a `repeat` of its first and its
     last item where they differ. Empty for what is none, or unsound."""
     parameters = parameters_of(analysis)
@@ -61,7 +61,7 @@ def bounds_of(analysis: Analysis, cursor: Cursor) -> tuple[float, float]:
     return low, high
 
 
-def read(text: str, names: Mapping[str, Found]) -> Found | None:
+def read(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
     """The quantity that a text is, or what an expression comes to with these names; None for anything else."""
     try:
         stripped = text.strip()
@@ -70,18 +70,18 @@ def read(text: str, names: Mapping[str, Found]) -> Found | None:
         return None
 
 
-def shown(values: tuple[Found, ...]) -> str:
+def shown(values: tuple[ExpressionValue, ...]) -> str:
     """Values in a line: `42 mm`, `50 g ... 100 g`."""
     return " ... ".join(one.shown(6) if isinstance(one, Quantity) else str(one).lower() if isinstance(one, bool) else one for one in values)
 
 
-def _worked_out(tree: MappingNode | None) -> dict[str, Found]:
+def _worked_out(tree: MappingNode | None) -> dict[str, ExpressionValue]:
     section = None if tree is None else tree.entries.get("parameters")
     waiting = {
         name: text_of(node.entries.get("value") if isinstance(node, MappingNode) else node)
         for name, node in (section.entries.items() if isinstance(section, MappingNode) else ())
     }
-    known: dict[str, Found] = {}
+    known: dict[str, ExpressionValue] = {}
     growing = True
     while growing:  # in any order: each round knows those that use what the round before knew
         growing = False

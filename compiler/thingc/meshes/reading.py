@@ -120,8 +120,8 @@ def _bounded(suffix: str, data: bytes) -> None:
         told, there = int.from_bytes(data[80:84], "little"), (len(data) - _HEAD) / _TRIANGLE
         if told != there:
             raise BadMesh(f"says that it has {told} triangles, and there are bytes for {there:.6g}")
-    elif suffix == ".ply" and (found := re.search(rb"^element face (\d+)", data[:10_000], re.MULTILINE)):
-        told = int(found[1])
+    elif suffix == ".ply" and (match := re.search(rb"^element face (\d+)", data[:10_000], re.MULTILINE)):
+        told = int(match[1])
     elif suffix == ".obj":
         told = data.count(b"\nf ")
     if told is not None and told > MOST:

@@ -71,7 +71,7 @@ def places(
 ) -> tuple[list[tuple[int, Entry]], dict[str, list[list[str]]]]:
     """Of every token in the text of a model the places of its number, by the token's line; and by body what its `inertial` says of mass,
     centre and inertia, as texts, where a token is among them. `model` is what became of the text. Raises `NotInArrays`."""
-    found: list[tuple[int, Entry]] = []
+    entries: list[tuple[int, Entry]] = []
     inertials: dict[str, list[list[str]]] = {}
     for element, above in _walk(root):
         for attribute, value in element.attrib.items():
@@ -85,8 +85,8 @@ def places(
                 continue
             for k, word in enumerate(words):
                 if word in tokens:
-                    found += [(tokens[word], place) for place in _places(model, element, above, attribute, k)]
-    return found, inertials
+                    entries += [(tokens[word], place) for place in _places(model, element, above, attribute, k)]
+    return entries, inertials
 
 
 def _walk(root: Element) -> Iterator[tuple[Element, Element]]:

@@ -63,16 +63,16 @@ class Statistics:
             meansize += size / self._count
         box = np.concatenate((*self._points, self._shapes - self._around, self._shapes + self._around))
         low, high = box.min(axis=0), box.max(axis=0)
-        found = {"center": (low + high) * 0.5, "extent": max(_LEAST, float((high - low).max()), 2 * meansize), "meansize": meansize}
+        values = {"center": (low + high) * 0.5, "extent": max(_LEAST, float((high - low).max()), 2 * meansize), "meansize": meansize}
         mass = 0.0
         for one in self._mass.tolist():
             mass += one
-        found["meanmass"] = mass / self._count
+        values["meanmass"] = mass / self._count
         if self._nv:
             inertia = 0.0
             for one in self._inertia.tolist():
                 inertia += one
-            found["meaninertia"] = inertia / self._nv
-        for name, value in found.items():
+            values["meaninertia"] = inertia / self._nv
+        for name, value in values.items():
             if name not in self._stated:
                 setattr(self._stat, name, value)

@@ -21,10 +21,10 @@ from thingc.emit.artifact import MANIFEST, Content, counts_of
 from thingc.frozen import dataclass
 from thingc.memo import Memo
 from thingc.pipeline import Compilation
-from thingc.plans import recipes
+from thingc.plans import planning
 from thingc.plans.exchange import Exchange
+from thingc.plans.planning import Form, Forms, NumericPlan, Varying
 from thingc.plans.reading import Read, SettingsReader
-from thingc.plans.recipes import Form, Forms, Recipe, Varying
 from thingc.plans.rehearsal import NotTraceable, Rehearsal, rehearse
 from thingc.plans.tape import TOKENS, Tape, Traced, flat
 from thingc.realize.record import Placed, StoredFile
@@ -84,10 +84,10 @@ class Builds:
         if read.report is not None or not read.names or given != {*read.names, *dict(read.texts)} or not FOLLOWED.issuperset(self._targets):
             return None
         form = self._forms.of(read)
-        found = form.planned(read, partial(self._plan, read, form))
-        if found is None:
+        planned = form.planned(read, partial(self._plan, read, form))
+        if planned is None:
             return None
-        plan, outputs = found
+        plan, outputs = planned
         made = plan.made.build(outputs, settings)
         if made is None:
             return None
@@ -118,7 +118,7 @@ class Builds:
             parts=len(compilation.decisions), files=lambda: files,
         ), problems
 
-    def _plan(self, read: Read, form: Form[_Template]) -> Recipe[_Template] | None:
+    def _plan(self, read: Read, form: Form[_Template]) -> NumericPlan[_Template] | None:
         """A plan that gives what passes do; None, and the reason in `form`, where there is none."""
         first, _ = self._passed(self._reader.settings(read))
         if first is None:
@@ -131,10 +131,10 @@ class Builds:
             template = _Template(rehearsal, first)
             return template.outputs, template
 
-        plan = recipes.make(read, self._reader, attempt, finish, form)
+        plan = planning.make(read, self._reader, attempt, finish, form)
         if plan is None:
             return None
-        for sample in recipes.samples(read, self._reader, form):
+        for sample in planning.samples(read, self._reader, form):
             settings = self._reader.settings(sample)
             whole = first if sample is read else self._passed(settings, verify=0)[0]
             outputs = plan.outputs(sample.values)

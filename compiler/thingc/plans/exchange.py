@@ -77,7 +77,7 @@ class TracedParts:
         tape = numbers[0].tape
         self.before = tape.copy()
         self._walk = _Walk([one.text for one in definitions], lambda value: tape.variable(value, numbers))
-        found = dict(records)
+        answers = dict(records)
         others = [records[one.text] for one in definitions if not _numbers_of(one)]
         self.expected = [one.text for record in others if isinstance(record, PartRecord) for one in record.expectations]
         for one in traced:
@@ -86,8 +86,8 @@ class TracedParts:
                 raise Modelled(one.label, _numbers_of(one)[0])
             if one.text not in self._records:
                 self._records[one.text] = record
-                found[one.text] = self._walk.through(record)
-        return found
+                answers[one.text] = self._walk.through(record)
+        return answers
 
     @property
     def likeness(self) -> tuple[Hashable, ...]:
@@ -106,15 +106,15 @@ class TracedParts:
                 for value in (*slicing.up, *(getattr(slicing, name.name) for name in fields(slicing))):
                     if isinstance(value, Traced):
                         raise Modelled(one.label, value)
-        found = self._parts.slice([_plain(one) for one in definitions], {**records, **self._records}, slicings)
+        answers = self._parts.slice([_plain(one) for one in definitions], {**records, **self._records}, slicings)
         self.slicings = {text: slicings[text] for text in self._records if text in slicings}
         made = {}
         for one in (one for one in definitions if one.text in self._records and one.text not in made):
-            record = found[one.text]
+            record = answers[one.text]
             if not isinstance(record, PartRecord):
                 raise Modelled(one.label, _numbers_of(one)[0])
             made[one.text] = replace(records[one.text], slices=self._walk.slices(record))
-        return {**found, **made}
+        return {**answers, **made}
 
 
 class Modelled(Exception):
@@ -195,13 +195,13 @@ class Exchange:
         records = self._parts.slice(asked, records, {
             text: slicings for text, slicings in zip(texts, self._slicings, strict=True) if text in traced and slicings
         })
-        found = [record for text in traced if isinstance(record := records[text], PartRecord)]
-        if len(found) < len(traced):
+        modelled = [record for text in traced if isinstance(record := records[text], PartRecord)]
+        if len(modelled) < len(traced):
             return None
         walk = _Walk(texts, lambda value: value)
-        for record in found:
+        for record in modelled:
             walk.through(record)
-        for record in found:
+        for record in modelled:
             walk.slices(record)
         if tuple(walk.rest) != self._likeness:
             return None
@@ -247,9 +247,9 @@ class _Walk:
     def through(self, record: PartRecord) -> PartRecord:
         """A record, with other numbers and meshes, but for what it holds when it is printed."""
         known = {one.name: getattr(record, one.name) for one in fields(record) if one.name in _ASIDE}
-        found = {one.name: self._in(one.name, record) for one in fields(record) if one.name not in known}
+        changed = {one.name: self._in(one.name, record) for one in fields(record) if one.name not in known}
         self._record, self._mesh = self._record + 1, 0
-        return PartRecord(**known, **found)
+        return PartRecord(**known, **changed)
 
     def _in(self, name: str, record: PartRecord) -> Any:
         """A field of a record, with other numbers."""

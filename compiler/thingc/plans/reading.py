@@ -11,7 +11,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from thingc.diagnostics import Code, Report
-from thingc.expressions import Expression, ExpressionError, Found, evaluate, text_of
+from thingc.expressions import Expression, ExpressionError, ExpressionValue, evaluate, text_of
 from thingc.frozen import dataclass
 from thingc.resolve import AssemblyParameters, Settings, Sources
 from thingc.source import SET, MappingNode, Node
@@ -35,19 +35,19 @@ class SettingsReader:
 
     def __init__(self, sources: Sources, fixed: Mapping[str, Any] | None = None) -> None:
         declared = AssemblyParameters(sources.documents, sources.specs, sources.workspace)
-        self.parameters: Mapping[str, Found] = declared.values
+        self.parameters: Mapping[str, ExpressionValue] = declared.values
         self.fixed = dict(fixed or {})
         self._documents = sources.documents
-        self._kinds: dict[str, Found | None] = {}
+        self._kinds: dict[str, ExpressionValue | None] = {}
         self._meant: dict[str, tuple[str, ...]] = {}
 
-    def kind(self, name: str) -> Found | None:
+    def kind(self, name: str) -> ExpressionValue | None:
         """What stands there in the document, or by default; None where nothing does, or nobody knows what it comes to."""
         if name not in self._kinds:
             self._kinds[name] = self.parameters.get(name) if "." not in name else self._stated(name)
         return self._kinds[name]
 
-    def _stated(self, path: str) -> Found | None:
+    def _stated(self, path: str) -> ExpressionValue | None:
         section, _, rest = path.partition(".")
         by_default = f"defaults.{section[:-1]}.{rest.partition('.')[2]}"
         places = (path, by_default) if section in ("joints", "components") else (path,)
@@ -105,12 +105,12 @@ class SettingsReader:
         kind = self.kind(name)
         if isinstance(value, str) and (isinstance(kind, Quantity) or (kind is None and "." in name)):
             try:
-                found = parse_quantity(value)
+                quantity = parse_quantity(value)
             except UnitError:
                 return None
-            if kind is None and found.dimension != NUMBER:
-                kind = self._kinds[name] = found  # nothing stands there: it is what is set first
-            return found.value if isinstance(kind, Quantity) and found.dimension == kind.dimension else None
+            if kind is None and quantity.dimension != NUMBER:
+                kind = self._kinds[name] = quantity  # nothing stands there: it is what is set first
+            return quantity.value if isinstance(kind, Quantity) and quantity.dimension == kind.dimension else None
         if not isinstance(kind, Quantity) or isinstance(value, bool):
             return None
         try:
@@ -120,12 +120,12 @@ class SettingsReader:
 
     def quantities(self, read: Read) -> dict[str, Quantity]:
         """The numbers with their dimensions."""
-        found = {}
+        quantities = {}
         for name, value in zip(read.names, read.values):
             kind = self.kind(name)
             assert isinstance(kind, Quantity)
-            found[name] = Quantity(value, kind.dimension)
-        return found
+            quantities[name] = Quantity(value, kind.dimension)
+        return quantities
 
     def settings(self, read: Read, units: Mapping[str, str] | None = None) -> Settings:
         """As `thingc build -p` and `--set` take them: the same number to the last bit, in a unit of its own or in SI."""

@@ -108,10 +108,10 @@ def written(session: Session, mode: str, *, floor: bool) -> Callable[[Compilatio
 
 def pinned(rehearsal: Rehearsal) -> list[str]:
     """The settings of which a pass wanted to know the very value."""
-    found: dict[str, None] = {}
+    names: dict[str, None] = {}
     for number in rehearsal.tape.pinned:
-        found.update(dict.fromkeys(_names(rehearsal.tape, rehearsal.names, number)))
-    return list(found)
+        names.update(dict.fromkeys(_names(rehearsal.tape, rehearsal.names, number)))
+    return list(names)
 
 
 def _names(tape: Tape, names: Sequence[str], number: Traced) -> list[str]:

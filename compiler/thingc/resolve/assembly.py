@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from itertools import chain
 
 from thingc.diagnostics import Code
-from thingc.expressions import CONSTANTS, FUNCTIONS, Expression, Found, words_of
+from thingc.expressions import CONSTANTS, FUNCTIONS, Expression, ExpressionValue, words_of
 from thingc.joints import coordinates_of
 from thingc.realize.record import definition_label, definition_text
 from thingc.resolve import choices as chosen
@@ -39,7 +39,7 @@ MAX_DEFINITIONS = 2000
 
 
 def resolved(
-    context: Context, relative: str, spec: AssemblySpec, given: Mapping[str, Found | Expression], choices: chosen.Choices = (), *,
+    context: Context, relative: str, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression], choices: chosen.Choices = (), *,
     top: bool = False,
 ) -> Table:
     """The table of a document, its `definition` filled in; equal parameters and choices of one document give the same table.

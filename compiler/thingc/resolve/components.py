@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
 from thingc.diagnostics import Code, Note
-from thingc.expressions import Found
+from thingc.expressions import ExpressionValue
 from thingc.realize.record import PartDefinition
 from thingc.resolve import choices as choose
 from thingc.resolve import overrides as said
@@ -25,7 +25,7 @@ from thingc.spec.assembly import AssemblySpec, ComponentSpec
 MAX_NESTING = 120
 """Documents inside each other: a little more than `load` follows, which reports the usual case."""
 
-Nest = Callable[[Context, str, AssemblySpec, Mapping[str, Found], choose.Choices], Table]
+Nest = Callable[[Context, str, AssemblySpec, Mapping[str, ExpressionValue], choose.Choices], Table]
 """Resolves a nested document with the values set for its parameters, and the choices made inside it."""
 
 
@@ -45,17 +45,17 @@ def nodes(context: Context, table: Table, items: Iterable[Unrolled[ComponentSpec
         node.mounts = said.extra_mounts(node) if item.spec.mounts else {}
         if not node.frame and node.definition is None:
             node.unsound = True
-        leaves = node.table.occurrences if node.table is not None else 1
-        if table.occurrences + leaves > MAX_OCCURRENCES:
+        added = node.table.occurrences if node.table is not None else 1
+        if table.occurrences + added > MAX_OCCURRENCES:
             if not context.overfull:  # documents around this one are too large for the same reason
                 context.overfull = True
                 node.scope.error(
-                    Code.TOO_MANY, f"with `{node.name}` this assembly has {table.occurrences + leaves} occurrences; "
+                    Code.TOO_MANY, f"with `{node.name}` this assembly has {table.occurrences + added} occurrences; "
                     f"at most {MAX_OCCURRENCES} are possible", node.path, key=True,
                 )
             node.definition, node.table, node.unsound = None, None, True
             continue
-        table.occurrences += leaves
+        table.occurrences += added
 
 
 def _in_doubt(table: Table, node: Node) -> bool:
@@ -129,10 +129,10 @@ def _nested(context: Context, table: Table, node: Node, text: str, nest: Nest) -
         context.route.pop()
 
 
-def _given(context: Context, node: Node, relative: str, spec: AssemblySpec) -> dict[str, Found]:
+def _given(context: Context, node: Node, relative: str, spec: AssemblySpec) -> dict[str, ExpressionValue]:
     """The parameters that the component sets for its nested document; what does not fit is reported and left out."""
     scope, path = node.scope, (*node.path, "parameters")
-    values: dict[str, Found] = {}
+    values: dict[str, ExpressionValue] = {}
     for name, raw in node.spec.parameters.items():
         value = scope.value(raw, (*path, name))
         if value is not None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Code, Note, Report
-from thingc.expressions import Expression, ExpressionError, Found, kind_of, parse_expression, plain, words_of
+from thingc.expressions import Expression, ExpressionError, ExpressionValue, kind_of, parse_expression, plain, words_of
 from thingc.load.text import forbidden
 from thingc.realize.record import Value
 from thingc.resolve.scope import Scope, dimension_message
@@ -38,13 +38,13 @@ def declared(context: Context, document: Document, spec: AssemblySpec) -> Declar
 
 
 def worked_out(
-    document: Document, spec: AssemblySpec, given: Mapping[str, Found | Expression], report: Report, doubts: Doubts,
-) -> tuple[dict[str, Found], set[str]]:
+    document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression], report: Report, doubts: Doubts,
+) -> tuple[dict[str, ExpressionValue], set[str]]:
     """The value of every parameter with `given` in place of the document's own, and the names that were wrong.
 
     Expressions may use each other in any order; a circle is reported as its chain, with a place for each step.
     """
-    values: dict[str, Found] = {}
+    values: dict[str, ExpressionValue] = {}
     broken: set[str] = {name for name in spec.parameters if name not in given and doubts.touch(("parameters", name))}
 
     def own(name: str) -> tuple[Any, Path]:
@@ -57,7 +57,7 @@ def worked_out(
 
     def work_out(name: str) -> None:
         raw, path = own(name)
-        names: Mapping[str, Found] = values  # every parameter that it uses is there, or broken
+        names: Mapping[str, ExpressionValue] = values  # every parameter that it uses is there, or broken
         if isinstance(raw, Expression) and any(use.name not in spec.parameters for use in raw.names):
             names = {other: values.get(other, False) for other in spec.parameters if other != name}  # to be suggested for the unknown name
         scope = Scope(document=document, report=report, names=names, broken=broken, doubts=doubts)
@@ -104,21 +104,21 @@ def _report_cycle(document: Document, spec: AssemblySpec, chain: list[str], plac
     )
 
 
-def canonical(values: Mapping[str, Found]) -> tuple[tuple[str, Value], ...]:
+def canonical(values: Mapping[str, ExpressionValue]) -> tuple[tuple[str, Value], ...]:
     """Parameters sorted by name: SI floats, whole numbers as ints, flags and texts as they are."""
     return tuple((name, plain(values[name])) for name in sorted(values))
 
 
 def fitting(
-    context: Context, document: Document, spec: AssemblySpec, given: Mapping[str, Found], what: str, complain: Complain,
+    context: Context, document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue], what: str, complain: Complain,
     names: Collection[str] = (),
-) -> dict[str, Found]:
+) -> dict[str, ExpressionValue]:
     """Those of the values somebody sets that fit their parameters: known, of the same dimension, within the bounds.
 
     `names` are those that an expression may use where they are set."""
     table = declared(context, document, spec)
     scope = context.scope(document, table.values, table.broken)
-    sound: dict[str, Found] = {}
+    sound: dict[str, ExpressionValue] = {}
     for name, value in given.items():
         if name not in spec.parameters:
             if context.doubts(document).lacks("parameters"):
@@ -153,32 +153,32 @@ class AssemblyParameters:
         self.name = spec.name
         self.values = declared(self._context, documents.root, spec).values
 
-    def fitting(self, name: str, found: Found, complain: Complain) -> Found | None:
+    def fitting(self, name: str, value: ExpressionValue, complain: Complain) -> ExpressionValue | None:
         """A value for a parameter; None where it does not fit (said by `complain`), or where the assembly's own is wrong."""
-        return fitting(self._context, self._context.documents.root, self._spec, {name: found}, f"`{self.name}`", complain).get(name)
+        return fitting(self._context, self._context.documents.root, self._spec, {name: value}, f"`{self.name}`", complain).get(name)
 
 
-def _same_kind(own: Found, found: Found, scope: Scope, spec: AssemblySpec, name: str) -> bool:
-    if not isinstance(own, Quantity) or not isinstance(found, Quantity):
-        return type(own) is type(found)
+def _same_kind(own: ExpressionValue, value: ExpressionValue, scope: Scope, spec: AssemblySpec, name: str) -> bool:
+    if not isinstance(own, Quantity) or not isinstance(value, Quantity):
+        return type(own) is type(value)
     if own.value == 0.0 and own.dimension == NUMBER:
-        return any(found.fits(bound.dimension) for bound in _bounds(scope, spec, name).values()) or found.dimension == NUMBER
-    return found.fits(own.dimension)
+        return any(value.fits(bound.dimension) for bound in _bounds(scope, spec, name).values()) or value.dimension == NUMBER
+    return value.fits(own.dimension)
 
 
 def _complain_kind(
-    name: str, own: Found, found: Found, what: str, complain: Complain, notes: list[Note], names: Collection[str],
+    name: str, own: ExpressionValue, value: ExpressionValue, what: str, complain: Complain, notes: list[Note], names: Collection[str],
 ) -> None:
     label = f"parameter `{name}` of {what}"
     if isinstance(own, Quantity):
-        message, help = dimension_message(found, (own.dimension,), label, None, names)
-        if own.dimension == NUMBER and own.value == 0.0 and isinstance(found, Quantity):
-            help = f"its own value is a bare 0: write `0 {found.dimension.example.partition(' ')[2]}` there"
+        message, help = dimension_message(value, (own.dimension,), label, None, names)
+        if own.dimension == NUMBER and own.value == 0.0 and isinstance(value, Quantity):
+            help = f"its own value is a bare 0: write `0 {value.dimension.example.partition(' ')[2]}` there"
         complain(name, Code.DIMENSION, message, help=help, notes=notes)
     else:
         wanted = "`true` or `false`" if isinstance(own, bool) else "a text"
         complain(
-            name, Code.VALUE_KIND, f"{label} is {wanted}, found {kind_of(found)} (`{shortened(words_of(found))}`)", notes=notes,
+            name, Code.VALUE_KIND, f"{label} is {wanted}, found {kind_of(value)} (`{shortened(words_of(value))}`)", notes=notes,
         )
 
 
@@ -194,7 +194,7 @@ def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
     return bounds
 
 
-def _within(scope: Scope, spec: AssemblySpec, name: str, value: Found, complain: Complain) -> bool:
+def _within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionValue, complain: Complain) -> bool:
     """Whether a value that somebody sets lies within its parameter's bounds."""
     if not isinstance(value, Quantity):
         return True
@@ -229,7 +229,7 @@ def check_bounds(scope: Scope, spec: AssemblySpec, names: Iterable[str]) -> set[
     return outside
 
 
-def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: Found) -> None:
+def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionValue) -> None:
     path: Path = ("parameters", name)
     entry = spec.parameters[name]
     own = list(_bounds(scope, spec, name).values())
@@ -281,7 +281,7 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: Found) -> No
 
 def from_command_line(
     context: Context, document: Document, spec: AssemblySpec, texts: Mapping[str, str],
-) -> dict[str, Found | Expression]:
+) -> dict[str, ExpressionValue | Expression]:
     """The values of `-p NAME=VALUE`, read as the document would read them. What is wrong has no place, but a clear name."""
     report = context.report
 
@@ -290,7 +290,7 @@ def from_command_line(
         report.add(Code.PARAMETER_OPTION, message, None, help=help, path=f"-p {name}", notes=notes)  # type: ignore[arg-type]
 
     given, expressions = _as_written(context, document, spec, texts, complain)
-    sound: dict[str, Found | Expression] = dict(fitting(context, document, spec, given, f"`{spec.name}`", complain))
+    sound: dict[str, ExpressionValue | Expression] = dict(fitting(context, document, spec, given, f"`{spec.name}`", complain))
     if not expressions:
         return sound
     # What they come to depends on the other options: work everything out quietly, then judge the results.
@@ -313,10 +313,10 @@ def from_command_line(
 
 def _as_written(
     context: Context, document: Document, spec: AssemblySpec, texts: Mapping[str, str], complain: Complain,
-) -> tuple[dict[str, Found], dict[str, Expression]]:
+) -> tuple[dict[str, ExpressionValue], dict[str, Expression]]:
     """Texts of the command line as values and as expressions; those that are neither are complained of."""
     table = declared(context, document, spec)
-    given: dict[str, Found] = {}
+    given: dict[str, ExpressionValue] = {}
     expressions: dict[str, Expression] = {}
     for name, text in texts.items():
         if (bad := forbidden(text)) is not None:
@@ -343,7 +343,7 @@ def _as_written(
     return given, expressions
 
 
-def _read(text: str, own: Found | None) -> Found | Expression:
+def _read(text: str, own: ExpressionValue | None) -> ExpressionValue | Expression:
     """A text of the command line as a document would read it, where the parameter's own value is `own`."""
     stripped = text.strip()
     if stripped.startswith("="):

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 
 from thingc.brief import counted
 from thingc.diagnostics import MAX_FAULTS, Code, Note
-from thingc.expressions import Found, kind_of, words_of
+from thingc.expressions import ExpressionValue, kind_of, words_of
 from thingc.load.paths import PART_SUFFIXES, named
 from thingc.realize.record import (
     DIMENSIONS,
@@ -98,37 +98,37 @@ def _given(node: Node, schema: PartSchema) -> dict[str, Value] | None:
     return values if sound and not missing else None
 
 
-def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, found: Found, path: Path) -> Value | None:
+def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, path: Path) -> Value | None:
     """The canonical value of one parameter; None where it does not fit its schema (reported)."""
     what = f"parameter `{parameter.name}` of `{schema.reference}`"
     written = scope.written(path)
     literal = written is not None and not written.lstrip().startswith("=")
     if parameter.kind == "choice":
-        return _choice(scope, schema, parameter, found, what, path)
+        return _choice(scope, schema, parameter, given, what, path)
     if parameter.kind == "text":
-        if isinstance(found, str):
-            return found
-        if isinstance(found, Quantity) and literal and written is not None:
+        if isinstance(given, str):
+            return given
+        if isinstance(given, Quantity) and literal and written is not None:
             return written.strip()
-        message = f"{what} is a text, found {kind_of(found)} ({scope.shown(found, path)})"
+        message = f"{what} is a text, found {kind_of(given)} ({scope.shown(given, path)})"
         scope.error(Code.VALUE_KIND, message, path, help="put quotes around it" if literal else None, notes=_declared_at(schema))
         return None
     if parameter.kind == "flag":
-        if isinstance(found, bool):
-            return found
-        message = f"{what} is `true` or `false`, found {kind_of(found)} ({scope.shown(found, path)})"
+        if isinstance(given, bool):
+            return given
+        message = f"{what} is `true` or `false`, found {kind_of(given)} ({scope.shown(given, path)})"
         scope.error(Code.VALUE_KIND, message, path, help="write `true` or `false`", notes=_declared_at(schema))
         return None
     dimension = DIMENSIONS[parameter.kind]
-    if not isinstance(found, Quantity) or not found.fits(dimension):
-        message, help = dimension_message(found, (dimension,), what, written, scope.names)
-        if parameter.kind in ("number", *WHOLE) and isinstance(found, Quantity):
+    if not isinstance(given, Quantity) or not given.fits(dimension):
+        message, help = dimension_message(given, (dimension,), what, written, scope.names)
+        if parameter.kind in ("number", *WHOLE) and isinstance(given, Quantity):
             help = "the part takes a plain number here, without a unit"
         scope.error(Code.DIMENSION, message, path, help=help, notes=_declared_at(schema))
         return None
-    value = found.value + 0.0
+    value = given.value + 0.0
     if parameter.kind in WHOLE and value != int(value):
-        message = f"{what} must be a whole number, found {scope.shown(found, path)}"
+        message = f"{what} must be a whole number, found {scope.shown(given, path)}"
         scope.error(Code.VALUE_KIND, message, path, notes=_declared_at(schema))
         return None
     for bound, broken, rule in (
@@ -137,7 +137,7 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, found
     ):
         if broken and bound is not None:
             scope.error(
-                Code.OUT_OF_RANGE, f"{what} must be {rule} {parameter.shown(bound)}, found {scope.shown(found, path)}",
+                Code.OUT_OF_RANGE, f"{what} must be {rule} {parameter.shown(bound)}, found {scope.shown(given, path)}",
                 path,
                 notes=_declared_at(schema),
             )
@@ -146,20 +146,20 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, found
 
 
 def _choice(
-    scope: Scope, schema: PartSchema, parameter: ParameterSchema, found: Found, what: str, path: Path,
+    scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, what: str, path: Path,
 ) -> Value | None:
     written = (scope.written(path) or "").strip()
     for choice in parameter.choices:
-        if isinstance(choice, bool) or isinstance(found, bool):
-            if choice is found:
+        if isinstance(choice, bool) or isinstance(given, bool):
+            if choice is given:
                 return choice
         elif isinstance(choice, str):
-            if choice == (found if isinstance(found, str) else written):
+            if choice == (given if isinstance(given, str) else written):
                 return choice
-        elif isinstance(found, Quantity) and found.dimension == NUMBER and found.value == choice:
+        elif isinstance(given, Quantity) and given.dimension == NUMBER and given.value == choice:
             return choice
     shown = [words_of(choice) if isinstance(choice, (bool, str)) else f"{choice:g}" for choice in parameter.choices]
-    text = shortened(written or words_of(found))
+    text = shortened(written or words_of(given))
     help = did_you_mean(text, shown, what="choices") if nearest(text, shown) is not None else None
     listed = ", ".join(f"`{one}`" for one in shown[:12]) + (f" and {len(shown) - 12} more" if len(shown) > 12 else "")
     scope.error(

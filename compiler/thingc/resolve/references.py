@@ -33,15 +33,15 @@ def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | 
         return text
     unknown: list[str] = []
 
-    def fill(found: re.Match[str]) -> str:
-        name = found.group(1) or found.group(2)
+    def fill(match: re.Match[str]) -> str:
+        name = match.group(1) or match.group(2)
         if scope.index is not None:
             if name == scope.index[0]:
                 return scope.index[1]
             # `$i_upper` is `$i` and `_upper`: the longest beginning that is the index ends where `_` does.
-            if found.group(1) is None and name.startswith(scope.index[0] + "_"):
+            if match.group(1) is None and name.startswith(scope.index[0] + "_"):
                 return scope.index[1] + name[len(scope.index[0]):]
-        unknown.append(found.group())
+        unknown.append(match.group())
         return ""
 
     filled = _INDEX.sub(fill, text)

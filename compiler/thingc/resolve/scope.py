@@ -8,7 +8,7 @@ from dataclasses import field, replace
 from typing import Any
 
 from thingc.diagnostics import MAX_FAULTS, Code, Note, Report
-from thingc.expressions import Expression, ExpressionError, Found, evaluate, expression_hint, kind_of, words_of
+from thingc.expressions import Expression, ExpressionError, ExpressionValue, evaluate, expression_hint, kind_of, words_of
 from thingc.frozen import dataclass
 from thingc.pose import Matrix, Pose, Vector, placed, rotation_of
 from thingc.source import Document, Origin, Path, ScalarNode, Span, dotted, node_at, walk
@@ -40,7 +40,7 @@ class Scope:
 
     document: Document
     report: Report
-    names: Mapping[str, Found]
+    names: Mapping[str, ExpressionValue]
     broken: Set[str] = NOTHING
     index: tuple[str, str] | None = None
     said: set[tuple[str, Code, Path, bool]] = field(default_factory=set)
@@ -97,7 +97,7 @@ class Scope:
 
     # --- values ---------------------------------------------------------------------------------------------------
 
-    def value(self, raw: Any, path: Path) -> Found | None:
+    def value(self, raw: Any, path: Path) -> ExpressionValue | None:
         """The value of a field: expressions are worked out. None: it was wrong, here or before, and has been reported."""
         if isinstance(raw, Quantity):
             return raw
@@ -204,32 +204,32 @@ class Scope:
             return None
         return rotation_of((w, x, y, z))
 
-    def shown(self, found: Found, path: Path) -> str:
+    def shown(self, value: ExpressionValue, path: Path) -> str:
         """A value as messages quote it: as written, in backticks, with its result where it is an expression."""
-        text = (self.written(path) or words_of(found)).strip()
-        return f"`{shortened(text)}`, which is {words_of(found)}" if text.startswith("=") else f"`{shortened(text)}`"
+        text = (self.written(path) or words_of(value)).strip()
+        return f"`{shortened(text)}`, which is {words_of(value)}" if text.startswith("=") else f"`{shortened(text)}`"
 
     def wrong_dimension(
-        self, found: Found, expected: tuple[Dimension, ...], what: str, path: Path, notes: Iterable[Note] = (),
+        self, value: ExpressionValue, expected: tuple[Dimension, ...], what: str, path: Path, notes: Iterable[Note] = (),
     ) -> None:
         """Report a value of another dimension, naming both."""
-        message, help = dimension_message(found, expected, what, self.written(path), self.names)
+        message, help = dimension_message(value, expected, what, self.written(path), self.names)
         self.error(Code.DIMENSION, message, path, help=help, notes=notes)
 
 
 def dimension_message(
-    found: Found, expected: tuple[Dimension, ...], what: str, written: str | None, names: Collection[str] = (),
+    value: ExpressionValue, expected: tuple[Dimension, ...], what: str, written: str | None, names: Collection[str] = (),
 ) -> tuple[str, str | None]:
     """The words for a value of another dimension, and what to type next; `names` are those that an expression may use there."""
     wanted = " or ".join(f"{dimension.words} (such as {dimension.example})" for dimension in expected)
-    text = shortened((written if written is not None else words_of(found)).strip())
-    help: str | None = expression_hint(found, names) if isinstance(found, str) else None
-    if isinstance(found, str) and help is not None and text.startswith("="):
-        help = f"`{shortened(found)}` is a text where it stands; an expression begins with `=`: `={shortened(found)}`"
-    if isinstance(found, Quantity) and found.dimension == NUMBER and not text.startswith("="):
+    text = shortened((written if written is not None else words_of(value)).strip())
+    help: str | None = expression_hint(value, names) if isinstance(value, str) else None
+    if isinstance(value, str) and help is not None and text.startswith("="):
+        help = f"`{shortened(value)}` is a text where it stands; an expression begins with `=`: `={shortened(value)}`"
+    if isinstance(value, Quantity) and value.dimension == NUMBER and not text.startswith("="):
         unit = expected[0].example.partition(" ")[2]
         help = f"write `{text} {unit}`" if unit else None
-    return f"{what} is {wanted}, found {kind_of(found)} (`{text}`)", help
+    return f"{what} is {wanted}, found {kind_of(value)} (`{text}`)", help
 
 
 def _bound(value: float, dimension: Dimension) -> str:

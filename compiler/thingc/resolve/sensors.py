@@ -74,24 +74,24 @@ class _Reader:
     def _mount(self, key: str, text: str | None) -> Reference | None:
         if text is None:
             return None
-        found = references.shown_mount(self.table, self.scope, text, (*self.path, key))
-        self.sound &= found is not None
-        return found
+        mount = references.shown_mount(self.table, self.scope, text, (*self.path, key))
+        self.sound &= mount is not None
+        return mount
 
     def _component(self, key: str, text: str | None) -> tuple[Reference, ...]:
         """A component that is a link, or on one."""
         if text is None:
             return ()
         place: Path = (*self.path, key)
-        found = references.component(self.table, self.scope, text, place)
-        if found is not None and found[1].table is not None:
+        named = references.component(self.table, self.scope, text, place)
+        if named is not None and named[1].table is not None:
             self.scope.error(
                 Code.REFERENCE, f"`{text}` is an assembly: sensor `{self.name}` is touched at one link", place,
                 help="name one of its components, as in `hand.finger`",
             )
-            found = None
-        self.sound &= found is not None
-        return () if found is None else (found[0],)
+            named = None
+        self.sound &= named is not None
+        return () if named is None else (named[0],)
 
     def _numbers(self, key: Literal["noise", "cutoff"], written: Any, of: Dimension | None) -> dict[str, float]:
         """Noise or cutoff by reading [SI]; of the only one that can have it, where no reading is named."""
@@ -164,12 +164,12 @@ class _Reader:
         spec, unnamed = self.spec, self.spec.joint is None
         wanted = CoordinateName(spec.joint if spec.joint is not None else self.name)
         place: Path = (*self.path, "joint") if spec.joint is not None else self.path
-        found = self._coordinate(wanted, place, unnamed)
-        if found is not None and spec.type == "drive" and found.drive is None:
+        joint = self._coordinate(wanted, place, unnamed)
+        if joint is not None and spec.type == "drive" and joint.drive is None:
             self._undriven("joint", wanted, place, key=unnamed)
-            found = None
-        self.sound &= found is not None
-        return found
+            joint = None
+        self.sound &= joint is not None
+        return joint
 
     def _coordinate(self, wanted: CoordinateName, place: Path, unnamed: bool) -> Joint | None:
         table, scope = self.table, self.scope

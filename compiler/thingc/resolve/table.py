@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 from pydantic import BaseModel
 
 from thingc.diagnostics import Code, Report
-from thingc.expressions import Expression, Found
+from thingc.expressions import Expression, ExpressionValue
 from thingc.memo import Memo
 from thingc.realize.record import PartDefinition, PartFailure, PartSchema, Value
 from thingc.realize.store.digests import digest_of
@@ -66,9 +66,9 @@ class Table:
     """One document with one set of parameters. In `exports`, `joints` and `poses` None stands for one that was wrong.
 
     `parameters` include the `choices` made inside it (see `thingc.resolve.choices`). `unbuilt` and `unbuilt_joints` are the
-    prefixes (`leg_`) of repeats that could not be unrolled; `occurrences` counts the leaves; `base` is the name of the base
-    component; `loose` are the sound references of what was left out because another one in it was wrong; `images` are the mirror images of
-    its definition, by axis.
+    prefixes (`leg_`) of repeats that could not be unrolled; `occurrences` counts its parts, links and frames; `base` is the name of the
+    base component; `loose` are the sound references of what was left out because another one in it was wrong; `images` are the mirror
+    images of its definition, by axis.
     """
 
     document: Document
@@ -133,7 +133,7 @@ class Table:
 class Declared:
     """The parameters of a document with nothing set: their values (absent where wrong), and the names that were wrong."""
 
-    values: Mapping[str, Found]
+    values: Mapping[str, ExpressionValue]
     broken: frozenset[str]
 
 
@@ -188,7 +188,7 @@ class Context:
             self.tables.update((table.key, table) for table in known.inner())
         return known
 
-    def values(self, scope: Scope, place: str, model: object) -> tuple[Found | None, ...]:
+    def values(self, scope: Scope, place: str, model: object) -> tuple[ExpressionValue | None, ...]:
         """The values of all names that expressions in a section of a document use."""
         names = self.memo(("names", scope.document.relative, place), names_in, model)
         return tuple(scope.names.get(name) for name in names)
@@ -244,7 +244,7 @@ class Context:
         """Report what is wrong with `--set` at a path in the document that is being resolved."""
         self.report.add(Code.CHOICE_OPTION, message, None, path=f"{SET}{self.from_top(path)}", help=help)
 
-    def scope(self, document: Document, names: Mapping[str, Found], broken: frozenset[str] = NOTHING) -> Scope:
+    def scope(self, document: Document, names: Mapping[str, ExpressionValue], broken: frozenset[str] = NOTHING) -> Scope:
         """A scope that reports to this run."""
         return Scope(
             document=document, report=self.report, names=names, broken=broken, said=self.said, doubts=self.doubts(document),

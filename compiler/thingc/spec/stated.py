@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from thingc.expressions import Expression, Found
+from thingc.expressions import Expression, ExpressionValue
 from thingc.source import Document, ScalarNode, node_at
 from thingc.spec.choices import DEFAULT_MATERIAL, KEYS, nested
 from thingc.spec.fields import any_value
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from thingc.spec.assembly import AssemblySpec
 
 
-def stated_value(documents: Documents, path: str) -> Found | Expression | None:
+def stated_value(documents: Documents, path: str) -> ExpressionValue | Expression | None:
     """What the root document, or the nested one that the path leads into, says at the path of a value: text where that is no value by
     itself (the three of a vector). None where it says nothing there, and for an expression of a nested document."""
     document: Document | None = documents.root

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report
-from thingc.expressions import Expression, Found, kind_of, plain, text_of, words_of
+from thingc.expressions import Expression, ExpressionValue, kind_of, plain, text_of, words_of
 from thingc.frozen import dataclass
 from thingc.realize.record import Value
 from thingc.resolve import AssemblyParameters
@@ -31,11 +31,11 @@ class Axis:
 
     key: str
     choice: bool = False
-    values: tuple[Found, ...] = ()
+    values: tuple[ExpressionValue, ...] = ()
     range: tuple[Quantity, Quantity] | None = None
     whole: bool = False
 
-    def drawn(self, u: float) -> Found:
+    def drawn(self, u: float) -> ExpressionValue:
         """The value at `u` in [0, 1)."""
         if self.range is None:
             return self.values[min(int(u * len(self.values)), len(self.values) - 1)]
@@ -59,7 +59,7 @@ class ValueReader:
         self.fits = fits
         self.tried: dict[str, int] = {}
 
-    def value(self, name: str, raw: Any, path: Path) -> Found | None:
+    def value(self, name: str, raw: Any, path: Path) -> ExpressionValue | None:
         """A value for a parameter, or for a path; None where it does not fit (reported)."""
         if isinstance(raw, Expression):
             self._error(
@@ -82,17 +82,17 @@ class ValueReader:
             return Quantity(0.0, own.dimension)  # a bare 0
         return value
 
-    def _by_path(self, name: str, found: Found, path: Path) -> Found | None:
+    def _by_path(self, name: str, value: ExpressionValue, path: Path) -> ExpressionValue | None:
         """A value at a path: tried there, as many of them as people write out; the others are of the same kind."""
         tried = self.tried[name] = self.tried.get(name, 0) + 1
-        if tried <= MOST_TRIED and not self.fits(name, self._written(path) or text_of(found), path):
+        if tried <= MOST_TRIED and not self.fits(name, self._written(path) or text_of(value), path):
             self.tried[name] = MOST_TRIED if tried == 1 else tried
             return None
         kind = self.paths.kinds.get(name)
-        sound = of_kind(found, kind)
+        sound = of_kind(value, kind)
         if sound is None and kind is not None:
             self._error(
-                Code.VARIANT_VALUE, f"values at one path are of one kind: found {kind_of(found)}, and `{words_of(kind)}` elsewhere", path,
+                Code.VARIANT_VALUE, f"values at one path are of one kind: found {kind_of(value)}, and `{words_of(kind)}` elsewhere", path,
             )
         return sound
 
@@ -106,7 +106,7 @@ class ValueReader:
             listed = [self.value(name, one, (*path, index)) for index, one in enumerate(raw)]
             sound = [one for one in listed if one is not None]
             self._twice(path, listed)
-            first: dict[Value, Found] = {}
+            first: dict[Value, ExpressionValue] = {}
             for value in sound:
                 first.setdefault(plain(value), value)
             return Axis(key=name, values=tuple(first.values())) if sound else None
@@ -116,9 +116,9 @@ class ValueReader:
         one = self.value(name, raw, path)
         return None if one is None else Axis(key=name, values=(one,))
 
-    def _twice(self, path: Path, found: list[Found | None]) -> None:
+    def _twice(self, path: Path, values: list[ExpressionValue | None]) -> None:
         first: dict[object, int] = {}
-        for index, one in enumerate(found):
+        for index, one in enumerate(values):
             if one is None:
                 continue
             key = (type(one), plain(one))
@@ -130,7 +130,7 @@ class ValueReader:
                 )
             first.setdefault(key, index)
 
-    def _steps(self, name: str, raw: AxisSpec, path: Path) -> tuple[Found, ...]:
+    def _steps(self, name: str, raw: AxisSpec, path: Path) -> tuple[ExpressionValue, ...]:
         first, last = self.value(name, raw.from_, (*path, "from")), self.value(name, raw.to, (*path, "to"))
         count = self.count(raw.count, (*path, "count"), least=2)
         if first is None or last is None or count is None:

@@ -350,18 +350,18 @@ class _Batch:
         self.chunks[future] = chunk
         future.add_done_callback(lambda done: self.events.put(("done", done)))
 
-    def _handle(self, what: str, found: Any, engine: Executor, job: str, journal: Journal | Packing, streaming: bool) -> None:
+    def _handle(self, what: str, content: Any, engine: Executor, job: str, journal: Journal | Packing, streaming: bool) -> None:
         if what == "signal":
             raise _Stopped
         if what == "row":
-            self._take(journal, found)
+            self._take(journal, content)
             return
-        chunk = self.chunks.pop(found, None)
+        chunk = self.chunks.pop(content, None)
         if chunk is None:
             return
-        fault = found.exception() if not found.cancelled() else Cancelled()
+        fault = content.exception() if not content.cancelled() else Cancelled()
         if fault is None:
-            for row in found.result():
+            for row in content.result():
                 self._take(journal, row)
             return
         if isinstance(fault, RunnersBroken):

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
-from thingc.expressions import Expression, ExpressionError, Found, evaluate
+from thingc.expressions import Expression, ExpressionError, ExpressionValue, evaluate
 from thingc.frozen import dataclass
 from thingc.load import Documents
 from thingc.spec import stated_value
@@ -19,14 +19,14 @@ class Paths:
     """Every path at which a document of variants sets values, in the order written: `kinds` has a value of the kind that stands there,
     `own` those that the assembly says itself, of which `expressions` are worked out."""
 
-    kinds: Mapping[str, Found]
-    own: Mapping[str, Found]
+    kinds: Mapping[str, ExpressionValue]
+    own: Mapping[str, ExpressionValue]
     expressions: Mapping[str, Expression]
 
 
-def read(spec: VariantsSpec, documents: Documents, parameters: Mapping[str, Found]) -> Paths:
+def read(spec: VariantsSpec, documents: Documents, parameters: Mapping[str, ExpressionValue]) -> Paths:
     """The paths of a document; `parameters` are the values of the assembly's."""
-    given: dict[str, list[Found]] = {}
+    given: dict[str, list[ExpressionValue]] = {}
     for name, raw in _entries(spec):
         if "." in name:
             given.setdefault(name, []).extend(value for one in _each(raw) if (value := as_value(one)) is not None)
@@ -54,20 +54,20 @@ def _each(raw: Any) -> Iterable[Any]:
     return raw if isinstance(raw, list) else (raw,)
 
 
-def as_value(raw: Any) -> Found | None:
+def as_value(raw: Any) -> ExpressionValue | None:
     """A value as documents write it; None for an expression."""
     if isinstance(raw, Expression):
         return None
     return Quantity(float(raw)) if isinstance(raw, (int, float)) and not isinstance(raw, bool) else raw
 
 
-def _kind(own: Found | None, given: Iterable[Found]) -> Found | None:
+def _kind(own: ExpressionValue | None, given: Iterable[ExpressionValue]) -> ExpressionValue | None:
     """A value of the kind that values at a path have: the assembly's own, or the first that is given. A bare 0 says nothing of its unit."""
     known = [one for one in (own, *given) if one is not None]
     return next((one for one in known if one != Quantity(0.0)), known[0] if known else None)
 
 
-def of_kind(value: Found, kind: Found | None) -> Found | None:
+def of_kind(value: ExpressionValue, kind: ExpressionValue | None) -> ExpressionValue | None:
     """A value as one of the kind of another; None where it is none."""
     if not isinstance(value, Quantity) or not isinstance(kind, Quantity):
         return value if kind is None or type(value) is type(kind) else None

@@ -73,7 +73,7 @@ def numbers(folder: str) -> list[int]:
 
 
 def _numbers(folder: str, pattern: re.Pattern[str]) -> set[int]:
-    return {int(found[1]) for name in os.listdir(os.path.join(folder, places.CHUNKS)) if (found := pattern.fullmatch(name))}
+    return {int(match[1]) for name in os.listdir(os.path.join(folder, places.CHUNKS)) if (match := pattern.fullmatch(name))}
 
 
 # --- writing ----------------------------------------------------------------------------------------------------------
@@ -248,26 +248,26 @@ class Chunk:
 
     def heads(self) -> list[tuple[int, str, str, str]]:
         """Index, id, name and status of each variant that is done."""
-        found: dict[int, tuple[int, str, str, str]] = {}
+        heads: dict[int, tuple[int, str, str, str]] = {}
         if self._sealed is not None:
             cells = self._sealed.read(list(HEADS))
-            found = {one[0]: one for one in zip(*(cells[name].to_pylist() for name in HEADS), strict=True)}
+            heads = {one[0]: one for one in zip(*(cells[name].to_pylist() for name in HEADS), strict=True)}
         for index in self._begins:
             line = self._noted(index)
-            found[index] = index, line["id"], line["name"], line["status"]
-        return [found[index] for index in self.indices]
+            heads[index] = index, line["id"], line["name"], line["status"]
+        return [heads[index] for index in self.indices]
 
     def losses(self) -> Counter[str | None]:
         """How many variants have which losses, as JSON."""
-        found: Counter[str | None] = Counter()
+        counts: Counter[str | None] = Counter()
         if self._sealed is not None:
             counted = self._sealed.read(["losses"])["losses"].value_counts()
-            found.update({one["values"]: one["counts"] for one in counted.to_pylist()})
+            counts.update({one["values"]: one["counts"] for one in counted.to_pylist()})
         for index in self._begins:
-            found[self.row(index).losses] += 1
+            counts[self.row(index).losses] += 1
             if index in self._rows:
-                found[self._cell("losses", self._rows[index])] -= 1
-        return +found
+                counts[self._cell("losses", self._rows[index])] -= 1
+        return +counts
 
     def line(self, index: int) -> Line:
         """The line of a variant, as the journal of folders has it."""
@@ -280,14 +280,14 @@ class Chunk:
         """The SHA-256 of a variant's files in `assets/`, by path."""
         if index in self._begins:
             return dict(self._noted(index).get(SHARED, {}))
-        found: dict[str, str] = json.loads(self._cell(SHARED, self._rows[index]) or "{}")
-        return found
+        digests: dict[str, str] = json.loads(self._cell(SHARED, self._rows[index]) or "{}")
+        return digests
 
     def read(self, index: int, path: str) -> bytes | None:
         """A file of a variant that is its own; None where it has none of this path."""
         if index in self._begins:
-            found = self._noted(index).get(FILES, {}).get(path)
-            return None if found is None else base64.b64decode(found)
+            encoded = self._noted(index).get(FILES, {}).get(path)
+            return None if encoded is None else base64.b64decode(encoded)
         return self._cell(path, self._rows[index]) if path in self.paths else None
 
     def row(self, index: int) -> _Row:

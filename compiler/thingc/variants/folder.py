@@ -86,11 +86,11 @@ def begun(document: str, folder: str, hint: str) -> dict[str, Any]:
     return before
 
 
-def write_batch(folder: str, found: Mapping[str, Any]) -> None:
+def write_batch(folder: str, batch: Mapping[str, Any]) -> None:
     """Write `batch.json`; it appears as a whole."""
     path = os.path.join(folder, places.BATCH)
     with open(f"{path}.new", "w", encoding="utf-8") as stream:
-        stream.write(json.dumps({"thingc": KIND, **found}, indent=2, sort_keys=True, ensure_ascii=False) + "\n")
+        stream.write(json.dumps({"thingc": KIND, **batch}, indent=2, sort_keys=True, ensure_ascii=False) + "\n")
     os.replace(f"{path}.new", path)
 
 

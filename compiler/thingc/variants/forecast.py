@@ -69,7 +69,7 @@ def forecast(plan: Plan, options: Options, limit: int | None = None) -> Forecast
     return foreseen
 
 
-def _look(environment: Environment, own: Sources, variant: Variant, found: Forecast, parts: dict[str, PartDefinition]) -> None:
+def _look(environment: Environment, own: Sources, variant: Variant, forecast: Forecast, parts: dict[str, PartDefinition]) -> None:
     """Work out what the documents say of a variant: its parts, or the first error."""
     report = Report()
     model = pipeline.model(environment, own, Settings(parameters=variant.parameters, choices=variant.choices), report)
@@ -77,7 +77,7 @@ def _look(environment: Environment, own: Sources, variant: Variant, found: Forec
         link(model, {}, report, unmodelled=True)
     wrong = next((one for one in report.ordered() if one.severity is Severity.ERROR), None)
     if wrong is not None:
-        found.unsound[wrong.code.code] = found.unsound.get(wrong.code.code, 0) + 1
-        found.examples.setdefault(wrong.code.code, (variant.name, wrong))
+        forecast.unsound[wrong.code.code] = forecast.unsound.get(wrong.code.code, 0) + 1
+        forecast.examples.setdefault(wrong.code.code, (variant.name, wrong))
     elif model is not None:
         parts.update({part.text: part for part in part_definitions(model)})

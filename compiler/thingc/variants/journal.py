@@ -93,8 +93,8 @@ def line_at(path: str, begin: int) -> Line:
     """The line that begins there."""
     with open(path, "rb") as stream:
         stream.seek(begin)
-        found: Line = json.loads(stream.readline())
-    return found
+        line: Line = json.loads(stream.readline())
+    return line
 
 
 def in_order(path: str) -> Iterator[Line]:

@@ -93,7 +93,7 @@ def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[t
         return
     records = read(folder)
     with tempfile.TemporaryDirectory(prefix="thingc-pictures-") as scratch:
-        found: list[tuple[str, str]] = []
+        models: list[tuple[str, str]] = []
         for index in indices:
             id, files = str(records.line(index)["id"]), records.files(index)
             name = _model(files, mode)
@@ -106,8 +106,8 @@ def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[t
                     stream.write(files.read(f"mjcf/{name}"))
                 for mesh, (_, path) in files.meshes().items():
                     os.symlink(path, os.path.join(place, "assets", mesh))
-            found.append((id, os.path.join(place, name)))
-        yield found
+            models.append((id, os.path.join(place, name)))
+        yield models
 
 
 def draw(

@@ -13,7 +13,7 @@ from functools import cached_property
 
 from thingc.brief import Brief
 from thingc.diagnostics import Diagnostic
-from thingc.expressions import Expression, ExpressionError, Found, evaluate, plain, text_of
+from thingc.expressions import Expression, ExpressionError, ExpressionValue, evaluate, plain, text_of
 from thingc.printing import as_text
 from thingc.realize.record import Value
 from thingc.resolve.model import AssemblyDefinition
@@ -62,7 +62,7 @@ class Setting:
     """What is set for one variant, as planned: `name` where the document gives one."""
 
     name: str | None
-    parameters: Mapping[str, Found]
+    parameters: Mapping[str, ExpressionValue]
     choices: Mapping[str, str]
 
 
@@ -90,7 +90,7 @@ class Plan(Brief):
     assembly_spec: AssemblySpec
     model: AssemblyDefinition
     workspace: Workspace
-    own: Mapping[str, Found]
+    own: Mapping[str, ExpressionValue]
     paths: Paths
     written_in: Mapping[str, str]
     own_choices: Mapping[str, str]
@@ -165,7 +165,7 @@ class Plan(Brief):
         return {name: value.dimension for name, value in self.kinds.items() if isinstance(value, Quantity)}
 
     @cached_property
-    def kinds(self) -> dict[str, Found]:
+    def kinds(self) -> dict[str, ExpressionValue]:
         """A value of the kind of every parameter, and of every value set by path."""
         return {**self.own, **self.paths.kinds}
 
@@ -189,9 +189,9 @@ class Plan(Brief):
         paths = [*(path for one in settings for path in one.choices), *(axis.key for axis in self.axes if axis.choice)]
         return tuple(dict.fromkeys(paths))
 
-    def values(self, given: Mapping[str, Found]) -> dict[str, Found]:
+    def values(self, given: Mapping[str, ExpressionValue]) -> dict[str, ExpressionValue]:
         """Every parameter of the assembly, and what stands at the paths, where these are set; without what cannot be worked out."""
-        values: dict[str, Found] = {}
+        values: dict[str, ExpressionValue] = {}
         stated = {**self.own, **self.paths.own}
         for name, expression in self._order:
             if name in given:
@@ -251,7 +251,7 @@ class Plan(Brief):
                 at.append(position)
             yield self._setting(axis.values[k] for axis, k in zip(self.axes, reversed(at), strict=True))
 
-    def _setting(self, values: Iterator[Found]) -> Setting:
+    def _setting(self, values: Iterator[ExpressionValue]) -> Setting:
         parameters, choices = dict(self.fixed.parameters), dict(self.fixed.choices)
         for axis, value in zip(self.axes, values, strict=True):
             if axis.choice:
@@ -260,7 +260,7 @@ class Plan(Brief):
                 parameters[axis.key] = value
         return Setting(name=None, parameters=parameters, choices=choices)
 
-    def _unique(self, done: Sequence[int]) -> Iterator[tuple[int, str, Setting, dict[str, Found], dict[str, str]]]:
+    def _unique(self, done: Sequence[int]) -> Iterator[tuple[int, str, Setting, dict[str, ExpressionValue], dict[str, str]]]:
         """The settings that are not `done`, each once, with their places and ids and without what the documents say anyway.
 
         Points of a grid, and points with a coordinate drawn from an interval, differ among themselves: only of what may come
@@ -300,7 +300,7 @@ class Plan(Brief):
         return [*words, *(word for target in self.emit for word in ("--emit", target))]
 
 
-def _holds(rule: Rule, values: Mapping[str, Found]) -> bool:
+def _holds(rule: Rule, values: Mapping[str, ExpressionValue]) -> bool:
     """Whether a rule on parameters is kept. What cannot be worked out is the build's to say, not the rule's."""
     try:
         return rule.holds(values, {})

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from thingc import pipeline
 from thingc.diagnostics import Code, Diagnostic, Note, Report, Severity
 from thingc.environment import Environment, Lend, Options
-from thingc.expressions import Found
+from thingc.expressions import ExpressionValue
 from thingc.load import find_assembly, load
 from thingc.resolve import AssemblyParameters, Settings, Sources
 from thingc.source import SET, Document, Path, ScalarNode, closest, dotted, node_at
@@ -121,10 +121,10 @@ class _Planner:
 
     # --- what changes ---------------------------------------------------------------------------------------------
 
-    def parameters(self, reader: ValueReader) -> tuple[list[Axis], dict[str, Found]]:
+    def parameters(self, reader: ValueReader) -> tuple[list[Axis], dict[str, ExpressionValue]]:
         """The axes of parameters, and the values that hold for all variants."""
         axes: list[Axis] = []
-        fixed: dict[str, Found] = {}
+        fixed: dict[str, ExpressionValue] = {}
         for name, raw in self.spec.parameters.items():
             axis = reader.axis(name, raw)
             if axis is not None and len(axis.values) == 1:
@@ -257,14 +257,16 @@ class _Planner:
         self.tried[key] = first or []
         return self.tried[key]
 
-    def say_once(self, code: Code, found: Diagnostic, path: str, at: Path, shown: str, *, key: bool) -> None:
+    def say_once(self, code: Code, diagnostic: Diagnostic, path: str, at: Path, shown: str, *, key: bool) -> None:
         """Say at a place of this document what the assembly says of a setting."""
-        if (path, found.message) in self.said:
+        if (path, diagnostic.message) in self.said:
             return
-        self.said.add((path, found.message))
-        notes = [*found.notes, *([Note(message="in the assembly it shows here", span=found.span)] if found.span is not None else [])]
+        self.said.add((path, diagnostic.message))
+        notes = list(diagnostic.notes)
+        if diagnostic.span is not None:
+            notes.append(Note(message="in the assembly it shows here", span=diagnostic.span))
         self.report.add(
-            code, found.message, self.document.span(at, key=key), help=found.help, path=shown,
+            code, diagnostic.message, self.document.span(at, key=key), help=diagnostic.help, path=shown,
             notes=[note for note in notes if note.span is not None],
         )
 
@@ -293,7 +295,7 @@ class _Planner:
                 if self.possible(path, named, (*at, "choices", path)):
                     chosen[path] = named
             self.beside = {**{name: text for name, text in self.firsts().items() if name in fixed.parameters}, **chosen}
-            values: dict[str, Found] = dict(fixed.parameters)
+            values: dict[str, ExpressionValue] = dict(fixed.parameters)
             for name, raw in entry.parameters.items():
                 value = reader.value(name, raw, (*at, "parameters", name))
                 if value is not None:

@@ -81,9 +81,9 @@ def spread(folder: str, most: int) -> tuple[int, Iterator[Line]]:
     return len(begins), (journal.line_at(path, at) for at in _spread(begins, most))
 
 
-def _spread(found: Sequence[int], most: int) -> Iterator[int]:
-    count = len(found)
-    return (found[k * count // most] for k in range(most)) if count > most else iter(found)
+def _spread(numbers: Sequence[int], most: int) -> Iterator[int]:
+    count = len(numbers)
+    return (numbers[k * count // most] for k in range(most)) if count > most else iter(numbers)
 
 
 def outcomes(folder: str, chance: Callable[[Line], bool] | None = None) -> Iterator[tuple[int, str, bool]]:
@@ -113,14 +113,14 @@ def lengths_in(folder: str) -> list[str]:
 
 def losses(folder: str) -> tuple[int, Counter[str]]:
     """How many variants have losses, and how many there are in all, by what becomes of them."""
-    found: Counter[str | None] = Counter()
+    counts: Counter[str | None] = Counter()
     if packed(folder):
         for chunk in _chunks(folder):
-            found += chunk.losses()
+            counts += chunk.losses()
     else:
-        found.update(json.dumps(line.get("losses")) for line in in_order(folder))
+        counts.update(json.dumps(line.get("losses")) for line in in_order(folder))
     lossy, total = 0, Counter[str]()
-    for text, count in found.items():
+    for text, count in counts.items():
         each = json.loads(text or "null")
         lossy += count if each else 0
         total.update({how: number * count for how, number in (each or {}).items()})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from thingc.diagnostics import Code, Report
-from thingc.expressions import Expression, ExpressionError, Found, evaluate
+from thingc.expressions import Expression, ExpressionError, ExpressionValue, evaluate
 from thingc.frozen import dataclass
 from thingc.source import Document, Path
 from thingc.spec import within
@@ -41,10 +41,10 @@ class Rule:
         """Whether it can only be decided of a compiled robot."""
         return any(result is not None for result in self.names.values())
 
-    def holds(self, parameters: Mapping[str, Found], results: Mapping[str, float | None]) -> bool:
+    def holds(self, parameters: Mapping[str, ExpressionValue], results: Mapping[str, float | None]) -> bool:
         """Whether a variant passes. Raises `ExpressionError` where the rule has no value (a division by zero), and `KeyError`,
         with the name of the result, where the variant has not the result."""
-        values: dict[str, Found] = {}
+        values: dict[str, ExpressionValue] = {}
         for name, result in self.names.items():
             if result is None:
                 values[name] = parameters[name.removeprefix(PARAMETERS)]
@@ -82,7 +82,7 @@ def meaning(name: str, parameters: Iterable[str], lengths: Iterable[str]) -> str
 
 
 def read_rules(
-    document: Document, expressions: Iterable[Expression], parameters: Mapping[str, Found], lengths: Iterable[str], *,
+    document: Document, expressions: Iterable[Expression], parameters: Mapping[str, ExpressionValue], lengths: Iterable[str], *,
     reach: bool, report: Report,
 ) -> list[Rule]:
     """The rules of a document, names and dimensions checked; what is wrong is reported at its place and left out.
@@ -120,7 +120,7 @@ def read_rules(
     return rules
 
 
-def _of_one_dimension(report: Report, document: Document, path: Path, rule: Rule, parameters: Mapping[str, Found]) -> bool:
+def _of_one_dimension(report: Report, document: Document, path: Path, rule: Rule, parameters: Mapping[str, ExpressionValue]) -> bool:
     """Try the rule on the assembly's own values and on results of 1: dimensions do not depend on values."""
     try:
         rule.holds(parameters, {result: 1.0 for result in rule.names.values() if result is not None})

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.emit.artifact import Content, Stored, counts_of
 from thingc.environment import Options
-from thingc.expressions import ExpressionError, Found, parse_expression
+from thingc.expressions import ExpressionError, ExpressionValue, parse_expression
 from thingc.plans import Builds, SettingsReader
 from thingc.printing import as_json
 from thingc.resolve import Settings
@@ -162,7 +162,7 @@ class Runner:
         """What a rule says against a variant; None where all are kept."""
         if not self.rules:
             return None
-        values: dict[str, Found] = {
+        values: dict[str, ExpressionValue] = {
             name: Quantity(float(value), self.dimensions[name]) if name in self.dimensions else value  # type: ignore[misc]
             for name, value in task.values.items()
         }
@@ -216,8 +216,8 @@ def main() -> None:
 
     threading.Thread(target=listen, daemon=True).start()
 
-    def answer(found: dict[str, Any]) -> None:
-        data = memoryview(json.dumps(found, separators=(",", ":")).encode() + b"\n")
+    def answer(value: dict[str, Any]) -> None:
+        data = memoryview(json.dumps(value, separators=(",", ":")).encode() + b"\n")
         try:
             while data:
                 data = data[os.write(answers, data):]

@@ -293,15 +293,15 @@ class Shipping(Cluster):
         for sha256 in row[SHARED].values():
             keep_asset(self.folder, sha256, blobs)
 
-    def _mapped(self, found: Any, work: str, key: str = "") -> Any:
+    def _mapped(self, said: Any, work: str, key: str = "") -> Any:
         """What a row says, with the paths that files have here."""
-        if isinstance(found, dict):
-            return {name: value if name == FILES else self._mapped(value, work, name) for name, value in found.items()}
-        if isinstance(found, list):
-            return [self._mapped(value, work) for value in found]
-        if not isinstance(found, str) or work not in found:
-            return found
-        here = found.replace(work, self.transfer.root)
+        if isinstance(said, dict):
+            return {name: value if name == FILES else self._mapped(value, work, name) for name, value in said.items()}
+        if isinstance(said, list):
+            return [self._mapped(value, work) for value in said]
+        if not isinstance(said, str) or work not in said:
+            return said
+        here = said.replace(work, self.transfer.root)
         return shown_path(here) if key == "file" else here
 
 

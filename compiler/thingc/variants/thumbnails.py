@@ -34,9 +34,9 @@ def main() -> None:
     os.dup2(2, 1)  # whatever libraries print goes to standard error
     os.environ.setdefault("MUJOCO_GL", "egl")
 
-    def answer(found: Any) -> None:
+    def answer(value: Any) -> None:
         try:
-            os.write(answers, json.dumps(found).encode() + b"\n")
+            os.write(answers, json.dumps(value).encode() + b"\n")
         except BrokenPipeError:
             os._exit(0)
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from decimal import Decimal
 from fractions import Fraction
 
-from thingc.expressions import Found, plain
+from thingc.expressions import ExpressionValue, plain
 from thingc.units import (
     Dimension,
     Quantity,
@@ -83,7 +83,7 @@ def is_whole(text: str | None) -> bool:
     return text is not None and re.fullmatch(r"[-+]?\d+", text.strip()) is not None
 
 
-def identity(assembly: str, parameters: Mapping[str, Found], choices: Mapping[str, str]) -> str:
+def identity(assembly: str, parameters: Mapping[str, ExpressionValue], choices: Mapping[str, str]) -> str:
     """The id of a variant: 12 hex of the SHA-256 of its settings.
 
     `assembly` is the document's path in the workspace; `parameters` and `choices` are those that say something else than the

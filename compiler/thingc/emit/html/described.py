@@ -96,8 +96,8 @@ class _Places:
                 self._texts[path] = ""
         text = self._texts[path]
         name = re.escape(reference.rpartition(":")[2].rpartition(".")[2])
-        found = re.search(rf"^[ \t]*(?:class|def)[ \t]+{name}\b", text, re.MULTILINE)
-        line = text.count("\n", 0, found.start()) + 1 if found is not None else None
+        head = re.search(rf"^[ \t]*(?:class|def)[ \t]+{name}\b", text, re.MULTILINE)
+        line = text.count("\n", 0, head.start()) + 1 if head is not None else None
         return {"file": self._workspace.relative(path), "line": line}
 
 

@@ -113,10 +113,10 @@ class _Target:
         for name, value in wanted.attributes.items():
             kind = named_kind(wanted.attributes, name)
             if kind is not None and name != "name":
-                found = self.found(kind, value)
-                if found is None:
+                called = self.found(kind, value)
+                if called is None:
                     return kind, value
-                made.attributes[name] = found
+                made.attributes[name] = called
         for child in wanted.children:
             inner = self.made(child)
             if isinstance(inner, tuple):

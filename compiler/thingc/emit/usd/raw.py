@@ -95,7 +95,7 @@ def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
         return f"`{key}` cannot be an attribute in USD", hint, last - 1
     type, name = named.groups()
     place, written = next(
-        ((place, found[1]) for place, line in enumerate(prim.properties) if (found := _WRITTEN.match(line)) and found[2] == name),
+        ((place, match[1]) for place, line in enumerate(prim.properties) if (match := _WRITTEN.match(line)) and match[2] == name),
         (len(prim.properties), None),
     )
     if written == "rel":

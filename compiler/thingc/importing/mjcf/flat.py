@@ -115,11 +115,11 @@ class _Flattening:
             self.names.add(one.attributes.get("name"))
             inner = one
             if one.tag == "include":
-                found = self._read(one)
-                self.elements[id(one)] = () if found is None else (found,)
-                if found is None:
+                included = self._read(one)
+                self.elements[id(one)] = () if included is None else (included,)
+                if included is None:
                     continue
-                inner = found
+                inner = included
             waiting += reversed(inner.children)
 
     def _read(self, element: SourceElement) -> SourceElement | None:

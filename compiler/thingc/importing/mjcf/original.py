@@ -85,10 +85,10 @@ class Original:
 
 def _by_body(bodies: Iterable[Any], count: int) -> list[list[int]]:
     """The numbers of what is on each of so many bodies, in their order."""
-    found: list[list[int]] = [[] for _ in range(count)]
+    by_body: list[list[int]] = [[] for _ in range(count)]
     for number, body in enumerate(bodies):
-        found[int(body)].append(number)
-    return found
+        by_body[int(body)].append(number)
+    return by_body
 
 
 def floats(values: Any) -> tuple[float, ...]:

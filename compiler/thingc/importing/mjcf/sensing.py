@@ -61,13 +61,13 @@ class _Sensing:
         """Those of kinds that the language has, several that are of one together; all others are losses."""
         read: list[tuple[int, _Place, ReadingName]] = []
         for number in range(self.model.nsensor):
-            found = self._place(number)
-            if found is None:
+            placed = self._place(number)
+            if placed is None:
                 name, kind = self.original.sensors[number], self._kind(number)
                 where = self.original.where("sensor", number)
                 self.original.lose(f"sensor `{name}` of kind `{kind}`", "a document has no such sensor", where)
             else:
-                read.append((number, *found))
+                read.append((number, *placed))
         at = {(place.kind, place.site) for _, place, _ in read}
         imus = {site for _, site in at if {kind for kind, other in at if other == site} >= IMU}
         made: dict[_Place, list[tuple[int, ReadingName]]] = {}
@@ -144,7 +144,7 @@ def sensors(
 
 
 def _cameras(original: Original, on: Mapping[int, tuple[int, Pose]]) -> list[SourceSensor]:
-    model, found = original.model, []
+    model, cameras = original.model, []
     for number in range(model.ncam):
         body, where = int(model.cam_bodyid[number]), original.where("camera", number)
         why = "it follows what it looks at" if int(model.cam_mode[number]) else "" if body in on else "it is on no link of the robot"
@@ -152,8 +152,8 @@ def _cameras(original: Original, on: Mapping[int, tuple[int, Pose]]) -> list[Sou
             original.lose(f"camera `{original.cameras[number]}`", why, where)
             continue
         link, pose = on[body]
-        found.append(SourceSensor(
+        cameras.append(SourceSensor(
             kind="camera", name=original.cameras[number], where=where, link=original.bodies[link],
             pose=pose @ pose_of(model.cam_pos[number], model.cam_quat[number]) @ LOOKING, fovy=math.radians(model.cam_fovy[number]),
         ))
-    return found
+    return cameras

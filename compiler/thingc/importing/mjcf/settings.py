@@ -41,20 +41,20 @@ def options(original: Original) -> tuple[tuple[tuple[str, ...], str], ...]:
     import mujoco
 
     ours, usual = original.model.opt, mujoco.MjSpec().option
-    found: list[tuple[tuple[str, ...], str]] = []
+    entries: list[tuple[tuple[str, ...], str]] = []
     for name in OPTIONS:
         value, other = (getattr(one, name, None) for one in (ours, usual))
         if value is not None and _text(name, value) != _text(name, other):
-            found.append((("option", name), _text(name, value)))
+            entries.append((("option", name), _text(name, value)))
     for enum, field, prefix, word in (
         (mujoco.mjtDisableBit, "disableflags", "mjDSBL_", "disable"), (mujoco.mjtEnableBit, "enableflags", "mjENBL_", "enable"),
     ):
         for name, bit in enum.__members__.items():
             if name.startswith(prefix) and int(getattr(ours, field)) & int(bit):
-                found.append((("option", "flag", name.removeprefix(prefix).lower()), word))
+                entries.append((("option", "flag", name.removeprefix(prefix).lower()), word))
     if int(ours.disableactuator):
         original.lose("groups of actuators that are off", "a document has none: see `actuators` of modes", original.flat.root.where)
-    return tuple(found)
+    return tuple(entries)
 
 
 def _text(name: str, value: Any) -> str:
@@ -157,7 +157,7 @@ def poses(
     original: Original, on: Mapping[int, tuple[int, Pose]], root: int, base: SourceBase, joints: Mapping[str, SourceJoint],
 ) -> tuple[SourcePose, ...]:
     """Keyframes, within the limits of the joints. A base that stands elsewhere in one, speeds and activations are losses."""
-    model, found = original.model, []
+    model, poses = original.model, []
     places = [one.where for one in original.flat.lines if one.tag == "key"][::2]
     following = {joint.name: joint.follows for joint in joints.values() if joint.follows is not None}
     for number, key in enumerate(original.spec.keys):
@@ -190,8 +190,8 @@ def poses(
             if is_lost:
                 original.lose(f"of keyframe `{name}` {what}", why, where)
         controls = floats(model.key_ctrl[number])
-        found.append(SourcePose(name=name, q=q, controls={original.actuators[k]: controls[k] for k in range(len(controls))}, where=where))
-    return tuple(found)
+        poses.append(SourcePose(name=name, q=q, controls={original.actuators[k]: controls[k] for k in range(len(controls))}, where=where))
+    return tuple(poses)
 
 
 def _within(value: float, ends: Ends) -> float:

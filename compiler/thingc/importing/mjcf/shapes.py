@@ -36,11 +36,11 @@ class Geoms:
 
     def of(self, body: int) -> tuple[SourceShape, ...]:
         """Of a body, in the order of the source, planes of the world left out."""
-        found: list[SourceShape] = []
+        shapes: list[SourceShape] = []
         for geom in self.original.geoms_of[body]:
             if body or self.model.geom_type[geom]:
-                found += self._shapes(geom)
-        return tuple(found)
+                shapes += self._shapes(geom)
+        return tuple(shapes)
 
     def _shapes(self, geom: int) -> list[SourceShape]:
         """A geom that is drawn and touches is two."""

@@ -28,9 +28,9 @@ def compile_ahead(file: str, sha256: str | None) -> bool:
     try:
         with open(file, "rb") as stream:
             source = stream.read()
-        found = hashlib.sha256(source).hexdigest()
-        if sha256 in (found, None) and (file, found) not in _compiled:
-            _compiled[file, found] = ran.compiled(source, file, found)
+        digest = hashlib.sha256(source).hexdigest()
+        if sha256 in (digest, None) and (file, digest) not in _compiled:
+            _compiled[file, digest] = ran.compiled(source, file, digest)
             return True
     except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
         pass

@@ -195,12 +195,12 @@ def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any],
 
     record = answer.get("record", {})
     mesh = record.get("meshes", {}).get("print")
-    found: list[Any] = []
+    answers: list[Any] = []
     for one, own_up in likely if mesh is not None else ():
         slicing = {**one, "up": own_up and record["up"] or one["up"]}
         with contextlib.suppress(Exception):
-            found.append([slicing, slice_stored(mesh[0], Slicing(**slicing), store)])
-    return found
+            answers.append([slicing, slice_stored(mesh[0], Slicing(**slicing), store)])
+    return answers
 
 
 class _Server:

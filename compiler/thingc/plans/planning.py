@@ -40,7 +40,7 @@ CHECKED = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recipe(Generic[Made]):
+class NumericPlan(Generic[Made]):
     """How numbers of some names become `made`. `fixed` are those of the names that it is of one value of; `run` takes the values of the
     others, `free`, and, where parts are modelled by some of them, what `exchange` gives of their records."""
 
@@ -58,10 +58,10 @@ class Recipe(Generic[Made]):
         given: Sequence[float] = [values[at] for at in self.free]
         try:
             if self.exchange is not None:
-                found = self.exchange.of(given)
-                if found is None:
+                exchanged = self.exchange.of(given)
+                if exchanged is None:
                     return None
-                given = (*given, *found.numbers)
+                given = (*given, *exchanged.numbers)
             return self.run(*given)
         except (ArithmeticError, ValueError):
             return None
@@ -86,14 +86,14 @@ class Form(Generic[Made]):
 
     def __init__(self, patience: int = 2) -> None:
         self.patience = patience
-        self.plans: list[Recipe[Made]] = []
+        self.plans: list[NumericPlan[Made]] = []
         self.why: dict[str, str] = {}
         self.modelled: dict[str, str] = {}
         self.refused: str | None = None
         self.missed = self.met = 0
         self._seen: dict[tuple[float, ...], int] = {}
 
-    def plan_for(self, read: Read) -> tuple[Recipe[Made], tuple[float, ...]] | None:
+    def plan_for(self, read: Read) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
         """The plan that is of these settings, and what it works with."""
         for number, plan in enumerate(self.plans):
             outputs = plan.outputs(read.values)
@@ -118,7 +118,7 @@ class Form(Generic[Made]):
         self._seen[held] = seen = self._seen.get(held, 0) + 1
         return len(self.why) < len(read.names) and seen >= self.patience and seen & (seen - 1) == 0
 
-    def planned(self, read: Read, make: Callable[[], Recipe[Made] | None]) -> tuple[Recipe[Made], tuple[float, ...]] | None:
+    def planned(self, read: Read, make: Callable[[], NumericPlan[Made] | None]) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
         """`plan_for`; where there is none a plan is made, if that is `worth_it`."""
         known = self.plan_for(read)
         if known is not None or not self.worth_it(read):
@@ -174,7 +174,7 @@ def make(
     read: Read, reader: SettingsReader, rehearse: Rehearse,
     finish: Callable[[Rehearsal, Exchange | None], tuple[Sequence[Any], Made]], form: Form[Made],
     exchanged: Callable[[Rehearsal], Exchange] | None = None,
-) -> Recipe[Made] | None:
+) -> NumericPlan[Made] | None:
     """A plan for these settings; None, and the reason in `form`, where there is none. `finish` makes of a rehearsal what a plan needs, and
     the numbers that this works with. `exchanged` makes of one by whose numbers parts are modelled what gives the records of others; None:
     such numbers are not followed."""
@@ -192,7 +192,7 @@ def make(
         except NotTraceable as fault:
             form.give_up(fault.names, fault.why)
             continue
-        return Recipe(
+        return NumericPlan(
             free=tuple(read.names.index(name) for name in free),
             fixed=tuple((at, read.values[at]) for at, name in enumerate(read.names) if name in form.why),
             run=compiled(rehearsal.tape, outputs), made=made, exchange=exchange,
@@ -228,7 +228,7 @@ def _rehearsed(read: Read, reader: SettingsReader, rehearse: Rehearse, form: For
 
 def samples(read: Read, reader: SettingsReader, form: Form[Any]) -> list[Read]:
     """Settings by which a plan is judged: these, first, and some near them, for which no other part is modelled."""
-    found = [read]
+    settings = [read]
     for number in range(CHECKED):
         source = random.Random(number)
         quantities = reader.quantities(read)
@@ -236,8 +236,8 @@ def samples(read: Read, reader: SettingsReader, form: Form[Any]) -> list[Read]:
             read.values[at] if name in form.why or name in form.modelled else _near(quantities[name], source).value
             for at, name in enumerate(read.names)
         ]
-        found.append(Read(names=read.names, values=tuple(values), texts=read.texts))
-    return list(dict.fromkeys(found))
+        settings.append(Read(names=read.names, values=tuple(values), texts=read.texts))
+    return list(dict.fromkeys(settings))
 
 
 def _attempt(
