@@ -87,13 +87,14 @@ def import_robot(
     written = document_of(robot, roots, shown(os.path.basename(path)), {one.link.name: one.how for one in mended}, placed_meshes, before)
     written = replace(written, losses=(*written.losses, *left_out))
     document = f"{written.name}.yaml" if before is None else before.document
-    asked = {"roots": roots, "repair": repair, "meshes": meshes}
-    record = _record(robot, written, document, asked, mended, path, data, files)
     renamed = {name: word for names in (written.links, written.frames, written.joints) for name, word in names.items() if name != word}
-    return Imported(
-        name=written.name, document=document, robot=robot, files={**files, document: written.text.encode(), RECORD: record},
-        losses=written.losses, renamed=renamed, repaired=mended, earlier=before,
+    imported = Imported(
+        name=written.name, document=document, robot=robot, files={**files, document: written.text.encode()}, losses=written.losses,
+        renamed=renamed, repaired=mended, earlier=before,
     )
+    asked = {"roots": roots, "repair": repair, "meshes": meshes}
+    record = _record(imported, written, asked, path, data)
+    return replace(imported, files={**imported.files, RECORD: record})
 
 
 def _content(path: str, report: Report) -> bytes | None:
@@ -124,31 +125,28 @@ def _read(path: str, data: bytes, arguments: Mapping[str, str], packages: Packag
     return read_urdf(path, data, report)
 
 
-def _record(
-    robot: SourceRobot, written: Draft, document: str, asked: Mapping[str, object], mended: Sequence[Repaired], path: str, data: bytes,
-    files: Mapping[str, bytes],
-) -> bytes:
+def _record(imported: Imported, written: Draft, asked: Mapping[str, object], path: str, data: bytes) -> bytes:
     """`import.json`: what was read, what everything is called now, and what is not in the document, with its line in the source; and the
     document as it is written, with which the next import compares it."""
     losses = [
-        {"what": one.what, "why": one.why, "file": os.path.basename(one.where.file), "line": one.where.line} for one in written.losses
+        {"what": one.what, "why": one.why, "file": os.path.basename(one.where.file), "line": one.where.line} for one in imported.losses
     ]
     said = {
         "import": 1,
-        "source": {"file": os.path.basename(path), "sha256": hashlib.sha256(data).hexdigest(), "robot": robot.name},
+        "source": {"file": os.path.basename(path), "sha256": hashlib.sha256(data).hexdigest(), "robot": imported.robot.name},
         "asked": asked,
-        "meshes": {name: hashlib.sha256(content).hexdigest() for name, content in files.items()},
+        "meshes": {name: hashlib.sha256(content).hexdigest() for name, content in imported.files.items() if name != imported.document},
         "names": {"links": written.links, "frames": written.frames, "joints": written.joints, **written.others},
         "repaired": [
             {
                 "link": one.link.name, "how": one.how, "old": _weight(one.link.weight.properties if one.link.weight is not None else None),
                 "new": _weight(one.new), "file": os.path.basename(path), "line": one.link.where.line,
             }
-            for one in mended
+            for one in imported.repaired
         ],
         "losses": losses,
         "document": {
-            "file": document, "sha256": hashlib.sha256(written.text.encode()).hexdigest(), "lines": written.text.splitlines(),
+            "file": imported.document, "sha256": hashlib.sha256(written.text.encode()).hexdigest(), "lines": written.text.splitlines(),
         },
     }
     return (json.dumps(said, indent=2, ensure_ascii=False) + "\n").encode()

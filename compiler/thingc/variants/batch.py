@@ -97,15 +97,8 @@ def run(
     """
     if retry and not resume:
         raise BatchFault(Code.COMMAND_LINE, "--retry is about a batch that has been begun", "add --resume")
-    report = Report()
     options = options or Options()
-    plan = read_plan(document, options, report)
-    if plan is None or report.failed:
-        raise PlanError(report.ordered())
-    if emit:
-        plan = replace(plan, emit=tuple(emit))
-    if layout is not None:
-        plan = replace(plan, layout=layout)
+    plan = _plan(document, options, emit, layout)
     if ship and not isinstance(executor, Carrier):
         raise BatchFault(
             Code.COMMAND_LINE, "--ship is for workers of dask, which may share no folder with this machine",
@@ -127,6 +120,15 @@ def run(
             return summary if shown is None else replace(summary, notes=(*summary.notes, shown))
     except OSError as fault:
         raise in_words(folder, fault) from fault
+
+
+def _plan(document: str, options: Options, emit: Sequence[str], layout: str | None) -> Plan:
+    """The plan of a document, with targets and a layout in the place of its own where there are some. Raises `PlanError`."""
+    report = Report()
+    plan = read_plan(document, options, report)
+    if plan is None or report.failed:
+        raise PlanError(report.ordered())
+    return replace(plan, emit=tuple(emit) or plan.emit, layout=layout or plan.layout)
 
 
 @dataclass(slots=True)

@@ -218,14 +218,7 @@ def start(run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch
             os.dup2(errors.fileno(), 1)
             os.dup2(errors.fileno(), 2)
             signal.signal(signal.SIGINT, signal.SIG_DFL)
-            with open(asked, "rb") as stream:
-                request = json.loads(stream.read())
-            timeout = float(request["timeout"])
-            faulthandler.enable(file=errors.fileno(), all_threads=False)
-            faulthandler.dump_traceback_later(timeout - min(0.5, timeout / 4), file=errors.fileno())
-            _without_core_dump()
-            answer = json.dumps(run({**request, "scratch": scratch})).encode() + b"\n"
-            faulthandler.cancel_dump_traceback_later()
+            answer = _answer(run, asked, errors.fileno(), scratch)
             while answer:
                 answer = answer[os.write(writer, answer) :]
             status = 0
@@ -244,6 +237,19 @@ def start(run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch
     return Child(
         request={}, process=process, asking=asking, pipe=reader, errors=errors, scratch=scratch, deadline=inf, received=bytearray(),
     )
+
+
+def _answer(run: Callable[[Mapping[str, Any]], dict[str, Any]], asked: int, errors: int, scratch: str) -> bytes:
+    """Wait for the request, and do it: the line to answer with. Where Python dies, or it is nearly too late, `errors` has where it was."""
+    with open(asked, "rb") as stream:
+        request = json.loads(stream.read())
+    timeout = float(request["timeout"])
+    faulthandler.enable(file=errors, all_threads=False)
+    faulthandler.dump_traceback_later(timeout - min(0.5, timeout / 4), file=errors)
+    _without_core_dump()
+    answer = json.dumps(run({**request, "scratch": scratch})).encode() + b"\n"
+    faulthandler.cancel_dump_traceback_later()
+    return answer
 
 
 def _without_core_dump() -> None:
