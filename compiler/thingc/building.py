@@ -62,6 +62,7 @@ def _made(environment: Environment, compilation: Compilation, wish: Wish) -> Bui
     place = os.path.abspath(parent), compilation.assembly.name
     compat = wish.compat or environment.workspace.compat
     artifacts = pipeline.build(environment, compilation, wish.targets, build_folder(*place), compat)
+    files = pipeline.files(environment, compilation, artifacts, compat)
     losses = [loss for target in wish.targets for loss in artifacts[target].losses]
     if wish.deny_loss:
         _deny(losses, compilation.assembly.definition.origin, compilation.report)
@@ -69,7 +70,6 @@ def _made(environment: Environment, compilation: Compilation, wish: Wish) -> Bui
         pipeline.say_unneeded(compilation, [Stage.CHECK, Stage.BUILD] if "mjcf" in wish.targets else [Stage.CHECK])
     if _failed(compilation, wish):
         return None
-    files = pipeline.files(environment, compilation, artifacts, compat)
     return Built(compilation=compilation, place=place, files=files, losses=losses, twice=twice)
 
 

@@ -317,11 +317,11 @@ def files(
     from thingc.emit.artifact import MANIFEST
     from thingc.emit.manifest import Choice, manifest
 
-    documents, settings = compilation.documents, compilation.settings
+    assembly, documents, settings = _assembly(compilation), compilation.documents, compilation.settings
     assert documents is not None
     files = {path: content for made in artifacts.values() for path, content in made.files.items()}
     files[MANIFEST] = manifest(
-        _assembly(compilation),
+        assembly,
         document=documents.root.relative,
         documents={path: document.sha256 for path, document in documents.by_path.items()},
         choice=Choice(
