@@ -93,8 +93,7 @@ def import_robot(
         renamed=renamed, repaired=mended, earlier=before,
     )
     asked = {"roots": roots, "repair": repair, "meshes": meshes}
-    record = _record(imported, written, asked, path, data)
-    return replace(imported, files={**imported.files, RECORD: record})
+    return replace(imported, files={**imported.files, RECORD: _record(imported, written, asked, path, data)})
 
 
 def _content(path: str, report: Report) -> bytes | None:
