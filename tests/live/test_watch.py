@@ -109,6 +109,7 @@ def test_a_wrong_command_line_is_not_watched(tmp_path: Path, shared_store: str, 
         env={**os.environ, "THINGC_STORE": shared_store},
     )
     assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
+    assert "Ctrl-C" not in done.stderr, "it says that it watches, and has ended"
 
 
 def test_a_line_of_json_for_each_round(tmp_path: Path, shared_store: str) -> None:

@@ -7,6 +7,7 @@ import json
 import os
 import pty
 import re
+import resource
 import shutil
 import subprocess
 import sys
@@ -155,3 +156,23 @@ def test_no_machine_gets_colours(form: str, folder: Path) -> None:
 def test_what_the_system_refuses_has_a_hint(fault: OSError, help: str) -> None:
     said = of_exception(fault)
     assert (said.code, said.message, said.help) == (Code.OUTPUT, f"`build`: {fault.strerror}", help)
+
+
+@pytest.mark.parametrize("words", [
+    ["add", "part", "Bracket"], ["add", "assembly", "leg"], ["lock"], ["schema"], ["check", "--format", "json"],
+], ids=lambda words: " ".join(words[:2]))
+def test_a_full_disk_is_no_defect_of_thingc_and_leaves_nothing(words: list[str], tmp_path: Path, shared_store: str) -> None:
+    """The system refuses every byte of a file (a file size limit: RLIMIT_FSIZE), and does not say which file it was."""
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (tmp_path / "robot.yaml").write_text("thingc: assembly/1\nname: robot\ncomponents: {base: {frame: true}}\n")
+    with open(tmp_path / "printed", "wb") as printed:
+        done = subprocess.run(
+            [sys.executable, "-P", "-m", "thingc", *words], cwd=tmp_path, stdout=printed, stderr=subprocess.PIPE, text=True, timeout=60,
+            env={**os.environ, "THINGC_STORE": shared_store}, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0)),
+        )
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-4:] == [
+        "error[TC805]: what is written has no room: File too large", "  help: make room, or choose another place", "", "1 error",
+    ]
+    left = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file())
+    assert left == ["printed", "robot.yaml", "thingc.toml"]

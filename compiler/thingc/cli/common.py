@@ -404,10 +404,11 @@ def of_exception(fault: Exception) -> Diagnostic:
             code=Code.OUTPUT, severity=Severity.ERROR, message=f"the store `{fault.root}` cannot be used: {fault.reason}",
             help="choose a folder that can be written with --store or THINGC_STORE",
         )
-    if isinstance(fault, OSError) and fault.filename is not None:
+    if isinstance(fault, OSError) and (fault.filename is not None or fault.errno in _NO_ROOM):
         kind = PermissionError if fault.errno == errno.EROFS else type(fault)
+        where = "what is written has no room" if fault.filename is None else f"`{shown_path(str(fault.filename))}`"
         return Diagnostic(
-            code=Code.OUTPUT, severity=Severity.ERROR, message=f"`{shown_path(str(fault.filename))}`: {fault.strerror or fault}",
+            code=Code.OUTPUT, severity=Severity.ERROR, message=f"{where}: {fault.strerror or fault}",
             help=_CURES.get(kind, "make room, or choose another place"),
         )
     import traceback
@@ -419,6 +420,9 @@ def of_exception(fault: Exception) -> Diagnostic:
         detail="".join(traceback.format_exception(fault)),
     )
 
+
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says of a file that is open already, without its name: the disk is full, or a quota or a limit is reached."""
 
 _CURES: Mapping[type[OSError], str] = {
     FileExistsError: "move away what is in its place", NotADirectoryError: "move away the file that is where a folder is needed",

@@ -165,7 +165,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from thingc.cli import common
 
         diagnostic, debug = common.of_exception(fault), getattr(options, "debug", False)
-        common.print_found([diagnostic], _form(getattr(options, "format", "text")), stream=sys.stderr, debug=debug)
+        try:
+            common.print_found([diagnostic], _form(getattr(options, "format", "text")), stream=sys.stderr, debug=debug)
+            sys.stdout.flush()
+        except OSError:  # standard output is what cannot be written
+            common.print_text([diagnostic], stream=sys.stderr, debug=debug)
         return common.exit_code([diagnostic])
     return code
 

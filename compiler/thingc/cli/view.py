@@ -18,7 +18,7 @@ from urllib.parse import quote
 from thingc import pipeline
 from thingc.building import Wish
 from thingc.cli import common
-from thingc.cli.watch import Lines, refused, until_interrupted
+from thingc.cli.watch import Lines, hopeless, refused, until_interrupted
 from thingc.diagnostics import Code, Diagnostic, shown_path
 from thingc.emit import Page, page_of
 from thingc.emit.artifact import MANIFEST
@@ -95,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
             made, page, diagnostics = _shown(live, made)
         server.tell(page, made.seconds, diagnostics, kernel=made.kernel)
         lines.say(made)
-        if made.number == 1 and common.exit_code(made.diagnostics) != common.USAGE:
+        if made.number == 1 and not hopeless(made):
             common.say(server.address)
             if not arguments.no_open and not webbrowser.open(server.address):
                 common.say("no browser could be started: open that address in one", stream=sys.stderr)

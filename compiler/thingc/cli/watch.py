@@ -88,11 +88,16 @@ def until_interrupted(live: Live, hear: Callable[[Round], None]) -> int:
         with live:
             for made in live.rounds(threading.Event()):
                 hear(made)
-                if made.number == 1 and common.exit_code(made.diagnostics) == common.USAGE:
+                if hopeless(made):
                     return common.USAGE
     except KeyboardInterrupt:
         common.say_in_place()
     return 0
+
+
+def hopeless(made: Round) -> bool:
+    """Whether nothing is followed after this round: the first one, where the command line is to blame, and no save mends that."""
+    return made.number == 1 and common.exit_code(made.diagnostics) == common.USAGE
 
 
 def say_json(made: Round) -> None:
@@ -143,7 +148,7 @@ class Lines:
         if made.built is not None and made.folder is not None and not self._built:
             tell(answer_of(made.built, made.folder), self._arguments)
         self._built = self._built or made.good
-        if made.number == 1 and self._of is None:
+        if made.number == 1 and self._of is None and not hopeless(made):
             common.say(f"{'' if made.good else 'nothing is built yet; '}{self._doing}; Ctrl-C ends it", stream=sys.stderr)
 
 
