@@ -9,6 +9,7 @@ artifacts.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import field, replace
@@ -174,6 +175,8 @@ def _may_name_parts(environment: Environment) -> bool:
         return False
     text = environment.options.texts.get(environment.document)
     if text is None:
+        if not os.path.isfile(environment.document):  # a pipe would be waited for
+            return False
         try:
             with open(environment.document, "rb") as stream:
                 text = stream.read(_LOOKED_THROUGH)

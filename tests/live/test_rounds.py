@@ -181,6 +181,15 @@ def test_a_document_that_is_deleted_and_comes_back(working: Working) -> None:
     assert working.save("robot.yaml", ROBOT).mended
 
 
+def test_a_pipe_in_the_place_of_a_document_is_not_waited_for(working: Working) -> None:
+    os.unlink(working.document)
+    os.mkfifo(working.document)
+    piped = working.round()
+    assert [d.message for d in piped.diagnostics] == ["cannot read `robot.yaml`: it is no file that can be read again"] and piped.kept
+    os.unlink(working.document)
+    assert working.save("robot.yaml", ROBOT).mended
+
+
 def test_files_that_are_named_and_not_there_yet(working: Working) -> None:
     missing = working.save("robot.yaml", ROBOT.replace("finger.yaml", "other/thumb.yaml"))
     assert [d.code.title for d in missing.diagnostics] == ["a file that a document names is not there"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import re
@@ -311,6 +312,9 @@ class _Reader:
 
 
 def _content(path: str) -> bytes:
+    """The bytes of a document, at most one more than it may have. Raises OSError."""
+    if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):  # a pipe would be waited for
+        raise OSError(errno.EINVAL, "It is no file that can be read again")
     with open(path, "rb") as stream:
         return stream.read(10_000_001)
 
