@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 from collections.abc import Mapping
@@ -14,10 +15,13 @@ from ruamel.yaml import YAML
 from thingc.importing import Imported
 from thingc.inertia import MassProperties
 
-FREE, BALL = 0, 1
+FREE, BALL, HIDDEN = 0, 1, 3
 MISSING = math.inf
 DEEP, NOTHING = 1e-3, 1e-6
-
+CLOSED = numpy.zeros((8, 8), bool)
+"""Kinds of geoms, by MuJoCo's numbers in ascending order, whose contacts it works out by a formula; its convex solver finds the others."""
+CLOSED[0] = True
+CLOSED[[2, 2, 2, 2, 3, 3, 6], [2, 3, 5, 6, 3, 6, 6]] = True
 
 TENDON = (
     "stiffness", "damping", "frictionloss", "armature", "margin", "limited", "range", "lengthspring", "actfrclimited", "actfrcrange",
@@ -52,6 +56,7 @@ class Pair:
     named: Mapping[str, Mapping[int, str]]
     words: Mapping[str, Mapping[str, str]]
     worst: dict[str, float] = field(default_factory=dict)
+    iterated: bool = False
 
     def __post_init__(self) -> None:
         self.a, self.b = mujoco.MjData(self.theirs), mujoco.MjData(self.ours)
@@ -133,6 +138,7 @@ class Pair:
             self.a.qvel[:], self.b.qvel[:] = 0.0, 0.0
             self.forward()
             self.say("gravity", self.b.qfrc_bias[rows[1]], self.a.qfrc_bias[rows[0]], relative=True)
+        self.shapes()
         self.constants(rows)
         self.keyframes()
         self.trajectory(random, steps)
@@ -196,6 +202,13 @@ class Pair:
         mujoco.mj_jac(self.theirs, self.a, moves, turns, point, body)
         return moves, turns
 
+    def without_contacts(self) -> Pair:
+        """The same two, in which nothing touches."""
+        models = [copy.copy(model) for model in (self.theirs, self.ours)]
+        for model in models:
+            model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        return Pair(*models, self.named, self.words)
+
     def poses(self) -> None:
         for k, word in self.bodies.items():
             ours = self.b.site(word) if mujoco.mj_name2id(self.ours, mujoco.mjtObj.mjOBJ_SITE, word) >= 0 else self.b.body(word)
@@ -205,24 +218,48 @@ class Pair:
             self.say("poses", (*ours.xpos, *ours.xmat), (*self.a.site_xpos[k], *self.a.site_xmat[k]))
 
     def contacts(self) -> None:
-        """Which bodies touch, and how deep, as long as that is less than a millimetre: how deep meshes are in each other is not unique."""
+        """How deep bodies touch, and whether they do: a contact that one model alone has is off by as deep as it is. Those that MuJoCo
+        finds by iteration are a kind of their own, compared where they are less than a millimetre deep: deeper ones are not unique."""
         ours_of = {k: self._body(word) for k, word in self.bodies.items()}
-        found: list[dict[tuple[int, int], float]] = [{}, {}]
-        for index, (model, data) in enumerate(((self.theirs, self.a), (self.ours, self.b))):
-            for contact in data.contact:
-                bodies = [int(model.geom_bodyid[geom]) for geom in contact.geom]
-                one, other = sorted(ours_of.get(body, -1) if index == 0 else body for body in bodies)
-                found[index][one, other] = min(found[index].get((one, other), 1.0), float(contact.dist))
-        theirs, ours = found
-        if theirs or ours:
-            self.say("contacts", [0.0 if theirs.keys() == ours.keys() else MISSING], [0.0])
-        for pair in theirs.keys() & ours.keys():
-            if theirs[pair] > -DEEP:
-                self.say("contacts", ours[pair], theirs[pair])
+        theirs, ours = self._deepest(self.theirs, self.a, ours_of), self._deepest(self.ours, self.b, None)
+        for key in theirs.keys() | ours.keys():
+            there, here = theirs.get(key, 0.0), ours.get(key, 0.0)
+            deep = key[-1] and max(there, here) <= -DEEP
+            self.say("contacts by iteration" if key[-1] else "contacts", 0.0 if deep else here, 0.0 if deep else there)
+
+    def _deepest(
+        self, model: mujoco.MjModel, data: mujoco.MjData, ours_of: Mapping[int, int] | None,
+    ) -> dict[tuple[int, int, bool], float]:
+        """For two bodies, by ours' numbers, and whether it is found by iteration, the contact that is nearest, from its margin on [m]."""
+        found: dict[tuple[int, int, bool], float] = {}
+        for contact, iterated in zip(data.contact, _by_iteration(model, data), strict=True):
+            bodies = [int(model.geom_bodyid[geom]) for geom in contact.geom]
+            one, other = sorted(bodies if ours_of is None else (ours_of.get(body, -1) for body in bodies))
+            key, dist = (one, other, bool(iterated)), float(contact.dist - contact.includemargin)
+            found[key] = min(found.get(key, 0.0), dist)
+        return found
 
     def _body(self, word: str) -> int:
         body = mujoco.mj_name2id(self.ours, mujoco.mjtObj.mjOBJ_BODY, word)
         return body if body >= 0 else int(self.ours.site(word).bodyid[0])
+
+    def shapes(self) -> None:
+        """How far what is drawn, or touches, is from one of its kind on the same link of ours."""
+        for data, model in ((self.a, self.theirs), (self.b, self.ours)):
+            mujoco.mj_resetData(model, data)
+        for at, here, _, _ in self.dofs:
+            self.b.qpos[here] = self.a.qpos[at]
+        self.forward()
+        theirs = self.theirs
+        for k in range(theirs.ngeom):
+            body, kind = int(theirs.geom_bodyid[k]), int(theirs.geom_type[k])
+            shown = theirs.geom_group[k] < HIDDEN and theirs.geom_rgba[k][3] > 0.0 and theirs.geom_matid[k] < 0
+            if body in self.bodies and body and kind and (shown or theirs.geom_contype[k] or theirs.geom_conaffinity[k]):
+                here = self._body(self.bodies[body])
+                alike = [g for g in range(self.ours.ngeom) if self.ours.geom_bodyid[g] == here and self.ours.geom_type[g] == kind]
+                form = _form(theirs, self.a, k)
+                far = [float(numpy.abs(_form(self.ours, self.b, g) - form).max()) for g in alike]
+                self.say("shapes", min(far, default=MISSING), 0.0)
 
     def constants(self, rows: list[numpy.ndarray]) -> None:
         for k, word in self.joints.items():
@@ -236,7 +273,8 @@ class Pair:
         for k, word in self.tendons.items():
             at = self.ours.tendon(word).id
             for name in TENDON:
-                if name == "lengthspring" and not self.theirs.tendon_stiffness[k]:
+                said = {"lengthspring": "stiffness", "range": "limited", "actfrcrange": "actfrclimited"}.get(name)
+                if said is not None and not getattr(self.theirs, f"tendon_{said}")[k]:
                     continue
                 ours, theirs = (numpy.array(getattr(model, f"tendon_{name}")[i]) for model, i in ((self.ours, at), (self.theirs, k)))
                 self.say("tendons", ours, theirs)
@@ -269,7 +307,7 @@ class Pair:
                 self.say("keyframes", self.ours.key_ctrl[at][self.ours.actuator(drive).id], self.theirs.key_ctrl[number][k])
 
     def trajectory(self, random: numpy.random.Generator, steps: int) -> None:
-        """From where theirs begins, with random controls."""
+        """From where theirs begins, with random controls; then it is known whether a contact was found by iteration on the way."""
         for data, model in ((self.a, self.theirs), (self.b, self.ours)):
             mujoco.mj_resetData(model, data)
         for at, here, _, _ in self.dofs:
@@ -279,8 +317,29 @@ class Pair:
                 self.control(random)
             mujoco.mj_step(self.theirs, self.a)
             mujoco.mj_step(self.ours, self.b)
+            self.iterated = self.iterated or any(
+                _by_iteration(model, data).any() for data, model in ((self.a, self.theirs), (self.b, self.ours))
+            )
         for at, here, _, _ in self.dofs:
             self.say("trajectory", self.b.qpos[here], self.a.qpos[at])
+
+
+def _form(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> numpy.ndarray:
+    """What tells a geom from another of its kind where it stands: of a mesh the ends of its points along x, y and z of the world [m], else
+    its pose and sizes."""
+    place, turn = data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)
+    mesh = int(model.geom_dataid[geom])
+    if mesh < 0:
+        return numpy.concatenate([place, turn.ravel(), model.geom_size[geom]])
+    first = int(model.mesh_vertadr[mesh])
+    points = model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])] @ turn.T + place
+    return numpy.concatenate([points.min(axis=0), points.max(axis=0)])
+
+
+def _by_iteration(model: mujoco.MjModel, data: mujoco.MjData) -> numpy.ndarray:
+    """Of each contact whether MuJoCo's convex solver found it."""
+    kinds = numpy.sort(model.geom_type[data.contact.geom], axis=1)
+    return ~CLOSED[kinds[:, 0], kinds[:, 1]]
 
 
 def _placed(data: mujoco.MjData, word: str) -> numpy.ndarray:
