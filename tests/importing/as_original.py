@@ -16,6 +16,8 @@ from thingc.importing import Imported
 from thingc.inertia import MassProperties
 
 FREE, BALL, HIDDEN = 0, 1, 3
+SIZES = {2: 1, 3: 2, 5: 2}
+"""How many numbers a sphere, a capsule and a cylinder have, by MuJoCo's numbers of kinds."""
 MISSING = math.inf
 DEEP, NOTHING = 1e-3, 1e-6
 CLOSED = numpy.zeros((8, 8), bool)
@@ -330,7 +332,7 @@ def _form(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> numpy.ndarra
     place, turn = data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)
     mesh = int(model.geom_dataid[geom])
     if mesh < 0:
-        return numpy.concatenate([place, turn.ravel(), model.geom_size[geom]])
+        return numpy.concatenate([place, turn.ravel(), model.geom_size[geom][: SIZES.get(int(model.geom_type[geom]), 3)]])
     first = int(model.mesh_vertadr[mesh])
     points = model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])] @ turn.T + place
     return numpy.concatenate([points.min(axis=0), points.max(axis=0)])

@@ -16,8 +16,11 @@ ROBOTS = Path(__file__).parent / "robots"
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]\d+)?(?![\w.])")
 ANGLES = re.compile(r"(?<=rpy=\")[^\"]+|(?<=<pose>)[^<]+|(?<=\">)[^<]+(?=</pose>)")
 URDF, SDF = "urdf/*_source.urdf", "sdf/*_source/model.sdf"
-CASES = [("constructs.urdf", URDF, 0), ("shapes.urdf", URDF, 1), ("constructs.sdf", URDF, 1), ("constructs.sdf", SDF, 1)]
-"""A file, where its format is built, and after how many rounds nothing changes: one where shapes or a base get other names."""
+CASES = [
+    ("constructs.urdf", URDF, 0), ("shapes.urdf", URDF, 1), ("constructs.sdf", URDF, 1), ("constructs.sdf", SDF, 1),
+    ("constructs.xml", URDF, 1), ("constructs.xml", SDF, 1),
+]
+"""A file, where its format is built, and after how many rounds nothing changes: one where shapes, meshes or a base get other names."""
 
 
 def written(source: Path, where: str, folder: Path) -> Path:
@@ -27,9 +30,14 @@ def written(source: Path, where: str, folder: Path) -> Path:
     for name, content in imported.files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)
-    said = thingc.family(folder / imported.document).write({}, folder / "out", emit=[where.partition("/")[0]])
+    return built(folder / imported.document, where, folder / "out")
+
+
+def built(document: Path, where: str, folder: Path) -> Path:
+    """The file of a format that is built of a document."""
+    said = thingc.family(document).write({}, folder, emit=[where.partition("/")[0]])
     assert not [one for one in said if one.severity is Severity.ERROR]
-    (found,) = (folder / "out").glob(where)
+    (found,) = folder.glob(where)
     return found
 
 
@@ -42,10 +50,22 @@ def turned(found: re.Match[str]) -> str:
 @pytest.mark.parametrize(("name", "where", "rounds"), CASES)
 def test_after_one_round_nothing_changes(name: str, where: str, rounds: int, tmp_path: Path) -> None:
     """But for the last digits of what is worked out of rotations."""
-    files = [written(ROBOTS / name, where, tmp_path / "0")]
+    settled(written(ROBOTS / name, where, tmp_path / "0"), where, rounds, tmp_path)
+
+
+@pytest.mark.parametrize(("mode", "where"), [("urdf/gripper_bench.urdf", URDF), ("sdf/gripper_bench/model.sdf", SDF)])
+def test_after_one_round_nothing_of_a_modelled_robot_changes(mode: str, where: str, root: Path, tmp_path: Path) -> None:
+    settled(built(root / "gallery" / "gripper" / "gripper.yaml", mode, tmp_path / "0"), where, 1, tmp_path)
+
+
+def settled(first: Path, where: str, rounds: int, folder: Path) -> None:
+    """That after so many rounds another one changes nothing."""
+    files = [first]
     for number in range(rounds + 1):
-        files.append(written(files[-1], where, tmp_path / f"{number + 1}"))
-    first, second = (ANGLES.sub(turned, path.read_text().split("-->", 1)[1]) for path in files[-2:])
-    assert NUMBER.sub("#", second) == NUMBER.sub("#", first)
-    numbers = [[float(one) for one in NUMBER.findall(text)] for text in (first, second)]
+        files.append(written(files[-1], where, folder / f"{number + 1}"))
+    before, after = (ANGLES.sub(turned, path.read_text().split("-->", 1)[1]) for path in files[-2:])
+    assert NUMBER.sub("#", after) == NUMBER.sub("#", before)
+    numbers = [[float(one) for one in NUMBER.findall(text)] for text in (before, after)]
     assert numbers[1] == pytest.approx(numbers[0], rel=1e-12, abs=1e-12)
+    meshes = [sorted((path.name, path.read_bytes()) for path in file.parent.glob("meshes/*")) for file in files[-2:]]
+    assert meshes[1] == meshes[0]

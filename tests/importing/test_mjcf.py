@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -235,6 +236,18 @@ def test_lengths_of_muscles_are_not_looked_for_without_end(said: str, tmp_path: 
     report = Report()
     assert import_robot(str(tmp_path / "robot.xml"), report) is None
     assert [one.message for one in report.diagnostics] == ["this takes more than 100,000 steps of simulation for every muscle"]
+
+
+def test_what_mujoco_warns_of_is_judged_by_link(tmp_path: Path) -> None:
+    (tmp_path / "robot.xml").write_text("""<mujoco><worldbody><body name="arm"><joint/><geom size="1"/>
+<body name="tip"><joint/><joint type="slide"/><joint type="slide"/><geom size="0.1" mass="1e-12"/></body></body></worldbody></mujoco>""")
+    report = Report()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert import_robot(str(tmp_path / "robot.xml"), report) is None
+    assert [
+        one.message for one in report.diagnostics
+    ] == ["link `tip` moves, and cannot: its smallest moment of inertia is 4e-15 kg m^2, and simulators want 1e-14"]
 
 
 def test_thousands_of_things_take_no_longer_each_than_ten(tmp_path: Path) -> None:

@@ -69,6 +69,14 @@ def _corner(data: bytes, path: str) -> float:
     return max((one for one in numbers if math.isfinite(one)), default=0.0)
 
 
+def _stem(uri: str) -> str:
+    """What a mesh is called, without what models of ours add to that: `meshes.trunk.stl.obj` in them is `meshes/trunk.stl`."""
+    stem = os.path.splitext(os.path.basename(uri))[0]
+    while os.path.splitext(stem)[1].lower() in READ:
+        stem = os.path.splitext(stem)[0]
+    return stem.removeprefix(f"{FOLDER}.")
+
+
 def gathered(robot: SourceRobot, packages: Packages | None, report: Report) -> tuple[Mapping[str, str], dict[str, bytes], list[SourceLoss]]:
     """The path in the workspace of every mesh that shapes of the robot name, and the files by it. What cannot be found is reported at its
     first place; without `packages` all meshes are losses."""
@@ -96,8 +104,7 @@ def gathered(robot: SourceRobot, packages: Packages | None, report: Report) -> t
     uris = list(dict.fromkeys(first[digest] for digest in digests.values()))
     names: dict[str, str] = {}
     for uri in uris:  # meshes of one name, in two folders, are two
-        stem, ending = os.path.splitext(os.path.basename(uri))
-        taken = [os.path.splitext(name)[0] for name in names.values()]
-        names[uri] = f"{distinct([stem], 'mesh', taken)[stem]}{ending.lower()}"
+        stem, taken = _stem(uri), [os.path.splitext(name)[0] for name in names.values()]
+        names[uri] = f"{distinct([stem], 'mesh', taken)[stem]}{os.path.splitext(uri)[1].lower()}"
     paths = {uri: f"{FOLDER}/{names[first[digest]]}" for uri, digest in digests.items()}
     return paths, {paths[uri]: contents[uri] for uri in uris}, []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import warnings
 from collections.abc import Iterator
 
 from thingc.diagnostics import Code, Report
@@ -45,7 +46,9 @@ def _compiled(flat: Flat, report: Report) -> Original | None:
         spec.compiler.alignfree = False
         for joint in spec.joints:
             joint.align = mujoco.mjtAlignFree.mjALIGNFREE_FALSE
-        model = spec.compile()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of inertias that are nearly singular, which are judged by link
+            model = spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as fault:
         text = str(fault)
         for word, uri in flat.meshes.items():
