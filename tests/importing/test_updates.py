@@ -53,6 +53,18 @@ def edit(path: Path, *pairs: tuple[str, str]) -> str:
     return text
 
 
+def test_another_robot_does_not_take_its_place(lamp: Path, capsys: Said) -> None:
+    before = lamp.read_text()
+    Path("desk.urdf").write_text(URDF.replace('name="lamp"', 'name="desk"'))
+    assert main(["import", "desk.urdf", "-o", "lamp"]) == 2
+    said = capsys.readouterr().err
+    assert "error[TC805]: `lamp` has another robot, `lamp` of `lamp.urdf`" in said and "choose another folder with -o" in said
+    assert lamp.read_text() == before
+    Path("desk.urdf").replace("lamp.urdf")
+    assert main(["import", "lamp.urdf", "-o", "lamp"]) == 0  # the file has been called otherwise inside
+    assert "name: lamp -> desk" in capsys.readouterr().out
+
+
 def test_each_keeps_what_it_has_changed(lamp: Path, capsys: Said) -> None:
     mine = edit(
         lamp, ("    mass: 2 kg\n", "    mass: 2.5 kg  # weighed\n"), ("velocity: 6 rad/s}", "velocity: 6 rad/s}  # data sheet"),

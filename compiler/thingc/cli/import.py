@@ -93,6 +93,9 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: Earlier, 
     """Import into a folder that has an import already; the text of the document that is spoken of. Raises `OutputError`."""
     from thingc.importing import put, update
 
+    if earlier.robot != imported.robot.name and earlier.source != os.path.basename(arguments.file) and not arguments.update:
+        message = f"`{shown_path(earlier.folder)}` has another robot, `{earlier.robot}` of `{earlier.source}`"
+        raise OutputError(message, "choose another folder with -o; if it is the same robot, `--update` merges the two")
     edited = [f"`{shown_path(os.path.join(earlier.folder, name))}`" for name in earlier.edited()]
     if edited and not arguments.update and not arguments.check:
         more = f" and {len(edited) - 6} more" if len(edited) > 6 else ""

@@ -21,10 +21,13 @@ RECORD = "import.json"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Earlier:
-    """An import that lies in `folder`, an absolute path: the `document` (its file) and its `text` as they were written, the SHA-256 of the
-    meshes, what things of the source were called, and the roots and the repair that were asked for."""
+    """An import that lies in `folder`, an absolute path, of the `robot` of that name in a file called `source`: the `document` (its file)
+    and its `text` as they were written, the SHA-256 of the meshes, what things of the source were called, and the roots and the repair
+    that were asked for."""
 
     folder: str
+    source: str
+    robot: str
     document: str
     text: str = field(repr=False)
     meshes: Mapping[str, str]
@@ -65,10 +68,11 @@ def earlier_import(folder: str) -> Earlier | None:
     try:
         with open(os.path.join(folder, RECORD), "rb") as stream:
             record: Any = json.load(stream)
-        document, asked, names = record["document"], record["asked"], record["names"]
+        document, asked, names, source = record["document"], record["asked"], record["names"], record["source"]
         text = "".join(f"{line}\n" for line in document["lines"])
         earlier = Earlier(
-            folder=folder, document=_inside(document["file"]), text=text, roots=tuple(asked["roots"]), repair=_repair(asked["repair"]),
+            folder=folder, source=str(source["file"]), robot=str(source["robot"]), document=_inside(document["file"]), text=text,
+            roots=tuple(asked["roots"]), repair=_repair(asked["repair"]),
             meshes={_inside(name): str(sha256) for name, sha256 in record["meshes"].items()}, with_meshes=bool(asked["meshes"]),
             links={**names["links"], **names["frames"]}, joints={**names["joints"]},
         )
