@@ -239,6 +239,7 @@ BAD = {
     "words.stl": (lambda data: b"solid nothing\nendsolid", "holds no triangles"),
     "words.obj": (lambda data: b"v 0 0\nf 1 2 3\n", "is no OBJ that trimesh can read"),
     "nan.stl": (lambda data: data[:96] + b"\xff\xff\xff\xff" + data[100:], "has a coordinate that is not finite"),
+    "far.obj": (lambda data: b"v 1e308 0 0\nv -1e308 0 0\nv 0 1e308 0\nf 1 2 3\n", "and 1e+06 m at most are read"),
     "bomb.stl": (lambda data: data[:80] + (6_000_000).to_bytes(4, "little") + data[84:], "says that it has 6000000 triangles"),
     "bomb.ply": (lambda data: b"ply\nformat ascii 1.0\nelement vertex 3\nelement face 9000000\nend_header\n", "has 9000000 triangles"),
     "text.glb": (lambda data: b"no glTF", "is no GLB that trimesh can read"),

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 MOST = 5_000_000
 """Triangles of a mesh file."""
+FARTHEST = 1e6
+"""Metres: of what reaches much further no inertia can be worked out."""
 
 MUJOCO_MOST = 200_000
 """Triangles of an STL file that MuJoCo reads."""
@@ -89,6 +91,8 @@ def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
     corners = _in_order([corners for _, corners in colored])
     if not np.isfinite(corners).all():
         raise BadMesh("has a coordinate that is not finite")
+    if float(np.abs(corners).max()) > FARTHEST:
+        raise BadMesh(f"reaches {float(np.abs(corners).max()):.3g} m, and {FARTHEST:g} m at most are read")
     mesh, matter, turned = _kept(corners, store)
     by_color: dict[str | None, list[Any]] = {}
     for color, some in colored:
