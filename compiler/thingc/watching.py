@@ -34,9 +34,9 @@ def looks(look: Callable[[], Seen], stop: threading.Event, pause: float) -> Iter
     """What `look` finds, again and again until `stop` is set, with a pause [s] in between that is longer where looking takes long."""
     while not stop.is_set():
         started = time.monotonic()
-        found = look()
+        seen = look()
         seconds = time.monotonic() - started
-        yield found
+        yield seen
         stop.wait(max(pause, seconds * (1.0 / SHARE - 1.0)))
 
 
