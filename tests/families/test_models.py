@@ -129,6 +129,23 @@ def test_a_shared_model_is_lent_and_others_are_one_s_own(everything: thingc.Robo
     assert differing(lent[0], own[-1]) == [] and "body_mass" in differing(own[0], own[1])
 
 
+@pytest.mark.parametrize("one", [{"load": 0.51}, {"heavy": True}])
+def test_what_a_borrower_writes_into_a_model_is_in_nobody_else_s(workspace: Path, one: dict[str, Any]) -> None:
+    """Of numbers, which are written into the arrays of the model that is lent, and of what is compiled and kept."""
+    with thingc.family(workspace / "everything.yaml", verify=1) as family:
+        honest = family.model(one, visual=False)
+        for _ in range(5):
+            lent = next(family.models([one], share=True))
+            assert isinstance(lent, mujoco.MjModel)
+            lent.opt.timestep, lent.opt.gravity[:], lent.body_mass[:], lent.dof_damping[:] = 0.5, 7.0, 77.0, 7.0
+        assert differing(family.model(one, visual=False), honest) == []
+        assert [differing(model, honest) for model in family.models([one, one])] == [[], []]
+        (group,) = family.batched([one]).groups
+        assert differing(group.model, honest) == []
+        explained = family.explain("load")
+        assert isinstance(explained, Explanation) and explained.way == "arrays"
+
+
 def test_what_has_been_compiled_is_kept_for_a_while(everything: thingc.RobotFamily) -> None:
     first, again = (next(everything.models([{"heavy": True}], share=True, visual=True)) for _ in range(2))
     own = everything.model({"heavy": True})

@@ -229,6 +229,10 @@ def test_of_variants_that_differ_in_numbers_few_models_are_compiled(
     assert len(compiled) <= 7 < len(drawn)  # one whose arrays are written, and the 1st, 2nd, 4th, 8th, 16th ... which are compared
     alone = next(family.models(drawn[1:2], scene=scene, visual=visual))  # as episodes have them
     assert not differing(alone, whole[1])
+    for lent in family.models(drawn, scene=scene, visual=visual, share=True):
+        lent.opt.timestep = 0.5  # which is the borrower's own affair
+    alone = next(family.models(drawn[1:2], scene=scene, visual=visual))
+    assert not differing(alone, whole[1])
 
 
 def test_models_of_other_structure_are_each_compiled(some: Path, boards: Path, arms: Path) -> None:

@@ -113,9 +113,9 @@ class RobotFamily:
         floor: bool = False,
     ) -> Iterator[mujoco.MjModel | NoModel]:
         """The models of many settings, in their order, made as they are asked for (up to 128 settings are read ahead). With `share` one
-        model is lent: it is that of the settings until the next one is asked for, and nobody else's to change; an `MjData` of it goes on
-        being usable as long as it is the same object. `NoModel` stands in place of a model that there is none of. Raises `UnknownChoice`
-        for a mode that is not there."""
+        model is lent: it is that of the settings until the next one is asked for; an `MjData` of it goes on being usable as long as it is
+        the same object. What is written into a lent model may stay in the next one that is lent, and is in no other. `NoModel` stands in
+        place of a model that there is none of. Raises `UnknownChoice` for a mode that is not there."""
         return self._of(mode, visual, floor).each(map(self._read, many), share=share)
 
     def batched(
@@ -125,6 +125,7 @@ class RobotFamily:
         geometry are of one model, too, which has the meshes of all; with `floor` they stand on that of their scenes. Raises
         `UnknownChoice` for a mode that is not there."""
         models, read = self._of(mode, False, floor), [self._read(one) for one in many]
+        models.take_back()
         return batched(models.each(read, share=True), (lambda index: models.source(read[index][1])) if union else None)
 
     def write(

@@ -52,13 +52,13 @@ class ModelsOfMode:
         self._files: mujoco.MjVfs | None = None
         self._held: dict[str, Stored] = {}
         self._made = 0
-        self._kept: OrderedDict[Read, mujoco.MjModel] = OrderedDict()
+        self._kept: OrderedDict[tuple[Read, bool], mujoco.MjModel] = OrderedDict()
 
     def each(self, many: Iterable[Item], *, share: bool) -> Iterator[mujoco.MjModel | NoModel]:
         """The models, in order; shared ones are lent until the next."""
         waiting: list[tuple[Item, NumericPlan[Any], tuple[float, ...]]] = []
         for item in many:
-            planned = None if self._is_kept(item[1]) else self._planned(item[1])
+            planned = None if self._is_kept(item[1], share) else self._planned(item[1])
             if waiting and (planned is None or planned[0] is not waiting[0][1] or len(waiting) == TOGETHER):
                 yield from self._together(waiting, share)
                 waiting = []
@@ -68,9 +68,17 @@ class ModelsOfMode:
                 waiting.append((item, *planned))
         yield from self._together(waiting, share)
 
-    def _is_kept(self, read: Read) -> bool:
+    def take_back(self) -> None:
+        """See to it that nothing of what borrowers have written into their models is in the next ones."""
+        for form in self.forms.kept.values():
+            for plan in form.plans:
+                if isinstance(plan.made, Arrays):
+                    plan.made.take_back()
+        self._kept = OrderedDict((key, model) for key, model in self._kept.items() if not key[1])
+
+    def _is_kept(self, read: Read, share: bool) -> bool:
         """Whether a compiled model is at hand, and none that only needs its arrays written."""
-        return read in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.forms.of(read).plans)
+        return (read, share) in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.forms.of(read).plans)
 
     def _planned(self, read: Read) -> tuple[NumericPlan[Arrays | TextTemplate], tuple[float, ...]] | None:
         if read.report is not None or not read.names:
@@ -166,25 +174,25 @@ class ModelsOfMode:
                     yield self._passed(item, share)
                 return
         for index, (item, _, outputs) in enumerate(waiting):
+            self._made += 1
+            is_due = plan.is_due(self._made, self.verify)
             if prepared is None:
                 model = self._by_text(plan, plan.made, item[1], outputs)
             else:
+                if is_due or not share:
+                    plan.made.take_back()
                 plan.made.put(prepared, index)
-                model = plan.made.model
-            if not self._right(item[1], plan, model):
+                model = plan.made.lend() if share else plan.made.model
+            if is_due and not self._right(item[1], plan, model):
                 for wrong, _, _ in waiting[index:]:
                     yield self._passed(wrong, share)
                 return
             if share and prepared is None:
-                self._keep(item[1], model)
+                self._keep(item[1], share, model)
             yield model if share or prepared is None else copy.copy(model)
 
     def _right(self, read: Read, plan: NumericPlan[Any], model: mujoco.MjModel) -> bool:
-        """Whether the model of a plan is the compiled one, where it is time to look (where parts are exchanged at the first of each
-        plan, too); a plan whose model is another one is given up."""
-        self._made += 1
-        if not plan.is_due(self._made, self.verify):
-            return True
+        """Whether the model of a plan is the compiled one; a plan whose model is another one is given up."""
         whole = self._compiled(read)
         wrong = ["refused"] if isinstance(whole, tuple) else differing(model, whole)
         if wrong:
@@ -194,19 +202,19 @@ class ModelsOfMode:
     def _passed(self, item: Item, share: bool) -> mujoco.MjModel | NoModel:
         """The model by every pass, or as it was kept."""
         settings, read = item
-        known = self._kept.get(read) if read.report is None else None
+        known = self._kept.get((read, share)) if read.report is None else None
         if known is None:
             outcome = self._compiled(read)
             if isinstance(outcome, tuple):
                 return NoModel(settings=settings, problems=outcome)
             known = outcome
-        self._keep(read, known)
+        self._keep(read, share, known)
         return known if share else copy.copy(known)
 
-    def _keep(self, read: Read, model: mujoco.MjModel) -> None:
-        """Note a model that nobody changes."""
-        self._kept[read] = model
-        self._kept.move_to_end(read)
+    def _keep(self, read: Read, share: bool, model: mujoco.MjModel) -> None:
+        """Note a model: one that is lent, which its borrowers may have changed, apart from one that copies are made of."""
+        self._kept[read, share] = model
+        self._kept.move_to_end((read, share))
         if len(self._kept) > KEPT:
             self._kept.popitem(last=False)
 

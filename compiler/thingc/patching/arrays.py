@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
+from thingc.patching.exact import restore
 from thingc.patching.inertial import BOXES, Bodies, Worked
 from thingc.patching.places import INERT, TENSED, Entry, places
 from thingc.patching.statistics import Statistics
@@ -70,11 +72,26 @@ class Arrays:
         self._data = mujoco.MjData(self.model)
         stated = {name for element in root.iter("statistic") for name in element.attrib}
         self._statistics = Statistics(self.model, self._data, stated)
+        self._first: mujoco.MjModel | None = None
+        self._is_lent = False
         self._small: dict[int, Bodies] = {}
         self._geoms = [self._colliding(body) for body in self._bodies]
         self._rows = np.array(self._bodies, dtype=int)
         self._masses = [getattr(self.model, name) for name in INERTIAL]
         self._boxes = [[getattr(self.model, name)[self._span(body)] for name in BOXES] for body in self._bodies]
+
+    def lend(self) -> mujoco.MjModel:
+        """The model, to somebody who may write into it."""
+        if self._first is None:
+            self._first = copy.copy(self.model)
+        self._is_lent = True
+        return self.model
+
+    def take_back(self) -> None:
+        """Undo what others have written into the model: `put` makes it that of a variant again, and of nothing else."""
+        if self._is_lent and self._first is not None:
+            restore(self.model, self._first)
+        self._is_lent = False
 
     def _take(self, field: str, entries: list[tuple[int, Entry]]) -> None:
         """Note where the numbers of a field are written, each by its column: into an array, or an option of the model."""

@@ -18,6 +18,19 @@ def differing(first: mujoco.MjModel, second: mujoco.MjModel) -> list[str]:
     return [name for name in names(first) if content(first, name) != content(second, name)]
 
 
+def restore(model: mujoco.MjModel, first: mujoco.MjModel) -> None:
+    """Make a model the same as `first`, of which it was a copy, whatever has been written into it."""
+    import numpy as np
+
+    for name in differing(model, first):
+        group, _, field = name.rpartition(".")
+        value = getattr(_owner(first, group), field)
+        if isinstance(value, np.ndarray):
+            getattr(_owner(model, group), field)[...] = value
+        else:
+            setattr(_owner(model, group), field, value)
+
+
 def names(model: mujoco.MjModel) -> Iterator[str]:
     """What a model is compared by: `body_mass`, `opt.gravity`, `vis.map.znear`."""
     import numpy as np

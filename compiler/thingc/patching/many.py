@@ -57,7 +57,7 @@ class TextModels:
                 if (prepared := kind.prepared([pieces[index] for index in members])) is not None for k, index in enumerate(members)
             }
             for index, one in enumerate(some):
-                made = ready[index][0].put(one, *ready[index][1:]) if index in ready else None
+                made = ready[index][0].put(one, *ready[index][1:], share=share) if index in ready else None
                 yield one.compiled() if made is None else made if share else copy.copy(made)
 
     def _kind(self, one: ModelText, pieces: Sequence[str]) -> _Kind:
@@ -106,16 +106,19 @@ class _Kind:
             pass
         return None
 
-    def put(self, one: ModelText, prepared: Prepared, index: int) -> mujoco.MjModel | None:
-        """The model of a text, lent; None where it is to be compiled."""
+    def put(self, one: ModelText, prepared: Prepared, index: int, *, share: bool) -> mujoco.MjModel | None:
+        """The model of a text, lent or to be copied; None where it is to be compiled."""
         if self._slow or self._arrays is None:
             return None
-        self._arrays.put(prepared, index)
         self._made += 1
-        if self._made & (self._made - 1) == 0 and differing(self._arrays.model, one.compiled()):
+        is_due = self._made & (self._made - 1) == 0
+        if is_due or not share:
+            self._arrays.take_back()
+        self._arrays.put(prepared, index)
+        if is_due and differing(self._arrays.model, one.compiled()):
             self._slow = True
             return None
-        return self._arrays.model
+        return self._arrays.lend() if share else self._arrays.model
 
     def _with(self, others: Iterable[int]) -> Arrays:
         """The arrays, with further attributes whose numbers differ."""
