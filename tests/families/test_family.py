@@ -14,6 +14,7 @@ import pytest
 
 import thingc
 from thingc.families import Space
+from thingc.output import OutputError
 from thingc.pipeline import UnknownChoice
 
 NAMES = {"length": 0.35, "load": 0.5, "joints.lift.limit.upper": 1.4}
@@ -104,6 +105,9 @@ def test_what_is_written_is_a_single_build(workspace: Path, many: thingc.RobotFa
     with pytest.raises(UnknownChoice, match="there is no target `mjzz`") as fault:
         many.write(variant, tmp_path / "wrong", emit=["mjzz"])
     assert fault.value.hint == "did you mean `mjz`?"
+    for place in ("/", "a\0b"):
+        with pytest.raises(OutputError, match="is no folder that a build can be"):
+            many.write(variant, place)
 
 
 ADOPTED = """\

@@ -175,9 +175,12 @@ def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thin
         assert isinstance(refused, NoModel) and not refused and refused.settings == given
         assert refused.problems[0].code.code.startswith(code) and words in refused.problems[0].message, refused.problems[0].message
     for number in (5, "load", None, [("load", 0.5)]):
+        words = f"settings are a mapping from names to values, found {type(number).__name__} `{number}`"
         (refused,) = everything.models([number])  # type: ignore[list-item]
-        assert isinstance(refused, NoModel)
-        assert refused.problems[0].message == f"settings are a mapping from names to values, found {type(number).__name__} `{number}`"
+        assert isinstance(refused, NoModel) and refused.problems[0].message == words
+        if not isinstance(number, list):  # which is many settings, of which one is a pair
+            assert everything.evaluate(number).problems[0].message == words  # type: ignore[call-overload]
+            assert everything.batched(number).refused[0].problems[0].message == words  # type: ignore[arg-type]
     for mode in ("stading", 5):
         with pytest.raises(UnknownChoice, match=f"has no mode `{mode}`"):
             everything.model({}, mode=mode)  # type: ignore[arg-type]
@@ -191,6 +194,23 @@ def test_text_and_numbers_say_the_same(everything: thingc.RobotFamily) -> None:
 def test_one_name_may_mean_many(everything: thingc.RobotFamily) -> None:
     model = everything.model({"joints.*.dynamics.damping": 0.3}, mode="standing")
     assert set(model.dof_damping) == {0.0, 0.3}  # that of the tool is in its own document
+
+
+def test_parameters_have_stars_and_what_these_do_not_meet_is_told_what_there_is(everything: thingc.RobotFamily) -> None:
+    assert everything.numbers({"l*": 0.4}) == {"load": 0.4, "length": 0.4}
+    for name, hint in {
+        "x*": "known parameters: `", "joints.x*.limit.upper": "known names: `", "jonts.*.limit.upper": "did you mean `joints`?",
+        "x*.*": "known names: `",
+    }.items():
+        (problem,) = everything.evaluate({name: 0.3}).problems
+        assert problem.message == f"nothing in the document is meant by `{name}`" and problem.help and problem.help.startswith(hint)
+    (problem,) = everything.evaluate({"joints.x*.limit.upper": 0.3}).problems
+    assert problem.help and "`lift`" in problem.help
+
+
+def test_one_is_many_of_one(everything: thingc.RobotFamily) -> None:
+    assert [bool(model) for model in everything.models({"load": 0.5})] == [True]
+    assert [group.indices for group in everything.batched({"load": 0.5}).groups] == [(0,)]
 
 
 @pytest.mark.parametrize(("name", "way", "words"), [

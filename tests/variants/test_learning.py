@@ -190,8 +190,14 @@ def test_what_cannot_be_is_said_in_words(some: Path) -> None:
     env = make_env(some, mode="hanging", pose="titled")
     with pytest.raises(UnknownVariant, match="has no pose `titled`: did you mean `tilted`"):
         env.reset()
+    env = make_env(some, mode="hanging", descriptor="parameters.length")
     with pytest.raises(UnknownVariant, match="has no variant `some_77`"):
-        make_env(some, mode="hanging").reset(options={"variant": "some_77"})
+        env.reset(options={"variant": "some_77"})
+    with pytest.raises(FamilyError, match="`reset` has no option `varient`"):
+        env.reset(options={"varient": "some_01"})
+    env.reset(seed=1)
+    with pytest.raises(FamilyError, match=r"expected an action of numbers, found \[nan\]"):
+        env.step(np.array([np.nan]))
 
 
 def test_without_gymnasium_it_says_what_to_install() -> None:

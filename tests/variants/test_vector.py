@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 import threading
 from collections.abc import Iterator
@@ -122,6 +123,14 @@ def test_the_same_seed_gives_the_same_episodes_in_any_number_of_threads(family: 
     assert first == run(3, None) == run(2, 4, cache=1) == run(1, [4, 5, 6, 7, 8, 9]) != run(1, 5)
 
 
+def test_what_is_meant_is_taken(family: thingc.RobotFamily) -> None:
+    """One of what there may be many of, and whole numbers as numpy has them."""
+    one = make_vec_env(family, 2, mode="hanging", settings={"length": 0.3}, descriptor="length")  # type: ignore[arg-type]
+    many = make_vec_env(family, 2, mode="hanging", settings=[{"length": 0.3}], descriptor=("length",))
+    same(one.reset(seed=np.int64(7)), many.reset(seed=7))  # type: ignore[arg-type]
+    same(one.reset(seed=[np.int64(1), None], options={"variant": np.int64(0)}), many.reset(seed=[1, None], options={"variant": 0}))
+
+
 def test_settings_are_listed_or_drawn(family: thingc.RobotFamily) -> None:
     many = [{"length": 0.2}, {"length": "30 cm", "bob": 0.3, "joints.swing.dynamics.damping": "0.3 N*m*s/rad"}]
     worlds = make_vec_env(family, 4, settings=many, mode="hanging", descriptor=("length",))
@@ -194,6 +203,10 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: P
         ({"descriptor": ("lenght",)}, UnknownVariant, "`pendulum` has nothing to set called `lenght`: did you mean `length`"),
         ({"settings": []}, FamilyError, "expected at least one of `settings`"),
         ({"settings": [5]}, FamilyError, "expected settings as a mapping from names to numbers or texts, found `5`"),
+        ({"settings": 5}, FamilyError, "expected settings as a mapping from names to numbers or texts, found `5`"),
+        ({"descriptor": "lenght"}, UnknownVariant, "`pendulum` has nothing to set called `lenght`: did you mean `length`"),
+        ({"reward": 5}, FamilyError, "expected `reward` to be a function of a `Step`, found `5`"),
+        ({"terminated": True}, FamilyError, "expected `terminated` to be a function of a `Step`, found `True`"),
         ({"noise": -0.1}, FamilyError, "expected `noise` to be a number of at least 0, found -0.1"),
         ({"settings": [{"length": 7.0}]}, FamilyError, r"the settings \{'length': 7.0\} are refused: .*at most 900 mm"),
     ):
@@ -205,15 +218,21 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: P
     with pytest.raises(UnknownVariant, match="has no pose `titled`: did you mean `tilted`"):
         worlds.reset()
     worlds = make_vec_env(family, 2, mode="hanging")
-    with pytest.raises(UnknownVariant, match="there is no variant `some_77`"):
-        worlds.reset(options={"variant": "some_77"})
-    with pytest.raises(FamilyError, match="expected 2 seeds, one for each world, found 3"):
-        worlds.reset(seed=[1, 2, 3])
+    for wanted in ("some_77", 77, -77, 1.0, True, [1], float("nan")):
+        with pytest.raises(UnknownVariant, match=re.escape(f"there is no variant `{wanted}`")):
+            worlds.reset(options={"variant": wanted})
+    with pytest.raises(FamilyError, match="`reset` has no option `varient`: did you mean `variant`"):
+        worlds.reset(options={"varient": 1})
+    for seed in ([1, 2, 3], "ab", 1.5, [1, 2.5]):
+        with pytest.raises(FamilyError, match=re.escape(f"expected a seed, or 2 of them, one for each world, found `{seed}`")):
+            worlds.reset(seed=seed)
     with pytest.raises(FamilyError, match="expected `reset_mask` to be 2 flags"):
         worlds.reset(options={"reset_mask": np.zeros(2, dtype=bool)})
     worlds.reset()
     with pytest.raises(FamilyError, match=r"expected actions of shape \(2, 1\), found \(1, 2\)"):
         worlds.step(np.zeros((1, 2)))
+    with pytest.raises(FamilyError, match=r"expected an action of numbers, found \[nan\]"):
+        worlds.step(np.array([[0.0], [np.nan]]))
     folder = documents(tmp_path)
     (folder / "none.yaml").write_text(textwrap.dedent("""
         thingc: variants/1

@@ -97,9 +97,8 @@ class RobotFamily:
     def evaluate(self, settings: Any, *, tests: bool = False) -> Evaluated | list[Evaluated]:
         """The results of settings, of a list of them a list: in the mode and the pose of the document of variants, else in the family's
         mode. With `tests` those of the assembly's document are run as well. Nothing is raised for what is wrong with settings."""
-        if _single(settings):
-            return next(self._evaluation.each([self._read(settings)], tests=tests))
-        return list(self._evaluation.each(map(self._read, settings), tests=tests))
+        found = list(self._evaluation.each(map(self._read, as_many(settings)), tests=tests))
+        return found[0] if is_single(settings) else found
 
     def model(
         self, settings: Mapping[str, Any] | Variant, *, mode: str | None = None, visual: bool = True, floor: bool = False,
@@ -116,7 +115,7 @@ class RobotFamily:
         model is lent: it is that of the settings until the next one is asked for; an `MjData` of it goes on being usable as long as it is
         the same object. What is written into a lent model may stay in the next one that is lent, and is in no other. `NoModel` stands in
         place of a model that there is none of. Raises `UnknownChoice` for a mode that is not there."""
-        return self._of(mode, visual, floor).each(map(self._read, many), share=share)
+        return self._of(mode, visual, floor).each(map(self._read, as_many(many)), share=share)
 
     def batched(
         self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, union: bool = True, floor: bool = False,
@@ -124,7 +123,7 @@ class RobotFamily:
         """Many settings as few models without what is only drawn, and arrays of what each has of its own. With `union` variants of other
         geometry are of one model, too, which has the meshes of all; with `floor` they stand on that of their scenes. Raises
         `UnknownChoice` for a mode that is not there."""
-        models, read = self._of(mode, False, floor), [self._read(one) for one in many]
+        models, read = self._of(mode, False, floor), [self._read(one) for one in as_many(many)]
         models.take_back()
         return batched(models.each(read, share=True), (lambda index: models.source(read[index][1])) if union else None)
 
@@ -136,7 +135,7 @@ class RobotFamily:
         build. What comes without a compilation (of other targets than `hag`, `glb` and `html`) MuJoCo is not asked about, unless it is
         compared with one. Raises `UnknownChoice` for a target that is not there, `OutputError` where the system refuses, and
         `UnexpectedFilesError` for a folder that holds anything but such a build."""
-        from thingc.output import write_build
+        from thingc.output import OutputError, write_build
 
         _, read = self._read(settings)
         if read.report is not None:
@@ -147,6 +146,8 @@ class RobotFamily:
         files, problems = builds.passed(own) if planned is None else (planned.files(), planned.problems)
         if files:
             parent, name = os.path.split(os.path.abspath(os.fspath(folder)))
+            if not name or "\0" in name:
+                raise OutputError(f"`{os.fspath(folder)!r}` is no folder that a build can be", "name a folder of its own for it")
             write_build(parent, name, files, self._session.environment.store, self._sources.documents.root.relative)
         return problems
 
@@ -291,8 +292,14 @@ def _of_variants(path: str, workspace: Any) -> bool:
     return documents is not None and documents.root.kind == "variants"
 
 
-def _single(settings: Any) -> bool:
-    return isinstance(settings, Mapping) or not isinstance(settings, (Iterable, Sequence))
+def is_single(settings: Any) -> bool:
+    """Whether these are settings, or something in their place, and not many of them."""
+    return isinstance(settings, (Mapping, str, bytes)) or not isinstance(settings, Iterable)
+
+
+def as_many(settings: Any) -> Iterable[Any]:
+    """Settings where many are expected: one is a list of one."""
+    return [settings] if is_single(settings) else settings
 
 
 def _given(value: ExpressionValue | str) -> Any:

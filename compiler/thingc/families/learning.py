@@ -14,16 +14,17 @@ import os
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.families.family import RobotFamily
+from thingc.families.family import RobotFamily, as_many
 from thingc.families.family import family as family_of
 from thingc.families.results import NoModel
 from thingc.frozen import dataclass
 from thingc.typos import did_you_mean
-from thingc.variants.episodes import Episode, Rules, at_least_one, rules, spans_of
+from thingc.variants.episodes import Episode, Rules, at_least_one, known_options, rules, spans_of
 from thingc.variants.loading import FamilyError, UnknownVariant
 from thingc.variants.tasks import Array, Reward, Step, Terminated
 
@@ -126,15 +127,13 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
     ) -> tuple[Array, dict[str, Any]]:
         """Begin an episode in every world, or in those that `options["reset_mask"]` has: each with a variant that is drawn, or all with
         `options["variant"]` (its place; of a document of variants its id or name, too). World k has the seed `seed + k`."""
-        options = dict(options or {})
+        options = known_options(options, ("variant", "reset_mask"))
         mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))
         if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
             raise FamilyError(f"expected `reset_mask` to be {self.num_envs} flags, at least one of them set, found {mask!r}")
         if seed is None:
             seed, self._seed = self._seed, None
-        seeds = [None if seed is None else seed + k for k in range(self.num_envs)] if seed is None or isinstance(seed, int) else list(seed)
-        if len(seeds) != self.num_envs:
-            raise FamilyError(f"expected {self.num_envs} seeds, one for each world, found {len(seeds)}")
+        seeds = self._seeds(seed)
         infos: dict[str, Any] = {}
         worlds = np.flatnonzero(mask).tolist()
         for k in worlds:
@@ -200,6 +199,17 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
 
     # --- how ----------------------------------------------------------------------------------------------------------------
 
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        """A seed for each world (None: it goes on with its own)."""
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, Integral):
+            return [int(seed) + k for k in range(self.num_envs)]
+        seeds = list(seed) if isinstance(seed, Iterable) and not isinstance(seed, str) else []
+        if len(seeds) != self.num_envs or not all(one is None or isinstance(one, Integral) for one in seeds):
+            raise FamilyError(f"expected a seed, or {self.num_envs} of them, one for each world, found `{seed}`")
+        return [None if one is None else int(one) for one in seeds]
+
     def _simulate(self, episodes: Sequence[Episode]) -> None:
         """MuJoCo leaves the interpreter to others while it steps."""
         if self._pool is None or len(episodes) < 2 * self._threads:
@@ -236,7 +246,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
             return list(ids).index(wanted)
         if isinstance(wanted, str) and wanted in names:
             return list(names).index(wanted)
-        if isinstance(wanted, str) or not -count <= int(wanted) < count:
+        if isinstance(wanted, bool) or not isinstance(wanted, Integral) or not -count <= int(wanted) < count:
             known = did_you_mean(wanted, names, what="variants") if isinstance(wanted, str) and names else f"there are {count}"
             raise UnknownVariant(f"there is no variant `{wanted}`: {known}")
         return int(wanted) % count
@@ -296,7 +306,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
 def make_vec_env(
     family: RobotFamily | str | os.PathLike[str], num_envs: int = 1, *, settings: Iterable[Settings] | Draw | None = None,
     mode: str | None = None, floor: bool = True, visual: bool = False, reward: Reward | str = "hold", terminated: Terminated | None = None,
-    frame_skip: int = 5, max_steps: int = 1000, descriptor: Sequence[str] = (), pose: str | None = None, noise: float = 0.0,
+    frame_skip: int = 5, max_steps: int = 1000, descriptor: Sequence[str] | str = (), pose: str | None = None, noise: float = 0.0,
     threads: int = 0, cache: int = CACHED, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, seed: int | None = None,
 ) -> FamilyVectorEnv:
     """`num_envs` worlds with robots of a family (or of a document, as `thingc.family` takes it), stepped together in `threads` (0: one for
@@ -320,7 +330,7 @@ def make_vec_env(
     try:
         return FamilyVectorEnv(
             robots, num_envs, choices=_choices(robots, settings), rules=made, mode=robots.mode if mode is None else mode, floor=floor,
-            visual=visual, descriptor=tuple(descriptor), threads=threads, cache=cache,
+            visual=visual, descriptor=(descriptor,) if isinstance(descriptor, str) else tuple(descriptor), threads=threads, cache=cache,
             autoreset_mode=AutoresetMode(autoreset_mode), seed=seed, owned=robots is not family,
         )
     except BaseException:
@@ -333,7 +343,7 @@ def _choices(family: RobotFamily, settings: Iterable[Settings] | Draw | None) ->
     if callable(settings):
         return Choices(draw=settings)
     if settings is not None:
-        many = list(settings)
+        many = list(as_many(settings))
         if not many:
             raise FamilyError("expected at least one of `settings`: there is nothing to simulate")
         return Choices(many=[dict(_key(one)) for one in many])

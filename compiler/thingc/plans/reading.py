@@ -16,6 +16,7 @@ from thingc.frozen import dataclass
 from thingc.resolve import AssemblyParameters, Settings, Sources
 from thingc.source import SET, MappingNode, Node
 from thingc.spec import stated_value
+from thingc.typos import did_you_mean
 from thingc.units import NUMBER, Quantity, UnitError, parse_quantity
 
 
@@ -63,11 +64,29 @@ class SettingsReader:
         return None
 
     def meant(self, name: str) -> tuple[str, ...]:
-        """The names that one with stars stands for (`joints.*.dynamics.damping`); one without is itself."""
+        """The names that one with stars stands for (`joints.*.dynamics.damping`, `leg_*` of parameters); one without is itself."""
         known = self._meant.get(name)
         if known is None:
-            known = self._meant[name] = (name,) if "*" not in name else tuple(_matching(self._documents.root.tree, name.split(".")))
+            if "*" not in name:
+                known = (name,)
+            elif "." not in name:
+                known = tuple(one for one in self.parameters if fnmatchcase(one, name))
+            else:
+                known = tuple(_matching(self._documents.root.tree, name.split(".")))
+            self._meant[name] = known
         return known
+
+    def _hint(self, name: str) -> str:
+        """What there is where a name with stars meets nothing."""
+        if "." not in name:
+            return did_you_mean(name, self.parameters, what="parameters")
+        met: list[Node] = [self._documents.root.tree]
+        for word in name.split("."):
+            inside = [(key, node) for one in met if isinstance(one, MappingNode) for key, node in one.entries.items()]
+            met = [node for key, node in inside if fnmatchcase(key, word)]
+            if not met:
+                break
+        return did_you_mean(word, [key for key, _ in inside])
 
     def read(self, settings: Mapping[str, Any]) -> Read:
         """The settings, over those that hold for the whole family. What is no mapping, or has keys that are no names, is reported."""
@@ -85,7 +104,8 @@ class SettingsReader:
                 value = _plain(value)
             if not names:
                 report = report or Report()
-                report.add(Code.CHOICE_OPTION, f"nothing in the document is meant by `{given}`", None, path=f"{SET}{given}")
+                help = self._hint(given) if isinstance(given, str) else "a name is a text, such as `joints.NAME.limit.upper`"
+                report.add(Code.CHOICE_OPTION, f"nothing in the document is meant by `{given}`", None, path=f"{SET}{given}", help=help)
             for name in names:
                 numbers.pop(name, None)
                 texts.pop(name, None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +38,9 @@ def rules(reward: Reward | str, terminated: Terminated | None, frame_skip: int, 
         if reward not in TASKS:
             raise UnknownVariant(f"there is no task `{reward}`: {did_you_mean(reward, TASKS, what='tasks')}")
         reward = TASKS[reward]
+    for name, called in (("reward", reward), ("terminated", terminated)):
+        if called is not None and not callable(called):
+            raise FamilyError(f"expected `{name}` to be a function of a `Step`, found `{called}`")
     at_least_one(frame_skip=frame_skip, max_steps=max_steps)
     if not 0.0 <= noise < math.inf:
         raise FamilyError(f"expected `noise` to be a number of at least 0, found {noise}")
@@ -49,6 +52,15 @@ def at_least_one(**numbers: int) -> None:
     for name, value in numbers.items():
         if not isinstance(value, Integral) or value < 1:
             raise FamilyError(f"expected `{name}` to be a whole number of at least 1, found {value}")
+
+
+def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
+    """What a `reset` is asked for. Raises `FamilyError` for an option that it has not."""
+    options = dict(options or {})
+    for name in options:
+        if name not in known:
+            raise FamilyError(f"`reset` has no option `{name}`: {did_you_mean(str(name), known, what='options')}")
+    return options
 
 
 class Episode:
@@ -88,7 +100,10 @@ class Episode:
         self.start = np.array(data.qpos)
 
     def ask(self, action: Array) -> None:
-        """An action (nu or more,): [-1, 1] spans each control's range."""
+        """An action (nu or more,): [-1, 1] spans each control's range. Raises `FamilyError` for one that is no number, in place of which
+        MuJoCo would take 0."""
+        if np.isnan(action).any():
+            raise FamilyError(f"expected an action of numbers, found {action}")
         self._action = np.clip(np.asarray(action, np.float64)[: self.model.nu], -1.0, 1.0)
         self.data.ctrl[:] = self._low + (self._action + 1.0) / 2.0 * (self._high - self._low)
         self._before, self._started = np.array(self.data.subtree_com[0]), self.data.time

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.variants.episodes import Episode, Rules, at_least_one, rules, spans_of
+from thingc.variants.episodes import Episode, Rules, at_least_one, known_options, rules, spans_of
 from thingc.variants.loading import BuiltVariant, Family, FamilyError, Sizes, load
 from thingc.variants.tasks import TASKS, Array, Reward, Step, Terminated
 
@@ -73,7 +73,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         if seed is None:
             seed, self._seed = self._seed, None
         super().reset(seed=seed)
-        wanted = (options or {}).get("variant")
+        wanted = known_options(options, ("variant",)).get("variant")
         place = self.np_random.choice(len(self.family), p=self._weights)  # drawn in any case: options do not change what follows
         self.variant = self.family[int(place) if wanted is None else wanted]
         episode = self._of(self.variant)
@@ -128,7 +128,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
 def make_env(
     folder: str | os.PathLike[str] | Family, *, mode: str | None = None, scene: bool = True, visual: bool = True,
     reward: Reward | str = "hold", terminated: Terminated | None = None, frame_skip: int = 5, max_steps: int = 1000,
-    descriptor: Sequence[str] = (), weights: str | Callable[[BuiltVariant], float] | None = None, pose: str | None = None,
+    descriptor: Sequence[str] | str = (), weights: str | Callable[[BuiltVariant], float] | None = None, pose: str | None = None,
     noise: float = 0.0, pad: bool = False, cache: int = CACHED, seed: int | None = None,
 ) -> VariantsEnv:
     """An environment over the variants of a batch (its folder, or a family of `load`, filtered as you like).
@@ -149,7 +149,8 @@ def make_env(
         raise FamilyError(f"batch `{family.name}` has no built variant here: there is nothing to simulate")
     at_least_one(cache=cache)
     return VariantsEnv(
-        family, mode=family.chosen(mode), scene=scene, visual=visual, descriptor=tuple(descriptor), weights=_weights(family, weights),
+        family, mode=family.chosen(mode), scene=scene, visual=visual,
+        descriptor=(descriptor,) if isinstance(descriptor, str) else tuple(descriptor), weights=_weights(family, weights),
         rules=rules(reward, terminated, frame_skip, max_steps, pose, noise), pad=pad, cache=cache, seed=seed,
     )
 
