@@ -212,6 +212,24 @@ def test_the_page_of_a_long_table_has_some_of_its_rows(here: Path, monkeypatch: 
     assert len(told["rows"]) == 4 and told["done"] == 12 and told["layout"] == "packed"
 
 
+@pytest.mark.parametrize("name", ["000001.parquet", "000001.run.parquet"])
+def test_a_damaged_chunk_is_said_and_built_again_once_it_is_deleted(name: str, tmp_path: Path, shared_store: str) -> None:
+    document = workspace(tmp_path, some=SOME) / "some.yaml"
+    run(str(document), options=Options(store=shared_store), layout="packed")
+    out = tmp_path / "build" / "some"
+    whole, file = sealed(out), out / "chunks" / name
+    for damage in (b"", b"no table", file.read_bytes()[:-9]):
+        file.write_bytes(damage)
+        with pytest.raises(OSError, match=f"`.*{name}` is damaged: delete it, and go on with --resume: what was in it is built again"):
+            load(out, mode="flying")
+        with pytest.raises(BatchFault, match="is damaged") as caught:
+            run(str(document), options=Options(store=shared_store), resume=True)
+        assert caught.value.diagnostic.code is Code.BATCH_CHANGED
+    file.unlink()
+    assert run(str(document), options=Options(store=shared_store), resume=True).statuses == {"built": 8, "kept_out": 4}
+    assert sealed(out) == whole
+
+
 def test_a_file_that_is_not_there_is_said(here: Path, tmp_path: Path, shared_store: str) -> None:
     other = workspace(tmp_path, some=SOME)
     run(str(other / "some.yaml"), options=Options(store=shared_store), layout="packed", emit=("bom",), limit=2)

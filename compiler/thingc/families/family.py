@@ -45,7 +45,8 @@ class RobotFamily:
     changes are not seen.
 
     `verify`: of so many models and results that come without a compilation one is compared with one (0: none is; None: the first, the
-    second, the fourth, the eighth ...). Not for several threads at once.
+    second, the fourth, the eighth ...). Not for several threads at once; after a fork each process has a family of its own. Whatever models
+    parts raises `StoreUnusable` where the folder of modelled parts cannot be used.
     """
 
     def __init__(
@@ -136,6 +137,7 @@ class RobotFamily:
         compared with one. Raises `UnknownChoice` for a target that is not there, `OutputError` where the system refuses, and
         `UnexpectedFilesError` for a folder that holds anything but such a build."""
         from thingc.output import OutputError, write_build
+        from thingc.realize.store.local import BlobMissing
 
         _, read = self._read(settings)
         if read.report is not None:
@@ -148,7 +150,12 @@ class RobotFamily:
             parent, name = os.path.split(os.path.abspath(os.fspath(folder)))
             if not name or "\0" in name:
                 raise OutputError(f"`{os.fspath(folder)!r}` is no folder that a build can be", "name a folder of its own for it")
-            write_build(parent, name, files, self._session.environment.store, self._sources.documents.root.relative)
+            store = self._session.environment.store
+            try:
+                write_build(parent, name, files, store, self._sources.documents.root.relative)
+            except BlobMissing as fault:
+                words = f"the store `{store.root}` no longer has the meshes of parts"
+                raise OutputError(words, "make the family anew: what is not there is modelled again") from fault
         return problems
 
     def adopt(self, settings: Mapping[str, Any] | Variant) -> tuple[Diagnostic, ...]:

@@ -63,6 +63,7 @@ class Workers:
         self.jobs = max(1, jobs)
         self.forking = forking
         self.seed = seed
+        self._owner = os.getpid()
         self._processes: list[_Process] = []
         self._lines: Lines = queue.SimpleQueue()
         self._number = 0
@@ -90,8 +91,16 @@ class Workers:
         with contextlib.suppress(WorkerBroken):
             self.ensure()
 
+    def _leave_others(self) -> None:
+        """After a fork: the workers are the parent's, which goes on asking them; this process has none."""
+        if self._owner != os.getpid():
+            self._owner = os.getpid()
+            self._processes, self._lines = [], queue.SimpleQueue()
+            self._begun, self._early = {}, {}
+
     def ensure(self) -> None:
         """Start the workers that are missing. Raises `WorkerBroken`."""
+        self._leave_others()
         wanted = 1 if self.forking else self.jobs
         while len(self._processes) < wanted:
             flags = ["--jobs", str(self.jobs)] if self.forking else ["--inline"]
@@ -108,11 +117,13 @@ class Workers:
 
     def prepare(self, files: Sequence[str]) -> None:
         """Let workers that are there, and fork, get ready for a part whose code is in these files."""
+        self._leave_others()
         for worker in self._processes if self.forking else ():
             worker.process.ask({"prepare": files})
 
     def forget(self, but: Iterable[Mapping[str, Any]] = ()) -> None:
         """End what was begun and is not wanted: all but these requests."""
+        self._leave_others()
         wanted = set(map(_text, but))
         for text in [text for text in self._begun if text not in wanted]:
             number = self._begun.pop(text)
@@ -218,6 +229,7 @@ class Workers:
 
     def close(self) -> None:
         """End all workers and wait until they are gone."""
+        self._leave_others()
         ended, self._processes = self._processes, []
         self._begun, self._early = {}, {}
         for worker in ended:

@@ -25,6 +25,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
+from thingc.diagnostics import shown_path
 from thingc.frozen import dataclass
 from thingc.variants import places
 from thingc.variants.columns import column
@@ -51,6 +52,27 @@ OPEN_MOST, COLUMNS_MOST = 16, 24
 
 _SEALED = re.compile(r"([0-9]{6})\.parquet")
 _JOURNAL = re.compile(r"([0-9]{6})\.jsonl")
+
+
+class DamagedChunk(OSError):
+    """A file of a chunk that cannot be read. Without either of its files a chunk counts as not done."""
+
+    cure = "delete it, and go on with --resume: what was in it is built again"
+
+    def __init__(self, path: str) -> None:
+        self.words = f"`{shown_path(path)}` is damaged"
+        super().__init__(f"{self.words}: {self.cure}")
+
+
+@contextlib.contextmanager
+def _reading(path: str) -> Iterator[None]:
+    """Reads of a sealed file. Raises `DamagedChunk`."""
+    from pyarrow import ArrowException
+
+    try:
+        yield
+    except (ArrowException, OSError) as fault:
+        raise DamagedChunk(path) from fault
 
 
 def _place(folder: str, number: int, end: str) -> str:
@@ -226,14 +248,15 @@ class Chunk:
                 self._begins[int(line["index"])] = at
                 own.update(line.get(FILES, ()))
                 lengths.update(name for name in line.get("results", ()) if name.startswith(LENGTHS))
-        self._sealed = _opened(_place(folder, number, ".parquet"))
-        self._run = _opened(_place(folder, number, ".run.parquet")) if self._sealed is not None else None
+        self._path = _place(folder, number, ".parquet")
+        self._run = _opened(_place(folder, number, ".run.parquet"))
+        self._sealed = _opened(self._path) if self._run is not None else None
         self._rows: dict[int, int] = {}
         self._starts: list[int] = []
         if self._sealed is not None:
             metadata = self._sealed.metadata
             self._starts = [0, *accumulate(metadata.row_group(k).num_rows for k in range(metadata.num_row_groups))]
-            self._rows = {index: row for row, index in enumerate(self._sealed.read(["index"])["index"].to_pylist())}
+            self._rows = {index: row for row, index in enumerate(self._read(["index"])["index"].to_pylist())}
             own.update(self._sealed.schema_arrow.names[len(CELLS):])
             lengths.update(json.loads(self._sealed.schema_arrow.metadata[b"lengths"]))
         self.indices = sorted(self._rows.keys() | self._begins.keys())
@@ -250,7 +273,7 @@ class Chunk:
         """Index, id, name and status of each variant that is done."""
         heads: dict[int, tuple[int, str, str, str]] = {}
         if self._sealed is not None:
-            cells = self._sealed.read(list(HEADS))
+            cells = self._read(list(HEADS))
             heads = {one[0]: one for one in zip(*(cells[name].to_pylist() for name in HEADS), strict=True)}
         for index in self._begins:
             line = self._noted(index)
@@ -261,7 +284,7 @@ class Chunk:
         """How many variants have which losses, as JSON."""
         counts: Counter[str | None] = Counter()
         if self._sealed is not None:
-            counted = self._sealed.read(["losses"])["losses"].value_counts()
+            counted = self._read(["losses"])["losses"].value_counts()
             counts.update({one["values"]: one["counts"] for one in counted.to_pylist()})
         for index in self._begins:
             counts[self.row(index).losses] += 1
@@ -309,6 +332,12 @@ class Chunk:
             files={path: data for path, data in files.items() if data is not None},
         )
 
+    def _read(self, columns: list[str]) -> Any:
+        """Columns of the sealed file."""
+        assert self._sealed is not None
+        with _reading(self._path):
+            return self._sealed.read(columns)
+
     def _noted(self, index: int) -> Line:
         """What the journal says; of neighbouring questions the answer is kept."""
         if self._entry[0] != index:
@@ -323,7 +352,8 @@ class Chunk:
         if cells is None:
             file = self._run if column == "run" else self._sealed
             assert file is not None
-            cells = self._columns[group, column] = file.read_row_group(group, columns=[column]).column(0)
+            with _reading(self._path):
+                cells = self._columns[group, column] = file.read_row_group(group, columns=[column]).column(0)
             while len(self._columns) > max(COLUMNS_MOST, 2 * len(self.paths)):
                 self._columns.popitem(last=False)
         else:
@@ -336,7 +366,8 @@ def _opened(path: str) -> ParquetFile | None:
         return None
     from pyarrow.parquet import ParquetFile
 
-    return ParquetFile(path)
+    with _reading(path):
+        return ParquetFile(path)
 
 
 class Chunks:

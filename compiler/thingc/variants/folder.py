@@ -19,6 +19,7 @@ from thingc.output import unexpected_files as unexpected_in_build
 from thingc.realize import Digests
 from thingc.stamp import state_of
 from thingc.variants import places
+from thingc.variants.chunks import DamagedChunk
 
 KIND = "batch/1"
 _VARIANT = re.compile(r"[0-9a-f]{12}")
@@ -258,7 +259,9 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 
 
 def in_words(folder: str, fault: OSError) -> BatchFault:
-    """Why the system refuses to write a batch."""
+    """Why the system refuses to write a batch, or to read what is there of it."""
+    if isinstance(fault, DamagedChunk):
+        return BatchFault(Code.BATCH_CHANGED, fault.words, fault.cure)
     place = shown_path(str(fault.filename)) if fault.filename is not None else shown_path(folder)
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return BatchFault(
