@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import thingc
+from thingc.output import OutputError
 from thingc.patching import differing
 from thingc.variants import apply
 
@@ -110,3 +111,15 @@ def test_on_a_floor_each_falls_as_in_the_scene_of_its_build(levers: Path, shared
         apply(group.model, group.fields, place)
         np.testing.assert_allclose(fallen(group.model), fallen(model), rtol=0, atol=1e-9)
         assert (group.model.mesh_graphadr >= 0).all()
+
+
+@pytest.mark.slow
+def test_a_store_that_is_deleted_meanwhile_is_said(levers: Path, tmp_path: Path) -> None:
+    with thingc.family(levers, store=str(tmp_path / "store")) as family:
+        assert family.write({}, tmp_path / "first") == ()
+        shutil.rmtree(tmp_path / "store")
+        with pytest.raises(OutputError, match="no longer has the meshes of parts") as fault:
+            family.write({}, tmp_path / "second")
+        assert fault.value.hint == "make the family anew: what is not there is modelled again" and not (tmp_path / "second").exists()
+    with thingc.family(levers, store=str(tmp_path / "store")) as anew:
+        assert anew.write({}, tmp_path / "second") == ()

@@ -144,18 +144,18 @@ class RobotFamily:
             return tuple(read.report.ordered())
         own = self._reader.settings(read, self._units)
         builds = self._builds_of((emit,) if isinstance(emit, str) else tuple(emit))
-        planned = builds.planned(own)
-        files, problems = builds.passed(own) if planned is None else (planned.files(), planned.problems)
-        if files:
-            parent, name = os.path.split(os.path.abspath(os.fspath(folder)))
-            if not name or "\0" in name:
-                raise OutputError(f"`{os.fspath(folder)!r}` is no folder that a build can be", "name a folder of its own for it")
-            store = self._session.environment.store
-            try:
+        store = self._session.environment.store
+        try:
+            planned = builds.planned(own)
+            files, problems = builds.passed(own) if planned is None else (planned.files(), planned.problems)
+            if files:
+                parent, name = os.path.split(os.path.abspath(os.fspath(folder)))
+                if not name or "\0" in name:
+                    raise OutputError(f"`{os.fspath(folder)!r}` is no folder that a build can be", "name a folder of its own for it")
                 write_build(parent, name, files, store, self._sources.documents.root.relative)
-            except BlobMissing as fault:
-                words = f"the store `{store.root}` no longer has the meshes of parts"
-                raise OutputError(words, "make the family anew: what is not there is modelled again") from fault
+        except BlobMissing as fault:
+            words = f"the store `{store.root}` no longer has the meshes of parts"
+            raise OutputError(words, "make the family anew: what is not there is modelled again") from fault
         return problems
 
     def adopt(self, settings: Mapping[str, Any] | Variant) -> tuple[Diagnostic, ...]:
