@@ -96,6 +96,31 @@ def test_lines(watching: Watching) -> None:
     assert said.count(failed) == 1 and said.count("\n1 error\n") == 1 and "Traceback" not in said
 
 
+INTERRUPTED = """\
+import signal, weakref
+from thingc.cli.main import parsed
+from thingc.cli.watch import live_of, until_interrupted
+
+class Dies: pass
+
+def hear(made):
+    one = Dies()
+    hear.watching = weakref.ref(one, lambda _: signal.raise_signal(signal.SIGINT))
+
+raise SystemExit(until_interrupted(live_of(parsed(["watch", "robot.yaml", "--emit", "bom"])), hear))
+"""
+
+
+def test_an_interrupt_where_python_drops_what_is_raised(tmp_path: Path, shared_store: str) -> None:
+    """Of every module that is imported a weak reference dies, and what is raised there is only printed."""
+    write(tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", INTERRUPTED], cwd=tmp_path, capture_output=True, text=True, timeout=60.0,
+        env={**os.environ, "THINGC_STORE": shared_store},
+    )
+    assert done.returncode == 0 and "Exception ignored" in done.stderr and "KeyboardInterrupt" in done.stderr
+
+
 @pytest.mark.parametrize(("words", "said"), [
     (["none.yaml"], "there is no document `none.yaml`"),
     (["robot.yaml", "--mode", "walk"], "`robot.yaml` has no mode `walk`"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import signal
 import sys
@@ -10,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import FrameType
 
 from thingc import pipeline
 from thingc.brief import counted
@@ -82,17 +84,31 @@ def refused(fault: Exception) -> Diagnostic:
 
 def until_interrupted(live: Live, hear: Callable[[Round], None]) -> int:
     """Go through the rounds until Ctrl-C or SIGTERM; nothing of them is alive then."""
+    stop = _Interrupted()
     for number in (signal.SIGINT, signal.SIGTERM):  # a shell has its background jobs ignore the first
-        signal.signal(number, signal.default_int_handler)
-    try:
-        with live:
-            for made in live.rounds(threading.Event()):
-                hear(made)
-                if hopeless(made):
-                    return common.USAGE
-    except KeyboardInterrupt:
-        common.say_in_place()
+        signal.signal(number, stop.interrupt)
+    with contextlib.suppress(KeyboardInterrupt), live:
+        for made in live.rounds(stop):
+            hear(made)
+            if hopeless(made):
+                return common.USAGE
+    common.say_in_place()
     return 0
+
+
+class _Interrupted(threading.Event):
+    """Set by a signal, which is remembered besides being raised: Python drops what is raised where a weak reference dies, as every import
+    has one. (`set` would wait for ever where the signal comes in the middle of `wait`, whose lock it takes.)"""
+
+    asked = False
+
+    def is_set(self) -> bool:
+        return self.asked
+
+    def interrupt(self, number: int, frame: FrameType | None) -> None:
+        """What the signal does."""
+        self.asked = True
+        raise KeyboardInterrupt
 
 
 def hopeless(made: Round) -> bool:
