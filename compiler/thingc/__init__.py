@@ -6,9 +6,10 @@ so that `import thingc` costs nothing and never loads the CAD kernel.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 __version__ = "0.1.0"
+
+TYPE_CHECKING = False
+"""That of `typing`, which takes longer to import than Python to start."""
 
 if TYPE_CHECKING:
     from thingc import modes as modes

@@ -343,7 +343,7 @@ def _accusation(folder: str, unexpected: UnexpectedFiles, document: str) -> Unex
     place = f"`{shown_path(folder)}`"
     ours = unexpected.owner == document
     if unexpected.owner is not None and not ours:
-        message = f"{place} holds the build of another document, `{unexpected.owner}`, and is left as it is"
+        message = f"{place} holds the build of another document, `{unexpected.owner}` and not `{document}`, and is left as it is"
     else:
         said = [
             f"{what} ({_enumerated(names)})"

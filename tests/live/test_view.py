@@ -254,7 +254,7 @@ def test_builds_and_wrong_command_lines(
         code, said = run("view", folder, "--no-open")
         assert code == 2 and "the build `build/robot` has no page" in said and "--emit html" in said
     assert run("build", "robot.yaml", "--emit", "html")[0] == 0
-    for folder in ("build/robot", "build"):
+    for folder in ("build/robot", "build", "build/robot/html/robot.html"):
         assert run("view", folder, "--no-open") == (0, "build/robot/html/robot.html\n")
     for words in (("--mode", "bench"), ("--port", "4000"), ("--against", "robot.yaml"), ("-p", "reach=1 m"), ("--editor", "x:{file}")):
         code, said = run("view", "build/robot", "--no-open", *words)

@@ -232,7 +232,7 @@ def test_which_files_are_documents(tmp_path: Path) -> None:
     """By the key `thingc` of the whole file: a script of that name in a table of pyproject.toml is none."""
     write(tmp_path, {
         "a.toml": '# first\nthingc = "assembly/1"\n[components]\n', "b.yaml": "# first\n\nthingc: assembly/one\n",
-        "pyproject.toml": '[project]\nname = "robots"\n[project.scripts]\nthingc = "thingc.cli.main:entry"\n',
+        "pyproject.toml": '[project]\nname = "robots"\n[project.scripts]\nthingc = "thingc.__main__:entry"\n',
         "thingc.toml": 'thingc = "workspace/1"\n',
     })
     assert [Path(path).name for path in documents_in(str(tmp_path))] == ["a.toml", "b.yaml"]

@@ -160,6 +160,7 @@ def test_words_of_python_and_names_of_modules_are_names_of_robots(name: str, her
     ([""], "`` names no folder that could be made"),
     (["Leg", "--template", "legged"], "a robot cannot be called so: `Leg` is another document of the template `legged`"),
     (["x", "--template", "leged"], "expected `arm`, `legged`, `gripper` or `empty`, found `leged` (did you mean `legged`?)"),
+    (["x", "--template", "rocket"], "expected `arm`, `legged`, `gripper` or `empty`, found `rocket`\n"),
     (["full"], "error[TC805]: the folder `full` has something in it already: `file`\n  help: choose another name, or move that away"),
     (["full/file"], "error[TC805]: `full/file` is there already: a file"),
     (["full/file/rover"], "error[TC805]: `full/file/rover` cannot be made: file exists (`full/file`)"),

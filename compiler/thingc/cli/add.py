@@ -21,7 +21,6 @@ from thingc.layout.setting import Unsettable, with_values, without
 from thingc.load import Documents, read_tree, remember
 from thingc.memo import Memo
 from thingc.source import Document
-from thingc.typos import did_you_mean
 from thingc.writing import both, checked, opened, put
 
 EPILOG = """\
@@ -52,7 +51,7 @@ OPTIONS = {
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `add`."""
     parser.epilog = EPILOG
-    parser.add_argument("what", type=_choice(WHAT), metavar="{" + ",".join(WHAT) + "}", help="what is added")
+    parser.add_argument("what", type=common.one_of(WHAT), metavar="{" + ",".join(WHAT) + "}", help="what is added")
     parser.add_argument(
         "name", metavar="NAME", help="its name; of a part its class or MODULE:CLASS, of an assembly its document, there or not",
     )
@@ -72,7 +71,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--root", metavar="ROOT", help="of a mode: a component or a mount; that of the first mode unless given")
     parser.add_argument(
-        "--base", type=_choice(BASES), metavar="{" + ",".join(BASES) + "}",
+        "--base", type=common.one_of(BASES), metavar="{" + ",".join(BASES) + "}",
         help="of a mode: the first that no other mode with this root has, unless given",
     )
     parser.add_argument(
@@ -82,7 +81,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--pose", metavar="POSE", help="of a mode: where it starts; as the first mode does unless given")
     parser.add_argument("--gravity", metavar="GRAVITY", help="of a mode: wall, ceiling, or three accelerations; floor unless given")
     parser.add_argument(
-        "--type", type=_choice(get_args(JointType)), metavar="TYPE", help="of a joint: its kind; revolute unless given",
+        "--type", type=common.one_of(get_args(JointType)), metavar="TYPE", help="of a joint: its kind; revolute unless given",
     )
     parser.add_argument("--parent", metavar="MOUNT", help="of a joint: the mount that it is measured from")
     parser.add_argument("--child", metavar="MOUNT", help="of a joint: the mount that moves; what had placed its component is taken out")
@@ -199,17 +198,6 @@ def _files(files: Mapping[str, str]) -> Iterator[Callable[[], None]]:
                 os.unlink(path)
             else:
                 write_in_place(path, data)
-
-
-def _choice(known: Sequence[str]) -> Callable[[str], str]:
-    def choice(text: str) -> str:
-        if text not in known:
-            hint = did_you_mean(text, known, what="choices")
-            words = ", ".join(f"`{one}`" for one in known[:-1]) + f" or `{known[-1]}`"
-            raise argparse.ArgumentTypeError(f"expected {words}, found `{text}`{f' ({hint})' if hint else ''}")
-        return text
-
-    return choice
 
 
 def _article(what: str) -> str:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.brief import counted
 from thingc.cli import common
+from thingc.cli.interrupts import INTERRUPTED
 from thingc.diagnostics import Diagnostic, shown_path
 from thingc.environment import Options
 from thingc.variants.chunks import CHUNK
@@ -35,8 +36,6 @@ of them are a file in chunks/, and --unpack makes a folder of one.
 """
 VERIFY = {"some": 64, "all": 1, "none": 0}
 """Of how many models MuJoCo is asked about one, by the words for it."""
-INTERRUPTED = 130
-"""The exit code of who was interrupted (128 and the number of SIGINT)."""
 PAUSE = 30.0
 """How often [s] progress is said where standard error is no terminal."""
 STATUSES = {"built": "built", "kept_out": "kept out", "refused": "refused", "failed": "failed"}

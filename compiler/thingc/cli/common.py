@@ -7,7 +7,7 @@ import errno
 import os
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TextIO
 
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
@@ -103,14 +103,20 @@ def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "parts modelled
 
 def add_format(parser: argparse.ArgumentParser, choices: Sequence[str] = ("text", "json")) -> None:
     """The --format option."""
+    metavar = "{" + ",".join(choices) + "}"
+    parser.add_argument("--format", type=one_of(choices), metavar=metavar, default=choices[0], help="how to print (default: %(default)s)")
+
+
+def one_of(known: Sequence[str]) -> Callable[[str], str]:
+    """A word out of several, as argparse wants it checked."""
     def choice(text: str) -> str:
-        if text not in choices:
-            known = ", ".join(f"`{one}`" for one in choices[:-1]) + f" or `{choices[-1]}`"
-            raise argparse.ArgumentTypeError(f"expected {known}, found `{text}`")
+        if text not in known:
+            words = ", ".join(f"`{one}`" for one in known[:-1]) + f" or `{known[-1]}`"
+            close = nearest(text, known)
+            raise argparse.ArgumentTypeError(f"expected {words}, found `{text}`{f' (did you mean `{close}`?)' if close else ''}")
         return text
 
-    metavar = "{" + ",".join(choices) + "}"
-    parser.add_argument("--format", type=choice, metavar=metavar, default=choices[0], help="how to print (default: %(default)s)")
+    return choice
 
 
 def positive(text: str) -> int:

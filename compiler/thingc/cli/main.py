@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import gc
 import importlib
-import io
 import os
 import re
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
+
+from thingc.cli.interrupts import INTERRUPTED
 
 COMMANDS = {
     "new": "make a workspace that builds at once, with a robot to change",
@@ -160,7 +160,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from thingc.cli import common
 
         common.say("interrupted; what was written is whole", stream=sys.stderr)
-        return 130
+        return INTERRUPTED
     except Exception as fault:
         from thingc.cli import common
 
@@ -204,15 +204,3 @@ def _form(asked: str) -> str:
     from thingc.cli import common
 
     return asked if asked in common.FINDINGS else "text"
-
-
-def entry() -> None:
-    """The console script: leaves without the interpreter's slow farewell, after everything has been written."""
-    gc.set_threshold(100_000, 20, 20)  # what a command makes it keeps to its end: looking for garbage costs a tenth of a check
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # a terminal may know fewer letters than documents hold
-    code = main()
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(code)

@@ -34,7 +34,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument("place", metavar="NAME", help="the folder that is made; its last word is the robot's name")
     parser.add_argument(
-        "--template", type=_template, metavar="{" + ",".join(TEMPLATES) + "}", default=next(iter(TEMPLATES)),
+        "--template", type=common.one_of(list(TEMPLATES)), metavar="{" + ",".join(TEMPLATES) + "}", default=next(iter(TEMPLATES)),
         help="the robot to begin with (default: %(default)s)",
     )
 
@@ -91,16 +91,6 @@ def _plain(word: str) -> str:
     from unicodedata import combining, normalize
 
     return "".join(one for one in normalize("NFKD", word.replace("ß", "ss")) if not combining(one))
-
-
-def _template(text: str) -> str:
-    if text not in TEMPLATES:
-        from thingc.typos import did_you_mean
-
-        *most, last = (f"`{one}`" for one in TEMPLATES)
-        hint = did_you_mean(text, TEMPLATES, what="templates")
-        raise argparse.ArgumentTypeError(f"expected {', '.join(most)} or {last}, found `{text}`{f' ({hint})' if hint else ''}")
-    return text
 
 
 def _wire(root: str, report: Report) -> None:

@@ -39,7 +39,7 @@ OF_DOCUMENTS = {
 
 EPILOG = """\
 Serves the page on this machine alone, under an address that nobody can guess, and shows it in a browser; every save is shown there in its
-turn, with what `thingc check` says on top. Nothing is written. A build folder with a page is opened as it is.
+turn, with what `thingc check` says on top. Nothing is written. A build folder with a page, or a page, is opened as it is.
 
   thingc view assemblies/arm.yaml
   thingc view assemblies/arm.yaml --mode bench --no-open
@@ -51,7 +51,7 @@ turn, with what `thingc check` says on top. Nothing is written. A build folder w
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `view`."""
     parser.epilog = EPILOG
-    common.add_document(parser, what="an assembly document (YAML or TOML), or a build folder with html/", metavar="DOC|BUILD")
+    common.add_document(parser, what="an assembly document (YAML or TOML), a build folder with html/, or its page", metavar="DOC|BUILD")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
     parser.add_argument("--against", metavar="DOC", help="a second document, or this one as it is now, to be seen through the robot")
     parser.add_argument("--port", metavar="N", type=_port, default=0, help="the port to listen on (default: a free one)")
@@ -66,7 +66,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 after Ctrl-C, or when a build is opened; 2 where there is nothing to show."""
     try:
-        if os.path.isdir(arguments.document):
+        if os.path.isdir(arguments.document) or _is_page(arguments.document):
             return _open_build(arguments)
         common.require_document(arguments.document)
         options = common.options_of(arguments)
@@ -195,8 +195,8 @@ def _key() -> bytes | None:
 def _open_build(arguments: argparse.Namespace) -> int:
     """Show the page of a finished build, or of the only one in a folder. Raises `WrongCommandLine` where there is none, and for options of
     documents."""
-    folder = _build_meant(arguments.document)
-    pages = sorted(folder.glob("html/*.html"))
+    folder = Path(arguments.document) if _is_page(arguments.document) else _build_meant(arguments.document)
+    pages = [folder] if folder.is_file() else sorted(folder.glob("html/*.html"))
     if not pages:
         raise common.WrongCommandLine(
             f"the build `{shown_path(str(folder))}` has no page", "build it with `--emit html`, or name its document", Code.NO_DOCUMENT
@@ -211,6 +211,11 @@ def _open_build(arguments: argparse.Namespace) -> int:
         if not arguments.no_open:
             webbrowser.open(page.resolve().as_uri())
     return 0
+
+
+def _is_page(name: str) -> bool:
+    """Whether it is the page of a build, which may have gone elsewhere by mail."""
+    return name.lower().endswith(".html") and os.path.isfile(name)
 
 
 def _build_meant(name: str) -> Path:

@@ -5,18 +5,16 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
-import signal
 import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from types import FrameType
 
 from thingc import pipeline
 from thingc.brief import counted
 from thingc.building import Wish
-from thingc.cli import common
+from thingc.cli import common, interrupts
 from thingc.cli.build import answer_of, tell, wish_of
 from thingc.cli.targets import add_building, chosen_targets
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
@@ -84,31 +82,14 @@ def refused(fault: Exception) -> Diagnostic:
 
 def until_interrupted(live: Live, hear: Callable[[Round], None]) -> int:
     """Go through the rounds until Ctrl-C or SIGTERM; nothing of them is alive then."""
-    stop = _Interrupted()
-    for number in (signal.SIGINT, signal.SIGTERM):  # a shell has its background jobs ignore the first
-        signal.signal(number, stop.interrupt)
+    interrupts.heed(ignored=True)
     with contextlib.suppress(KeyboardInterrupt), live:
-        for made in live.rounds(stop):
+        for made in live.rounds(threading.Event()):
             hear(made)
             if hopeless(made):
                 return common.USAGE
     common.say_in_place()
     return 0
-
-
-class _Interrupted(threading.Event):
-    """Set by a signal, which is remembered besides being raised: Python drops what is raised where a weak reference dies, as every import
-    has one. (`set` would wait for ever where the signal comes in the middle of `wait`, whose lock it takes.)"""
-
-    asked = False
-
-    def is_set(self) -> bool:
-        return self.asked
-
-    def interrupt(self, number: int, frame: FrameType | None) -> None:
-        """What the signal does."""
-        self.asked = True
-        raise KeyboardInterrupt
 
 
 def hopeless(made: Round) -> bool:

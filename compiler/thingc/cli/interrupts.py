@@ -1,0 +1,41 @@
+"""Ctrl-C, and SIGTERM as `kill` and supervisors send it: what a command has begun is cleared away, and it ends with one exit code."""
+
+from __future__ import annotations
+
+import signal
+import sys
+
+TYPE_CHECKING = False
+"""That of `typing`: until `heed` is called an interrupt prints a traceback, so little is imported before."""
+
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
+    from types import FrameType
+
+INTERRUPTED = 130
+"""The exit code of who was interrupted (128 and the number of SIGINT)."""
+
+SOON = 0.001
+"""After how long [s] an interrupt that Python has dropped comes again."""
+
+
+def heed(*, ignored: bool = False) -> None:
+    """From here on both signals raise `KeyboardInterrupt`; one that this process was begun to ignore only where it is `ignored` no more: a
+    shell has its background jobs ignore SIGINT, and some of them end by nothing else."""
+    sys.unraisablehook = _again
+    signal.signal(signal.SIGALRM, _interrupt)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if ignored or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _interrupt)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def _again(dropped: UnraisableHookArgs) -> None:
+    """Python drops what is raised where a weak reference dies, as every import has one, and only prints it."""
+    if issubclass(dropped.exc_type, KeyboardInterrupt):
+        signal.setitimer(signal.ITIMER_REAL, SOON)
+    else:
+        sys.__unraisablehook__(dropped)
