@@ -11,8 +11,9 @@ import shutil
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -132,6 +133,23 @@ def test_what_is_refused(server: Server) -> None:
         if not address.startswith("127."):
             with pytest.raises(OSError):
                 socket.create_connection((address, server.port), timeout=2.0)
+
+
+def test_connections_that_ask_for_nothing_are_in_nobodys_way(server: Server) -> None:
+    """One that has asked for news stays, also where many wait that have come after it, some in the middle of a request."""
+    news = News(server.address)
+    began = news.next()
+    with ExitStack() as open_ones:
+        idle = [open_ones.enter_context(socket.create_connection(("127.0.0.1", server.port))) for _ in range(255)]
+        for one in idle[::2]:
+            one.sendall(b"GET / HTTP/1.1\r\nHost:")
+        assert asked(server.address)[0] == 200
+        assert wait_until(lambda: sum(thread.name.startswith("Thread") for thread in threading.enumerate()) < 50, 20.0)
+        idle[-1].sendall(b" x\r\n\r\n")
+        assert idle[-1].recv(100).startswith(b"HTTP/1.1 421 "), "the last ones are not closed"
+    server.tell(None, 0.1, [])
+    assert news.next() == {**began, "seconds": 0.1}
+    news.close()
 
 
 def test_news_reach_who_listens_and_who_comes_late(server: Server) -> None:

@@ -135,7 +135,16 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 good, 1 errors in documents or parts, 2 a wrong command line."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        return _run(list(sys.argv[1:] if arguments is None else arguments))
+    except KeyboardInterrupt:
+        from thingc.cli import common
+
+        common.say("interrupted; what was written is whole", stream=sys.stderr)
+        return INTERRUPTED
+
+
+def _run(words: list[str]) -> int:
     options: argparse.Namespace | None = None
     try:
         options = parsed(words)
@@ -156,11 +165,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # `thingc info ... | head`: the reader has what it wants; without this Python complains while it shuts down.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except KeyboardInterrupt:
-        from thingc.cli import common
-
-        common.say("interrupted; what was written is whole", stream=sys.stderr)
-        return INTERRUPTED
     except Exception as fault:
         from thingc.cli import common
 

@@ -12,9 +12,11 @@ import hmac
 import json
 import os
 import secrets
+import socket
 import sys
 import threading
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -29,6 +31,9 @@ from thingc.workspace import Workspace
 LOOPBACK = "127.0.0.1"
 SILENCE = 15.0
 """After how long [s] without news a browser is told that there are none: who has gone away is found out then."""
+
+IDLE = 32
+"""How many connections may wait for a request; a browser has six at most."""
 
 HEADERS = {
     "Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY",
@@ -54,9 +59,30 @@ class _Shown:
 
 
 class _Quiet(ThreadingHTTPServer):
-    """Says nothing of browsers that go away in the middle of a request."""
+    """Says nothing of browsers that go away in the middle of a request, and gives up connections over which nobody asks for anything: of
+    more than `IDLE` the one that has waited longest, so that there always is one for the next browser."""
 
     daemon_threads = True
+
+    def __init__(self, *arguments: Any) -> None:
+        self._idle: dict[socket.socket, None] = {}
+        self._turn = threading.Lock()
+        super().__init__(*arguments)
+
+    def wait(self, connection: socket.socket) -> None:
+        """A connection waits for a request from now on."""
+        with self._turn:
+            self._idle[connection] = None
+            longest = next(iter(self._idle)) if len(self._idle) > IDLE else None
+        if longest is not None:
+            self.wait_no_more(longest)
+            with suppress(OSError):  # it has ended by itself
+                longest.shutdown(socket.SHUT_RDWR)
+
+    def wait_no_more(self, connection: socket.socket) -> None:
+        """It has asked for something, or has ended."""
+        with self._turn:
+            self._idle.pop(connection, None)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Anything but a lost connection is a defect."""
@@ -184,11 +210,20 @@ class _Handler(BaseHTTPRequestHandler):
     """One request: GET or HEAD of what a server has."""
 
     served: Server
+    server: _Quiet
 
     protocol_version = "HTTP/1.1"
     server_version = "thingc"
     sys_version = ""
     timeout = 60.0
+
+    def handle_one_request(self) -> None:
+        """Wait for a request, read it and answer it."""
+        self.server.wait(self.connection)
+        try:
+            super().handle_one_request()
+        finally:
+            self.server.wait_no_more(self.connection)
 
     def do_GET(self) -> None:
         """Send it."""
@@ -202,6 +237,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Nobody hears of requests."""
 
     def _answer(self, *, body: bool) -> None:
+        self.server.wait_no_more(self.connection)
         if not self.served.hosted(self.headers.get("Host")):
             return self._refuse(HTTPStatus.MISDIRECTED_REQUEST)
         name = self.served.inside(self.path)

@@ -1,0 +1,94 @@
+"""Ctrl-C at any moment: one exit code, no traceback, nothing half written."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from live.documents import write
+
+SAID = "interrupted; what was written is whole\n"
+
+AT_AN_IMPORT = """\
+import signal, sys
+
+class Interrupts:
+    def find_spec(self, name, path, target=None):
+        if name == {module!r}:
+            signal.raise_signal(signal.{name})
+
+from thingc.__main__ import entry
+sys.meta_path.insert(0, Interrupts())
+sys.argv = ["thingc", "build", "robot.yaml"]
+entry()
+"""
+
+MADE_ANOTHER = """\
+import signal, sys
+from typing import Literal
+from pydantic_core import SchemaValidator, core_schema
+from thingc.__main__ import entry
+from thingc.cli import check
+
+class Word:
+    def __hash__(self):
+        signal.raise_signal(signal.SIGINT)
+        return 1
+
+check.check = lambda *_, **__: SchemaValidator(core_schema.literal_schema([Word()]))
+sys.argv = ["thingc", "check", "robot.yaml"]
+entry()
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Path:
+    return write(tmp_path).parent
+
+
+def run(here: Path, store: str, words: Sequence[str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-P", *words], cwd=here, capture_output=True, text=True, timeout=60.0, env={**os.environ, "THINGC_STORE": store},
+    )
+
+
+@pytest.mark.parametrize(("module", "number"), [
+    ("argparse", signal.SIGINT), ("thingc.cli.build", signal.SIGINT), ("pydantic", signal.SIGTERM), ("mujoco", signal.SIGINT),
+])
+def test_while_modules_are_imported(module: str, number: signal.Signals, here: Path, shared_store: str) -> None:
+    done = run(here, shared_store, ["-c", AT_AN_IMPORT.format(module=module, name=number.name)])
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == ("" if module == "argparse" else SAID), "before there is a command there is nothing to be said of it"
+    assert not (here / "build").exists() or list((here / "build").iterdir()) == []
+
+
+def test_another_exception_that_is_made_of_it(here: Path, shared_store: str) -> None:
+    """What is written in Rust has a SchemaError of every exception."""
+    done = run(here, shared_store, ["-c", MADE_ANOTHER])
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", SAID)
+
+
+@pytest.mark.parametrize("seconds", [0.25, 0.4, 0.55])
+def test_at_any_moment(seconds: float, here: Path, shared_store: str) -> None:
+    """As a terminal does it: everybody in the group gets the signal."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # who has been begun in the background ignores it
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-m", "thingc", "new", "rover"], cwd=here, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        start_new_session=True, env={**os.environ, "THINGC_STORE": shared_store},
+    )
+    signal.signal(signal.SIGINT, before)
+    try:
+        process.wait(seconds)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=60.0)
+    made = (here / "rover").exists()
+    assert (process.returncode, said) in ([(0, ""), (130, ""), (130, SAID)] if made else [(130, SAID), (130, "")])
+    assert not made or (here / "rover/.vscode/settings.json").exists(), "a whole workspace"
+    assert not any(path.name.startswith(".rover") for path in here.iterdir())
