@@ -10,7 +10,6 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TextIO
 
-from thingc.cli import interrupts
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.environment import Options
 from thingc.printing import as_json, as_text, summary
@@ -398,10 +397,7 @@ def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
 
 
 def of_exception(fault: Exception) -> Diagnostic:
-    """What to say of an exception that reached the command line: the system's refusals in words, else that thingc has failed. Raises
-    `KeyboardInterrupt` where it comes of one."""
-    if interrupts.came():
-        raise KeyboardInterrupt from fault
+    """What to say of an exception that reached the command line: the system's refusals in words, else that thingc has failed."""
     from thingc.realize.store.local import StoreUnusable
 
     if isinstance(fault, FileNotFoundError) and not _working_folder():

@@ -135,16 +135,7 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 good, 1 errors in documents or parts, 2 a wrong command line."""
-    try:
-        return _run(list(sys.argv[1:] if arguments is None else arguments))
-    except KeyboardInterrupt:
-        from thingc.cli import common
-
-        common.say("interrupted; what was written is whole", stream=sys.stderr)
-        return INTERRUPTED
-
-
-def _run(words: list[str]) -> int:
+    words = list(sys.argv[1:] if arguments is None else arguments)
     options: argparse.Namespace | None = None
     try:
         options = parsed(words)
@@ -165,6 +156,11 @@ def _run(words: list[str]) -> int:
         # `thingc info ... | head`: the reader has what it wants; without this Python complains while it shuts down.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+    except KeyboardInterrupt:
+        from thingc.cli import common
+
+        common.say("interrupted; what was written is whole", stream=sys.stderr)
+        return INTERRUPTED
     except Exception as fault:
         from thingc.cli import common
 

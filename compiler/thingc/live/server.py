@@ -63,6 +63,7 @@ class _Quiet(ThreadingHTTPServer):
     more than `IDLE` the one that has waited longest, so that there always is one for the next browser."""
 
     daemon_threads = True
+    request_queue_size = 128
 
     def __init__(self, *arguments: Any) -> None:
         self._idle: dict[socket.socket, None] = {}
