@@ -162,9 +162,10 @@ def write_new(folder: str, files: Mapping[str, bytes], finish: Callable[[str], N
             finally:
                 _delete(fresh)
     except OSError as fault:
-        where = f" (`{shown_path(fault.filename)}`)" if isinstance(fault.filename, str) else ""
+        where = f" (`{shown_path(fault.filename)}`)" if isinstance(fault.filename, str) and ".thingc-" not in fault.filename else ""
         reason = (fault.strerror or str(fault)).lower()
-        raise OutputError(f"`{place}` cannot be made: {reason}{where}", "mend that, or choose another name or place") from fault
+        cure = "choose a shorter name" if fault.errno == errno.ENAMETOOLONG else f"{_cure(fault)} choose another name or place"
+        raise OutputError(f"`{place}` cannot be made: {reason}{where}", cure) from fault
     return folder
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -46,7 +47,7 @@ class Watching:
     """A process that watches, and what it has printed."""
 
     def __init__(self, document: Path, store: str, *words: str) -> None:
-        self.folder, self.printed = document.parent, document.parent / "printed.txt"
+        self.folder, self.printed = document.parent, document.parent.with_suffix(".txt")
         with open(self.printed, "w") as stream:
             self.process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "thingc", "watch", document.name, *words], cwd=self.folder, stdout=stream, stderr=stream,
@@ -213,6 +214,14 @@ def test_parts_and_what_they_read(tmp_path: Path, shared_store: str) -> None:
         assert "warning" not in watching.text()
         rig.write_text(RIG.replace(", allow: {TC414: two of them are meant}", ""))
         watching.says("warning[TC414]")
+        shutil.rmtree(tmp_path)  # the working folder of all of them
+        watching.says("cannot read `rig.yaml`")
+        (tmp_path / "parts").mkdir(parents=True)
+        blocks.write_text(textwrap.dedent(BLOCKS))
+        height.write_text("10")
+        rig.write_text(RIG.replace("31", "32"))
+        assert "right again; modelled blocks:Block(width=32 mm); " in watching.says("width=32 mm")
+        assert watching.says("width=32 mm").split(" ", 1)[1].startswith(("parts/", "rig.yaml")), "as seen from the folder that is there"
         assert workers and workers[0].is_running(), "the first worker has done all of it"
         watching.process.kill()
         assert not psutil.wait_procs(workers, timeout=60.0)[1]

@@ -415,7 +415,7 @@ def of_exception(fault: Exception) -> Diagnostic:
         where = "what is written has no room" if fault.filename is None else f"`{shown_path(str(fault.filename))}`"
         return Diagnostic(
             code=Code.OUTPUT, severity=Severity.ERROR, message=f"{where}: {fault.strerror or fault}",
-            help=_CURES.get(kind, "make room, or choose another place"),
+            help="choose a shorter name" if fault.errno == errno.ENAMETOOLONG else _CURES.get(kind, "make room, or choose another place"),
         )
     import traceback
 

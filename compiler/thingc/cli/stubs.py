@@ -23,7 +23,7 @@ from thingc.load.paths import DOCUMENT_SUFFIXES
 from thingc.load.scalars import core_value
 from thingc.realize.record import PartRecord, PartSchema
 from thingc.source import Document, MappingNode, SequenceNode, node_at
-from thingc.typos import did_you_mean, meant
+from thingc.typos import did_you_mean, meant, nearest
 from thingc.units import shortened
 
 if TYPE_CHECKING:
@@ -291,7 +291,8 @@ def _test(arguments: argparse.Namespace, documents: Documents | None) -> Additio
     if arguments.kind not in kinds():
         known = ", ".join(f"`{kind}`" for kind in kinds())
         there = "none is here" if arguments.kind is None else f"found `{arguments.kind}`"
-        hint = did_you_mean(arguments.kind or "", kinds(), what="kinds") if arguments.kind else "write for example `--kind mass`"
+        close = nearest(arguments.kind or "", kinds())
+        hint = f"did you mean `{close}`?" if close else "write for example `--kind mass`"
         raise common.WrongCommandLine(f"a test needs a --kind ({known}); {there}", hint)
     mounts = _section(root.tree, "mounts")
     last = list(_section(root.tree, "components"))[-1]

@@ -87,6 +87,7 @@ class Live:
         self.environment: Environment | None = None
         self._wish = wish
         self._refused = refused
+        self._here = os.getcwd()
         self._on_wait = on_wait
         self._writes = writes
         self._turn = turn or contextlib.nullcontext()
@@ -158,6 +159,8 @@ class Live:
         """What comes of the document now, and what was saved while it was looked at: then nothing has been written."""
         started, clock, begun = time.perf_counter(), time.time(), time.monotonic()
         self._abandoned, self._saved = (), saved
+        with contextlib.suppress(OSError):  # it may be another folder of that name by now, as after a branch without it
+            os.chdir(self._here)
         built: Built | None = None
         folder: str | None = None
         good = False

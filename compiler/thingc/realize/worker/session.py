@@ -57,7 +57,7 @@ class PartSession:
     importer: PartImporter = field(init=False)
     asking: Asking = field(init=False)
     loaded: float | None = None
-    _before: str = ""
+    _before: int = -1
     _printing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
 
     def __post_init__(self) -> None:
@@ -68,7 +68,7 @@ class PartSession:
     def __enter__(self) -> PartSession:
         from thingc.things import assets
 
-        self._before = os.getcwd()
+        self._before = os.open(os.curdir, os.O_RDONLY)  # it may have been deleted, and has no name then
         os.chdir(self.around.root)
         self.importer.install()
         ran.begin()
@@ -85,7 +85,8 @@ class PartSession:
         self.stop()
         assets.install(None)
         self.importer.remove()
-        os.chdir(self._before)
+        os.fchdir(self._before)
+        os.close(self._before)
 
     def stop(self) -> None:
         """The part is done: what is read, asked and changed from here on is not its doing."""
