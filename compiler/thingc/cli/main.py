@@ -62,7 +62,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raises `WrongUsage`."""
-        message = message.removeprefix("argument ").replace("the following arguments are required: ", "missing: ")
+        message = re.sub(r"^argument (\{.*?\}: )?", "", message).replace("the following arguments are required: ", "missing: ")
         raise WrongUsage(message, f"`{self.prog} --help` shows what it takes")
 
 
@@ -93,9 +93,9 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
     """The command line understood; None where only help was wanted, which has been printed. Raises `WrongUsage`."""
     command = next((word for word in words if not word.startswith("-")), None)
     if command is not None and command not in COMMANDS:
-        from thingc.typos import did_you_mean
+        from thingc.typos import near_hint
 
-        raise WrongUsage(f"there is no command `{command}`", did_you_mean(command, COMMANDS, what="commands"))
+        raise WrongUsage(f"there is no command `{command}`", near_hint(command, COMMANDS) or "`thingc --help` lists them")
     empty = next((word for word in words if re.fullmatch(r"-\w--|--[\w-]+=--", word)), None)
     if empty is not None:  # argparse would hand on a list
         raise WrongUsage(f"`{empty}`: expected a value, found `--`", "write `./--` for a file or folder of that name")
@@ -117,9 +117,9 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
         word = unknown[0].partition("=")[0]
         what = "option" if word.startswith("-") else "argument"
         of = f" of `thingc {command}`" if command is not None else ""
-        known = [name for action in (own or parser)._actions for name in action.option_strings]
-        close = nearest(word, known) if what == "option" else None
-        help = f"did you mean `{close}`?" if close else f"`{(own or parser).prog} --help` shows what it takes"
+        known = {name.lstrip("-"): name for action in (own or parser)._actions for name in action.option_strings}
+        close = nearest(word.lstrip("-"), known) if what == "option" else None
+        help = f"did you mean `{known[close]}`?" if close else f"`{(own or parser).prog} --help` shows what it takes"
         raise WrongUsage(f"there is no {what} `{word}`{of}" if what == "option" else f"`{word}` is one word too many", help)
     if options.version:
         from thingc import __version__
