@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 from thingc.cli import interrupts
 
 
@@ -12,8 +14,6 @@ def entry() -> None:
         code = _run()
     except KeyboardInterrupt:  # while modules were imported, or after everything was done
         code = interrupts.INTERRUPTED
-    import os
-
     os._exit(code)
 
 

@@ -32,6 +32,22 @@ sys.argv = ["thingc", "build", "robot.yaml"]
 entry()
 """
 
+BETWEEN_FILES = """\
+import signal, sys
+import thingc.layout
+from thingc.__main__ import entry
+
+write = thingc.layout.write_in_place
+
+def write_in_place(path, data):
+    write(path, data)
+    signal.raise_signal(signal.SIGINT)
+
+thingc.layout.write_in_place = write_in_place
+sys.argv = ["thingc", "rename", "finger.yaml", "mounts.seat", "socket"]
+entry()
+"""
+
 
 @pytest.fixture
 def here(tmp_path: Path) -> Path:
@@ -51,6 +67,13 @@ def test_while_modules_are_imported(module: str, number: signal.Signals, here: P
     done = run(here, shared_store, ["-c", AT_AN_IMPORT.format(module=module, name=number.name)])
     assert (done.returncode, done.stdout, done.stderr) in [(130, "", SAID), (130, "", "")], "early there is no command to speak of yet"
     assert not (here / "build").exists() or list((here / "build").iterdir()) == []
+
+
+def test_between_files_that_belong_together(here: Path, shared_store: str) -> None:
+    done = run(here, shared_store, ["-c", BETWEEN_FILES])
+    assert (done.returncode, done.stderr) == (130, SAID)
+    assert "mounts: {socket: bone.seat}" in (here / "finger.yaml").read_text()
+    assert "child: finger_$i.socket" in (here / "robot.yaml").read_text() and "finger_1.socket" in (here / "robot.yaml").read_text()
 
 
 @pytest.mark.parametrize("seconds", [0.25, 0.4, 0.55])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -155,6 +156,21 @@ def test_messages_that_are_none_are_answered_or_passed_over(shared_store: str) -
                 answers[answer["id"]] = answer.get("error", {}).get("code")
     assert answers == {1: -32002, 2: None, 3: -32602, 4: None, 5: -32601, 6: None}
     assert process.wait(20.0) == 0 and process.stderr.read() == b""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_while_it_waits(number: signal.Signals, shared_store: str) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-P", "-m", "thingc", "lsp", "--store", shared_store], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        assert process.stdin is not None and process.stdout is not None and process.stderr is not None
+        body = json.dumps({"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": {"capabilities": {}}}).encode()
+        process.stdin.write(b"Content-Length: %d\r\n\r\n%s" % (len(body), body))
+        process.stdin.flush()
+        assert process.stdout.readline().startswith(b"Content-")
+        process.send_signal(number)
+        assert process.wait(20.0) == 130 and process.stderr.read() == b""
 
 
 def test_a_server_says_so_where_its_extra_is_missing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

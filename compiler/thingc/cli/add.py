@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import get_args
 
-from thingc.cli import common
+from thingc.cli import common, interrupts
 from thingc.cli.stubs import BASES, STUBS, Addition
 from thingc.diagnostics import Diagnostic, Report, Severity, shown_path
 from thingc.environment import Options
@@ -141,10 +141,14 @@ def _write(
             if _wrong(diagnostics):
                 _, already = checked(root.path, options)
                 return _say(arguments, already) if _wrong(already) else _say(arguments, diagnostics, texts={root.path: changed.text})
-            refused = put(root, before, after)
+            with interrupts.held():
+                refused = put(root, before, after)
+                if refused is None:
+                    keep()
             if refused is not None:
                 return _say(arguments, [refused])
-        keep()
+        else:
+            keep()
     where = [] if documents is None else [f"{shown_path(documents.root.path)}: {'.'.join(keys)}" for keys in addition.values]
     done = [*(shown_path(path) for path in addition.files), *where]
     return _say(arguments, diagnostics, done=done)

@@ -9,7 +9,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from thingc.brief import counted
-from thingc.cli import common
+from thingc.cli import common, interrupts
 from thingc.diagnostics import Diagnostic, Report, Severity, shown_path
 from thingc.output import OutputError, write_new
 from thingc.source import dotted
@@ -112,13 +112,18 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: Earlier, 
     fresh = {name: content for name, content in now.files.items() if not os.path.lexists(os.path.join(earlier.folder, name))}
     try:
         put(earlier.folder, fresh)
-        faults = _faults(document, now.merged.text) if edited else []
+        try:
+            faults = _faults(document, now.merged.text) if edited else []
+        except BaseException:  # an interrupt among others
+            put(earlier.folder, {}, [*fresh])
+            raise
         if faults:
             put(earlier.folder, {}, [*fresh])
             for fault in faults:
                 report.say(fault)
             return texts
-        put(earlier.folder, {name: content for name, content in now.files.items() if name not in fresh}, now.gone)
+        with interrupts.held():
+            put(earlier.folder, {name: content for name, content in now.files.items() if name not in fresh}, now.gone)
     except OSError as fault:
         why = (fault.strerror or str(fault)).lower()
         raise OutputError(f"`{shown_path(earlier.folder)}` cannot be written: {why}", "mend that, and import again") from fault

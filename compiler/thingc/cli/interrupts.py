@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
+from contextlib import contextmanager
 
 TYPE_CHECKING = False
 """That of `typing`: until `heed` is called an interrupt prints a traceback, so little is imported before."""
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from sys import UnraisableHookArgs
     from types import FrameType
 
@@ -33,9 +36,37 @@ def heed(*, ignored: bool = False) -> None:
             signal.signal(number, _interrupt)
 
 
+def leave_at_once() -> None:
+    """From here on both signals end the process where it stands: one that has nothing to clear away, and waits where no exception gets
+    through, as an event loop does for its threads."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
+        signal.signal(number, lambda *_: os._exit(INTERRUPTED))
+
+
+@contextmanager
+def held() -> Iterator[None]:
+    """Meanwhile no interrupt gets through: files that belong together are written. It comes afterwards."""
+    global _held, _late
+    _held = True
+    try:
+        yield
+    finally:
+        _held = False
+    if _late:
+        _late = False
+        raise KeyboardInterrupt
+
+
+_held = _late = False
+
+
 def _interrupt(number: int, frame: FrameType | None) -> None:
     """Raise it, but for a module that is being imported: what is written in C and Rust prints it there, makes an error of itself of it, or
     goes on without."""
+    global _late
+    if _held:
+        _late = True
+        return None
     while frame is not None:
         if frame.f_code.co_filename == IMPORTING:
             return _come_again()

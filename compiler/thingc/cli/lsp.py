@@ -7,7 +7,7 @@ import os
 import sys
 from dataclasses import replace
 
-from thingc.cli import common
+from thingc.cli import common, interrupts
 
 EPILOG = """\
 An editor starts it; it speaks the Language Server Protocol over standard input and output.
@@ -42,6 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     from thingc import __version__
     from thingc.lsp.server import serve
 
+    interrupts.leave_at_once()
     protocol = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # whatever is printed is no message of the protocol
     return 0 if serve(options, __version__, common.of_exception, sys.stdin.buffer, protocol) else 1

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from thingc.cli import common
+from thingc.cli import common, interrupts
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 
 if TYPE_CHECKING:
@@ -65,7 +65,8 @@ def run(arguments: argparse.Namespace) -> int:
                 difflib.unified_diff(before[file].splitlines(), text.splitlines(), name, name, lineterm="")
             )
     if not arguments.diff:
-        wrong = _write(done.texts, before)
+        with interrupts.held():
+            wrong = _write(done.texts, before)
         if wrong is not None:
             return _refuse(wrong)
         for file in done.texts:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import re
@@ -137,5 +138,6 @@ def write_in_place(path: str, data: bytes) -> None:
             os.fchmod(descriptor, mode)
         os.replace(fresh, target)
     except BaseException:
-        os.unlink(fresh)
+        with contextlib.suppress(FileNotFoundError):  # it has taken its place already
+            os.unlink(fresh)
         raise
