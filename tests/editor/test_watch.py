@@ -120,7 +120,7 @@ def test_new_documents_and_parts_are_found(watched: Watched) -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_ends_cleanly_and_leaves_nobody_behind(watched: Watched, number: signal.Signals) -> None:
     part = watched.folder / "parts/arm.py"
-    part.write_text(part.read_text().replace("size: edge of the plate", f"size: edge {number.name}"))
+    part.write_text(f"{part.read_text()}\nimport time\ntime.sleep({PATIENCE})\n")  # whoever looks at it is still at it when we look
     own = psutil.Process(watched.process.pid)
     workers = wait_until(lambda: own.children(recursive=True), PATIENCE)
     assert workers, "a worker looks at the part that was edited"

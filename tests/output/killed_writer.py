@@ -47,6 +47,11 @@ def standing(folder: str) -> int | None:
     return None if manifest is None else int(manifest["version"])
 
 
+def elsewhere(folder: str, place: object) -> bool:
+    """Whether it is a path out of the folder: what Python looks up there for itself is no step, and not always the same."""
+    return isinstance(place, str) and os.path.isabs(place) and not place.startswith(folder)
+
+
 def killed_at(folder: str, step: int, version: int) -> tuple[bool, str | None]:
     """A child that writes a build and kills itself at its `step`-th system step; whether it died, and at which."""
     reader, writer = os.pipe()
@@ -54,9 +59,9 @@ def killed_at(folder: str, step: int, version: int) -> tuple[bool, str | None]:
     if child == 0:
         steps = 0
 
-        def hook(event: str, arguments: object) -> None:
+        def hook(event: str, arguments: tuple[object, ...]) -> None:
             nonlocal steps
-            if event.startswith(NOT_COUNTED):
+            if event.startswith(NOT_COUNTED) or arguments and elsewhere(folder, arguments[0]):
                 return
             steps += 1
             if steps == step:

@@ -141,5 +141,5 @@ def test_two_hundred_positions_of_the_arm_take_seconds(root: Path, rig: Workspac
     document.write_text(f"{text}\ntests:\n  sweep: {{no_collision: {{joints: {{'*': all}}, samples: 200}}}}\n")
     started = time.process_time()  # of this process alone, whatever else the machine does
     code, out, _ = rig.run(str(document))
-    assert time.process_time() - started < 10
+    assert time.process_time() - started < 30
     assert code == 1 and "TC655" in out and "200 positions" in out

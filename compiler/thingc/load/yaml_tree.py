@@ -38,7 +38,8 @@ def report_syntax(error: Any, source: Source, report: Report) -> None:
     """Say what is wrong in a text that YAML cannot read, where, and what was probably meant."""
     problem, context = getattr(error, "problem_mark", None), getattr(error, "context_mark", None)
     at = min(problem.index if problem is not None else 0, len(source.text))
-    if "nesting depth" in str(getattr(error, "problem", "")):  # libyaml has a bound of its own, of 1 000, which text ahead of us may pass
+    # libyaml has a bound of its own, 1 000 levels. It is beyond MAX_LEVELS, but libyaml reads ahead of what we have been given.
+    if "nesting depth" in str(getattr(error, "problem", "")):
         report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(at, at + 1))
         return
     fault = explain(
