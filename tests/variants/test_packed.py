@@ -22,6 +22,7 @@ from thingc.variants.adopting import meant
 from thingc.variants.chunks import Chunk, seal
 from thingc.variants.journal import Journal
 from thingc.variants.records import in_order
+from thingc.variants.showing import show_again
 from variants.families import BOARDS, SOME, arrays
 from variants.robots import environment, thingc, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run
@@ -226,8 +227,17 @@ def test_a_damaged_chunk_is_said_and_built_again_once_it_is_deleted(name: str, t
             run(str(document), options=Options(store=shared_store), resume=True)
         assert caught.value.diagnostic.code is Code.BATCH_CHANGED
     file.unlink()
+    again = "is not there any more: go on with --resume: what was in it is built again"
+    with pytest.raises(OSError, match=f"`.*{name}` {again}"):
+        load(out, mode="flying")
+    for asked in (lambda: show_again(str(document)), lambda: meant(plan(str(document)), "some_00", str(out))):
+        with pytest.raises(BatchFault, match="is not there any more"):
+            asked()
     assert run(str(document), options=Options(store=shared_store), resume=True).statuses == {"built": 8, "kept_out": 4}
     assert sealed(out) == whole
+    shutil.rmtree(out / "chunks")
+    with pytest.raises(OSError, match=f"`.*000000.run.parquet` {again}"):
+        load(out)
 
 
 def test_a_file_that_is_not_there_is_said(here: Path, tmp_path: Path, shared_store: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from thingc.diagnostics import Code, shown_path
-from thingc.variants.folder import BatchFault, read_batch
+from thingc.variants.folder import BatchFault, in_words, read_batch, whole
 from thingc.variants.journal import Line
 from thingc.variants.planning import Plan, Variant
 from thingc.variants.records import read
@@ -35,6 +35,10 @@ def _told(plan: Plan, wanted: str, folder: str) -> Line | None:
     described = read_batch(folder)
     if described is None or described.get("document") != plan.relative:
         return None
-    done = read(folder)
-    index = done.find(wanted)
-    return None if index is None else done.line(index)
+    try:
+        whole(folder, described)
+        done = read(folder)
+        index = done.find(wanted)
+        return None if index is None else done.line(index)
+    except OSError as fault:
+        raise in_words(folder, fault) from fault

@@ -193,13 +193,12 @@ class _Batch:
                     "undo the change, or begin anew: delete the folder, or write into another one with -o",
                 )
             places.sweep(self.folder)
+            self._remember(retry=retry)
         write_batch(self.folder, self._described(finished=False))
         lay_out(self.folder, self.layout)
-        if resume:
-            self._remember(retry=retry)
 
     def _described(self, *, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
-        return describe(self.plan, layout=self.layout, finished=finished, wanted=wanted)
+        return describe(self.plan, layout=self.layout, asked=self.count, finished=finished, wanted=wanted)
 
     def journal(self) -> Journal | Packing:
         """Where variants are noted that are done."""

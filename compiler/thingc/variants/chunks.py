@@ -51,17 +51,26 @@ OPEN_MOST, COLUMNS_MOST = 16, 24
 """Chunks that a reader keeps open, and columns of groups that an open chunk keeps."""
 
 _SEALED = re.compile(r"([0-9]{6})\.parquet")
+_RUN = re.compile(r"([0-9]{6})\.run\.parquet")
 _JOURNAL = re.compile(r"([0-9]{6})\.jsonl")
 
 
 class DamagedChunk(OSError):
     """A file of a chunk that cannot be read. Without either of its files a chunk counts as not done."""
 
+    state = "is damaged"
     cure = "delete it, and go on with --resume: what was in it is built again"
 
     def __init__(self, path: str) -> None:
-        self.words = f"`{shown_path(path)}` is damaged"
+        self.words = f"`{shown_path(path)}` {self.state}"
         super().__init__(f"{self.words}: {self.cure}")
+
+
+class MissingChunk(DamagedChunk):
+    """A file of a chunk that was there, and is not any more."""
+
+    state = "is not there any more"
+    cure = "go on with --resume: what was in it is built again"
 
 
 @contextlib.contextmanager
@@ -87,6 +96,16 @@ def sealed_path(index: int) -> str:
 def packed(folder: str) -> bool:
     """Whether the batch in this folder is packed."""
     return os.path.isdir(os.path.join(folder, places.CHUNKS))
+
+
+def complete(folder: str, count: int) -> None:
+    """Raises `MissingChunk` where a file is gone of the chunks of the first `count` variants, or of a chunk that is sealed. The run is
+    sealed first, and the journal goes last."""
+    sealed = _numbers(folder, _SEALED) | _numbers(folder, _RUN) if packed(folder) else set()
+    for number in sorted({*range(-(-count // CHUNK)), *sealed}):
+        for ends in ((".run.parquet",), (".parquet", ".jsonl")):
+            if not any(os.path.exists(_place(folder, number, end)) for end in ends):
+                raise MissingChunk(_place(folder, number, ends[0]))
 
 
 def numbers(folder: str) -> list[int]:

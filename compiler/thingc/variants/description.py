@@ -16,11 +16,13 @@ from thingc.variants.planning import OUTSIDE, Plan
 from thingc.variants.tables import Column
 
 
-def describe(plan: Plan, *, layout: str, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
-    """What `batch.json` says; `wanted` are the columns of the table of a batch that has finished."""
+def describe(plan: Plan, *, layout: str, asked: int, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
+    """What `batch.json` says; `asked` is how many variants are asked for, the first ones of the plan, `wanted` are the columns of the table
+    of a batch that has finished."""
     return {
         "name": plan.name, "document": plan.relative, "sha256": plan.sha256, "assembly": plan.assembly_relative,
-        "plan": plan.digest, "count": plan.count, "layout": layout, "inputs": dict(plan.inputs), "versions": dict(versions()),
+        "plan": plan.digest, "count": plan.count, "asked": asked, "layout": layout, "inputs": dict(plan.inputs),
+        "versions": dict(versions()),
         "emit": list(plan.emit), "modes": list(plan.modes), "pose": plan.pose,
         "reach": list(plan.reach) if plan.reach is not None else None, "finished": finished,
         "columns": [{"name": one.name, "kind": one.kind, "unit": one.unit} for one in wanted],

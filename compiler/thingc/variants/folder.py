@@ -19,7 +19,7 @@ from thingc.output import unexpected_files as unexpected_in_build
 from thingc.realize import Digests
 from thingc.stamp import state_of
 from thingc.variants import places
-from thingc.variants.chunks import DamagedChunk
+from thingc.variants.chunks import DamagedChunk, complete
 
 KIND = "batch/1"
 _VARIANT = re.compile(r"[0-9a-f]{12}")
@@ -85,6 +85,12 @@ def begun(document: str, folder: str, hint: str) -> dict[str, Any]:
     if before is None or before.get("document") != document:
         raise BatchFault(Code.NO_BATCH, f"there is no batch of `{document}` in `{shown_path(folder)}`", hint)
     return before
+
+
+def whole(folder: str, described: Mapping[str, Any]) -> None:
+    """Raises `MissingChunk` where a file of a packed batch is gone, of which `batch.json` says this."""
+    if described["layout"] == PACKED:
+        complete(folder, described.get("asked", 0) if described["finished"] else 0)
 
 
 def write_batch(folder: str, batch: Mapping[str, Any]) -> None:

@@ -29,7 +29,7 @@ from thingc.patching import ModelText, TextModels
 from thingc.typos import did_you_mean
 from thingc.variants import places
 from thingc.variants.chunks import packed
-from thingc.variants.folder import read_batch
+from thingc.variants.folder import read_batch, whole
 from thingc.variants.journal import Line
 from thingc.variants.records import File, Files, Records, read, unpack
 from thingc.variants.rules import PARAMETERS
@@ -397,7 +397,8 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
 
     `mode` is the one that models are of unless said otherwise; `where` chooses variants: `{"status": "built"}`,
     `{"mass": (0, 2.5)}` or a function of a `BuiltVariant`. Nothing but the journal is read. Raises `FamilyError` for a folder
-    that holds no batch, and `UnknownVariant` for a mode or a column that is not there.
+    that holds no batch, `UnknownVariant` for a mode or a column that is not there, and `OSError` for a chunk of a packed batch that is
+    damaged or gone.
     """
     import json
 
@@ -407,6 +408,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
         within = sorted(name for name in (os.listdir(place) if os.path.isdir(place) else ()) if read_batch(os.path.join(place, name)))
         hint = f"; in it there are: {', '.join(f'`{name}`' for name in within)}" if within else ""
         raise FamilyError(f"`{shown_path(place)}` is no folder of a batch{hint}: `thingc batch` writes one")
+    whole(place, described)
     records = read(place)
     robot = json.loads(records.files(records.built[0]).read(MANIFEST))["name"] if records.built else ""
     family = Family(LoadedBatch(

@@ -10,7 +10,7 @@ from thingc.diagnostics import Diagnostic, Report
 from thingc.environment import Options
 from thingc.units import Quantity
 from thingc.variants import places
-from thingc.variants.folder import begun, forget, in_words, locked, remember
+from thingc.variants.folder import begun, forget, in_words, locked, remember, whole
 from thingc.variants.page import write_page
 from thingc.variants.pictures import OnPicture, draw, usual
 from thingc.variants.planning import Plan, PlanError
@@ -64,6 +64,7 @@ def show_again(
     described = begun(plan.relative, folder, "build it first, without --page-only")
     try:
         with locked(folder):
+            whole(folder, described)
             wanted = columns(parameter_columns(plan), plan.choice_paths, lengths_in(folder))
             most = usual(described["count"]) if pictures is None else pictures
             warning = show(folder, described, wanted, most=most, jobs=jobs or os.cpu_count() or 1, on_picture=on_picture)
