@@ -49,7 +49,7 @@ class UnknownChoice(Exception):
     """A mode or target that is not there: a wrong command line, in words."""
 
     def __init__(self, message: str, hint: str) -> None:
-        super().__init__(message)
+        super().__init__(f"{message}: {hint}")
         self.message = message
         self.hint = hint
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import random
+import re
 import subprocess
 import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import gymnasium
@@ -15,7 +19,9 @@ import pytest
 import thingc
 from thingc.families import Space
 from thingc.output import OutputError
+from thingc.patching import differing
 from thingc.pipeline import UnknownChoice
+from thingc.variants import FamilyError
 
 NAMES = {"length": 0.35, "load": 0.5, "joints.lift.limit.upper": 1.4}
 
@@ -45,6 +51,34 @@ def test_rules_reach_and_errors_of_a_document_of_variants(many: thingc.RobotFami
     assert all(one.sound for one in many.evaluate(many.variants))
 
 
+def test_a_result_that_is_not_there_says_why(everything: thingc.RobotFamily) -> None:
+    with pytest.raises(KeyError, match="there is no result `mas`: did you mean `mass`"):
+        everything.evaluate({})["mas"]
+    with pytest.raises(KeyError, match=r"there is no `mass`: the settings .* are refused: parameter `load` must be at most 20 kg"):
+        everything.evaluate({"load": 30.0})["mass"]
+
+
+def test_a_family_goes_to_other_processes(workspace: Path) -> None:
+    with thingc.family(workspace / "many.yaml", verify=1) as family, ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        found = pool.submit(thingc.RobotFamily.evaluate, family, NAMES).result()
+        assert found.results == family.evaluate(NAMES).results and found["mass"]
+        with copy.deepcopy(family) as other:
+            assert other.modes == family.modes and not differing(other.model(NAMES), family.model(NAMES))
+
+
+def test_what_cannot_be_asked_for_is_said_at_once(workspace: Path, many: thingc.RobotFamily, tmp_path: Path) -> None:
+    for wrong in ("x", -1, 2.5, True, float("nan")):
+        with pytest.raises(FamilyError, match=f"expected `verify` to be None, 0 .*, 1 .* or N .*, found `{wrong}`"):
+            thingc.family(workspace / "many.yaml", verify=wrong)  # type: ignore[arg-type]
+    with pytest.raises(FamilyError, match="expected `jobs` to be a whole number of at least 0, found -2"):
+        thingc.family(workspace / "many.yaml", jobs=-2)
+    with pytest.raises(UnknownChoice, match="has no mode `standin`: did you mean `standing`"):
+        thingc.family(workspace / "many.yaml", mode="standin")
+    for targets, word in ((5, 5), ([5], 5), (None, None), ([["mjcf"]], re.escape("['mjcf']"))):
+        with pytest.raises(UnknownChoice, match=f"there is no target `{word}`: "):
+            many.write({"length": 0.3}, tmp_path / "wrong", emit=targets)  # type: ignore[arg-type]
+
+
 def test_tests_are_run_where_they_are_asked_for(everything: thingc.RobotFamily) -> None:
     good, bad = everything.evaluate([{"load": 0.5}, {"load": "3 kg"}], tests=True)
     assert [(one.name, one.passed) for one in (*good.tests, *bad.tests)] == [("light", True), ("light", False)]
@@ -70,8 +104,14 @@ def test_the_space_of_variants_and_of_parameters(many: thingc.RobotFamily, every
     own = everything.space
     assert own.names == ("load", "length", "stiff", "teeth", "heavy")
     assert own["heavy"].choices == (False, True) and own["stiff"].high is None and not own["stiff"].bounded
-    with pytest.raises(KeyError):
-        own["x"]
+    with pytest.raises(KeyError, match="there is nothing to set called `lenth`: did you mean `length`"):
+        own["lenth"]
+    for wrong in (5, {"length": "long"}, {"length": None}, {"heavy": 2}):
+        with pytest.raises(ValueError, match=re.escape(f"expected a point of `gymnasium()`, found `{wrong}`")):
+            own.settings(wrong)
+    for vector in (None, "abc", [None] * 3):
+        with pytest.raises(ValueError, match=re.escape(f"expected 3 numbers (length, load, joints.lift.limit.upper), found `{vector}`")):
+            space.at(vector)
     with pytest.raises(ValueError, match=r"expected 3 numbers \(length, load, joints.lift.limit.upper\), found 1"):
         space.at([0.3])
 

@@ -450,6 +450,23 @@ def test_resume_does_not_mind_what_else_was_built_in_the_workspace(tmp_path: Pat
     assert batch(here, shared_store, resume=True).before == 3
 
 
+@pytest.mark.parametrize(("given", "words"), [
+    ({"limit": 0}, "expected `limit` to be a whole number of at least 1, found `0`"),
+    ({"jobs": -1}, "expected `jobs` to be a whole number of at least 0, found `-1`"),
+    ({"timeout": float("nan")}, "expected `timeout` to be a number of seconds, found `nan`"),
+    ({"verify": "all"}, "expected `verify` to be a whole number of at least 0, found `all`"),
+    ({"pictures": "all"}, "expected `pictures` to be a whole number of at least 0, found `all`"),
+    ({"layout": "zipped"}, "there is no layout `zipped`: `folders`, `packed`"),
+    ({"emit": ["mjcg"]}, "there is no target `mjcg`: did you mean `mjcf`"),
+    ({"executor": 5}, "expected `executor` to be one of `concurrent.futures`, found `5`"),
+])
+def test_what_a_batch_cannot_be_asked_for_is_said_before_it_begins(given: dict[str, Any], words: str, tmp_path: Path) -> None:
+    here = workspace(tmp_path)
+    with pytest.raises(BatchFault, match=words) as caught:
+        run(str(here / "sweep.yaml"), **given)
+    assert caught.value.diagnostic.code is Code.COMMAND_LINE and not (here / "build").exists()
+
+
 def test_there_must_be_something_to_resume(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
     with pytest.raises(BatchFault) as fault:

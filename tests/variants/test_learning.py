@@ -181,6 +181,7 @@ def test_what_cannot_be_is_said_in_words(some: Path) -> None:
         ({"mode": "hanging", "descriptor": ("weight",)}, "has no column `weight`"),
         ({"mode": "hanging", "descriptor": ("name",)}, "expected numbers in the column `name`, found `some_01` for variant `some_01`"),
         ({"mode": "hanging", "weights": lambda variant: -1.0}, "expected weights that are not negative"),
+        ({"mode": "hanging", "weights": [1.0]}, "expected `weights` to be a column, or a function of a variant, found `\\[1.0\\]`"),
         ({"mode": "hanging", "frame_skip": 0}, "expected `frame_skip` to be a whole number of at least 1, found 0"),
     ):
         with pytest.raises(FamilyError, match=words):
@@ -191,6 +192,8 @@ def test_what_cannot_be_is_said_in_words(some: Path) -> None:
     with pytest.raises(UnknownVariant, match="has no pose `titled`: did you mean `tilted`"):
         env.reset()
     env = make_env(some, mode="hanging", descriptor="parameters.length")
+    with pytest.raises(FamilyError, match="reset the environment first"):
+        env.step(np.zeros(1))
     with pytest.raises(UnknownVariant, match="has no variant `some_77`"):
         env.reset(options={"variant": "some_77"})
     with pytest.raises(FamilyError, match="`reset` has no option `varient`"):
@@ -198,6 +201,8 @@ def test_what_cannot_be_is_said_in_words(some: Path) -> None:
     env.reset(seed=1)
     with pytest.raises(FamilyError, match=r"expected an action of numbers, found \[nan\]"):
         env.step(np.array([np.nan]))
+    with pytest.raises(FamilyError, match=r"expected actions of shape \(1,\), found \(2,\)"):
+        env.step(np.zeros(2))
 
 
 def test_without_gymnasium_it_says_what_to_install() -> None:

@@ -208,6 +208,10 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: P
         ({"reward": 5}, FamilyError, "expected `reward` to be a function of a `Step`, found `5`"),
         ({"terminated": True}, FamilyError, "expected `terminated` to be a function of a `Step`, found `True`"),
         ({"noise": -0.1}, FamilyError, "expected `noise` to be a number of at least 0, found -0.1"),
+        ({"noise": "much"}, FamilyError, "expected `noise` to be a number of at least 0, found much"),
+        ({"num_envs": True}, FamilyError, "expected `num_envs` to be a whole number of at least 1, found True"),
+        ({"descriptor": None}, FamilyError, "expected `descriptor` to be a list of names, found `None`"),
+        ({"descriptor": [5]}, UnknownVariant, "`pendulum` has nothing to set called `5`"),
         ({"settings": [{"length": 7.0}]}, FamilyError, r"the settings \{'length': 7.0\} are refused: .*at most 900 mm"),
     ):
         with pytest.raises(kind, match=words):
@@ -233,6 +237,15 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: P
         worlds.step(np.zeros((1, 2)))
     with pytest.raises(FamilyError, match=r"expected an action of numbers, found \[nan\]"):
         worlds.step(np.array([[0.0], [np.nan]]))
+    with pytest.raises(FamilyError, match="expected actions of numbers, found `fast`"):
+        worlds.step("fast")
+    with pytest.raises(FamilyError, match="expected `options` to be a mapping from names to values, found `5`"):
+        worlds.reset(options=5)
+    for reward in (None, "much", float("nan")):
+        worlds = make_vec_env(family, 2, mode="hanging", reward=lambda step, reward=reward: reward)
+        worlds.reset()
+        with pytest.raises(FamilyError, match=f"expected `reward` to give a number, found `{reward}`"):
+            worlds.step(np.zeros((2, 1)))
     folder = documents(tmp_path)
     (folder / "none.yaml").write_text(textwrap.dedent("""
         thingc: variants/1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, overload
 
 from thingc.api import CompileError
@@ -26,6 +26,8 @@ from thingc.source import ScalarNode, node_at
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.typos import did_you_mean
 from thingc.units import Quantity
+from thingc.variants.arguments import at_least, is_whole
+from thingc.variants.loading import FamilyError
 from thingc.variants.planning import Variant
 from thingc.variants.values import unit_in
 
@@ -45,16 +47,22 @@ class RobotFamily:
     changes are not seen.
 
     `verify`: of so many models and results that come without a compilation one is compared with one (0: none is; None: the first, the
-    second, the fourth, the eighth ...). Not for several threads at once; after a fork each process has a family of its own. Whatever models
-    parts raises `StoreUnusable` where the folder of modelled parts cannot be used.
+    second, the fourth, the eighth ...). Not for several threads at once; after a fork, or pickled, each process has a family of its own.
+    Whatever models parts raises `StoreUnusable` where the folder of modelled parts cannot be used.
     """
 
     def __init__(
         self, document: str | os.PathLike[str], *, store: str | None = None, jobs: int = 0, mode: str | None = None,
         verify: int | None = None,
     ) -> None:
-        """Raises `CompileError` where the document has errors, and `UnknownChoice` for a mode that is not there."""
-        path, options = os.fspath(document), Options(store=store, jobs=jobs)
+        """Raises `CompileError` where the document has errors, `UnknownChoice` for a mode that is not there, and `FamilyError` for `jobs`
+        or a `verify` that is no such number."""
+        at_least(0, jobs=jobs)
+        if verify is not None and not is_whole(verify, 0):
+            raise FamilyError(f"expected `verify` to be None, 0 (nothing is compared), 1 (all is) or N (one in N is), found `{verify}`")
+        path, store = os.fsdecode(document), None if store is None else os.fsdecode(store)
+        options = Options(store=store, jobs=jobs)
+        self._again = partial(RobotFamily, os.path.abspath(path), store=store, jobs=jobs, mode=mode, verify=verify)
         self._plan = _planned(path, options)
         self._session = Session(self._plan.assembly if self._plan is not None else path, options)
         sources = self._session.sources
@@ -81,6 +89,10 @@ class RobotFamily:
 
     def __exit__(self, *exception: object) -> None:
         self.close()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy, in another process as well, is a family of its own, which reads the documents as they are then."""
+        return self._again, ()
 
     def close(self) -> None:
         """End the worker that models parts, if there is one."""
@@ -143,15 +155,16 @@ class RobotFamily:
         if read.report is not None:
             return tuple(read.report.ordered())
         own = self._reader.settings(read, self._units)
-        builds = self._builds_of((emit,) if isinstance(emit, str) else tuple(emit))
+        named = emit if isinstance(emit, Iterable) and not isinstance(emit, str) else (emit,)
+        builds = self._builds_of(tuple(map(str, named)))
         store = self._session.environment.store
         try:
             planned = builds.planned(own)
             files, problems = builds.passed(own) if planned is None else (planned.files(), planned.problems)
             if files:
-                parent, name = os.path.split(os.path.abspath(os.fspath(folder)))
+                parent, name = os.path.split(os.path.abspath(os.fsdecode(folder)))
                 if not name or "\0" in name:
-                    raise OutputError(f"`{os.fspath(folder)!r}` is no folder that a build can be", "name a folder of its own for it")
+                    raise OutputError(f"`{os.fsdecode(folder)!r}` is no folder that a build can be", "name a folder of its own for it")
                 write_build(parent, name, files, store, self._sources.documents.root.relative)
         except BlobMissing as fault:
             words = f"the store `{store.root}` no longer has the meshes of parts"

@@ -24,7 +24,8 @@ from thingc.families.family import family as family_of
 from thingc.families.results import NoModel
 from thingc.frozen import dataclass
 from thingc.typos import did_you_mean
-from thingc.variants.episodes import Episode, Rules, at_least_one, known_options, rules, spans_of
+from thingc.variants.arguments import as_names, at_least
+from thingc.variants.episodes import Episode, Rules, as_actions, known_options, rules, spans_of
 from thingc.variants.loading import FamilyError, UnknownVariant
 from thingc.variants.tasks import Array, Reward, Step, Terminated
 
@@ -145,9 +146,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
 
     def step(self, actions: Array) -> tuple[Array, Array, np.ndarray[Any, Any], np.ndarray[Any, Any], dict[str, Any]]:
         """Apply an action (num_envs, nu) in every world. In the mode `NextStep` a world whose episode has ended begins anew instead."""
-        actions = np.asarray(actions, np.float64)
-        if actions.shape != self.action_space.shape:
-            raise FamilyError(f"expected actions of shape {self.action_space.shape}, found {actions.shape}")
+        actions = as_actions(actions, self.action_space.shape)
         if self._autoreset is AutoresetMode.DISABLED and self._ended.any():
             raise FamilyError(f"the episodes of the worlds {np.flatnonzero(self._ended).tolist()} have ended: reset them")
         infos: dict[str, Any] = {}
@@ -322,7 +321,7 @@ def make_vec_env(
     """
     made = rules(reward, terminated, frame_skip, max_steps, pose, noise)
     threads = threads or os.cpu_count() or 1
-    at_least_one(num_envs=num_envs, cache=cache, threads=threads)
+    at_least(1, num_envs=num_envs, cache=cache, threads=threads)
     resetting = [mode.value for mode in AutoresetMode]
     if autoreset_mode not in (*AutoresetMode, *resetting):
         raise FamilyError(f"there is no `autoreset_mode` `{autoreset_mode}`: {did_you_mean(str(autoreset_mode), resetting, what='modes')}")
@@ -330,7 +329,7 @@ def make_vec_env(
     try:
         return FamilyVectorEnv(
             robots, num_envs, choices=_choices(robots, settings), rules=made, mode=robots.mode if mode is None else mode, floor=floor,
-            visual=visual, descriptor=(descriptor,) if isinstance(descriptor, str) else tuple(descriptor), threads=threads, cache=cache,
+            visual=visual, descriptor=as_names(descriptor=descriptor), threads=threads, cache=cache,
             autoreset_mode=AutoresetMode(autoreset_mode), seed=seed, owned=robots is not family,
         )
     except BaseException:
@@ -376,7 +375,7 @@ class _Descriptor:
         spans: list[tuple[float, float]] = []
         for name in names:
             if name not in known:
-                raise UnknownVariant(f"`{family.name}` has nothing to set called `{name}`: {did_you_mean(name, known, what='names')}")
+                raise UnknownVariant(f"`{family.name}` has nothing to set called `{name}`: {did_you_mean(str(name), known, what='names')}")
             one = family.space[name]
             numbers = [value for value in one.choices if isinstance(value, int | float)] or [one.low, one.high]
             if None in numbers or len(numbers) < len(one.choices):

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from thingc.brief import Brief
 from thingc.diagnostics import Diagnostic, Severity
 from thingc.frozen import dataclass
+from thingc.typos import did_you_mean
+from thingc.variants.loading import UnknownVariant
 
 if TYPE_CHECKING:
     from thingc.testing import Result as TestResult
@@ -36,8 +38,13 @@ class Evaluated(Brief):
         return self.sound and self.broken is None and all(one.passed for one in self.tests)
 
     def __getitem__(self, name: str) -> float | None:
-        """A result by its name. Raises `KeyError` for one that it has not."""
-        return self.results[name]
+        """A result by its name. Raises `UnknownVariant`, a `KeyError`, for one that it has not, with the reason where it has none."""
+        if name in self.results:
+            return self.results[name]
+        refused = next((one.message for one in self.problems if one.severity is Severity.ERROR), None)
+        if refused is not None and not self.results:
+            raise UnknownVariant(f"there is no `{name}`: the settings {dict(self.settings)} are refused: {refused}")
+        raise UnknownVariant(f"there is no result `{name}`: {did_you_mean(str(name), self.results, what='results')}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

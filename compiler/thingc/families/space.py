@@ -9,8 +9,10 @@ from thingc.brief import Brief
 from thingc.expressions import ExpressionValue, plain
 from thingc.frozen import dataclass
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
+from thingc.typos import did_you_mean
 from thingc.units import NUMBER, Quantity
 from thingc.variants.axes import Axis
+from thingc.variants.loading import UnknownVariant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,12 +44,12 @@ class Space(Sequence[SpaceDimension]):
         return len(self._dimensions)
 
     def __getitem__(self, key: Any) -> Any:
-        """By place, or by name. Raises `KeyError` for a name, `IndexError` for a place, that is not there."""
+        """By place, or by name. Raises `UnknownVariant`, a `KeyError`, for a name, `IndexError` for a place, that is not there."""
         if isinstance(key, str):
             for dimension in self:
                 if dimension.name == key:
                     return dimension
-            raise KeyError(key)
+            raise UnknownVariant(f"there is nothing to set called `{key}`: {did_you_mean(key, self.names)}")
         return self._dimensions[key]
 
     def __repr__(self) -> str:
@@ -90,11 +92,18 @@ class Space(Sequence[SpaceDimension]):
         return spaces.Dict(made)
 
     def settings(self, point: Mapping[str, Any]) -> dict[str, Any]:
-        """A point of `gymnasium()` as settings. Raises `KeyError` for a name that is not there."""
-        return {
-            name: self[name].choices[int(value)] if self[name].choices else int(value) if self[name].whole else float(value)
-            for name, value in point.items()
-        }
+        """A point of `gymnasium()` as settings. Raises `UnknownVariant`, a `KeyError`, for a name that is not there, and `ValueError` for
+        what is no such point."""
+        if not isinstance(point, Mapping):
+            raise ValueError(f"expected a point of `gymnasium()`, found `{point}`")
+        dimensions = {name: self[name] for name in point}
+        try:
+            return {
+                name: one.choices[int(point[name])] if one.choices else int(point[name]) if one.whole else float(point[name])
+                for name, one in dimensions.items()
+            }
+        except (TypeError, ValueError, IndexError, OverflowError):
+            raise ValueError(f"expected a point of `gymnasium()`, found `{point}`") from None
 
     def bounds(self) -> tuple[tuple[float, float], ...]:
         """Lower and upper bounds of all numbers that are bounded, as `scipy.optimize` takes them; `at` reads such a vector."""
@@ -102,11 +111,15 @@ class Space(Sequence[SpaceDimension]):
 
     def at(self, vector: Sequence[float]) -> dict[str, float]:
         """The settings of a vector of the numbers that are bounded, in their order; whole numbers are rounded. Raises `ValueError` for a
-        vector of another length."""
+        vector of another length, and for what is none."""
         numbers = [one for one in self._drawn() if not one.choices]
-        if len(vector) != len(numbers):
-            raise ValueError(f"expected {len(numbers)} numbers ({', '.join(one.name for one in numbers)}), found {len(vector)}")
-        return {one.name: float(round(value)) if one.whole else float(value) for one, value in zip(numbers, vector, strict=True)}
+        try:
+            if len(vector) == len(numbers):
+                return {one.name: float(round(value)) if one.whole else float(value) for one, value in zip(numbers, vector, strict=True)}
+            found = str(len(vector))
+        except (TypeError, ValueError, OverflowError):
+            found = f"`{vector}`"
+        raise ValueError(f"expected {len(numbers)} numbers ({', '.join(one.name for one in numbers)}), found {found}")
 
 
 def of_axes(axes: Sequence[Axis], own: Mapping[str, ExpressionValue]) -> Space:

@@ -10,16 +10,18 @@ import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Report, shown_path
+from thingc.emit import chosen, unknown
 from thingc.emit.artifact import HOW
 from thingc.environment import Options, store_of
 from thingc.variants import places
+from thingc.variants.arguments import is_number, is_whole
 from thingc.variants.chunks import Packing, sealed_path
 from thingc.variants.description import describe, job_of, seen
 from thingc.variants.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBroken, evaluate
@@ -74,7 +76,7 @@ REFRESH = 30.0
 
 
 def run(
-    document: str, *, output: str | None = None, executor: Executor | None = None, jobs: int = 0, emit: Sequence[str] = (),
+    document: str, *, output: str | None = None, executor: Executor | None = None, jobs: int = 0, emit: Sequence[str] | str = (),
     limit: int | None = None, resume: bool = False, timeout: float = TIMEOUT, verify: int = SHARE, options: Options | None = None,
     on_progress: OnProgress | None = None, pictures: int | None = 0, on_picture: OnPicture | None = None, ship: bool = False,
     retry: bool = False, layout: str | None = None,
@@ -95,10 +97,13 @@ def run(
     or SIGTERM has come: then `resume` goes on where it was. With `retry` it builds variants again that failed, or that a part refused
     which crashed or hung: another machine, or more memory, may make them.
     """
+    _check(jobs, limit, timeout, verify, pictures, layout)
     if retry and not resume:
         raise BatchFault(Code.COMMAND_LINE, "--retry is about a batch that has been begun", "add --resume")
     options = options or Options()
     plan = _plan(document, options, emit, layout)
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise BatchFault(Code.COMMAND_LINE, f"expected `executor` to be one of `concurrent.futures`, found `{executor}`")
     if ship and not isinstance(executor, Carrier):
         raise BatchFault(
             Code.COMMAND_LINE, "--ship is for workers of dask, which may share no folder with this machine",
@@ -122,13 +127,34 @@ def run(
         raise in_words(folder, fault) from fault
 
 
-def _plan(document: str, options: Options, emit: Sequence[str], layout: str | None) -> Plan:
-    """The plan of a document, with targets and a layout in the place of its own where there are some. Raises `PlanError`."""
-    report = Report()
+def _check(jobs: int, limit: int | None, timeout: float, verify: int, pictures: int | None, layout: str | None) -> None:
+    """Raises `BatchFault` for what a batch cannot be asked for."""
+    wholes = (("jobs", jobs, 0), ("limit", 1 if limit is None else limit, 1), ("verify", verify, 0), ("pictures", pictures or 0, 0))
+    for name, value, least in wholes:
+        if not is_whole(value, least):
+            raise BatchFault(Code.COMMAND_LINE, f"expected `{name}` to be a whole number of at least {least}, found `{value}`")
+    if not is_number(timeout) or timeout <= 0.0:
+        raise BatchFault(Code.COMMAND_LINE, f"expected `timeout` to be a number of seconds, found `{timeout}`")
+    if layout not in (None, FOLDERS, PACKED):
+        raise BatchFault(Code.COMMAND_LINE, f"there is no layout `{layout}`", f"`{FOLDERS}`, `{PACKED}`, or None for either")
+
+
+def _targets(emit: Sequence[str] | str) -> tuple[str, ...]:
+    """The targets that are named, in the order in which a build writes them. Raises `BatchFault` for one that is not there."""
+    words = tuple(map(str, emit)) if isinstance(emit, Iterable) and not isinstance(emit, str) else (str(emit),)
+    for _, message, hint in unknown(words):
+        raise BatchFault(Code.COMMAND_LINE, message, hint)
+    return chosen(words) if words else ()
+
+
+def _plan(document: str, options: Options, emit: Sequence[str] | str, layout: str | None) -> Plan:
+    """The plan of a document, with targets and a layout in the place of its own where there are some. Raises `PlanError`, and `BatchFault`
+    for a target that is not there."""
+    report, targets = Report(), _targets(emit)
     plan = read_plan(document, options, report)
     if plan is None or report.failed:
         raise PlanError(report.ordered())
-    return replace(plan, emit=tuple(emit) or plan.emit, layout=layout or plan.layout)
+    return replace(plan, emit=targets or plan.emit, layout=layout or plan.layout)
 
 
 @dataclass(slots=True)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thingc.frozen import dataclass
 from thingc.typos import did_you_mean
+from thingc.variants.arguments import at_least, is_number
 from thingc.variants.loading import FamilyError, UnknownVariant
 from thingc.variants.tasks import TASKS, Array, Reward, Step, Terminated
 
@@ -41,26 +41,32 @@ def rules(reward: Reward | str, terminated: Terminated | None, frame_skip: int, 
     for name, called in (("reward", reward), ("terminated", terminated)):
         if called is not None and not callable(called):
             raise FamilyError(f"expected `{name}` to be a function of a `Step`, found `{called}`")
-    at_least_one(frame_skip=frame_skip, max_steps=max_steps)
-    if not 0.0 <= noise < math.inf:
+    at_least(1, frame_skip=frame_skip, max_steps=max_steps)
+    if not is_number(noise) or not 0.0 <= noise < math.inf:
         raise FamilyError(f"expected `noise` to be a number of at least 0, found {noise}")
     return Rules(reward=reward, terminated=terminated, frame_skip=frame_skip, max_steps=max_steps, pose=pose, noise=noise)
 
 
-def at_least_one(**numbers: int) -> None:
-    """Raises `FamilyError` for what is no whole number of at least 1, by its name."""
-    for name, value in numbers.items():
-        if not isinstance(value, Integral) or value < 1:
-            raise FamilyError(f"expected `{name}` to be a whole number of at least 1, found {value}")
-
-
 def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
     """What a `reset` is asked for. Raises `FamilyError` for an option that it has not."""
+    if options is not None and not isinstance(options, Mapping):
+        raise FamilyError(f"expected `options` to be a mapping from names to values, found `{options}`")
     options = dict(options or {})
     for name in options:
         if name not in known:
             raise FamilyError(f"`reset` has no option `{name}`: {did_you_mean(str(name), known, what='options')}")
     return options
+
+
+def as_actions(actions: Any, shape: tuple[int, ...] | None) -> Array:
+    """Actions as an array of this shape. Raises `FamilyError` for what is none."""
+    try:
+        numbers = np.asarray(actions, np.float64)
+    except (TypeError, ValueError):
+        raise FamilyError(f"expected actions of numbers, found `{actions}`") from None
+    if numbers.shape != shape:
+        raise FamilyError(f"expected actions of shape {shape}, found {numbers.shape}")
+    return numbers
 
 
 class Episode:
@@ -120,7 +126,7 @@ class Episode:
 
     def judge(self) -> tuple[float, bool, bool, Mapping[str, Any]]:
         """The reward, whether the episode is terminated, and truncated, and what else is to be said. It ends early where `terminated` says
-        so, or where the simulation has become unstable (reward 0)."""
+        so, or where the simulation has become unstable (reward 0). Raises `FamilyError` for a reward that is no number."""
         if self.unstable:
             return 0.0, True, False, {"unstable": True}
         done = Step(
@@ -128,13 +134,24 @@ class Episode:
             after=np.array(self.data.subtree_com[0]), seconds=self.data.time - self._started, start=self.start,
         )
         ended = self._rules.terminated is not None and bool(self._rules.terminated(done))
-        return float(self._rules.reward(done)), ended, self.steps >= self._rules.max_steps, {}
+        return _number(self._rules.reward(done)), ended, self.steps >= self._rules.max_steps, {}
+
+
+def _number(reward: Any) -> float:
+    """Raises `FamilyError` for a reward that is none: learning would go on with it."""
+    try:
+        number = float(reward)
+    except (TypeError, ValueError):
+        number = math.nan
+    if math.isnan(number):
+        raise FamilyError(f"expected `reward` to give a number, found `{reward}`")
+    return number
 
 
 def _keyframe(model: mujoco.MjModel, pose: str, name: str) -> int:
     names = [model.key(k).name for k in range(model.nkey)]
     if pose not in names:
-        raise UnknownVariant(f"variant `{name}` has no pose `{pose}`: {did_you_mean(pose, names, what='poses')}")
+        raise UnknownVariant(f"variant `{name}` has no pose `{pose}`: {did_you_mean(str(pose), names, what='poses')}")
     return names.index(pose)
 
 

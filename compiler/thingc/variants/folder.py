@@ -39,7 +39,7 @@ class BatchFault(Exception):
     """A batch that cannot begin or go on: `diagnostic` says why. What has been built stays as it is."""
 
     def __init__(self, code: Code, message: str, help: str | None = None, detail: str | None = None) -> None:
-        super().__init__(message)
+        super().__init__(f"{message}: {help}" if help else message)
         self.diagnostic = Diagnostic(code=code, severity=Severity.ERROR, message=message, help=help, detail=detail)
 
 

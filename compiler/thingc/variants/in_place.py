@@ -12,11 +12,13 @@ from __future__ import annotations
 import copy
 import io
 import os
+import sys
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from thingc.brief import counted
 from thingc.diagnostics import shown_path
+from thingc.variants.arguments import is_whole
 from thingc.variants.loading import BuiltVariant, Family, FamilyError, load
 
 if TYPE_CHECKING:
@@ -119,8 +121,8 @@ def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
 
     Raises `FamilyError` for a place that is not there, and for fields of another model; then nothing is changed.
     """
-    count = min((len(values) for values in fields.values()), default=index + 1)
-    if not 0 <= index < count:
+    count = min(map(len, fields.values()), default=sys.maxsize)
+    if not is_whole(index, 0) or index >= count:
         raise FamilyError(f"there are fields for {counted(count, 'variant')}, and none for place {index}")
     for name, values in fields.items():
         owner, field = _place(model, name)
@@ -149,7 +151,7 @@ def write(source: str | os.PathLike[str] | Family, path: str | os.PathLike[str],
 
     from thingc.archives import MODEL, zipped
 
-    target = os.fspath(path)
+    target = os.fsdecode(path)
     if not target.endswith(".npz"):
         raise FamilyError(f"expected a file that ends in `.npz`, found `{shown_path(target)}`")
     family = _family(source)

@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.variants.episodes import Episode, Rules, at_least_one, known_options, rules, spans_of
+from thingc.variants.arguments import as_names, at_least
+from thingc.variants.episodes import Episode, Rules, as_actions, known_options, rules, spans_of
 from thingc.variants.loading import BuiltVariant, Family, FamilyError, Sizes, load
 from thingc.variants.tasks import TASKS, Array, Reward, Step, Terminated
 
@@ -84,7 +85,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         """Apply an action (nu,) for `frame_skip` steps of the simulation. An episode ends early where `terminated` says so, or
         where the simulation has become unstable (reward 0)."""
         episode = self._now()
-        episode.ask(action)
+        episode.ask(as_actions(action, self.action_space.shape))
         episode.run()
         reward, terminated, truncated, more = episode.judge()
         return self._observation(episode), reward, terminated, truncated, {"variant": episode.variant.id, **more}
@@ -100,7 +101,8 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         return self._now().data
 
     def _now(self) -> Episode:
-        assert self.variant is not None, "reset the environment first"
+        if self.variant is None:
+            raise FamilyError("reset the environment first")
         return self._of(self.variant)
 
     def _observation(self, episode: Episode) -> Array:
@@ -147,10 +149,10 @@ def make_env(
     family = folder if isinstance(folder, Family) else load(folder)
     if not len(family):
         raise FamilyError(f"batch `{family.name}` has no built variant here: there is nothing to simulate")
-    at_least_one(cache=cache)
+    at_least(1, cache=cache)
     return VariantsEnv(
         family, mode=family.chosen(mode), scene=scene, visual=visual,
-        descriptor=(descriptor,) if isinstance(descriptor, str) else tuple(descriptor), weights=_weights(family, weights),
+        descriptor=as_names(descriptor=descriptor), weights=_weights(family, weights),
         rules=rules(reward, terminated, frame_skip, max_steps, pose, noise), pad=pad, cache=cache, seed=seed,
     )
 
@@ -184,6 +186,8 @@ def _weights(family: Family, weights: str | Callable[[BuiltVariant], float] | No
     """Probabilities, one for each variant. Raises `FamilyError` where they cannot be made of the weights."""
     if weights is None:
         return np.full(len(family), 1.0 / len(family))
+    if not isinstance(weights, str) and not callable(weights):
+        raise FamilyError(f"expected `weights` to be a column, or a function of a variant, found `{weights}`")
     numbers = np.array(_numbers(family, weights) if isinstance(weights, str) else [float(weights(variant)) for variant in family])
     if (numbers < 0.0).any() or not np.isfinite(numbers).all() or numbers.sum() <= 0.0:
         raise FamilyError("expected weights that are not negative, and not all 0")

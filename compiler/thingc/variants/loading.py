@@ -19,6 +19,7 @@ from contextlib import AbstractContextManager
 from dataclasses import field
 from functools import cached_property
 from itertools import islice
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, overload
 
 from thingc.brief import Brief, counted
@@ -248,6 +249,8 @@ class Family(Sequence[BuiltVariant]):
     def __getitem__(self, key: slice) -> Family: ...
     def __getitem__(self, key: int | str | slice) -> BuiltVariant | Family:
         """Raises `UnknownVariant` for an id or name, and `IndexError` for a place, that is not there."""
+        if not isinstance(key, Integral | slice | str):
+            raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`: a variant is named by its place, its id or its name")
         if isinstance(key, slice):
             return self._of(self._indices[key])
         if isinstance(key, str):
@@ -280,17 +283,22 @@ class Family(Sequence[BuiltVariant]):
         """The cells of a column, one for each variant here; None where it is empty. Raises `UnknownVariant`."""
         cells = [variant.results.get(name) for variant in self]
         if all(cell is None for cell in cells) and name not in self.columns:
-            raise UnknownVariant(f"batch `{self.name}` has no column `{name}`: {did_you_mean(name, self.columns, what='columns')}")
+            raise UnknownVariant(f"batch `{self.name}` has no column `{name}`: {did_you_mean(str(name), self.columns, what='columns')}")
         return cells
 
     def filter(self, where: Where) -> Family:
-        """The variants for which `where` holds. Raises `UnknownVariant` for a column that is not there."""
+        """The variants for which `where` holds. Raises `UnknownVariant` for a column that is not there, and `FamilyError` for what is
+        neither a function nor values by column."""
         if isinstance(where, Mapping):
             kept = [True] * len(self)
             for name, wanted in where.items():
-                kept = [one and _holds(cell, wanted) for one, cell in zip(kept, self.column(name), strict=True)]
-        else:
+                cells = self.column(name)
+                _check(name, wanted, cells)
+                kept = [one and _holds(cell, wanted) for one, cell in zip(kept, cells, strict=True)]
+        elif callable(where):
             kept = [bool(where(variant)) for variant in self]
+        else:
+            raise FamilyError(f"expected `where` to be values by column, or a function of a variant, found `{where}`")
         return self._of(tuple(index for index, one in zip(self._indices, kept, strict=True) if one))
 
     def chosen(self, mode: str | None) -> str:
@@ -303,7 +311,7 @@ class Family(Sequence[BuiltVariant]):
                 raise FamilyError(f"batch `{self.name}` has {len(self.mode_names)} modes, {known}: say which, `mode=\"...\"`")
             name = self.mode_names[0]
         if name not in self.mode_names:
-            raise UnknownVariant(f"batch `{self.name}` has no mode `{name}`: {did_you_mean(name, self.mode_names, what='modes')}")
+            raise UnknownVariant(f"batch `{self.name}` has no mode `{name}`: {did_you_mean(str(name), self.mode_names, what='modes')}")
         return name
 
     def models(
@@ -313,10 +321,11 @@ class Family(Sequence[BuiltVariant]):
         """The models of some of its variants (None: of all), in their order, as `BuiltVariant.model` gives them. Of variants that differ in
         nothing but numbers some are compiled, and arrays are written for the others (up to 128 variants are read ahead). With `share` one
         model is lent: it is that of the variant until the next one is asked for, and nobody else's to change. Raises as
-        `BuiltVariant.model` does. Not for several threads at once."""
+        `BuiltVariant.model` does, and `FamilyError` for what is no variant. Not for several threads at once."""
         key = (self.chosen(mode), scene, visual)
         models = self._models.setdefault(key, TextModels())
-        return models.each((one.model_text(*key) for one in (self if variants is None else variants)), share=share)
+        many = self if variants is None else variants if isinstance(variants, Iterable) else [variants]
+        return models.each((_variant(one).model_text(*key) for one in many), share=share)
 
     def meshes(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
         """Files by name, of each what it is and where it lies. A file that variants share is read once."""
@@ -402,7 +411,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
     """
     import json
 
-    place = os.path.abspath(os.fspath(folder))
+    place = os.path.abspath(os.fsdecode(folder))
     described = read_batch(place)
     if described is None:
         within = sorted(name for name in (os.listdir(place) if os.path.isdir(place) else ()) if read_batch(os.path.join(place, name)))
@@ -427,6 +436,25 @@ def _row(line: Line) -> dict[str, Any]:
         if isinstance(value, int) and not isinstance(value, bool):
             numbers[PARAMETERS + name] = float(value)
     return {name: numbers.get(name, value) for name, value in flat(line).items() if value is not None}
+
+
+def _variant(one: Any) -> BuiltVariant:
+    if not isinstance(one, BuiltVariant):
+        raise FamilyError(f"expected variants, found `{one}`: `family[...]` is one by its place, its id or its name")
+    return one
+
+
+def _check(name: str, wanted: Any, cells: Sequence[Any]) -> None:
+    """Raises `FamilyError` for what no cell of a column can be, so that nobody takes it for a family without variants."""
+    if not isinstance(wanted, tuple):
+        if wanted is not None and not isinstance(wanted, str | Real):
+            raise FamilyError(f"expected a value for the column `{name}`, or a range `(low, high)`, found `{wanted}`")
+        return
+    if len(wanted) != 2 or not all(isinstance(one, Real) for one in wanted) or not wanted[0] <= wanted[1]:
+        raise FamilyError(f"expected a range of the column `{name}` to be two numbers `(low, high)`, found `{wanted}`")
+    text = next((cell for cell in cells if isinstance(cell, str)), None)
+    if text is not None:
+        raise FamilyError(f"expected a text for the column `{name}`, such as `{text}`, found the range `{wanted}`")
 
 
 def _holds(cell: Any, wanted: Any) -> bool:
