@@ -114,11 +114,11 @@ class _Reporter:
         key, parent = str(fault.path[-1]), fault.path[:-1]
         owner = f"`{dotted(parent)}`" if parent else "the document"
         assert fault.shape.model is not None
-        shape = model_keys(fault.shape.model)[key][0]
-        self._add(
-            Code.MISSING_KEY, f"{owner} needs the key `{key}`", self._place(parent, key=True), parent,
-            f"`{key}` takes {shape.words}",
-        )
+        help = f"`{key}` takes {model_keys(fault.shape.model)[key][0].words}"
+        by_default = ("defaults", str(parent[0])[:-1], *parent[2:]) if parent and parent[0] in ("joints", "components") else ()
+        if by_default and node_at(self.document.tree, (*by_default, key)) is not None:
+            help += f"; what {owner} says takes the place of all of `{dotted(by_default)}`: change that, or say the rest here, too"
+        self._add(Code.MISSING_KEY, f"{owner} needs the key `{key}`", self._place(parent, key=True), parent, help)
 
     def _unknown_choice(self, fault: Fault) -> None:
         choices = [spoken(choice) for choice in fault.shape.choices]
