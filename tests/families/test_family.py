@@ -13,6 +13,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import gymnasium
+import numpy as np
 import optuna
 import pytest
 
@@ -202,3 +203,23 @@ def test_what_is_adopted_is_what_the_document_says_then(tmp_path: Path) -> None:
     with thingc.family(tmp_path / "cranes.yaml") as cranes:
         assert cranes.adopt(list(cranes.variants)[1]) == ()
     assert document.read_text() == expected.replace("412.5 mm", "50 cm")
+
+
+def test_a_parameter_of_a_nested_document_is_a_number_in_si(tmp_path: Path) -> None:
+    """Which nobody has written: the document of variants says what it is, or the nested one."""
+    for name, text in {
+        "thingc.toml": 'thingc = "workspace/1"\n',
+        "leg.yaml": "thingc: assembly/1\nname: leg\nparameters: {length: {value: 200 mm, max: 400 mm}}\n"
+                    "components: {shin: {frame: true, mass: =1 kg/m * length}}\nmounts: {hip: shin.origin}\n",
+        "walker.yaml": "thingc: assembly/1\nname: walker\ncomponents: {body: {frame: true, mass: 2 kg}, leg: {assembly: leg.yaml, "
+                       "attach: {hip: body.origin}}}\nmodes: {walking: {root: body}}\n",
+        "walkers.yaml": "thingc: variants/1\nassembly: walker.yaml\nname: walkers\n"
+                        "sample: {method: sobol, count: 4, seed: 1, ranges: {components.leg.parameters.length: [100 mm, 300 mm]}}\n",
+    }.items():
+        (tmp_path / name).write_text(text)
+    for document in ("walker.yaml", "walkers.yaml"):
+        with thingc.family(tmp_path / document) as walkers:
+            for length in (0.3, "300 mm", np.float64(0.3)):
+                assert walkers.evaluate({"components.leg.parameters.length": length})["mass"] == pytest.approx(2.3, abs=1e-12)
+            (problem,) = walkers.evaluate({"components.leg.parameters.length": 0.5}).problems
+            assert "must be at most 400 mm, found `500 mm`" in problem.message

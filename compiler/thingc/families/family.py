@@ -73,7 +73,8 @@ class RobotFamily:
         self._sources: Sources = sources
         self._verify = verify
         fixed = {} if self._plan is None else {**self._plan.fixed.parameters, **self._plan.fixed.choices}
-        self._reader = SettingsReader(sources, {name: _given(value) for name, value in fixed.items()})
+        kinds = None if self._plan is None else self._plan.paths.kinds
+        self._reader = SettingsReader(sources, {name: _given(value) for name, value in fixed.items()}, kinds)
         first = self._session.compile(self._reader.settings(self._reader.read({})))
         if first.assembly is None:
             self.close()

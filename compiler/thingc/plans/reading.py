@@ -15,7 +15,7 @@ from thingc.expressions import Expression, ExpressionError, ExpressionValue, eva
 from thingc.frozen import dataclass
 from thingc.resolve import AssemblyParameters, Settings, Sources
 from thingc.source import SET, MappingNode, Node
-from thingc.spec import stated_value
+from thingc.spec import stated_parameter, stated_value
 from thingc.typos import did_you_mean
 from thingc.units import NUMBER, Quantity, UnitError, parse_quantity
 
@@ -32,14 +32,16 @@ class Read:
 
 
 class SettingsReader:
-    """Reads settings of one document. `parameters` are its own, by name."""
+    """Reads settings of one document. `parameters` are its own, by name; `kinds` has values of the kinds that others set by path."""
 
-    def __init__(self, sources: Sources, fixed: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self, sources: Sources, fixed: Mapping[str, Any] | None = None, kinds: Mapping[str, ExpressionValue] | None = None,
+    ) -> None:
         declared = AssemblyParameters(sources.documents, sources.specs, sources.workspace)
         self.parameters: Mapping[str, ExpressionValue] = declared.values
         self.fixed = dict(fixed or {})
         self._documents = sources.documents
-        self._kinds: dict[str, ExpressionValue | None] = {}
+        self._kinds: dict[str, ExpressionValue | None] = dict(kinds or {})
         self._meant: dict[str, tuple[str, ...]] = {}
 
     def kind(self, name: str) -> ExpressionValue | None:
@@ -61,7 +63,7 @@ class SettingsReader:
                     stated = None
             if stated is not None:
                 return stated
-        return None
+        return stated_parameter(self._documents, path)
 
     def meant(self, name: str) -> tuple[str, ...]:
         """The names that one with stars stands for (`joints.*.dynamics.damping`, `leg_*` of parameters); one without is itself."""

@@ -17,12 +17,39 @@ if TYPE_CHECKING:
 def stated_value(documents: Documents, path: str) -> ExpressionValue | Expression | None:
     """What the root document, or the nested one that the path leads into, says at the path of a value: text where that is no value by
     itself (the three of a vector). None where it says nothing there, and for an expression of a nested document."""
+    document, keys = _leading(documents, path)
+    return None if document is None else _value(documents, document, keys)
+
+
+def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
+    """What a nested document says of its own parameter that a path sets (`components.leg.parameters.length`); None for any other path,
+    and for an expression."""
+    document, keys = _leading(documents, path)
+    if document is None or len(keys) != 4 or (keys[0], keys[2]) != ("components", "parameters"):
+        return None
+    document = _nested(documents, document, keys[1])
+    if document is None:
+        return None
+    said = (_value(documents, document, ("parameters", keys[3], *inner)) for inner in ((), ("value",)))
+    return next((value for value in said if value is not None and not isinstance(value, Expression)), None)
+
+
+def _leading(documents: Documents, path: str) -> tuple[Document | None, tuple[str, ...]]:
+    """The document that a path leads into, and the keys from there on."""
     document: Document | None = documents.root
     while document is not None and (through := nested(path)) is not None:
         component, path = through
-        text = node_at(document.tree, ("components", component, "assembly"))
-        document = documents.named(document, text.text) if isinstance(text, ScalarNode) else None
-    node = None if document is None else node_at(document.tree, tuple(path.split(".")))
+        document = _nested(documents, document, component)
+    return document, tuple(path.split("."))
+
+
+def _nested(documents: Documents, document: Document, component: str) -> Document | None:
+    text = node_at(document.tree, ("components", component, "assembly"))
+    return documents.named(document, text.text) if isinstance(text, ScalarNode) else None
+
+
+def _value(documents: Documents, document: Document, keys: tuple[str, ...]) -> ExpressionValue | Expression | None:
+    node = node_at(document.tree, keys)
     if not isinstance(node, ScalarNode):
         return None
     try:
