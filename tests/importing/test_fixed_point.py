@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -19,6 +20,8 @@ URDF, SDF = "urdf/*_source.urdf", "sdf/*_source/model.sdf"
 CASES = [
     ("constructs.urdf", URDF, 0), ("shapes.urdf", URDF, 1), ("constructs.sdf", URDF, 1), ("constructs.sdf", SDF, 1),
     ("constructs.xml", URDF, 1), ("constructs.xml", SDF, 1),
+    *((f"{name}.xml", f"mjcf/{name}_source.xml", 1) for name in ("cables", "constructs", "cranks", "loops", "suckers", "tendons")),
+    ("world.xml", "mjcf/two_arms_source.xml", 1),
 ]
 """A file, where its format is built, and after how many rounds nothing changes: one where shapes, meshes or a base get other names."""
 
@@ -53,9 +56,21 @@ def test_after_one_round_nothing_changes(name: str, where: str, rounds: int, tmp
     settled(written(ROBOTS / name, where, tmp_path / "0"), where, rounds, tmp_path)
 
 
-@pytest.mark.parametrize(("mode", "where"), [("urdf/gripper_bench.urdf", URDF), ("sdf/gripper_bench/model.sdf", SDF)])
+@pytest.mark.parametrize(("mode", "where"), [
+    ("urdf/gripper_bench.urdf", URDF), ("sdf/gripper_bench/model.sdf", SDF), ("mjcf/gripper_bench.xml", "mjcf/gripper_source.xml"),
+    ("mjcf/scene_bench.xml", "mjcf/gripper_source.xml"),
+])
 def test_after_one_round_nothing_of_a_modelled_robot_changes(mode: str, where: str, root: Path, tmp_path: Path) -> None:
     settled(built(root / "gallery" / "gripper" / "gripper.yaml", mode, tmp_path / "0"), where, 1, tmp_path)
+
+
+def test_a_site_of_two_names_is_one_mount() -> None:
+    """The record says which, and which are the frame of a component."""
+    imported = import_robot(str(ROBOTS / "suckers.xml"), Report())
+    assert imported is not None
+    assert json.loads(imported.files["import.json"])["names"]["sites"] == {
+        "tip": "tip", "arm/tip": "tip", "left/imu": "left_imu", "right/imu": "right_imu", "right": "right.origin",
+    }
 
 
 def settled(first: Path, where: str, rounds: int, folder: Path) -> None:
@@ -67,5 +82,5 @@ def settled(first: Path, where: str, rounds: int, folder: Path) -> None:
     assert NUMBER.sub("#", after) == NUMBER.sub("#", before)
     numbers = [[float(one) for one in NUMBER.findall(text)] for text in (before, after)]
     assert numbers[1] == pytest.approx(numbers[0], rel=1e-12, abs=1e-12)
-    meshes = [sorted((path.name, path.read_bytes()) for path in file.parent.glob("meshes/*")) for file in files[-2:]]
+    meshes = [sorted((path.name, path.read_bytes()) for path in file.parent.glob("*/*")) for file in files[-2:]]
     assert meshes[1] == meshes[0]

@@ -156,7 +156,7 @@ class _Document(Words):
 
     def _mounts(self, name: str) -> Iterator[tuple[str, str, str]]:
         """Of a link, each with its place and a comment: the mount of the joint that it hangs on, those of joints behind it, links that are
-        mounts, and those of sites, loops, magnets, what tendons go around, and cameras."""
+        mounts, and those of sites, loops, magnets, and of what tendons go around and cameras where no other mount is."""
         above = self.above.get(name)
         for joint in above.joints if above is not None else ():
             if child := _child_mount(joint):
@@ -178,10 +178,10 @@ class _Document(Words):
                 yield self.magnets[magnet.name], "", was(self.magnets[magnet.name], magnet.name)
         around = {step.around.name: step.around for tendon in self.robot.tendons for step in tendon.steps if step.around is not None}
         for shape in around.values():
-            if shape.link == name:
+            if shape.link == name and self.centres[shape.name] not in self.shown:
                 yield self.centres[shape.name], pose_words(shape.pose), ""
         for camera in self.robot.sensors:
-            if camera.link == name:
+            if camera.link == name and self.cameras[camera.name] not in self.shown:
                 yield self.cameras[camera.name], pose_words(camera.pose), ""
 
     def _joints(self) -> Iterator[str]:
@@ -214,7 +214,7 @@ class _Document(Words):
         limit: dict[str, str | None] = {
             "lower": lower, "upper": upper, "cone": angle(of.upper) if joint.kind == "ball" and of.upper is not None else None,
             "effort": None if not of.effort or joint.drive is not None else quantity(of.effort, force),
-            "velocity": None if of.velocity is None else quantity(of.velocity, speed),
+            "velocity": None if of.velocity in (None, joint.drive and joint.drive.velocity) else quantity(of.velocity, speed),
         }
         if joint.start:
             yield f"    offset: {place(-joint.start)}"

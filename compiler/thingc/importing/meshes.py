@@ -70,11 +70,13 @@ def _corner(data: bytes, path: str) -> float:
 
 
 def _stem(uri: str) -> str:
-    """What a mesh is called, without what models of ours add to that: `meshes.trunk.stl.obj` in them is `meshes/trunk.stl`."""
+    """What a mesh is called, without what models of ours add to that: `meshes.trunk-5fb32a19.stl.obj` in them is `meshes/trunk.stl` at
+    some scale."""
     stem = os.path.splitext(os.path.basename(uri))[0]
     while os.path.splitext(stem)[1].lower() in READ:
         stem = os.path.splitext(stem)[0]
-    return stem.removeprefix(f"{FOLDER}.")
+    own = stem.removeprefix(f"{FOLDER}.")
+    return own if own == stem else re.sub(r"-[0-9a-f]{8}$", "", own)
 
 
 def gathered(robot: SourceRobot, packages: Packages | None, report: Report) -> tuple[Mapping[str, str], dict[str, bytes], list[SourceLoss]]:

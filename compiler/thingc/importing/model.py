@@ -56,22 +56,24 @@ class SourceShape:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceSite:
-    """A frame on a link that has a name."""
+    """A frame on a link that has a name, and maybe `others`."""
 
     name: str
     pose: Pose
     where: Span
+    others: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceLink(Brief):
-    """A rigid body: it weighs nothing where `weight` is None."""
+    """A rigid body: it weighs nothing where `weight` is None. `frames` are names that the source has for its frame, besides its own."""
 
     name: str
     where: Span
     weight: Weight | None = None
     shapes: tuple[SourceShape, ...] = ()
     sites: tuple[SourceSite, ...] = ()
+    frames: tuple[str, ...] = ()
     raw: Raw = ()
 
     @property

@@ -41,6 +41,12 @@ def lengths(values: Sequence[float]) -> str:
     return _shared([scaled(value, 3) if abs(value) >= NOISE else "0" for value in values], "mm")
 
 
+def same_place(one: Pose, other: Pose) -> bool:
+    """Whether two frames are one but for rounding."""
+    numbers = zip((*one.translation, *sum(one.rotation, ())), (*other.translation, *sum(other.rotation, ())), strict=True)
+    return all(abs(a - b) < NOISE for a, b in numbers)
+
+
 def _shared(words: Sequence[str], unit: str) -> str:
     return " ".join(words) if set(words) == {"0"} else f"{' '.join(words)} {unit}"
 

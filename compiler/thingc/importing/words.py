@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from thingc.file_names import TAKEN, is_file_name
 from thingc.importing.model import Hanging, SourceLink, SourceRobot, SourceShape
-from thingc.importing.naming import distinct, plain_name
+from thingc.importing.naming import RESERVED, distinct, plain_name
+from thingc.importing.quantities import same_place
 from thingc.importing.updating import Earlier
+from thingc.pose import Pose
 
 
 class Words:
     """`links` are components, `frames` links that are mounts, and so on, each by the name in the source; `order` is the tree from the root
-    on. `meshes` is where files are that shapes name, and what an `earlier` import has named keeps its name."""
+    on, `shown` are the mounts that are exported. `meshes` is where files are that shapes name, and what an `earlier` import has named keeps
+    its name."""
 
     def __init__(self, robot: SourceRobot, meshes: Mapping[str, str], earlier: Earlier | None) -> None:
         self.robot, self.meshes = robot, meshes
@@ -34,21 +38,25 @@ class Words:
         self.points = {
             name: distinct([f"{self.links[name]}_mass"], "link", taken=names.values())[f"{self.links[name]}_mass"] for name in points
         }
-        self.sites = distinct([site.name for link in robot.links for site in link.sites], "mount", taken=names.values())
+        sites = [site.name for link in robot.links for site in link.sites]
+        self.sites = distinct(sites, "mount", taken=names.values(), earlier=self._paths(sites))
         moving = [joint.name for one in self.order for joint in one.joints]
         self.joints = distinct(moving, "joint", earlier=None if earlier is None else earlier.joints)
         self.loops = distinct([loop.name for loop in robot.loops], "loop", taken=self.joints.values())
         # Mounts of joints lie beside those that are shown, and may not be called like one of them.
-        shown = [*self.frames.values(), *self.sites.values()]
-        self.mounts = distinct(moving, "joint", taken=shown, earlier=self.joints)
-        self.ends = distinct(self.loops.values(), "loop", taken=[*shown, *self.mounts.values()])
-        taken = [*shown, *self.mounts.values(), *self.ends.values()]
-        self.magnets = distinct([one.name for one in robot.adhesions], "magnet", taken=taken)
-        self.cameras = distinct(
-            [one.name for one in robot.sensors if one.kind == "camera"], "camera", taken=[*taken, *self.magnets.values()],
-        )
-        around = [step.around.name for one in robot.tendons for step in one.steps if step.around is not None]
-        self.centres = distinct(around, "shape", taken=[*taken, *self.magnets.values(), *self.cameras.values()])
+        self.shown = [*self.frames.values(), *self.sites.values()]
+        self.mounts = distinct(moving, "joint", taken=self.shown, earlier=self.joints)
+        self.ends = distinct(self.loops.values(), "loop", taken=[*self.shown, *self.mounts.values()])
+        taken = [*self.shown, *self.mounts.values(), *self.ends.values()]
+        self.magnets: dict[str, str] = {}
+        for link in self.links:  # they are not shown, so that those of two links may be called alike
+            on = [one.name for one in robot.adhesions if one.link == link]
+            self.magnets |= distinct(on, "magnet", taken=taken, earlier=self._paths(on))
+        taken += self.magnets.values()
+        places = {one.name: (one.link, one.pose) for one in robot.sensors if one.kind == "camera" and one.link is not None}
+        self.cameras = self._placed(places, "camera", taken)
+        around = [step.around for one in robot.tendons for step in one.steps if step.around is not None]
+        self.centres = self._placed({one.name: (one.link, one.pose) for one in around}, "shape", [*taken, *self.cameras.values()])
         joints = [*self.joints.values(), *self.loops.values()]
         self.tendons = distinct([one.name for one in robot.tendons], "tendon", taken=joints)
         self.sensors: list[str] = []
@@ -59,6 +67,27 @@ class Words:
         self.added = distinct([one.name for one in robot.added if one.section == "actuator"], "drive", taken=drives)
         self.ties = distinct([one.name for one in robot.added if one.section == "equality"], "equality", taken=self.loops.values())
         self.poses = distinct([one.name for one in robot.poses], "pose")
+
+    def _paths(self, names: Sequence[str]) -> dict[str, str]:
+        """What is called, of these names, by the path of a mount, as models of ours do: `hand/tip` on the link `hand` as that mount, where
+        nothing else is."""
+        prefixes = tuple(f"{word}/" for word in self.links.values())
+        mounts = {name: name.rpartition("/")[2] for name in names if name.startswith(prefixes)}
+        wanted = Counter([*names, *mounts.values()])
+        return {name: mount for name, mount in mounts.items() if wanted[mount] == 1 and mount.lower() not in RESERVED}
+
+    def _placed(self, places: Mapping[str, tuple[str, Pose]], kind: str, taken: Iterable[str]) -> dict[str, str]:
+        """The mounts of things at a place in a link, by their names: one of a site or a link that is there already, else their own."""
+        there = {
+            name: next((word for word, at in self._shown_on(link) if same_place(at, pose)), None) for name, (link, pose) in places.items()
+        }
+        words = distinct([name for name, word in there.items() if word is None], kind, taken=taken)
+        return {name: word or words[name] for name, word in there.items()}
+
+    def _shown_on(self, link: str) -> Iterator[tuple[str, Pose]]:
+        """The mounts of a link that are shown, with their poses in it."""
+        yield from ((self.sites[site.name], site.pose) for site in self.link_of[link].sites)
+        yield from ((self.frames[one.child], one.pose) for one in self.below.get(link, ()) if one.child in self.frames)
 
     def _order(self) -> Iterator[Hanging]:
         """The tree from the root on, each branch to its end, as the source has them."""
@@ -76,17 +105,18 @@ class Words:
         """What the source calls things that have another name here, by kind, as `names:` of a document has it. Of two that would have one
         name in files the first has it, links before sites."""
         joints = [joint for one in self.order for joint in one.joints]
+        moving = {one.name: self.loops[one.name] for one in self.robot.loops if one.kind != "fixed"}  # a weld is no joint that has a name
         drives = [(self.joints[one.name], one.drive, one.name) for one in joints]
         drives += [(self.tendons[one.name], one.drive, one.name) for one in self.robot.tendons]
         kinds: dict[str, list[tuple[str, str, str]]] = {  # what it is called here, in the source, and in files without a word
             "components": [(word, name, word) for name, word in self.links.items()],
             "mounts": [(word, name, word) for name, word in (*self.frames.items(), *self.sites.items())],
-            "joints": [(word, name, word) for name, word in (*self.joints.items(), *self.loops.items())],
+            "joints": [(word, name, word) for name, word in (*self.joints.items(), *moving.items())],
             "tendons": [(word, name, word) for name, word in self.tendons.items()],
             "actuators": [(word, drive.name, usual) for word, drive, usual in drives if drive is not None],
             "sensors": [
                 named for one, word in zip(self.robot.sensors, self.sensors, strict=True)
-                for named in ([(f"{word}:{part}", of, "") for of, part in one.parts] or [(word, one.name, word)])
+                for named in ([(f"{word}:{part}", of, f"{word}:{part}") for of, part in one.parts] or [(word, one.name, word)])
             ],
             "poses": [(word, name, word) for name, word in self.poses.items()],
         }
@@ -107,8 +137,10 @@ class Words:
         parts = {
             of: f"{word}:{part}" for one, word in zip(self.robot.sensors, self.sensors, strict=True) for of, part in one.parts
         }
+        second = {other: self.sites[site.name] for link in self.robot.links for site in link.sites for other in site.others}
+        second |= {name: f"{self.links[link.name]}.origin" for link in self.robot.links for name in link.frames}
         kinds = {
-            "sites": self.sites, "loops": self.loops, "tendons": self.tendons,
+            "sites": self.sites | second, "loops": self.loops, "tendons": self.tendons,
             "actuators": drives | magnets | self.added,
             "sensors": parts, "poses": self.poses,
         }

@@ -75,7 +75,8 @@ class Couplings:
             return None
         kind = int(self.model.eq_type[number])
         return SourceLoop(
-            name=self.original.equalities[number], kind="ball" if kind == CONNECT else "fixed", ends=(ends[0], ends[1]),
+            name=self.original.equalities[number].removesuffix(":loop"),  # which models of ours add
+            kind="ball" if kind == CONNECT else "fixed", ends=(ends[0], ends[1]),
             where=self.original.where("equality", number), raw=self._raw(number, {}),
         )
 

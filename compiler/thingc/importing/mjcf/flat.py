@@ -31,7 +31,7 @@ LEFT_OUT = {
     "texture": "it is not read: shapes have the colours of their materials", "hfield": "a document has no height fields",
     "skin": "a document has no skins", "flex": "a document has rigid links only", "flexcomp": "a document has rigid links only",
     "composite": "it is not read: write out the bodies that it stands for", "size": "the sizes of a model follow from its robot",
-    "custom": "a document has no data of others", "extension": "a document has no plugins",
+    "text": "a document has no data of others", "tuple": "a document has no data of others", "extension": "a document has no plugins",
     "statistic": "MuJoCo works them out of the robot", "light": "lights belong to a scene", "visual": "how it is drawn belongs to a scene",
 }
 REFUSED = {"attach": "attached models are not read", "model": "attached models are not read"}
@@ -41,19 +41,27 @@ FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flat:
     """A file without files: its `text`, the element that stands in each line, the `files` that MuJoCo is handed, by the names that the
-    text has for them; for each of these names the mesh's path from the source's folder; and what was left out."""
+    text has for them; for each of these names the mesh's path from the source's folder; the roots of `included` files; and what was left
+    out."""
 
     root: SourceElement
     text: str
     lines: tuple[SourceElement, ...]
     files: Mapping[str, bytes]
     meshes: Mapping[str, str]
+    included: tuple[SourceElement, ...]
     losses: tuple[SourceLoss, ...]
 
     def element(self, said: str) -> SourceElement:
         """What MuJoCo says to be in a line of the text (`line 7`); the root where it says none."""
         number = [int(one) for one in re.findall(r"line\s*=?\s*(\d{1,9})\b", said)]
         return self.lines[number[-1] - 1] if number and 1 <= number[-1] <= len(self.lines) else self.root
+
+    def named(self, element: SourceElement) -> SourceElement:
+        """The root of the file that an element stands in, where that says what its model is called: a scene's robot is called as in its own
+        file. Else the first root."""
+        roots = (one for one in self.included if one.where.file == element.where.file and one.attributes.get("model", "").strip())
+        return next(roots, self.root)
 
     def place(self, said: str, attribute: str | None = None) -> Span:
         """The place of that in the source."""
@@ -95,7 +103,7 @@ class _Flattening:
             return None
         return Flat(
             root=self.root, text="\n".join(self.texts), lines=tuple(self.lines), files=self.files, meshes=self.meshes,
-            losses=tuple(self.losses),
+            included=tuple(one for roots in self.elements.values() for one in roots), losses=tuple(self.losses),
         )
 
     def _children(self, element: SourceElement) -> Iterator[SourceElement]:

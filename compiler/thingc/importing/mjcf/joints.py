@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from thingc.importing.mjcf.couplings import Couplings
@@ -30,6 +31,8 @@ def joint_of(original: Original, joint: int, drives: Actuators, couplings: Coupl
                 original.lose(f"slide `{name}` without ends", f"a document has them, at {FAR:g} m", where)
         case _:
             kind, ends = ("revolute", Ends(lower=lower, upper=upper)) if limited else ("continuous", Ends())
+    if name in original.speeds and kind != "ball":
+        ends = replace(ends, velocity=original.speeds[name])
     stiffness = float(model.jnt_stiffness[joint])
     rest = float(model.qpos_spring[model.jnt_qposadr[joint]]) if kind != "ball" else 0.0
     if start:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
+from thingc.importing.mjcf.doubles import doubles
 from thingc.importing.mjcf.flat import Flat
 from thingc.importing.model import Raw, SourceLoss
 from thingc.importing.xml_source import SourceElement
@@ -24,7 +25,8 @@ SOLREF, SOLIMP = "0.02 1", "0.9 0.95 0.001 0.5 2"
 
 class Original:
     """`spec` is what was written, `model` what it comes to. Things are meant by their number in the model; bodies, joints, geoms,
-    sites, tendons, actuators and sensors have a name each, made up where the source has none. `geoms_of` and `sites_of` are by body."""
+    sites, tendons, actuators and sensors have a name each, made up where the source has none. `geoms_of` and `sites_of` are by body; sites
+    that are its frame are `frames_of` it, and those that are another site have that one's name, `second_names` are theirs by it."""
 
     def __init__(self, flat: Flat, spec: Any, model: Any) -> None:
         self.flat, self.spec, self.model = flat, spec, model
@@ -36,11 +38,35 @@ class Original:
         self.joints = self._names("joint", lambda one: f"{one.parent.name or 'body'}_joint")
         self.geoms = self._names("geom", lambda one: f"{one.parent.name or 'body'}_geom")
         self.sites = self._names("site", lambda one: f"{one.parent.name or 'body'}_site")
+        self.second_names: dict[str, list[str]] = {}
+        self._leave_out_doubles()
         self.tendons = self._names("tendon", lambda one: "tendon")
         self.actuators = self._names("actuator", lambda one: one.target or "actuator")
         self.sensors = self._names("sensor", lambda one: one.objname or "sensor")
         self.cameras = self._names("camera", lambda one: "camera")
         self.equalities = self._names("equality", lambda one: f"{one.name1}_to_{one.name2}")
+        self.speeds = dict(self._speeds())
+
+    def _speeds(self) -> Iterator[tuple[str, float]]:
+        """The velocity limits [rad/s or m/s] of joints, by their names: MJCF has none, and models of ours have numbers `NAME:velocity`. All
+        other numbers are losses."""
+        for one in self.spec.numerics:
+            joint, speed = one.name.removesuffix(":velocity"), floats(one.data)
+            if joint != one.name and joint in self.joints.values() and len(speed) == 1 and speed[0] > 0.0:
+                yield joint, speed[0]
+            else:
+                self.lose(f"the number `{one.name}`", "a document has no data of others", self.flat.place(one.info))
+
+    def _leave_out_doubles(self) -> None:
+        """Sites that are another one have its name from now on, and are none of a body's, as those that say nothing."""
+        poses = {site: pose_of(self.model.site_pos[site], self.model.site_quat[site]) for site in self.sites}
+        found = doubles(self.model, self.sites, self.bodies, poses)
+        for site, other in found.second.items():
+            self.second_names.setdefault(self.sites[other], []).append(self.sites[site])
+            self.sites[site] = self.sites[other]
+        self.frames_of = [[site for site in sites if site in found.frames] for sites in self.sites_of]
+        left_out = {*found.second, *found.frames, *found.closed}
+        self.sites_of = [[site for site in sites if site not in left_out] for sites in self.sites_of]
 
     def _names(self, kind: str, made_up: Any) -> dict[int, str]:
         """The name of each thing of a kind."""

@@ -106,9 +106,9 @@ class _Reader:
         simulated, set_up = simulation(self.original), options(self.original)
         # All that reads has read by now, and noted what it lost.
         losses = sorted((*self.original.flat.losses, *self.original.losses), key=lambda one: (one.where.file, one.where.line))
-        flat = self.original.flat
+        named = self.original.flat.named(self.original.element("body", min(body for body in kept if body != WORLD)))
         return SourceRobot(
-            name=flat.root.attributes.get("model", "").strip() or "robot", where=flat.root.place("model"),
+            name=named.attributes.get("model", "").strip() or "robot", where=named.place("model"),
             root=self.original.bodies[root], links=tuple(whole),
             hangings=tuple(hangings), base=base,
             pose=NO_POSE if root == WORLD else self._pose(root), losses=tuple(losses), loops=couplings.loops,
@@ -212,14 +212,15 @@ class _Reader:
         sites = tuple(
             SourceSite(
                 name=original.sites[site], pose=on[of][1] @ pose_of(self.model.site_pos[site], self.model.site_quat[site]),
-                where=original.where("site", site),
+                where=original.where("site", site), others=tuple(original.second_names.get(original.sites[site], ())),
             )
             for of in self._carried[body] for site in original.sites_of[of]
         )
+        frames = tuple(original.sites[site] for site in original.frames_of[body])
         gravcomp = float(self.model.body_gravcomp[body])
         return SourceLink(
             name=original.bodies[body], where=where, weight=self._weight(body), shapes=self.shapes.of(body), sites=sites,
-            raw=(("gravcomp", numbers([gravcomp])),) if gravcomp else (),
+            frames=frames, raw=(("gravcomp", numbers([gravcomp])),) if gravcomp else (),
         )
 
     def _weight(self, body: int) -> Weight | None:

@@ -125,8 +125,10 @@ class _Sensing:
             site = int(model.sensor_objid[readings[0][0]])
             shape, count = VOLUMES[int(model.site_type[site])]
             volume = shape, floats(model.site_size[site])[:count]
+        words = {original.sensors[number].removesuffix(f":{reading}") for number, reading in readings}
+        own = all(original.sensors[number].endswith(f":{reading}") for number, reading in readings) and len(words) == 1
         return SourceSensor(
-            kind=place.kind, name=place.site or place.joint or place.tendon or place.kind,
+            kind=place.kind, name=words.pop() if own else place.site or place.joint or place.tendon or place.kind,
             where=original.where("sensor", readings[0][0]), site=place.site,
             seen_from=place.seen_from, joint=place.joint, tendon=place.tendon, volume=volume, noise=numbers["noise"],
             cutoff=numbers["cutoff"],
