@@ -327,3 +327,16 @@ def test_a_loop_of_impossible_lengths_is_said_once_for_all_modes(tmp_path: Path)
     assert [(code, where) for code, _, _, where in found.said] == [("TC604", line)]
     assert found.said[0][1] == "the loop through joint `wrist` does not close: at best its ends are 20 mm and 0 deg apart"
     assert found.said[0][2] == "change the lengths in the loop, or the limits of its joints"
+
+
+@pytest.mark.parametrize(("off", "said"), [
+    ("0.00004 mm", []), ("0.002 mm", ["the loop through joint `wrist` does not close: at best its ends are 0.002 mm and 0 deg apart"]),
+])
+def test_what_digits_leave_out_across_the_plane_of_a_linkage_is_no_gap(off: str, said: list[str], tmp_path: Path) -> None:
+    """All joints turn about z, and one end lies a little higher: no joint mends that. Along the plane it closes to the last digit."""
+    text = FOURBAR.replace("high: {xyz: 180 0 0 mm}", f"high: {{xyz: 180 0 {off.removesuffix(' mm')} mm}}")
+    found = compiled(tmp_path, text)
+    assert [message for _, message, _, _ in found.said] == said
+    for frame in found.robot("bench").keyframes if not said else ():
+        assert frame.q["pivot"] == pytest.approx(rocker_angle(frame.q["drive"]), abs=1e-12)
+        assert frame.residual is not None and frame.residual[0] == pytest.approx(4e-8, abs=1e-12)
