@@ -11,6 +11,7 @@ import struct
 from collections.abc import Callable, Mapping
 
 from thingc.diagnostics import Code, Report
+from thingc.importing.losses import Losses
 from thingc.importing.model import SourceLoss, SourceRobot, SourceShape
 from thingc.importing.naming import distinct
 from thingc.importing.packages import NotFound, Packages
@@ -79,12 +80,17 @@ def _stem(uri: str) -> str:
     return own if own == stem else re.sub(r"-[0-9a-f]{8}$", "", own)
 
 
-def gathered(robot: SourceRobot, packages: Packages | None, report: Report) -> tuple[Mapping[str, str], dict[str, bytes], list[SourceLoss]]:
+def gathered(
+    robot: SourceRobot, packages: Packages | None, report: Report,
+) -> tuple[Mapping[str, str], dict[str, bytes], tuple[SourceLoss, ...]]:
     """The path in the workspace of every mesh that shapes of the robot name, and the files by it. What cannot be found is reported at its
     first place; without `packages` all meshes are losses."""
     named = [(shape.mesh, shape) for link in robot.links for shape in link.shapes if shape.mesh is not None]
     if packages is None:
-        return {}, {}, [SourceLoss(what=f"mesh `{uri}`", why="meshes are left out", where=shape.where) for uri, shape in named]
+        left_out = Losses()
+        for uri, shape in named:
+            left_out.note(f"mesh `{uri}`", "meshes are left out", shape.where)
+        return {}, {}, left_out.all()
     contents: dict[str, bytes] = {}
     first_places = dict(reversed(named))
     for uri in dict.fromkeys(uri for uri, _ in named):
@@ -109,4 +115,4 @@ def gathered(robot: SourceRobot, packages: Packages | None, report: Report) -> t
         stem, taken = _stem(uri), [os.path.splitext(name)[0] for name in names.values()]
         names[uri] = f"{distinct([stem], 'mesh', taken)[stem]}{os.path.splitext(uri)[1].lower()}"
     paths = {uri: f"{FOLDER}/{names[first[digest]]}" for uri, digest in digests.items()}
-    return paths, {paths[uri]: contents[uri] for uri in uris}, []
+    return paths, {paths[uri]: contents[uri] for uri in uris}, ()

@@ -11,6 +11,7 @@ import re
 from dataclasses import replace
 
 from thingc.diagnostics import Code, Report
+from thingc.importing.losses import Losses
 from thingc.importing.model import (
     FAR,
     Ends,
@@ -21,7 +22,6 @@ from thingc.importing.model import (
     SourceJoint,
     SourceLink,
     SourceLoop,
-    SourceLoss,
     SourceRobot,
     SourceShape,
     SourceSite,
@@ -29,7 +29,7 @@ from thingc.importing.model import (
 )
 from thingc.importing.sdf_frames import PUTS_IN_PLACE, WORLD, Frames, NamedFrame, key_of
 from thingc.importing.tree import look_at_mimics, root_of, spanned
-from thingc.importing.values import ChildValues, unread
+from thingc.importing.values import ChildValues
 from thingc.importing.xml_source import SourceElement, read_robot
 from thingc.inertia import MassProperties
 from thingc.pose import IDENTITY, NO_POSE, Pose, Vector, along, rotate
@@ -80,7 +80,7 @@ def read_sdf(path: str, data: bytes, report: Report) -> SourceRobot | None:
 class _Sdf:
     def __init__(self, root: SourceElement, report: Report) -> None:
         self.root, self.report, self.values = root, report, ChildValues(report)
-        self.losses: list[SourceLoss] = []
+        self.losses = Losses()
         self.old_axes = False
 
     def robot(self) -> SourceRobot | None:
@@ -98,7 +98,7 @@ class _Sdf:
         hangings = [one for key, frame in frames.all("joint") if (one := self._hanging(key, frame)) is not None]
         moving = {key for key, frame in frames.all("joint") if frame.element.attributes.get("type") not in ("fixed", "ball")}
         look_at_mimics(hangings, moving, self.report)
-        self.losses += unread(model, ATTRIBUTES, INSIDE, AS_USUAL)
+        self.losses.unread(model, ATTRIBUTES, INSIDE, AS_USUAL)
         return None if len(self.report.diagnostics) > before else self._stood(model, name, links, hangings)
 
     def _look_at_version(self) -> None:
@@ -115,7 +115,7 @@ class _Sdf:
         models = [model for around in (self.root, *worlds) for model in around.all("model")]
         robots = models if len(models) == 1 else [model for model in models if not self._is(model, "static")]
         for child in (child for world in worlds for child in world.children if child not in robots):
-            self._lose(f"`<{child.tag}>` of `<world>`", "a document is of one robot", child)
+            self.losses.note(f"`<{child.tag}>` of `<world>`", "a document is of one robot", child.where)
         if len(robots) == 1:
             return robots[0]
         found = ", ".join(f"`{one.attributes.get('name', '')}`" for one in robots[:6]) or "none"
@@ -132,7 +132,9 @@ class _Sdf:
     def _link(self, key: str, element: SourceElement) -> SourceLink:
         inertial = self.values.one(element, "inertial")
         if inertial is None:
-            self._lose(f"that link `{key}` has no `<inertial>`", "it weighs 1 kg, with an inertia of 1 kg m^2, as SDF has it then", element)
+            self.losses.note(
+                f"that link `{key}` has no `<inertial>`", "it weighs 1 kg, with an inertia of 1 kg m^2, as SDF has it then", element.where,
+            )
         shapes = [self._shape(child) for child in element.children if child.tag in ("visual", "collision")]
         weight = _USUAL if inertial is None else self._weight(inertial)
         return SourceLink(
@@ -161,17 +163,17 @@ class _Sdf:
         said = next(element.all("pose"), None)
         relative_to = "" if said is None else said.attributes.get("relative_to", "").strip()
         if relative_to and said is not None:
-            self._lose(f"`relative_to` of a `<{element.tag}>`", "shapes are read in their link, and this one is left out", said)
+            self.losses.note(f"`relative_to` of a `<{element.tag}>`", "shapes are read in their link, and this one is left out", said.where)
             return None
         if form.tag not in INSIDE["geometry"]:
-            self._lose(f"a `<{form.tag}>`", "shapes of that kind are not read", form)
+            self.losses.note(f"a `<{form.tag}>`", "shapes of that kind are not read", form.where)
             return None
         sized, mesh = self.values.sized(form), self.values.word(form, "uri") if form.tag == "mesh" else None
         if sized is None or form.tag == "mesh" and mesh is None:
             return None
         kind, size = sized
         if 0.0 in size:
-            self._lose(f"a `<{form.tag}>`", "it has no volume", form)
+            self.losses.note(f"a `<{form.tag}>`", "it has no volume", form.where)
             return None
         return SourceShape(
             kind=kind, use="visual" if element.tag == "visual" else "collision", size=size, pose=pose, where=form.where, mesh=mesh,
@@ -221,7 +223,7 @@ class _Sdf:
             if joint.ends.lower != 0.0:
                 message = f"`lower` and `upper` are both {joint.ends.lower:g}: this joint cannot move, and not be at 0"
                 self.values.fault(element, None, message, "make it `fixed`, or give it ends")
-            self._lose(f"joint `{key}`, whose ends are both 0", "it is read as one that is fixed", element)
+            self.losses.note(f"joint `{key}`, whose ends are both 0", "it is read as one that is fixed", element.where)
         return Hanging(
             name=key, parent=parent, child=child, pose=_clean(around.inverse() @ self.frames.poses[child]), where=element.where,
             joints=() if joint is None or still else (joint,),
@@ -261,7 +263,7 @@ class _Sdf:
             kind = "continuous"
         if kind == "prismatic" and ends.lower is None:
             ends = replace(ends, lower=-FAR, upper=FAR, made_up=True)
-            self._lose(f"slide `{key}` without ends", f"a document has them, at {FAR:g} m", element)
+            self.losses.note(f"slide `{key}` without ends", f"a document has them, at {FAR:g} m", element.where)
         dynamics = self.values.one(axis, "dynamics")
         damping = friction = stiffness = rest = 0.0
         if dynamics is not None:
@@ -301,7 +303,7 @@ class _Sdf:
             None if self.values.written(limit, key) is None else self._bound(limit, key) for key in ("lower", "upper", "effort", "velocity")
         )
         if (lower is None) != (upper is None):
-            self._lose("the one end of a joint", "the other is not stated, and a joint has two or none", limit)
+            self.losses.note("the one end of a joint", "the other is not stated, and a joint has two or none", limit.where)
             lower = upper = None
         if lower is not None and upper is not None and lower > upper:
             self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or mend the number")
@@ -342,7 +344,7 @@ class _Sdf:
         links = [replace(link, sites=sites.get(link.name, ())) for link in links]
         placed = self.values.one(model, "pose")
         if placed is not None and placed.attributes.get("relative_to", "").strip() not in ("", WORLD):
-            self._lose("`relative_to` of the model's pose", "it is read as one in the world", placed)
+            self.losses.note("`relative_to` of the model's pose", "it is read as one in the world", placed.where)
         here, grounded = self.frames.stated(model), [one for one in hangings if one.parent == WORLD]
         if len(grounded) == 1 and not grounded[0].joints:
             hangings = [one for one in hangings if one is not grounded[0]]
@@ -354,11 +356,10 @@ class _Sdf:
         if root is None:
             return None
         loops = tuple(self._loop(one) for one in closing)
-        losses = tuple(sorted(self.losses, key=lambda loss: (loss.where.line, loss.where.column)))
         return SourceRobot(
             name=name, where=model.place("name"), root=root, links=tuple(links), hangings=tree,
             base="fixed" if grounded or self._is(model, "static") else "free",
-            pose=NO_POSE if root == WORLD else _clean(here @ self.frames.poses[root]), losses=losses,
+            pose=NO_POSE if root == WORLD else _clean(here @ self.frames.poses[root]), losses=self.losses.all(),
             loops=loops,
         )
 
@@ -368,13 +369,10 @@ class _Sdf:
         at = NO_POSE if joint is None else along(joint.axis, joint.anchor)
         if joint is not None and (joint.ends != Ends() or joint.damping or joint.friction or joint.stiffness or joint.follows):
             why = "a joint that closes a loop has none of that"
-            self.losses.append(SourceLoss(what=f"limits, drive and dynamics of joint `{one.name}`", why=why, where=one.where))
+            self.losses.note(f"limits, drive and dynamics of joint `{one.name}`", why, one.where)
         kind = "fixed" if joint is None else "continuous" if joint.kind == "revolute" else joint.kind
         assert kind != "planar"
         return SourceLoop(name=one.name, kind=kind, ends=((one.parent, _clean(one.pose @ at)), (one.child, at)), where=one.where)
-
-    def _lose(self, what: str, why: str, element: SourceElement) -> None:
-        self.losses.append(SourceLoss(what=what, why=why, where=element.where))
 
 
 def _rounded(vector: Vector) -> Vector:

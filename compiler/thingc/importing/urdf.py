@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Literal
 
 from thingc.diagnostics import Code, Report
+from thingc.importing.losses import Losses
 from thingc.importing.model import (
     Ends,
     Following,
@@ -17,7 +18,6 @@ from thingc.importing.model import (
     SourceDrive,
     SourceJoint,
     SourceLink,
-    SourceLoss,
     SourceRobot,
     SourceSensor,
     SourceShape,
@@ -26,7 +26,7 @@ from thingc.importing.model import (
 )
 from thingc.importing.tree import look_at_mimics, root_of
 from thingc.importing.urdf_blocks import TAGS, read_blocks
-from thingc.importing.values import Values, unread
+from thingc.importing.values import Values
 from thingc.importing.xml_source import SourceElement, read_robot
 from thingc.inertia import MassProperties
 from thingc.pose import NO_POSE, Vector
@@ -81,7 +81,7 @@ def _use(element: SourceElement) -> Literal["visual", "collision"]:
 class _Urdf:
     def __init__(self, root: SourceElement, report: Report) -> None:
         self.root, self.report, self.values = root, report, Values(report)
-        self.losses: list[SourceLoss] = []
+        self.losses = Losses()
         self.moving = {  # of one whose kind is wrong that has been said
             element.attributes.get("name", "") for element in root.all("joint")
             if element.attributes.get("type") not in ("fixed", "floating", "planar")
@@ -89,29 +89,26 @@ class _Urdf:
         self.colors = {
             element.attributes.get("name", ""): color for element in root.all("material") if (color := self._color(element)) is not None
         }
-        self.blocks = read_blocks(root, self.values)
-        self.losses += self.blocks.losses
+        self.blocks = read_blocks(root, self.values, self.losses)
 
     def robot(self) -> SourceRobot | None:
         """Everything that is wrong is said; then None."""
         name = self.root.attributes.get("name", "").strip()
         if not name:
             name = os.path.splitext(os.path.basename(self.root.where.file))[0]
-            self._lose("`name` of `<robot>`", f"it has none, and is called like its file, `{name}`", self.root)
+            self.losses.note("`name` of `<robot>`", f"it has none, and is called like its file, `{name}`", self.root.where)
         links = tuple(link for element in self.root.all("link") if (link := self._link(element)) is not None)
         hangings = tuple(one for element in self.root.all("joint") if (one := self._hanging(element)) is not None)
         look_at_mimics(hangings, self.moving, self.report)
-        blocks = [one.where for one in self.root.children if one.tag in TAGS]
-        self.losses += (one for one in unread(self.root, ATTRIBUTES, INSIDE, {}) if one.where not in blocks)
+        self.losses.unread(self.root, ATTRIBUTES, INSIDE, {}, [one.where for one in self.root.children if one.tag in TAGS])
         if self.report.failed:  # what is wrong with a joint must not be said again of the tree
             return None
         root = root_of(links, hangings, self.root.where, self.report)
         if root is None:
             return None
         links, sensors = self._sensed(links, hangings)
-        losses = tuple(sorted(self.losses, key=lambda loss: (loss.where.line, loss.where.column)))
         robot = SourceRobot(
-            name=name, where=self.root.place("name"), root=root, links=links, hangings=hangings, losses=losses,
+            name=name, where=self.root.place("name"), root=root, links=links, hangings=hangings, losses=self.losses.all(),
             mesh_folder=self.blocks.meshes, sensors=sensors,
         )
         return self._grounded(robot)
@@ -168,7 +165,7 @@ class _Urdf:
             return None
         if mass == 0.0:
             if any(map(any, properties.inertia)):
-                self._lose("the inertia of a link", "it has no mass", inertial)
+                self.losses.note("the inertia of a link", "it has no mass", inertial.where)
             return None
         return Weight(properties=properties, where=inertial.where)
 
@@ -186,7 +183,7 @@ class _Urdf:
             return None
         kind, size = sized
         if 0.0 in size:
-            self._lose(f"a `<{form.tag}>`", "it has no volume", form)
+            self.losses.note(f"a `<{form.tag}>`", "it has no volume", form.where)
             return None
         material = self.values.one(element, "material")
         color = None if material is None else self._color(material) or self.colors.get(material.attributes.get("name", ""))
@@ -262,7 +259,7 @@ class _Urdf:
         if joint is None or multiplier is None or offset is None:
             return None
         if joint not in self.moving:
-            self._lose(f"that joint `{name}` mimics `{joint}`", "there is no such joint that moves: it moves by itself", mimic)
+            self.losses.note(f"that joint `{name}` mimics `{joint}`", "there is no such joint that moves: it moves by itself", mimic.where)
             self.report.warn(
                 Code.SOURCE_DOUBT, f"joint `{name}` mimics `{joint}`, which is no joint that moves: it moves by itself here",
                 mimic.place("joint"), help=did_you_mean(joint, sorted(self.moving - {name}), what="joints"),
@@ -283,7 +280,7 @@ class _Urdf:
         lower, upper = self.values.number(limit, "lower", 0.0), self.values.number(limit, "upper", 0.0)
         if kind not in ("revolute", "prismatic"):
             if lower != upper:
-                self._lose("`lower` and `upper` of a joint", f"one that is `{kind}` has no ends", limit)
+                self.losses.note("`lower` and `upper` of a joint", f"one that is `{kind}` has no ends", limit.where)
             return Ends(effort=effort, velocity=velocity)
         if lower is None or upper is None:
             return Ends()
@@ -294,12 +291,11 @@ class _Urdf:
                 help = "make it `fixed`, or give it ends"
                 self.values.fault(limit, None, f"`lower` and `upper` are both {lower:g}: this joint cannot move", help)
             elif not follows:
-                self._lose(f"`lower` and `upper` of a joint, both {lower:g}", "it is read as one without ends, as simulators do", limit)
+                self.losses.note(
+                    f"`lower` and `upper` of a joint, both {lower:g}", "it is read as one without ends, as simulators do", limit.where,
+                )
             return Ends(effort=effort, velocity=velocity)
         return Ends(lower=lower, upper=upper, effort=effort, velocity=velocity)
-
-    def _lose(self, what: str, why: str, element: SourceElement) -> None:
-        self.losses.append(SourceLoss(what=what, why=why, where=element.where))
 
     def _grounded(self, robot: SourceRobot) -> SourceRobot | None:
         """Without a root link that stands for the world, where one link alone hangs on it and nothing moves that."""

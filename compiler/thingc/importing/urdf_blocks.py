@@ -9,7 +9,7 @@ from dataclasses import field
 from typing import Literal
 
 from thingc.frozen import dataclass
-from thingc.importing.model import SourceLoss
+from thingc.importing.losses import Losses
 from thingc.importing.values import Values
 from thingc.importing.xml_source import SourceElement
 from thingc.pose import Pose, placed
@@ -52,25 +52,23 @@ class GazeboSensor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blocks:
-    """`friction` of links (sliding, by their names), the joints that something drives (None: nothing says which), where MuJoCo looks for
-    meshes, and what is not said."""
+    """`friction` of links (sliding, by their names), the joints that something drives (None: nothing says which), and where MuJoCo looks
+    for meshes."""
 
     friction: Mapping[str, float] = field(default_factory=dict)
     driven: frozenset[str] | None = None
     meshes: str | None = None
     sensors: tuple[GazeboSensor, ...] = ()
-    losses: tuple[SourceLoss, ...] = ()
 
 
-def read_blocks(root: SourceElement, values: Values) -> Blocks:
-    """All blocks of a robot. What is no number is reported."""
-    return _Blocks(root, values).read()
+def read_blocks(root: SourceElement, values: Values, losses: Losses) -> Blocks:
+    """All blocks of a robot, and what is not said of them. What is no number is reported."""
+    return _Blocks(root, values, losses).read()
 
 
 class _Blocks:
-    def __init__(self, root: SourceElement, values: Values) -> None:
-        self.root, self.values = root, values
-        self.losses: list[SourceLoss] = []
+    def __init__(self, root: SourceElement, values: Values, losses: Losses) -> None:
+        self.root, self.values, self.losses = root, values, losses
         self.friction: dict[str, float] = {}
         self.sensors: dict[str, GazeboSensor] = {}
 
@@ -85,15 +83,12 @@ class _Blocks:
         folders = [one.attributes[key] for one in compilers for key in ("meshdir", "assetdir") if key in one.attributes]
         return Blocks(
             friction=self.friction, driven=frozenset(driven) if said else None, meshes=folders[0] if folders else None,
-            sensors=tuple(self.sensors.values()), losses=tuple(self.losses),
+            sensors=tuple(self.sensors.values()),
         )
-
-    def _lose(self, what: str, why: str, element: SourceElement) -> None:
-        self.losses.append(SourceLoss(what=what, why=why, where=element.where))
 
     def _rest(self, elements: Iterable[SourceElement], of: str) -> None:
         for element in elements:
-            self._lose(f"`<{element.tag}>` {of}", WHY.get(element.tag, "it is not read"), element)
+            self.losses.note(f"`<{element.tag}>` {of}", WHY.get(element.tag, "it is not read"), element.where)
 
     def _gazebo(self, block: SourceElement) -> None:
         name = block.attributes.get("reference")
@@ -103,16 +98,16 @@ class _Blocks:
         here = f"of `<gazebo reference=\"{name}\">`"
         links, joints = ([one.attributes.get("name") for one in self.root.all(tag)] for tag in ("link", "joint"))
         if name not in links and name not in joints:
-            self._lose(f"`<gazebo reference=\"{name}\">`", "there is no such link or joint", block)
+            self.losses.note(f"`<gazebo reference=\"{name}\">`", "there is no such link or joint", block.where)
             return
         first, second = (next(block.all(tag), None) for tag in ("mu1", "mu2"))
         slides = [None if one is None else self._from_zero(one) for one in (first, second)]
         if first is not None and slides[0] is not None and name in links:
             self.friction[name] = slides[0]
         elif first is not None:
-            self._lose(f"`<mu1>` {here}", "it is no link", first)
+            self.losses.note(f"`<mu1>` {here}", "it is no link", first.where)
         if second is not None and slides[1] is not None and slides[0] != slides[1]:
-            self._lose(f"`<mu2>` {here}", "friction is the same in all directions", second)
+            self.losses.note(f"`<mu2>` {here}", "friction is the same in all directions", second.where)
         for sensor in block.all("sensor"):
             self._sensor(sensor, name, name in links)
         self._rest((one for one in block.children if one.tag not in {"mu1", "mu2", "sensor", *KEPT}), here)
@@ -122,7 +117,7 @@ class _Blocks:
         what, known = f"sensor `{name}`", SENSORS.get(kind)
         if known is None or not on_link or not name or name in self.sensors:
             why = "another one is called so" if name in self.sensors else f"there is no sensor `{kind}`" if on_link else "it is on no link"
-            self._lose(what, why, element)
+            self.losses.note(what, why, element.where)
             return
         pose = next(element.all("pose"), None)
         words = ["0"] * 6 if pose is None else pose.text.split()
@@ -134,11 +129,11 @@ class _Blocks:
         if known == "camera":
             at, fovy = at @ LOOKING, self._fovy(element)
             if not 0.0 < fovy < MOST_VIEW:
-                self._lose(what, "it sees half of everything, or nothing", element)
+                self.losses.note(what, "it sees half of everything, or nothing", element.where)
                 return
         self.sensors[name] = GazeboSensor(name=name, kind=known, link=link, pose=at, fovy=fovy, where=element.where)
         if any(one.tag not in ("pose", "always_on", "visualize", "camera") for one in element.children):
-            self._lose(f"rate, noise and plugins of {what}", "a sensor here says what it is and where", element)
+            self.losses.note(f"rate, noise and plugins of {what}", "a sensor here says what it is and where", element.where)
 
     def _fovy(self, element: SourceElement) -> float:
         """From bottom to top, of the angle from left to right and the shape of the picture."""
@@ -172,7 +167,7 @@ class _Blocks:
                 self._interfaces(name, {kind for kind in COMMANDS for face in faces if kind in face.lower()}, joint)
             for one in (one for part in block.all("actuator") for one in part.all("mechanicalReduction")):
                 if (ratio := self._number(one)) is not None and ratio != 1.0:
-                    self._lose(f"`<mechanicalReduction>` {ratio:g}", "what drives a joint is told as it is at the joint", one)
+                    self.losses.note(f"`<mechanicalReduction>` {ratio:g}", "what drives a joint is told as it is at the joint", one.where)
             self._rest((one for one in block.children if one.tag not in ("joint", "actuator", "type")), "of `<transmission>`")
 
     def _controlled(self) -> Iterator[str]:
@@ -185,19 +180,21 @@ class _Blocks:
                     self._interfaces(name, {one.attributes.get("name", "") for one in commands}, joint)
                 bounds = [one for command in commands for one in command.all("param") if one.attributes.get("name") in ("min", "max")]
                 if bounds:
-                    self._lose(f"the bounds of what is commanded of joint `{name}`", "its own limits hold", bounds[0])
+                    self.losses.note(f"the bounds of what is commanded of joint `{name}`", "its own limits hold", bounds[0].where)
             self._rest((one for one in block.children if one.tag != "joint"), "of `<ros2_control>`")
 
     def _interfaces(self, name: str, kinds: set[str], joint: SourceElement) -> None:
         """A joint is a motor: gains of the loop around it are in no URDF."""
         if kinds & {"position", "velocity"} and "effort" not in kinds:
             kind = "position" if "position" in kinds else "velocity"
-            self._lose(f"that joint `{name}` is commanded by its {kind}", "the gains are its controller's: it has a motor", joint)
+            self.losses.note(
+                f"that joint `{name}` is commanded by its {kind}", "the gains are its controller's: it has a motor", joint.where,
+            )
 
     def _mujoco(self, block: SourceElement) -> None:
         for one in block.children:
             if one.tag != "compiler":
-                self._lose(f"`<{one.tag}>` of `<mujoco>`", "it is not read", one)
+                self.losses.note(f"`<{one.tag}>` of `<mujoco>`", "it is not read", one.where)
                 continue
             for attribute in sorted(one.attributes.keys() - ONLY_READING):
-                self._lose(f"`{attribute}` of `<compiler>`", "masses and shapes are as the file has them", one)
+                self.losses.note(f"`{attribute}` of `<compiler>`", "masses and shapes are as the file has them", one.where)

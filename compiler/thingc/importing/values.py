@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping
 
 from thingc.diagnostics import Code, Report
-from thingc.importing.model import ShapeKind, Sizes, SourceLoss
+from thingc.importing.model import ShapeKind, Sizes
 from thingc.importing.xml_source import SourceElement
 from thingc.inertia import MassProperties, symmetric
 from thingc.pose import NO_POSE, Pose, Vector, multiply, placed, transpose
@@ -15,22 +14,6 @@ from thingc.source import Span
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 NOT_FINITE = {"nan", "inf", "infinity"}
-
-
-def unread(
-    element: SourceElement, attributes: Mapping[str, Collection[str]], inside: Mapping[str, Collection[str]],
-    idle: Mapping[str, Collection[str]],
-) -> Iterator[SourceLoss]:
-    """A loss for each element in another, and each attribute, that is not read, the whole of it: `attributes` and `inside` are those that
-    are, by tag, `idle` by tag the texts with which one that is not says nothing."""
-    for attribute in element.attributes:
-        if attribute not in attributes.get(element.tag, ()) and not attribute.startswith("xmlns"):
-            yield SourceLoss(what=f"`{attribute}` of `<{element.tag}>`", why="it is not read", where=element.where)
-    for child in element.children:
-        if child.tag in inside.get(element.tag, ()):
-            yield from unread(child, attributes, inside, idle)
-        elif child.text.lower() not in idle.get(child.tag, ()):
-            yield SourceLoss(what=f"`<{child.tag}>` of `<{element.tag}>`", why="it is not read", where=child.where)
 
 
 class Values:

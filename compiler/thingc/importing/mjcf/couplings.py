@@ -39,7 +39,7 @@ class Couplings:
             elif not why and not added.equality(number):
                 why = "a document couples joints and closes loops, nothing else"
             if why:
-                original.lose(what, why, where)
+                original.losses.note(what, why, where)
         self.loops = tuple(loops)
 
     def _raw(self, number: int, otherwise: dict[str, str]) -> Raw:

@@ -71,7 +71,7 @@ class Actuators:
             if why and added.actuator(number):
                 self._unsaid(number, what)
             elif why:
-                original.lose(what, why, where)
+                original.losses.note(what, why, where)
             else:
                 self._unsaid(number, what)
         self.adhesions = tuple(adhesions)
@@ -98,7 +98,7 @@ class Actuators:
         for name in UNSAID:
             values = getattr(self.model, f"actuator_{name}", None)
             if values is not None and float(values[number]):
-                self.original.lose(f"`{name}` of {what}", "a document does not say it", self.original.where("actuator", number))
+                self.original.losses.note(f"`{name}` of {what}", "a document does not say it", self.original.where("actuator", number))
 
     def _range(self, kind: str, number: int) -> tuple[float, float] | None:
         """`ctrl` or `force`; None where there is none."""
@@ -154,7 +154,7 @@ class Actuators:
         original, ends = self.original, force
         if gain != 1.0:
             ends = None if force is None else (force[0] / gain, force[1] / gain)
-            original.lose(
+            original.losses.note(
                 f"the gain of motor `{original.actuators[number]}`, {gain:g}", "it is in its gear: the same torque for the same control",
                 original.where("actuator", number),
             )
@@ -172,7 +172,7 @@ class Actuators:
         gain, control = floats(self.model.actuator_gainprm[number])[0], self._range("ctrl", number) or (0.0, 1.0)
         force = gain * control[1]
         why = "contacts of what adheres are harder in a document, so that they hold"
-        self.original.lose(f"how soft contacts of `{link}` are", why, self.original.where("actuator", number))
+        self.original.losses.note(f"how soft contacts of `{link}` are", why, self.original.where("actuator", number))
         wanted = [("gain", numbers([gain])), ("ctrlrange", numbers(control))]
         return SourceAdhesion(
             name=self.original.actuators[number], link=link, force=force, where=self.original.where("actuator", number),

@@ -15,7 +15,7 @@ from xml.sax.saxutils import quoteattr
 
 from thingc.diagnostics import Code, Note, Report
 from thingc.frozen import dataclass
-from thingc.importing.model import SourceLoss
+from thingc.importing.losses import Losses
 from thingc.importing.packages import NotFound, Packages
 from thingc.importing.values import NOT_FINITE
 from thingc.importing.xml_source import MOST_BYTES, SourceElement, read_xml
@@ -50,7 +50,7 @@ class Flat:
     files: Mapping[str, bytes]
     meshes: Mapping[str, str]
     included: tuple[SourceElement, ...]
-    losses: tuple[SourceLoss, ...]
+    losses: Losses
 
     def element(self, said: str) -> SourceElement:
         """What MuJoCo says to be in a line of the text (`line 7`); the root where it says none."""
@@ -82,7 +82,7 @@ class _Flattening:
         self.lines: list[SourceElement] = []
         self.files: dict[str, bytes] = {}
         self.meshes: dict[str, str] = {}
-        self.losses: list[SourceLoss] = []
+        self.losses = Losses()
         self.elements: dict[int, tuple[SourceElement, ...]] = {}
         self.strip, self.folder = False, ""
         self.made = self.mesh_bytes = 0
@@ -103,7 +103,7 @@ class _Flattening:
             return None
         return Flat(
             root=self.root, text="\n".join(self.texts), lines=tuple(self.lines), files=self.files, meshes=self.meshes,
-            included=tuple(one for roots in self.elements.values() for one in roots), losses=tuple(self.losses),
+            included=tuple(one for roots in self.elements.values() for one in roots), losses=self.losses,
         )
 
     def _children(self, element: SourceElement) -> Iterator[SourceElement]:
@@ -178,7 +178,7 @@ class _Flattening:
                 return
         if element.tag in LEFT_OUT or element.tag == "geom" and ("hfield" in (element.attributes.get("type"), *element.attributes)):
             why = LEFT_OUT.get(element.tag, LEFT_OUT["hfield"])
-            self.losses.append(SourceLoss(what=f"`<{element.tag}>`", why=why, where=element.where))
+            self.losses.note(f"`<{element.tag}>`", why, element.where)
             return
         if element.tag == "layer":
             return  # of a texture, which is a loss of its own

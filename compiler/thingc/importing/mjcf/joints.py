@@ -28,7 +28,7 @@ def joint_of(original: Original, joint: int, drives: Actuators, couplings: Coupl
             kind, ends = "prismatic", Ends(lower=lower, upper=upper)
             if not limited:
                 ends = Ends(lower=start - FAR, upper=start + FAR, made_up=True)
-                original.lose(f"slide `{name}` without ends", f"a document has them, at {FAR:g} m", where)
+                original.losses.note(f"slide `{name}` without ends", f"a document has them, at {FAR:g} m", where)
         case _:
             kind, ends = ("revolute", Ends(lower=lower, upper=upper)) if limited else ("continuous", Ends())
     if name in original.speeds and kind != "ball":
@@ -37,11 +37,11 @@ def joint_of(original: Original, joint: int, drives: Actuators, couplings: Coupl
     rest = float(model.qpos_spring[model.jnt_qposadr[joint]]) if kind != "ball" else 0.0
     if start:
         why = "MuJoCo takes it from where its reference is, which is q = 0 in a document"
-        original.lose(f"how soft constraints are at the reference of joint `{name}`, {start:g}", why, where)
+        original.losses.note(f"how soft constraints are at the reference of joint `{name}`, {start:g}", why, where)
     for what in ("jnt_stiffnesspoly", "dof_dampingpoly"):
         polynomial = getattr(model, what, None)
         if polynomial is not None and any(floats(polynomial[joint if what.startswith("jnt") else dof])):
-            original.lose(f"what of joint `{name}` is not linear", "damping and stiffness of a document are numbers", where)
+            original.losses.note(f"what of joint `{name}` is not linear", "damping and stiffness of a document are numbers", where)
     (x, y, z), (u, v, w) = floats(model.jnt_pos[joint]), floats(model.jnt_axis[joint])
     return SourceJoint(
         name=name, kind=kind, axis=(u, v, w), anchor=(x, y, z), where=where, ends=ends, start=start, stiffness=stiffness,

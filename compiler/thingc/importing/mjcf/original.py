@@ -8,7 +8,7 @@ from typing import Any
 
 from thingc.importing.mjcf.doubles import doubles
 from thingc.importing.mjcf.flat import Flat
-from thingc.importing.model import Raw, SourceLoss
+from thingc.importing.model import Raw
 from thingc.importing.xml_source import SourceElement
 from thingc.pose import NO_POSE, Pose, rotation_of
 from thingc.source import Span
@@ -30,7 +30,7 @@ class Original:
 
     def __init__(self, flat: Flat, spec: Any, model: Any) -> None:
         self.flat, self.spec, self.model = flat, spec, model
-        self.losses: list[SourceLoss] = []
+        self.losses = flat.losses
         self.geoms_of, self.sites_of = _by_body(model.geom_bodyid, model.nbody), _by_body(model.site_bodyid, model.nbody)
         self.written = {kind: {one.id: one for one in getattr(spec, MANY.get(kind, f"{kind}s"))} for kind in KINDS}
         self.bodies = self._names("body", lambda one: "body")
@@ -55,7 +55,7 @@ class Original:
             if joint != one.name and joint in self.joints.values() and len(speed) == 1 and speed[0] > 0.0:
                 yield joint, speed[0]
             else:
-                self.lose(f"the number `{one.name}`", "a document has no data of others", self.flat.place(one.info))
+                self.losses.note(f"the number `{one.name}`", "a document has no data of others", self.flat.place(one.info))
 
     def _leave_out_doubles(self) -> None:
         """Sites that are another one have its name from now on, and are none of a body's, as those that say nothing."""
@@ -89,10 +89,6 @@ class Original:
     def element(self, kind: str, number: int) -> SourceElement:
         """What it is in the source; the root of what stands nowhere."""
         return self.flat.element(self.written[kind][number].info)
-
-    def lose(self, what: str, why: str, where: Span) -> None:
-        """Note what a document does not say."""
-        self.losses.append(SourceLoss(what=what, why=why, where=where))
 
     def frame(self, written: Any) -> Pose:
         """The pose of something in its body as it is written, in the frames around it."""

@@ -104,14 +104,12 @@ class _Reader:
         states = poses(self.original, on, root, base, {joint.name: joint for one in hangings for joint in one.joints})
         whole = [*(self._link(body, on) for body in links), *between]
         simulated, set_up = simulation(self.original), options(self.original)
-        # All that reads has read by now, and noted what it lost.
-        losses = sorted((*self.original.flat.losses, *self.original.losses), key=lambda one: (one.where.file, one.where.line))
         named = self.original.flat.named(self.original.element("body", min(body for body in kept if body != WORLD)))
         return SourceRobot(
             name=named.attributes.get("model", "").strip() or "robot", where=named.place("model"),
             root=self.original.bodies[root], links=tuple(whole),
             hangings=tuple(hangings), base=base,
-            pose=NO_POSE if root == WORLD else self._pose(root), losses=tuple(losses), loops=couplings.loops,
+            pose=NO_POSE if root == WORLD else self._pose(root), losses=self.original.losses.all(), loops=couplings.loops,
             adhesions=drives.adhesions, tendons=tendons.driven(drives.of_tendon), sensors=sensed, poses=states, excluded=excluded,
             added=(*added.equalities, *added.actuators),
             gravity=None if gravity == (0.0, 0.0, -9.81) else (gravity[0], gravity[1], gravity[2]),
@@ -165,7 +163,7 @@ class _Reader:
         for kind, number in [*self._on_world(planes=True), *([] if WORLD in kept else on_world)]:
             is_plane = (kind, number) not in on_world
             why = "a floor belongs to a scene" if is_plane else "it is fixed to the world, and no part of the robot"
-            self.original.lose(f"a {kind} of the world", why, self.original.where(kind, number))
+            self.original.losses.note(f"a {kind} of the world", why, self.original.where(kind, number))
         return kept
 
     def _on_world(self, *, planes: bool) -> list[tuple[str, int]]:
@@ -176,7 +174,7 @@ class _Reader:
         return geoms + sites
 
     def _lose_body(self, body: int, why: str) -> None:
-        self.original.lose(f"body `{self.original.bodies[body]}`, with all that is on it", why, self.original.where("body", body))
+        self.original.losses.note(f"body `{self.original.bodies[body]}`, with all that is on it", why, self.original.where("body", body))
 
     def _carriers(self, kept: set[int], root: int) -> dict[int, tuple[int, Pose]]:
         """For each body of the robot the link that it is, or lies on, with its pose in it. What weighs nothing, shows nothing, cannot move

@@ -65,7 +65,7 @@ class _Sensing:
             if placed is None:
                 name, kind = self.original.sensors[number], self._kind(number)
                 where = self.original.where("sensor", number)
-                self.original.lose(f"sensor `{name}` of kind `{kind}`", "a document has no such sensor", where)
+                self.original.losses.note(f"sensor `{name}` of kind `{kind}`", "a document has no such sensor", where)
             else:
                 read.append((number, *placed))
         at = {(place.kind, place.site) for _, place, _ in read}
@@ -117,7 +117,7 @@ class _Sensing:
                 value = float(getattr(model, f"sensor_{key}")[number])
                 if value and reading in ("quat", "magnetometer", "momentum", "time"):
                     what = f"{key} of sensor `{original.sensors[number]}`"
-                    original.lose(what, f"a document says none of a `{reading}`", original.where("sensor", number))
+                    original.losses.note(what, f"a document says none of a `{reading}`", original.where("sensor", number))
                 elif value:
                     said[reading] = value
         volume: tuple[str, tuple[float, ...]] | None = None
@@ -151,7 +151,7 @@ def _cameras(original: Original, on: Mapping[int, tuple[int, Pose]]) -> list[Sou
         body, where = int(model.cam_bodyid[number]), original.where("camera", number)
         why = "it follows what it looks at" if int(model.cam_mode[number]) else "" if body in on else "it is on no link of the robot"
         if why:
-            original.lose(f"camera `{original.cameras[number]}`", why, where)
+            original.losses.note(f"camera `{original.cameras[number]}`", why, where)
             continue
         link, pose = on[body]
         cameras.append(SourceSensor(

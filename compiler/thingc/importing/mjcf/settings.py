@@ -31,7 +31,7 @@ def simulation(original: Original) -> tuple[tuple[str, float | str], ...]:
     usual: dict[str, float | str] = {"timestep": 0.002, "integrator": "euler", "cone": "pyramidal", "impratio": 1.0}
     for name, value in said:
         if isinstance(value, float) and value <= 0.0:
-            original.lose(f"a `{name}` of {value:g}", "that of a document is above 0", original.flat.root.where)
+            original.losses.note(f"a `{name}` of {value:g}", "that of a document is above 0", original.flat.root.where)
             usual[name] = value
     return tuple((name, value) for name, value in said if value != usual[name])
 
@@ -53,7 +53,7 @@ def options(original: Original) -> tuple[tuple[tuple[str, ...], str], ...]:
             if name.startswith(prefix) and int(getattr(ours, field)) & int(bit):
                 entries.append((("option", "flag", name.removeprefix(prefix).lower()), word))
     if int(ours.disableactuator):
-        original.lose("groups of actuators that are off", "a document has none: see `actuators` of modes", original.flat.root.where)
+        original.losses.note("groups of actuators that are off", "a document has none: see `actuators` of modes", original.flat.root.where)
     return tuple(entries)
 
 
@@ -71,7 +71,7 @@ def touching(
     model = original.model
     for pair in original.spec.pairs:
         what = f"a contact pair, `{pair.geomname1}` and `{pair.geomname2}`"
-        original.lose(what, "contacts of a document are of all shapes that touch", original.flat.place(pair.info))
+        original.losses.note(what, "contacts of a document are of all shapes that touch", original.flat.place(pair.info))
     parents = {
         head: heads[parent] for head in set(heads.values()) if (parent := int(model.body_parentid[head])) in heads and parent != head
     }
@@ -93,12 +93,12 @@ def touching(
     for head, parent in sorted(parents.items()):
         if (parent == still or not filtered) and meet(head, parent):
             what = f"contacts of `{original.bodies[head]}` with `{original.bodies[parent]}`"
-            original.lose(what, "links of a document that a joint connects never touch", original.where("body", head))
+            original.losses.note(what, "links of a document that a joint connects never touch", original.where("body", head))
     for head, other in sorted(apart.keys() - near):
         if meet(head, other):
             what = f"contacts of `{original.bodies[other]}` with `{original.bodies[head]}`"
             why = "two bodies of theirs never touch, and bodies that are fixed to one another are one link"
-            original.lose(what, why, original.where("body", other))
+            original.losses.note(what, why, original.where("body", other))
     touch = {head for head, bodies in members.items() if head != still and any(any(masks[body]) for body in bodies)}
     _lose_parts(original, members, touch)
     named = ((original.bodies[on[body][0]] for body in bodies) for pair, bodies in apart.items() if pair not in near)
@@ -113,7 +113,7 @@ def _excluded(original: Original, on: Mapping[int, tuple[int, Pose]]) -> Iterato
         if first in on and second in on:
             yield first, second
         else:
-            original.lose(f"that `{one.bodyname1}` and `{one.bodyname2}` never touch", "one of the two is no part of the robot",
+            original.losses.note(f"that `{one.bodyname1}` and `{one.bodyname2}` never touch", "one of the two is no part of the robot",
                           original.flat.place(one.info))
 
 
@@ -124,16 +124,16 @@ def _lose_parts(original: Original, members: Mapping[int, list[int]], touch: Set
     for body in sorted(body for bodies in members.values() for body in bodies) if fluid else ():
         for geom in (geom for geom in original.geoms_of[body] if model.geom_fluid[geom][0]):
             what = f"drag of a geom of `{original.bodies[body]}` as an ellipsoid"
-            original.lose(what, "a document has the drag of links", original.where("geom", geom))
+            original.losses.note(what, "a document has the drag of links", original.where("geom", geom))
     for head, bodies in sorted(members.items()):
         if sum(model.body_mass[body] > 0.0 for body in bodies) < 2:
             continue
         if fluid:
             what = f"drag of `{original.bodies[head]}`, part by part"
-            original.lose(what, "bodies that are fixed to one another are one link", original.where("body", head))
+            original.losses.note(what, "bodies that are fixed to one another are one link", original.where("body", head))
         if head in touch:
             why = "MuJoCo takes it from a body's inverse mass, and bodies that are fixed to one another are one"
-            original.lose(f"how soft contacts of `{original.bodies[head]}` are", why, original.where("body", head))
+            original.losses.note(f"how soft contacts of `{original.bodies[head]}` are", why, original.where("body", head))
 
 
 def _pair(one: int, other: int) -> tuple[int, int]:
@@ -172,11 +172,12 @@ def poses(
                 name_of, value = original.joints[joint], float(model.key_qpos[number][at])
                 q[name_of] = _within(value, joints[name_of].ends)
                 if abs(value - _within(value, joints[name_of].ends)) > _ALIKE:
-                    original.lose(f"of keyframe `{name}` joint `{name_of}` at {value:g}", "it is beyond its limit, and laid onto it", where)
+                    what = f"of keyframe `{name}` joint `{name_of}` at {value:g}"
+                    original.losses.note(what, "it is beyond its limit, and laid onto it", where)
         for name_of, follows in following.items():
             was, leader = q.pop(name_of), q[follows.joint]
             if isinstance(was, float) and isinstance(leader, float) and abs(was - follows.at(leader)) > 1e-6:
-                original.lose(f"of keyframe `{name}` joint `{name_of}` at {was:g}", f"it follows `{follows.joint}`", where)
+                original.losses.note(f"of keyframe `{name}` joint `{name_of}` at {was:g}", f"it follows `{follows.joint}`", where)
         elsewhere = base == "free" and any(
             abs(a - b) > _ALIKE for at in [int(model.jnt_qposadr[model.body_jntadr[root]])]
             for a, b in zip(floats(model.key_qpos[number][at : at + 7]), floats(model.qpos0[at : at + 7]), strict=True)
@@ -188,7 +189,7 @@ def poses(
         ]
         for is_lost, what, why in lost:
             if is_lost:
-                original.lose(f"of keyframe `{name}` {what}", why, where)
+                original.losses.note(f"of keyframe `{name}` {what}", why, where)
         controls = floats(model.key_ctrl[number])
         poses.append(SourcePose(name=name, q=q, controls={original.actuators[k]: controls[k] for k in range(len(controls))}, where=where))
     return tuple(poses)

@@ -35,7 +35,7 @@ class Tendons:
             wraps = range(first, first + count)
             why = next(filter(None, map(self._unsaid, wraps)), "")
             if why:
-                original.lose(f"tendon `{original.tendons[number]}`", why, original.where("tendon", number))
+                original.losses.note(f"tendon `{original.tendons[number]}`", why, original.where("tendon", number))
             else:
                 self.of[number] = self._tendon(number, wraps)
 
@@ -94,7 +94,7 @@ class Tendons:
             polynomial = getattr(model, f"tendon_{what}", None)
             if polynomial is not None and any(floats(polynomial[number])):
                 why = "damping and stiffness of a document are numbers"
-                original.lose(f"what of tendon `{original.tendons[number]}` is not linear", why, original.where("tendon", number))
+                original.losses.note(f"what of tendon `{original.tendons[number]}` is not linear", why, original.where("tendon", number))
         made = SourceTendon(
             name=original.tendons[number], where=original.where("tendon", number), moves=tuple(moves.items()), turns=bool(moves) and turns,
             steps=() if moves else tuple(map(self._step, wraps)), ends=ends, damping=damping, friction=friction, armature=armature,
