@@ -243,7 +243,12 @@ BAD = {
     "bomb.stl": (lambda data: data[:80] + (6_000_000).to_bytes(4, "little") + data[84:], "says that it has 6000000 triangles"),
     "bomb.ply": (lambda data: b"ply\nformat ascii 1.0\nelement vertex 3\nelement face 9000000\nend_header\n", "has 9000000 triangles"),
     "text.glb": (lambda data: b"no glTF", "is no GLB that trimesh can read"),
-    "text.dae": (lambda data: b"<COLLADA><oops></COLLADA>", "is no DAE that trimesh can read"),
+    "text.dae": (lambda data: b"<COLLADA><oops></COLLADA>", "is no DAE that trimesh can read (DaeMalformedError: XML Parsing Error: "),
+    "page.dae": (lambda data: b"<!DOCTYPE html><html><body>404</body></html>", "is no COLLADA: it has no `<COLLADA xmlns=...>`"),
+    "asset.dae": (
+        lambda data: b'<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset/></COLLADA>',
+        "shows nothing: it has no `<scene>`",
+    ),
 }
 
 

@@ -37,6 +37,7 @@ FLAT = 1e-9
 """How thick a mesh may be, of its size, and have all points in one plane: coordinates have single precision."""
 
 _AXES = re.compile(rb"<up_axis>\s*([XYZ])_UP")
+_COLLADA = re.compile(rb"<(\w+:)?COLLADA\s[^>]*xmlns")
 _METER = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)")
 _TEXTURE = re.compile(rb"<texture\b[^>]*?(?:/>|>.*?</texture>)", re.DOTALL)
 _PARAMETER = re.compile(rb"<newparam\b.*?</newparam>", re.DOTALL)
@@ -138,7 +139,6 @@ def _is_text(stl: bytes) -> bool:
 
 def _triangles(file: MeshFile, data: bytes) -> Iterator[tuple[str | None, NDArray[np.float64]]]:
     """The corners of triangles (n x 3 x 3) in the file's numbers, by colour."""
-    kind = file.suffix[1:]
     try:
         scene: Any = _scene(file, data)
         for node in scene.graph.nodes_geometry:
@@ -153,7 +153,15 @@ def _triangles(file: MeshFile, data: bytes) -> Iterator[tuple[str | None, NDArra
     except BadMesh:
         raise
     except Exception as fault:
-        raise BadMesh(f"is no {kind.upper()} that trimesh can read ({type(fault).__name__}: {fault})") from fault
+        raise BadMesh(_unreadable(file, data, fault)) from fault
+
+
+def _unreadable(file: MeshFile, data: bytes, fault: Exception) -> str:
+    """Why a file cannot be read. Of XML that is no COLLADA, such as the page of a server that has no such file, trimesh only stumbles."""
+    if file.suffix == ".dae" and isinstance(fault, AttributeError):
+        return "shows nothing: it has no `<scene>`" if _COLLADA.search(data) else "is no COLLADA: it has no `<COLLADA xmlns=...>`"
+    name = type(fault).__name__
+    return f"is no {file.suffix[1:].upper()} that trimesh can read ({name}: {str(fault).removeprefix(f'{name}: ')})"
 
 
 def _scene(file: MeshFile, data: bytes) -> Any:
