@@ -266,3 +266,23 @@ def test_thousands_of_things_take_no_longer_each_than_ten(tmp_path: Path) -> Non
 def test_the_same_file_gives_the_same_bytes(case: Case) -> None:
     again = import_robot(case.imported.robot.where.file, Report(), roots=ROOTS[Path(case.imported.robot.where.file).stem])
     assert again is not None and again.files == case.imported.files
+
+
+def test_modes_begin_in_a_keyframe_where_a_joint_cannot_be_at_zero(tmp_path: Path) -> None:
+    """The first one within the limits: beyond them it would be laid onto them."""
+    text = """\
+<mujoco model="leg">
+  <worldbody>
+    <body name="hip"><geom size="0.1"/><body name="shin"><joint name="knee" axis="0 1 0" range="-90 -30"/><geom size="0.1"/></body></body>
+  </worldbody>
+  <keyframe>KEYS</keyframe>
+</mujoco>
+"""
+    found = {}
+    for keys in ('<key name="bent" qpos="-1.2"/><key name="more" qpos="-1.4"/>', '<key name="zero" qpos="0"/>', ""):
+        imported = _imported(tmp_path, text.replace("KEYS", keys))
+        (tmp_path / imported.document).write_bytes(imported.files[imported.document])
+        model = thingc.compile(tmp_path / imported.document).modes["source"].model()
+        found[keys[11:15]] = [(model.key(k).name, float(model.key(k).qpos[0])) for k in range(model.nkey)][:1]
+    assert found["bent"] == [("bent", -1.2)]
+    assert found["zero"] == [("zero", pytest.approx(-numpy.pi / 6))] and found[""] == [("start", pytest.approx(-numpy.pi / 3, abs=1e-6))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import mujoco
@@ -11,6 +12,7 @@ import pytest
 import thingc
 from thingc.diagnostics import Report
 from thingc.importing import Imported, import_robot
+from thingc.importing.quantities import length, lengths
 
 SOURCE = Path(__file__).parent / "robots" / "shapes.urdf"
 ALL = '<mujoco><compiler fusestatic="false" discardvisual="false"/></mujoco></robot>'
@@ -63,3 +65,17 @@ def test_what_is_drawn_and_touches_alike_is_written_once(imported: Imported) -> 
     assert '- {box: 200 300 400 mm, at: {xyz: 100 200 300 mm, rpy: 0.4 -0.3 0.2 rad}, color: "#ff8000"}' in text
     assert text.count("box:") == 1 and "- {sphere: {radius: 70 mm}, at: {xyz: 0 0 500 mm}, for: collision}" in text
     assert [(loss.what, loss.where.line) for loss in imported.losses] == [("a `<sphere>`", 9)]
+
+
+@pytest.mark.parametrize(("value", "written"), [
+    (0.1 + 0.2, "300 mm"), (0.07 * 100 / 175, "40 mm"), (1 / 3, "333.3333333333333 mm"), (0.1000000000000003, "100.0000000000003 mm"),
+    (0.123456789012, "123.456789012 mm"), (0.12345678901234566, "123.45678901234566 mm"),
+])
+def test_doubles_that_miss_a_short_number_by_their_last_places_are_it(value: float, written: str) -> None:
+    assert length(value) == written
+    assert float(written.removesuffix(" mm")) / 1000.0 == pytest.approx(value, rel=1e-15)
+
+
+def test_numbers_of_one_vector_miss_by_the_last_places_of_the_largest() -> None:
+    assert lengths((0.2 * math.cos(2 * math.pi / 3), 0.2 * math.sin(2 * math.pi / 3), 0.0)) == "-100 173.20508075688776 0 mm"
+    assert length(-0.10000000000000007) == "-100.00000000000007 mm"

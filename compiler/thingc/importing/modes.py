@@ -13,26 +13,34 @@ from thingc.sensing import SENSORS
 from thingc.units import ACCELERATION, ANGLE, ANGULAR_VELOCITY, FORCE, LENGTH, TORQUE, VELOCITY, Dimension
 
 
-def _start(words: Words) -> dict[str, str]:
-    """A value within its limits for each joint that has 0 outside of them: the middle."""
+def _start(words: Words) -> tuple[dict[str, str], str | None]:
+    """A value within its limits for each joint that has 0 outside of them, the middle; and the first pose of the source that has all of
+    these within their limits, if one does."""
     moving = [joint for one in words.order for joint in one.joints if joint.follows is None]
     outside = {
-        joint: (joint.ends.lower + joint.ends.upper) / 2.0 for joint in moving
+        joint: (joint.ends.lower, joint.ends.upper) for joint in moving
         if joint.ends.lower is not None and joint.ends.upper is not None and not joint.ends.lower <= 0.0 <= joint.ends.upper
     }
-    return {words.joints[one.name]: (angle if one.kind in TURNS else length)(round(value, 6)) for one, value in outside.items()}
+
+    def fits(state: SourcePose) -> bool:
+        values = ((state.q.get(joint.name, 0.0), *ends) for joint, ends in outside.items())
+        return all(isinstance(value, float) and lower <= value <= upper for value, lower, upper in values)
+
+    middle = {joint: round((lower + upper) / 2.0, 6) for joint, (lower, upper) in outside.items()}
+    stated = (words.poses[state.name] for state in words.robot.poses if outside and fits(state))
+    return {words.joints[one.name]: (angle if one.kind in TURNS else length)(value) for one, value in middle.items()}, next(stated, None)
 
 
 def mode_lines(words: Words, roots: Sequence[str]) -> Iterator[str]:
     """Poses, the mode `source`, one for each of `roots`, and what is said of their simulation."""
-    start = _start(words)
-    word = distinct(["start"], "pose", taken=words.poses.values())["start"]
+    start, stated = _start(words)
+    word = stated or distinct(["start"], "pose", taken=words.poses.values())["start"]
     if start or words.poses:
         yield "poses:"
         for state in words.robot.poses:
             values = ", ".join(f"{joint}: {value}" for joint, value in _state(words, state).items())
             yield f"  {words.poses[state.name]}: {{{values}}}{was(words.poses[state.name], state.name)}"
-        if start:
+        if start and stated is None:
             yield f"  {word}: {{{', '.join(f'{joint}: {value}' for joint, value in start.items())}}}  # 0 is outside of their limits"
         yield ""
     yield "modes:"

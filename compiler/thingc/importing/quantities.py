@@ -1,7 +1,8 @@
 """Numbers of the source as quantities of a document: in the unit in which people read them, and to the digits that the source has.
 
-A length of 0.0388353 m is written `38.8353 mm`, which is the same double: a document converts exactly and rounds once. An angle is in
-degrees where that is what the source's digits stand for.
+A length of 0.0388353 m is written `38.8353 mm`, which is the same double: a document converts exactly and rounds once. A double of 16 or 17
+digits that lies within its rounding of a short number is that number. An angle is in degrees where that is what the source's digits stand
+for.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ TURNS = ("revolute", "continuous", "ball")
 """Kinds of joints whose q is an angle."""
 NOISE = 1e-12
 """Lengths [m] and directions below it are rounding of whoever wrote the source, and 0."""
+ROUNDED, SHORT = 4, 12
+"""By how many last places a double may miss a number of so many digits that it stands for."""
 _ROUND = 1e-11
 """By how much [rad] an angle may miss a round number of degrees that it stands for: 1.57079632679."""
 
@@ -26,9 +29,19 @@ def _plain(value: Decimal) -> str:
     return "0" if value == 0 else text
 
 
-def scaled(value: float, power: int) -> str:
-    """The number times that power of ten, digit by digit: `scaled(0.0388353, 3)` is `38.8353`."""
-    return _plain(Decimal(repr(float(value))).scaleb(power))
+def scaled(value: float, power: int, beside: float = 0.0) -> str:
+    """The number times that power of ten, digit by digit: `scaled(0.0388353, 3)` is `38.8353`. One that was worked out together with a
+    larger one `beside` it is rounded as that is."""
+    return _plain(_short(float(value), ROUNDED * math.ulp(max(abs(value), abs(beside)))).scaleb(power))
+
+
+def _short(value: float, within: float) -> Decimal:
+    """The number as it was before somebody worked it out in doubles: 0.039999999999999994 is 0.04."""
+    exact = Decimal(repr(value))
+    if len(exact.as_tuple().digits) > 15:
+        short = Decimal(f"{value:.{SHORT}g}")
+        return short if abs(short - exact) <= within else exact
+    return exact
 
 
 def length(value: float) -> str:
@@ -38,7 +51,8 @@ def length(value: float) -> str:
 
 def lengths(values: Sequence[float]) -> str:
     """Three at once: `38.8353 0 62.4 mm`."""
-    return _shared([scaled(value, 3) if abs(value) >= NOISE else "0" for value in values], "mm")
+    largest = max(map(abs, values), default=0.0)
+    return _shared([scaled(value, 3, largest) if abs(value) >= NOISE else "0" for value in values], "mm")
 
 
 def same_place(one: Pose, other: Pose) -> bool:
