@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
+import thingc
 from thingc.cli.main import main
-from thingc.diagnostics import Report
+from thingc.diagnostics import Code, Report
 from thingc.importing import import_robot
 
 HERE = Path(__file__).parent
@@ -97,3 +98,21 @@ def test_check_writes_nothing_and_says_what_would_be_lost(
 def test_packages_are_folders(word: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["import", str(HERE / "robots" / "shapes.urdf"), "--package", word]) == 2
     assert f"--package: expected NAME=DIR with a folder, found `{word}`" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("count", [496, 497])
+def test_a_chain_of_which_muJoCo_reads_no_model_is_a_warning(count: int, tmp_path: Path) -> None:
+    """At the joint of the first link that is too many, and where there is one only."""
+    weight = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    links = [f'<link name="l{k}">{weight}</link>' for k in range(count)]
+    joints = [f'<joint name="j{k}" type="continuous"><parent link="l{k}"/><child link="l{k + 1}"/></joint>' for k in range(count - 1)]
+    path, report = tmp_path / "chain.urdf", Report()
+    path.write_text("\n".join(["<robot name='chain'>", *links, *joints, "</robot>"]))
+    imported = import_robot(str(path), report)
+    assert imported is not None
+    said = [(fault.code, fault.span and fault.span.line, fault.message) for fault in report.diagnostics]
+    message = "link `l496` is the 497th of a chain of links that move, and MuJoCo reads models of 496 at most"
+    assert said == ([] if count == 496 else [(Code.SOURCE_DOUBT, 1 + 497 + 496, message)])
+    (tmp_path / imported.document).write_bytes(imported.files[imported.document])
+    refused = [fault.code for fault in thingc.family(tmp_path / imported.document).write({}, tmp_path / "out", emit=["mjcf"])]
+    assert refused == ([] if count == 496 else [Code.MJCF_REFUSED])

@@ -19,6 +19,7 @@ from thingc.importing.model import SourceLoss, SourceRobot
 from thingc.importing.naming import plain_name
 from thingc.importing.packages import Packages
 from thingc.importing.sdf import read_sdf
+from thingc.importing.tree import warn_of_depth
 from thingc.importing.updating import RECORD, Earlier
 from thingc.importing.urdf import read_urdf
 from thingc.importing.xml_source import MOST_BYTES, read_xml
@@ -80,6 +81,7 @@ def import_robot(
     if report.failed:
         return None
     warn_of_mirror_pairs(robot, report)
+    warn_of_depth(robot, report)
     placed_meshes, files, left_out = gathered(robot, places if meshes else None, report)
     warn_of_units(robot, files, placed_meshes, report)
     if report.failed:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence, Set
 
 from thingc.diagnostics import Code, Note, Report
-from thingc.importing.model import Hanging, SourceLink
+from thingc.importing.model import Hanging, SourceLink, SourceRobot
 from thingc.source import Span
 from thingc.typos import circle_words, did_you_mean
 
 MOST_LINKS = 10_000
+MOST_BELOW = 496
+"""Bodies one in another, the first among them, of which MuJoCo reads models: 500 levels of XML."""
 
 
 def root_of(links: Sequence[SourceLink], hangings: Sequence[Hanging], where: Span, report: Report) -> str | None:
@@ -54,6 +56,27 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Hanging], where: Spa
             notes=[Note(message="the first one is here", span=roots[0].where)], help="join them, or make a file of each",
         )
     return roots[0].name if len(report.diagnostics) == before else None
+
+
+def warn_of_depth(robot: SourceRobot, report: Report) -> None:
+    """A warning where so many links move one below another that MuJoCo reads no model of them, at the first that is too many."""
+    below: dict[str, list[Hanging]] = {}
+    for one in robot.hangings:
+        below.setdefault(one.parent, []).append(one)
+    bare = {link.name for link in robot.links if link.is_bare}
+    waiting = [(robot.root, 1)]
+    while waiting:
+        name, depth = waiting.pop()
+        for one in below.get(name, ()):
+            joins = one.child in bare and all(other.joints for other in below.get(one.child, ()))  # such a link is no body there
+            there = depth + bool(one.joints and not joins)
+            if there > MOST_BELOW:
+                report.warn(
+                    Code.SOURCE_DOUBT, f"link `{one.child}` is the {there}th of a chain of links that move, and MuJoCo reads models of "
+                    f"{MOST_BELOW} at most", one.where, help="files of URDF and SDF can be built; MJCF, and what simulates, cannot",
+                )
+                return
+            waiting.append((one.child, there))
 
 
 def spanned(hangings: Sequence[Hanging]) -> tuple[tuple[Hanging, ...], tuple[Hanging, ...]]:
