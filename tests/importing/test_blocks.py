@@ -109,3 +109,22 @@ def test_a_joint_that_mimics_none_moves_by_itself_and_is_a_warning(tmp_path: Pat
     assert [loss.why for loss in imported.losses if "mimics" in loss.what] == ["there is no such joint that moves: it moves by itself"]
     alone = [joint for one in imported.robot.hangings for joint in one.joints if joint.follows is None]
     assert len(alone) == len([joint for one in imported.robot.hangings for joint in one.joints]) - text.count("<mimic") + 1
+
+
+@pytest.mark.parametrize("block", [
+    '<ros2_control name="c"><joint name="JOINT"><command_interface name="effort"/></joint></ros2_control>',
+    '<transmission name="t"><joint name="JOINT"><hardwareInterface>EffortJointInterface</hardwareInterface></joint></transmission>',
+])
+def test_what_drives_a_joint_that_is_not_there_is_a_warning_and_a_loss(block: str, tmp_path: Path) -> None:
+    path, found = tmp_path / "robot.urdf", []
+    links = '<link name="a"/><joint name="yaw" type="continuous"><parent link="a"/><child link="b"/></joint><link name="b"/>'
+    for name in ("yaw", "yah"):
+        report = Report()
+        path.write_text(f'<robot name="r">{links}\n{block.replace("JOINT", name)}</robot>')
+        imported = import_robot(str(path), report, repair="nearest")
+        assert imported is not None
+        (joint,) = (joint for one in imported.robot.hangings for joint in one.joints)
+        warned = [(one.message, one.help, one.span and one.span.line) for one in report.diagnostics]
+        found.append((joint.drive is not None, warned, [loss.what for loss in imported.losses if "drives" in loss.what]))
+    said = ("this drives joint `yah`, and there is none", "did you mean `yaw`?", 2)
+    assert found == [(True, [], []), (False, [said], ["what drives joint `yah`"])]

@@ -47,6 +47,8 @@ def test_files_are_read_within_bounds(tmp_path: Path, text: str, words: str) -> 
     (["robots/constructs.urdf", "--root", "uper"], "--root uper: there is no such link\n  help: did you mean `upper`?"),
     (["robots/none.urdf"], "cannot read `robots/none.urdf`: no such file or directory"),
     (["test_wrong.py"], "`test_wrong.py` is of no kind that is read: `.urdf`, `.xml`, `.sdf`, `.xacro`"),
+    (["robots"], "`robots` is a folder, and a robot is a file: `.urdf`, `.xml`, `.sdf`, `.xacro`"),
+    (["xacro/bot/urdf/bot.urdf.xacro", "--arg", "armss=3"], "--arg armss: the file has no such argument\n  help: did you mean `arms`?"),
     (["arm.urdf.xacro"], "cannot read `arm.urdf.xacro`: no such file or directory"),
 ])
 def test_wrong_command_lines(words: list[str], said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -107,7 +107,7 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: Earlier, 
     document = os.path.join(earlier.folder, earlier.document)
     texts = {document: now.merged.text}
     if arguments.check:
-        common.say(*_would(arguments, imported), *_merged(now))
+        common.say(*_would(arguments, imported), *_merged(now, disputed=report.failed))
         return texts
     fresh = {name: content for name, content in now.files.items() if not os.path.lexists(os.path.join(earlier.folder, name))}
     try:
@@ -127,7 +127,7 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: Earlier, 
     except OSError as fault:
         why = (fault.strerror or str(fault)).lower()
         raise OutputError(f"`{shown_path(earlier.folder)}` cannot be written: {why}", "mend that, and import again") from fault
-    common.say(*_told(arguments, imported, earlier.folder, _merged(now)))
+    common.say(*_told(arguments, imported, earlier.folder, _merged(now, disputed=report.failed)))
     return texts
 
 
@@ -139,11 +139,13 @@ def _faults(document: str, text: str) -> list[Diagnostic]:
     return [one for one in checked(document, Options(texts={document: text.encode()}))[1] if one.severity is Severity.ERROR]
 
 
-def _merged(now: Update) -> list[str]:
-    """What the source has changed, and what a person has, value by value."""
+def _merged(now: Update, *, disputed: bool) -> list[str]:
+    """What the source has changed, and what a person has, value by value; `disputed` where it has changed what a person has as well."""
     taken = [f"  {dotted(path)}: {_became(old, new)}" for path, old, new in now.merged.taken]
     kept = [f"  {name}" for name in (*map(dotted, now.merged.kept), *now.kept)]
-    said = [f"taken over: {counted(len(taken), 'change')} of the source", *_some(taken)] if taken else ["the source has changed nothing"]
+    said = [f"taken over: {counted(len(taken), 'change')} of the source", *_some(taken)] if taken else []
+    if not taken and not disputed:
+        said = ["the source has changed nothing"]
     return said + ([f"yours, and left as they are: {len(kept)}", *_some(kept)] if kept else [])
 
 

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
+from pathlib import Path
 
 from thingc.diagnostics import Code, Report
 from thingc.importing.xml_source import MOST_BYTES
 from thingc.source import Span
+from thingc.typos import did_you_mean
 
 SECONDS = 60
 """Of the processor, and five times as long by the clock."""
+_ARGUMENTS = tuple(map(re.compile, (r"<xacro:arg\s[^>]*?\bname\s*=\s*[\"']([^\"']+)", r"\$\(arg\s+([^\s)]+)", r"\barg\([\"']([^\"']+)")))
+"""How a file says that it has an argument, and uses it."""
 
 
 def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str], report: Report) -> tuple[bytes, list[str]] | None:
@@ -43,7 +48,17 @@ def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str
         where = Span(file=answer.get("file", path), line=line, column=1, end_line=line, end_column=1)
         report.add(Code.SOURCE_XML, f"xacro cannot expand this: {fault}", where, help="`$(arg NAME)` is given with `--arg NAME=VALUE`")
         return None
-    return text.encode(), answer["files"]
+    return (text.encode(), answer["files"]) if _are_known(arguments, answer["files"], report) else None
+
+
+def _are_known(arguments: Mapping[str, str], files: Sequence[str], report: Report) -> bool:
+    """Whether the files have each of the arguments; xacro passes over others, which are reported."""
+    texts = [Path(file).read_text(encoding="utf-8", errors="replace") for file in files]
+    known = {name for text in texts for pattern in _ARGUMENTS for name in pattern.findall(text)}
+    for name in (one for one in arguments if one not in known):
+        help = did_you_mean(name, sorted(known), what="arguments") or "leave it out"
+        report.add(Code.COMMAND_LINE, f"--arg {name}: the file has no such argument", None, help=help)
+    return known >= arguments.keys()
 
 
 def _by_packages(text: str, folders: Mapping[str, str]) -> str:

@@ -102,7 +102,8 @@ def _content(path: str, report: Report) -> bytes | None:
     """The bytes of a file of a kind that is read."""
     if not path.lower().endswith(ENDINGS):
         known = ", ".join(f"`{one}`" for one in ENDINGS)
-        report.add(Code.COMMAND_LINE, f"`{os.path.basename(path)}` is of no kind that is read: {known}", None)
+        what = "a folder, and a robot is a file" if os.path.isdir(path) else "of no kind that is read"
+        report.add(Code.COMMAND_LINE, f"`{os.path.basename(os.path.abspath(path))}` is {what}: {known}", None)
         return None
     try:
         with open(path, "rb") as stream:

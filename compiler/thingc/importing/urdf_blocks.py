@@ -8,12 +8,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field
 from typing import Literal
 
+from thingc.diagnostics import Code
 from thingc.frozen import dataclass
 from thingc.importing.losses import Losses
 from thingc.importing.values import Values
 from thingc.importing.xml_source import SourceElement
 from thingc.pose import Pose, placed
 from thingc.source import Span
+from thingc.typos import did_you_mean
 
 TAGS = ("gazebo", "transmission", "ros2_control", "mujoco")
 KEPT = {"preserveFixedJoint", "disableFixedJointLumping", "provideFeedback", "canonicalBody"}
@@ -75,7 +77,7 @@ class _Blocks:
     def read(self) -> Blocks:
         for block in self.root.all("gazebo"):
             self._gazebo(block)
-        driven = {*self._transmitted(), *self._controlled()}
+        driven = {name for name, block in (*self._transmitted(), *self._controlled()) if self._is_joint(name, block)}
         said = any(True for tag in ("transmission", "ros2_control") for _ in self.root.all(tag))
         for block in self.root.all("mujoco"):
             self._mujoco(block)
@@ -157,26 +159,35 @@ class _Blocks:
             return None
         return number
 
-    def _transmitted(self) -> Iterator[str]:
-        """The joints that transmissions move."""
+    def _is_joint(self, name: str, block: SourceElement) -> bool:
+        """Whether what drives a joint drives one of the robot."""
+        joints = [one.attributes.get("name", "") for one in self.root.all("joint")]
+        if name not in joints:
+            self.losses.note(f"what drives joint `{name}`", "there is no such joint", block.where)
+            message = f"this drives joint `{name}`, and there is none"
+            self.values.report.warn(Code.SOURCE_DOUBT, message, block.place("name"), help=did_you_mean(name, joints, what="joints"))
+        return name in joints
+
+    def _transmitted(self) -> Iterator[tuple[str, SourceElement]]:
+        """The joints that transmissions move, and where they say so."""
         for block in self.root.all("transmission"):
             faces = [one.text for part in block.children for one in part.all("hardwareInterface")]
             for joint in block.all("joint"):
                 name = joint.attributes.get("name", "")
-                yield name
+                yield name, joint
                 self._interfaces(name, {kind for kind in COMMANDS for face in faces if kind in face.lower()}, joint)
             for one in (one for part in block.all("actuator") for one in part.all("mechanicalReduction")):
                 if (ratio := self._number(one)) is not None and ratio != 1.0:
                     self.losses.note(f"`<mechanicalReduction>` {ratio:g}", "what drives a joint is told as it is at the joint", one.where)
             self._rest((one for one in block.children if one.tag not in ("joint", "actuator", "type")), "of `<transmission>`")
 
-    def _controlled(self) -> Iterator[str]:
-        """The joints that `<ros2_control>` can command."""
+    def _controlled(self) -> Iterator[tuple[str, SourceElement]]:
+        """The joints that `<ros2_control>` can command, and where it says so."""
         for block in self.root.all("ros2_control"):
             for joint in block.all("joint"):
                 name, commands = joint.attributes.get("name", ""), [*joint.all("command_interface")]
                 if commands:
-                    yield name
+                    yield name, joint
                     self._interfaces(name, {one.attributes.get("name", "") for one in commands}, joint)
                 bounds = [one for command in commands for one in command.all("param") if one.attributes.get("name") in ("min", "max")]
                 if bounds:
