@@ -58,7 +58,10 @@ def test_another_robot_does_not_take_its_place(lamp: Path, capsys: Said) -> None
     Path("desk.urdf").write_text(URDF.replace('name="lamp"', 'name="desk"'))
     assert main(["import", "desk.urdf", "-o", "lamp"]) == 2
     said = capsys.readouterr().err
-    assert "error[TC805]: `lamp` has another robot, `lamp` of `lamp.urdf`" in said and "choose another folder with -o" in said
+    told = "error[TC805]: `lamp` has been imported from another file, `lamp.urdf` with the robot `lamp`\n  help: choose another folder"
+    assert told in said
+    Path("scene.urdf").write_text(URDF)
+    assert main(["import", "scene.urdf"]) == 2 and told in capsys.readouterr().err, "of the same name"
     assert lamp.read_text() == before
     Path("desk.urdf").replace("lamp.urdf")
     assert main(["import", "lamp.urdf", "-o", "lamp"]) == 0  # the file has been called otherwise inside

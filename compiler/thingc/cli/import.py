@@ -93,8 +93,8 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: Earlier, 
     """Import into a folder that has an import already; the text of the document that is spoken of. Raises `OutputError`."""
     from thingc.importing import put, update
 
-    if earlier.robot != imported.robot.name and earlier.source != os.path.basename(arguments.file) and not arguments.update:
-        message = f"`{shown_path(earlier.folder)}` has another robot, `{earlier.robot}` of `{earlier.source}`"
+    if earlier.source != os.path.basename(arguments.file) and not arguments.update:
+        message = f"`{shown_path(earlier.folder)}` has been imported from another file, `{earlier.source}` with the robot `{earlier.robot}`"
         raise OutputError(message, "choose another folder with -o; if it is the same robot, `--update` merges the two")
     edited = [f"`{shown_path(os.path.join(earlier.folder, name))}`" for name in earlier.edited()]
     if edited and not arguments.update and not arguments.check:

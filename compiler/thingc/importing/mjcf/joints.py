@@ -33,6 +33,9 @@ def joint_of(original: Original, joint: int, drives: Actuators, couplings: Coupl
             kind, ends = ("revolute", Ends(lower=lower, upper=upper)) if limited else ("continuous", Ends())
     if name in original.speeds and kind != "ball":
         ends = replace(ends, velocity=original.speeds[name])
+    weakest, strongest = floats(model.jnt_actfrcrange[joint])
+    if drive is None and kind != "ball" and model.jnt_actfrclimited[joint] and weakest == -strongest:
+        ends = replace(ends, effort=strongest)
     stiffness = float(model.jnt_stiffness[joint])
     rest = float(model.qpos_spring[model.jnt_qposadr[joint]]) if kind != "ball" else 0.0
     if start:
@@ -47,12 +50,12 @@ def joint_of(original: Original, joint: int, drives: Actuators, couplings: Coupl
         name=name, kind=kind, axis=(u, v, w), anchor=(x, y, z), where=where, ends=ends, start=start, stiffness=stiffness,
         rest=rest if stiffness else 0.0,
         damping=float(model.dof_damping[dof]), friction=float(model.dof_frictionloss[dof]), armature=float(model.dof_armature[dof]),
-        follows=follows, drive=drive, raw=_raw(model, joint, dof),
+        follows=follows, drive=drive, raw=_raw(model, joint, dof, ends.effort),
     )
 
 
-def _raw(model: Any, joint: int, dof: int) -> Raw:
-    """What the language has no words for."""
+def _raw(model: Any, joint: int, dof: int, effort: float | None) -> Raw:
+    """What the language has no words for, beside an `effort` limit [N m or N]."""
     wanted = [
         ("solreflimit", numbers(model.jnt_solref[joint])), ("solimplimit", numbers(model.jnt_solimp[joint])),
         ("solreffriction", numbers(model.dof_solref[dof])), ("solimpfriction", numbers(model.dof_solimp[dof])),
@@ -63,5 +66,5 @@ def _raw(model: Any, joint: int, dof: int) -> Raw:
         wanted.append(("actuatorfrcrange", numbers(model.jnt_actfrcrange[joint])))
     return differing(wanted, {
         "solreflimit": SOLREF, "solimplimit": SOLIMP, "solreffriction": SOLREF, "solimpfriction": SOLIMP, "margin": "0",
-        "actuatorgravcomp": "false",
+        "actuatorgravcomp": "false", **({} if effort is None else {"actuatorfrcrange": numbers([-effort, effort])}),
     })
