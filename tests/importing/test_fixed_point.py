@@ -57,8 +57,8 @@ def test_after_one_round_nothing_changes(name: str, where: str, rounds: int, tmp
 
 
 @pytest.mark.parametrize(("mode", "where"), [
-    ("urdf/gripper_bench.urdf", URDF), ("sdf/gripper_bench/model.sdf", SDF), ("mjcf/gripper_bench.xml", "mjcf/gripper_source.xml"),
-    ("mjcf/scene_bench.xml", "mjcf/gripper_source.xml"),
+    ("urdf/gripper_bench.urdf", URDF), ("sdf/gripper_bench/model.sdf", SDF), ("mjcf/gripper_bench.xml", "mjcf/gripper_bench_source.xml"),
+    ("mjcf/scene_bench.xml", "mjcf/gripper_bench_source.xml"),
 ])
 def test_after_one_round_nothing_of_a_modelled_robot_changes(mode: str, where: str, root: Path, tmp_path: Path) -> None:
     settled(built(root / "gallery" / "gripper" / "gripper.yaml", mode, tmp_path / "0"), where, 1, tmp_path)

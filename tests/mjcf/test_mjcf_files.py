@@ -175,7 +175,7 @@ def test_layout(store: Store) -> None:
     ]
     assert text.splitlines()[:3] == [
         "<!-- Written by thingc from robots/arm.yaml, mode bench. -->",
-        '<mujoco model="arm">',
+        '<mujoco model="arm_bench">',
         '  <compiler angle="radian" meshdir="assets" autolimits="true"/>',
     ]
     assert '      <body name="bracket" pos="0 0.5 2">' in text

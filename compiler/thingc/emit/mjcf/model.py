@@ -79,7 +79,7 @@ class _Builder:
         self.joints = {joint.path: joint for joint in _joints(robot)}
         self.driven = [path for path in robot.present if path in self.joints and self.joints[path].actuator is not None]
         self.root = Element(
-            tag="mujoco", attributes={"model": self.assembly.name}, origin=robot.mode.origin
+            tag="mujoco", attributes={"model": f"{self.assembly.name}_{robot.mode.name}"}, origin=robot.mode.origin
         )
 
     def grow(self, parent: Element, place: tuple[str, ...], make: Callable[..., tuple[Element, ...]], *inputs: Any) -> None:

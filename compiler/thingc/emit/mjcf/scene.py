@@ -18,7 +18,7 @@ def scene(robot: Robot, file: str, heading: str, model: Written, memo: Memo | No
     """The scene of a mode around `file`, which lies beside it; `model` is what that file holds, with `separator` in its paths."""
     memo, mode = memo or Memo(), robot.mode
     box = memo(("bounds", mode.name), bounds, *placements(robot))
-    title = f"{robot.assembly.name} scene"
+    title = f"{robot.assembly.name}_{mode.name} scene"
     return memo(("scene", mode.name), _scene, title, box, file, floor_name(model), _held(robot, separator), heading, mode.origin)
 
 

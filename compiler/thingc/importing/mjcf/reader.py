@@ -106,7 +106,8 @@ class _Reader:
         simulated, set_up = simulation(self.original), options(self.original)
         named = self.original.flat.named(self.original.element("body", min(body for body in kept if body != WORLD)))
         return SourceRobot(
-            name=named.attributes.get("model", "").strip() or "robot", where=named.place("model"),
+            # A model that we have written of an imported robot is called after its mode, too.
+            name=named.attributes.get("model", "").strip().removesuffix("_source") or "robot", where=named.place("model"),
             root=self.original.bodies[root], links=tuple(whole),
             hangings=tuple(hangings), base=base,
             pose=NO_POSE if root == WORLD else self._pose(root), losses=self.original.losses.all(), loops=couplings.loops,
