@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -50,6 +50,14 @@ entry()
 """
 
 
+@pytest.fixture(autouse=True)
+def in_the_foreground() -> Iterator[None]:
+    """What a shell begins in the background ignores SIGINT, and so does all that it begins, as long as nobody asks for it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture
 def here(tmp_path: Path) -> Path:
     return write(tmp_path).parent
@@ -87,12 +95,10 @@ def heeds(process: subprocess.Popen[str]) -> bool:
 @pytest.mark.parametrize("seconds", [0.0, 0.15, 0.3, 0.45])
 def test_at_any_moment(seconds: float, here: Path, shared_store: str) -> None:
     """As a terminal does it: everybody in the group gets the signal."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # who has been begun in the background ignores it
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", "thingc", "new", "rover"], cwd=here, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         start_new_session=True, env={**os.environ, "THINGC_STORE": shared_store},
     )
-    signal.signal(signal.SIGINT, before)
     assert wait_until(lambda: heeds(process), 30.0)
     try:
         process.wait(seconds)
