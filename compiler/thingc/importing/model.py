@@ -23,6 +23,8 @@ ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "ellipsoid", "plane"
 Sizes = Vector | tuple[float, float] | tuple[float]
 Raw = tuple[tuple[str, str], ...]
 """Attributes that a simulator of the source has and the language has not, with their values as they are written for it."""
+SOURCE_MODE = "source"
+"""The mode in which an imported robot stands as the source has it."""
 FAR = 1000.0
 """Where a slide ends [m] that has no ends: the language wants some."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from thingc.importing.model import SourcePose, SourceSensor
+from thingc.importing.model import SOURCE_MODE, SourcePose, SourceSensor
 from thingc.importing.naming import distinct
 from thingc.importing.quantities import TURNS, angle, length, lengths, pose_words, quantity, quaternion_words, was
 from thingc.importing.words import Words
@@ -46,10 +46,10 @@ def mode_lines(words: Words, roots: Sequence[str]) -> Iterator[str]:
     yield "modes:"
     at, begin, shared = pose_words(words.robot.pose), f", pose: {word}" if start else "", _shared(words)
     place, more = (f", at: {{{at}}}" if at else ""), "".join(f", {key}: {value}" for key, value in shared.items())
-    yield f"  source: {{root: {words.links[words.robot.root]}, base: {words.robot.base}{place}{begin}{more}}}"
+    yield f"  {SOURCE_MODE}: {{root: {words.links[words.robot.root]}, base: {words.robot.base}{place}{begin}{more}}}"
     # A robot that is held elsewhere would stand in the floor of its scene; how high it stands is worked out where something touches.
     floor = any(shape.use == "collision" for link in words.robot.links for shape in link.shapes)
-    taken = ["source"]
+    taken = [SOURCE_MODE]
     for name in roots:
         mode = distinct([name], "link", taken)[name]
         taken.append(mode)

@@ -18,7 +18,7 @@ from thingc.importing.mjcf.sensing import sensors
 from thingc.importing.mjcf.settings import options, poses, simulation, touching
 from thingc.importing.mjcf.shapes import Geoms
 from thingc.importing.mjcf.tendons import Tendons
-from thingc.importing.model import Hanging, SourceBase, SourceLink, SourceRobot, SourceSite, Weight
+from thingc.importing.model import SOURCE_MODE, Hanging, SourceBase, SourceLink, SourceRobot, SourceSite, Weight
 from thingc.importing.packages import Packages
 from thingc.importing.tree import MOST_LINKS
 from thingc.importing.xml_source import SourceElement
@@ -107,7 +107,7 @@ class _Reader:
         named = self.original.flat.named(self.original.element("body", min(body for body in kept if body != WORLD)))
         return SourceRobot(
             # A model that we have written of an imported robot is called after its mode, too.
-            name=named.attributes.get("model", "").strip().removesuffix("_source") or "robot", where=named.place("model"),
+            name=named.attributes.get("model", "").strip().removesuffix(f"_{SOURCE_MODE}") or "robot", where=named.place("model"),
             root=self.original.bodies[root], links=tuple(whole),
             hangings=tuple(hangings), base=base,
             pose=NO_POSE if root == WORLD else self._pose(root), losses=self.original.losses.all(), loops=couplings.loops,
