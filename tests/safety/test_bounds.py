@@ -3,6 +3,7 @@ given. Each is a whole process, and what it used is what the kernel says it used
 
 from __future__ import annotations
 
+import os
 import select
 import time
 from pathlib import Path
@@ -56,10 +57,23 @@ def test_a_limit_that_is_met_is_one_diagnostic(tmp_path: Path) -> None:
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "parts.lock.json").write_text('{"thingc": "lock/1"}')
     document = BOMBS["as_many_as_allowed"](tmp_path)
-    done = ran(["check", "--no-code", "--time-limit", "1 s", document], tmp_path)
+    done = ran(["check", "--no-code", "--time-limit", "0.3 s", document], tmp_path)
     assert done.code == 1
-    assert done.out.startswith("error[TC346]: the check was not done after 1 s of computing and was ended")
+    assert done.out.startswith("error[TC346]: the check was not done after 0.3 s of computing and was ended")
     assert done.seconds < 4.0
+
+
+def test_a_limit_below_a_second_is_kept() -> None:
+    def endlessly() -> None:
+        while True:
+            pass
+
+    before = os.times()
+    ended = bounds.confined(endlessly, 0.1)
+    after = os.times()
+    assert isinstance(ended, Diagnostic) and ended.message == "the check was not done after 0.1 s of computing and was ended"
+    used = after.children_user + after.children_system - before.children_user - before.children_system
+    assert 0.08 < used < 0.5
 
 
 def test_who_waits_for_ever_is_ended_and_who_computes_slowly_is_not(monkeypatch: pytest.MonkeyPatch) -> None:

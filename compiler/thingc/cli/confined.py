@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import os
 import select
 import signal
@@ -112,7 +111,7 @@ def _costly(in_time: bool, status: int, seconds: float, memory: int) -> Diagnost
     if not in_time:
         message = f"the check has hung: after {seconds * PATIENCE:g} s in which it did nothing it was ended"
         help = "see whether the machine is busy, or a file of the workspace cannot be read"
-    elif ended_by == signal.SIGXCPU:
+    elif ended_by == signal.SIGPROF:
         message = f"the check was not done after {seconds:g} s of computing and was ended"
         help = "make the documents smaller, or allow more time with --time-limit"
     elif os.WIFEXITED(status) and os.WEXITSTATUS(status) == _OUT_OF_MEMORY:
@@ -163,12 +162,11 @@ def _bound(seconds: float, memory: int) -> None:
 
     with contextlib.suppress(OSError, ValueError), open("/proc/self/statm", "rb") as stream:
         memory += int(stream.read().split()[0]) * resource.getpagesize()
-    whole = max(1, math.ceil(seconds))  # a child begins with no time spent
-    limits = ((resource.RLIMIT_CPU, (whole, whole + 1)), (resource.RLIMIT_AS, (memory, memory)), (resource.RLIMIT_CORE, (0, 0)))
-    for kind, bounds in limits:
+    for kind, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CORE, 0)):
         with contextlib.suppress(ValueError, OSError):  # a lower bound than ours is there already
-            resource.setrlimit(kind, bounds)
-    signal.signal(signal.SIGXCPU, signal.SIG_DFL)
+            resource.setrlimit(kind, (most, most))
+    signal.signal(signal.SIGPROF, signal.SIG_DFL)
+    signal.setitimer(signal.ITIMER_PROF, seconds)  # of computing; RLIMIT_CPU knows whole seconds only
 
 
 def _refuse(event: str, arguments: tuple[Any, ...]) -> None:
