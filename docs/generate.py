@@ -20,6 +20,7 @@ import shlex
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -142,7 +143,8 @@ def _read(path: Path) -> str:
     return path.read_text(encoding="utf-8", errors="replace")
 
 
-def meanings() -> dict[str, str]:
+@cache
+def meanings() -> Mapping[str, str]:
     """What each code means, by code."""
     return {code: str(text) for code, text in tomllib.loads(MEANINGS.read_text(encoding="utf-8")).items()}
 

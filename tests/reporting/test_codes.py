@@ -11,6 +11,7 @@ import json
 import re
 import runpy
 import shlex
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,7 @@ SHOWN = [code for code in CODES if code.name not in IN_WORDS]
 AGAIN = "run `python docs/generate.py`"
 
 
+@cache
 def of(code: Code, side: str) -> tuple[Path, str]:
     """The document of an example, and what is said of it with the exit code."""
     stem = code.code if side == "wrong" else f"{code.code}.right"

@@ -66,8 +66,9 @@ class Parser(argparse.ArgumentParser):
         raise WrongUsage(message, f"`{self.prog} --help` shows what it takes")
 
 
-def parser_for(command: str | None) -> tuple[Parser, Parser | None]:
-    """The parser, with the options of one command only (the others need not be imported), and that command's own."""
+def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Parser | None]:
+    """The parser, with the options of one command only (the others need not be imported), and that command's own. Unless it is `alone`
+    it stands among the others, which the parser's help lists."""
     own: Parser | None = None
     parser = Parser(
         prog="thingc",
@@ -79,6 +80,8 @@ def parser_for(command: str | None) -> tuple[Parser, Parser | None]:
     parser.add_argument("--version", action="store_true", help="print the version and leave")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     for name, summary in COMMANDS.items():
+        if alone and name != command:
+            continue
         sub = commands.add_parser(
             name, help=summary, description=summary[0].upper() + summary[1:] + ".", allow_abbrev=False,
             formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -99,7 +102,7 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
     empty = next((word for word in words if re.fullmatch(r"-\w--|--[\w-]+=--", word)), None)
     if empty is not None:  # argparse would hand on a list
         raise WrongUsage(f"`{empty}`: expected a value, found `--`", "write `./--` for a file or folder of that name")
-    parser, own = parser_for(command)
+    parser, own = parser_for(command, alone=command is not None and words[0] == command)
     behind: Sequence[str] | None = None
     if own is not None and own.get_default("behind") is not None and "--" in words:  # argparse would take them for more of the others
         words, behind = words[: words.index("--")], words[words.index("--") + 1 :]
