@@ -274,6 +274,12 @@ def test_a_part_is_a_class_and_a_component(document: Path, capsys: pytest.Captur
     assert read(document)["components"]["bord"]["part"] == "shelf:Bord"
 
 
+def test_what_is_refused_leaves_no_folder(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = sorted(document.parent.iterdir())
+    assert main(["add", "part", "Bracket", "--to", document.name, "--on", "base.topp"]) == 1
+    assert "did you mean `top`?" in capsys.readouterr().out and sorted(document.parent.iterdir()) == before
+
+
 def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["add", "part", "Bracket"]) == 0
     assert capsys.readouterr().out == "parts/bracket.py\n"

@@ -178,6 +178,7 @@ def _with_addition(root: Document, addition: Addition) -> Document:
 def _files(files: Mapping[str, str]) -> Iterator[Callable[[], None]]:
     """The files written, and as they were again afterwards, unless what is given is called: then they stay."""
     before: dict[str, bytes | None] = {}
+    made: list[str] = []
     kept = False
 
     def keep() -> None:
@@ -186,22 +187,34 @@ def _files(files: Mapping[str, str]) -> Iterator[Callable[[], None]]:
 
     try:
         for path, text in files.items():
-            if os.path.exists(path):
-                with open(path, "rb") as stream:
-                    before[path] = stream.read()
-                write_in_place(path, text.encode())
-            else:
-                os.makedirs(os.path.dirname(path), exist_ok=True)
-                with open(path, "x", encoding="utf-8") as new:
-                    before[path] = None
-                    new.write(text)
+            with interrupts.held():
+                if os.path.exists(path):
+                    with open(path, "rb") as stream:
+                        before[path] = stream.read()
+                    write_in_place(path, text.encode())
+                else:
+                    for folder in _missing(os.path.dirname(path)):
+                        os.mkdir(folder)
+                        made.append(folder)
+                    with open(path, "x", encoding="utf-8") as new:
+                        before[path] = None
+                        new.write(text)
         yield keep
     finally:
-        for path, data in () if kept else before.items():
-            if data is None:
-                os.unlink(path)
-            else:
-                write_in_place(path, data)
+        if not kept:
+            for path, data in before.items():
+                if data is None:
+                    os.unlink(path)
+                else:
+                    write_in_place(path, data)
+            for folder in reversed(made):
+                with contextlib.suppress(OSError):  # somebody else has put something there
+                    os.rmdir(folder)
+
+
+def _missing(folder: str) -> list[str]:
+    """The folder and those that it lies in, as far as they are not there, outermost first."""
+    return [] if os.path.isdir(folder or ".") else [*_missing(os.path.dirname(folder)), folder]
 
 
 def _article(what: str) -> str:
