@@ -28,6 +28,7 @@ def _run() -> int:
             stream.reconfigure(errors="backslashreplace")  # a terminal may know fewer letters than documents hold
     from thingc.cli.main import main
 
+    interrupts.spare_the_child_of_glfw()
     code = main()
     sys.stdout.flush()
     sys.stderr.flush()

@@ -33,6 +33,19 @@ sys.argv = ["thingc", "build", "robot.yaml"]
 entry()
 """
 
+PROCESSES = """\
+import sys
+
+def begun(event, about):
+    if event == "subprocess.Popen":
+        print(*about[1], file=sys.stderr)
+
+sys.addaudithook(begun)
+sys.argv = ["thingc", "build", "robot.yaml"]
+from thingc.__main__ import entry
+entry()
+"""
+
 BETWEEN_FILES = """\
 import signal, sys
 import thingc.layout
@@ -76,6 +89,13 @@ def test_while_modules_are_imported(module: str, number: signal.Signals, here: P
     done = run(here, shared_store, ["-c", AT_AN_IMPORT.format(module=module, name=number.name)])
     assert (done.returncode, done.stdout, done.stderr) in [(130, "", SAID), (130, "", "")], "early there is no command to speak of yet"
     assert not (here / "build").exists() or list((here / "build").iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="glfw is told its library on Linux")
+def test_importing_mujoco_begins_no_process(here: Path, shared_store: str) -> None:
+    """Which would print a traceback of its own: glfw looks at its library in one."""
+    done = run(here, shared_store, ["-c", PROCESSES])
+    assert done.returncode == 0 and (here / "build/robot/mjcf").exists() and "glfw" not in done.stderr
 
 
 def test_between_files_that_belong_together(here: Path, shared_store: str) -> None:

@@ -43,6 +43,20 @@ def leave_at_once() -> None:
         signal.signal(number, lambda *_: os._exit(INTERRUPTED))
 
 
+def spare_the_child_of_glfw() -> None:
+    """glfw, which MuJoCo imports, looks at its library in a Python process of its own, a tenth of that import, and Ctrl-C has that print a
+    traceback. Where it is told its library it does not; this is the one that it brings with it on Linux, and would take."""
+    from thingc.installed import package_folder
+
+    folder = package_folder("glfw") if sys.platform == "linux" else None
+    if folder is None:
+        return
+    session = "wayland" if os.environ.get("XDG_SESSION_TYPE") == "wayland" else "x11"
+    library = os.path.join(folder, os.environ.get("PYGLFW_LIBRARY_VARIANT", session).lower(), "libglfw.so")
+    if os.path.exists(library):
+        os.environ.setdefault("PYGLFW_LIBRARY", library)
+
+
 @contextmanager
 def held() -> Iterator[None]:
     """Meanwhile no interrupt gets through: files that belong together are written. It comes afterwards."""
