@@ -429,7 +429,7 @@ def test_the_picture_can_be_kept(browser: Any, pages: Pages) -> None:
         assert kept.size[0] > 300 and len(kept.getcolors(1 << 24) or []) > 100
 
 
-@pytest.mark.parametrize("size", [(400, 800), (1280, 720)])
+@pytest.mark.parametrize("size", [(400, 800), (720, 600), (1280, 720)])
 def test_everything_is_in_reach_on_a_small_screen(browser: Any, pages: Pages, size: tuple[int, int]) -> None:
     """Nothing is wider than the window, and what there is to press can be pressed."""
     with opened(browser, address(pages.minchw / "html/minchw.html"), size) as page:
@@ -439,6 +439,8 @@ def test_everything_is_in_reach_on_a_small_screen(browser: Any, pages: Pages, si
         for tab in ("Parts", "Bill", "Show", "Measure", "Move"):
             page.get_by_role("tab", name=tab).click()
             assert page.locator("#panels section:visible").count() == 1
+            beyond = "(one) => document.querySelector(one).scrollWidth - document.querySelector(one).clientWidth"
+            assert [page.evaluate(beyond, one) for one in ("#tabs", "#panels section:not([hidden])")] == [0, 0]
             if tab == "Bill":  # its words are not broken into columns of letters
                 cells = page.evaluate("[...document.querySelectorAll('#panel-bom td')].map((cell) => cell.getBoundingClientRect().height)")
                 assert max(cells) < 120

@@ -2,7 +2,7 @@
 
 import { shownMass } from "../data";
 import type { Viewer } from "../viewer";
-import { make } from "./dom";
+import { breakable, make } from "./dom";
 
 export function bomPanel(panel: HTMLElement, viewer: Viewer): void {
   let rows: { row: HTMLTableRowElement; pieces: number[] }[] = [];
@@ -17,7 +17,7 @@ export function bomPanel(panel: HTMLElement, viewer: Viewer): void {
       const choose = (): void => viewer.choose(pieces);
       const row = make(
         "tr", { tabindex: 0, onclick: choose, onkeydown: (event) => { if (["Enter", " "].includes((event as KeyboardEvent).key)) { event.preventDefault(); choose(); } } },
-        make("td", {}, one.number), make("td", { title: one.definition }, one.name), make("td", { class: "number" }, String(one.quantity)),
+        make("td", {}, one.number), make("td", { title: one.definition }, ...breakable(one.name)), make("td", { class: "number" }, String(one.quantity)),
         make("td", {}, [one.make, one.material, one.supplier, one.cost].filter((word) => word !== null).join(", ")),
         make("td", { class: "number", title: one.source }, shownMass(one.mass)),
       );

@@ -17,6 +17,11 @@ export function make<K extends keyof HTMLElementTagNameMap>(tag: K, more: More =
   return node;
 }
 
+/** A name that a narrow column breaks where a word of it ends: `magnet_driver`, `YawPitchBracket`. */
+export function breakable(name: string): Child[] {
+  return name.split(/(?<=_)|(?<=[a-z])(?=[A-Z])/).flatMap((word, k) => (k === 0 ? [word] : [make("wbr"), word]));
+}
+
 /** One of several words, as buttons; `chosen` is asked again by the returned function. */
 export function choices(
   parent: HTMLElement, words: readonly string[], chosen: () => string | null, choose: (word: string) => void,
