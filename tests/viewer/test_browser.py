@@ -512,6 +512,22 @@ def test_what_grows_out_of_the_picture_is_fetched_back(browser: Any, pages: Page
                           "box.size = box.size.map((side) => side / scale); }", scale)
 
 
+def test_another_mode_is_in_the_picture(browser: Any, pages: Pages) -> None:
+    """As a whole, as the one before was; where the picture was of a detail, it stays as near."""
+    with opened(browser, address(pages.minchw / "html/minchw.html"), (1280, 800)) as page:
+        undrawn(page)
+        shown = """(zoom) => { const { viewer } = thingc, { stage } = viewer, found = {};
+          for (const mode of viewer.robot.modes) { viewer.setMode("front_foot"); viewer.reset();
+            stage.camera.position.lerp(stage.controls.target, zoom);
+            const before = stage.camera.position.distanceTo(stage.controls.target);
+            viewer.setMode(mode.name); viewer.links();
+            found[mode.name] = [stage.shows(stage.bounds()), stage.camera.position.distanceTo(stage.controls.target) / before]; }
+          return found; }"""
+        whole, detail = page.evaluate(shown, 0.0), page.evaluate(shown, 0.8)
+        assert all(seen for seen, _ in whole.values()) and max(times for _, times in whole.values()) > 1.05
+        assert all(abs(times - 1.0) < 1e-6 for _, times in detail.values())
+
+
 def test_another_robot_is_seen_through_it(browser: Any, pages: Pages, tmp_path: Path) -> None:
     """A page `against` another: in the same pose where that has one of the name, and both in the picture."""
     def page_of(name: str) -> Page:

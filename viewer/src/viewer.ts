@@ -123,16 +123,20 @@ export class Viewer {
       this.place();
       this.keepInView();
     }
-    if (whole && !this.seen()) { // it has grown out of the picture
-      this.stage.frame(this.stage.from());
-      this.tell("options");
-    }
+    this.fetchBack(whole);
   }
 
   /** Whether all that is there is in the picture. */
   private seen(): boolean {
     this.place();
     return this.stage.shows(this.stage.bounds());
+  }
+
+  /** Goes back as far as all is in the picture that was there as a `whole` before. */
+  private fetchBack(whole: boolean): void {
+    if (!whole || this.seen()) return;
+    this.stage.frame(this.stage.from());
+    this.tell("options");
   }
 
   /** Show another robot through this one, in the same mode and at the same coordinates where it has them; null shows none. */
@@ -171,16 +175,17 @@ export class Viewer {
     if (!this.configuration.closed) this.say(`the loops of mode ${mode.name} are open: it has no pose in which they close`);
   }
 
-  /** The mode called so, where it starts, seen from the same place; a wall or a ceiling that it comes to from the side of the robot. */
+  /** The mode called so, where it starts, seen from the same direction; a wall or a ceiling that it comes to from the side of the robot. */
   setMode(name: string): void {
     const mode = this.robot.modes.find((one) => one.name === name);
     if (mode === undefined || mode === this.mode) return;
-    const before = this.stage.world.quaternion.clone();
+    const before = this.stage.world.quaternion.clone(), whole = this.seen();
     this.enter(mode);
     this.tell("mode");
     this.place();
     this.keepInView();
     if (before.angleTo(this.stage.world.quaternion) > 1e-6) this.stage.comeOut();
+    this.fetchBack(whole);
   }
 
   /** What gravity and springs do on every coordinate of the mode's tree [N m or N]. */
