@@ -384,6 +384,17 @@ def test_a_robot_fills_a_window_wide_or_narrow(browser: Any, pages: Pages, size:
             assert 0.89 < np.abs(page.evaluate(corners)).max() < 0.92, view
 
 
+def test_a_robot_stays_in_a_window_that_gets_narrower(browser: Any, pages: Pages) -> None:
+    """As a phone that is turned, or whose panels are put away."""
+    with opened(browser, address(pages.arm / "html/arm.html"), (800, 400)) as page:
+        shown = "(({ stage }) => [stage.shows(stage.bounds()), stage.camera.aspect < 0.9])(thingc.viewer)"
+        assert page.evaluate(shown) == [True, False]
+        page.set_viewport_size({"width": 400, "height": 800})
+        page.get_by_role("button", name="panels beside the picture, or none").click()
+        page.wait_for_function("() => thingc.viewer.stage.camera.aspect < 0.9")
+        assert page.evaluate(shown) == [True, True]
+
+
 def test_as_few_calls_as_definitions(browser: Any, pages: Pages) -> None:
     """Draw calls of everything at once are at most definitions x materials + 20, and with a section, for which every definition is drawn
     once more, that many more; a frame's script is measured in benchmarks."""

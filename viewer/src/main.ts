@@ -59,9 +59,9 @@ async function start(): Promise<void> {
   views(viewer);
   open("pose");
 
-  new ResizeObserver(() => viewer.stage.resize()).observe($("view"));
   viewer.stage.resize();
   viewer.load(own.robot, await geometriesOf(own.glb));
+  new ResizeObserver(() => viewer.resize()).observe($("view"));
   const other = given("thingc-against-robot", "thingc-against-geometry");
   if (other !== null) viewer.against({ robot: other.robot, geometries: await geometriesOf(other.glb) });
   restored(viewer, location.hash);

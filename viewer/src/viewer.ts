@@ -139,6 +139,13 @@ export class Viewer {
     this.tell("options");
   }
 
+  /** The picture has another size. */
+  resize(): void {
+    const whole = this.seen();
+    this.stage.resize();
+    this.fetchBack(whole);
+  }
+
   /** Show another robot through this one, in the same mode and at the same coordinates where it has them; null shows none. */
   against(other: { robot: Robot; geometries: BufferGeometry[] } | null): void {
     this.other = other === null ? null : { robot: other.robot, within: other.robot.occurrences.map((one) => matrixOf(one.pose)) };
