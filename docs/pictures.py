@@ -103,7 +103,7 @@ def batch_page(path: Path) -> None:
 
 
 HERO = (
-    ("front_foot", "step_rear", (0.95, -0.62, 0.5)), ("front_foot_wall", "arched", (0.62, -1.05, 0.25)),
+    ("front_foot", "step_rear", (0.95, -0.62, 0.5)), ("front_foot_wall", "arched", (-0.55, -1.05, 0.3)),
     ("rear_foot_ceiling", "arched", (0.95, -0.7, -0.2)),
 )
 """Modes of MInchW, each with a pose and whence it is looked at."""
