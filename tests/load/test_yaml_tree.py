@@ -391,6 +391,7 @@ def test_expressions_that_are_whole(text: str) -> None:
     ("a: {b: 1", "the `{` opened here is not closed with `}`", "add `}`", (1, 4, 1, 5)),
     ("a: {b: \"x\" y}\n", "expected `,` or `}`, found `y`", "text with `,`, `:` or quotes inside needs quotes around it",
      (1, 12, 1, 13)),
+    ("a: {b {c: 1}}\n", "expected `,` or `}`, found `{`", "a `:` and a space come after a key: `b: {`", (1, 7, 1, 8)),
     ("doc: axis: to axis\n", "a second `:` in one value",
      "text that holds `: ` needs quotes; a nested mapping begins on a line of its own", (1, 10, 1, 11)),
     ("a: 1\nwords\nb: 2\n", "expected `key: value`, found `words`", "a `:` and a space come after a key", (2, 1, 2, 6)),

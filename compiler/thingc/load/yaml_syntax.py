@@ -191,9 +191,13 @@ def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
             message=f"the `{opened}` opened here is not closed with `{closing}`", start=began, end=began + 1,
             help=f"add `{closing}`", note=("it meets this first", min(at, max(0, len(source.text) - 1))),
         )
+    key = re.search(r"([\w.$*-]+) +$", source.text[began:at]) if rest in "{[" else None
+    help = "text with `,`, `:` or quotes inside needs quotes around it"
+    if key is not None:
+        help = f"a `:` and a space come after a key: `{key[1]}: {rest}`"
     return SyntaxFault(
-        message=f"expected `,` or `{closing}`, found `{rest}`", start=at, end=at + 1,
-        help="text with `,`, `:` or quotes inside needs quotes around it", note=(f"inside the `{opened}` opened here", began),
+        message=f"expected `,` or `{closing}`, found `{rest}`", start=at, end=at + 1, help=help,
+        note=(f"inside the `{opened}` opened here", began),
     )
 
 
