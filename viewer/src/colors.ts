@@ -16,8 +16,9 @@ const PALETTE = [
   "#4e79a7", "#f28e2b", "#59a14f", "#e15759", "#b07aa1", "#edc948", "#76b7b2", "#ff9da7", "#9c755f", "#8cd17d", "#499894", "#d37295",
 ];
 
+/** Colours that everybody tells apart, also who sees no red or green (Okabe and Ito, Color Universal Design, 2008). */
 const SOURCES: Record<string, string> = {
-  measured: "#2f8f7a", vendor: "#3e7cb1", stated: "#7a5ba6", derived: "#59a14f", estimated: "#e0a030",
+  measured: "#009e73", vendor: "#0072b2", stated: "#cc79a7", derived: "#56b4e9", estimated: "#e69f00",
 };
 
 /** A margin of 1 is as much as a drive can: below red, from 3 on green. */
