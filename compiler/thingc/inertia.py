@@ -105,11 +105,12 @@ def principal_axes(a: Matrix) -> tuple[Vector, Matrix]:
             t = math.copysign(1.0, theta) / (abs(theta) + math.hypot(theta, 1.0))
             c = 1.0 / math.hypot(t, 1.0)
             s = t * c
-            for k in range(3):
-                m[k][p], m[k][q] = c * m[k][p] - s * m[k][q], s * m[k][p] + c * m[k][q]
-                v[k][p], v[k][q] = c * v[k][p] - s * v[k][q], s * v[k][p] + c * v[k][q]
-            for k in range(3):
-                m[p][k], m[q][k] = c * m[p][k] - s * m[q][k], s * m[p][k] + c * m[q][k]
+            for row in (*m, *v):
+                x, y = row[p], row[q]
+                row[p], row[q] = c * x - s * y, s * x + c * y
+            (a0, a1, a2), (b0, b1, b2) = m[p], m[q]
+            m[p] = [c * a0 - s * b0, c * a1 - s * b1, c * a2 - s * b2]
+            m[q] = [s * a0 + c * b0, s * a1 + c * b1, s * a2 + c * b2]
     rows = ((v[0][0], v[0][1], v[0][2]), (v[1][0], v[1][1], v[1][2]), (v[2][0], v[2][1], v[2][2]))
     return (m[0][0], m[1][1], m[2][2]), rows
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 from thingc.patching.exact import restore
-from thingc.patching.inertial import BOXES, Bodies, Worked
+from thingc.patching.inertial import BOXES, Bodies
 from thingc.patching.places import INERT, TENSED, Entry, places
 from thingc.patching.statistics import Statistics
 
@@ -23,6 +23,8 @@ TOGETHER = 128
 
 INERTIAL = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
 """The fields of a body's mass properties."""
+PLACING = frozenset(("body_ipos", "body_pos", "body_quat", "jnt_pos", "site_pos"))
+"""The fields by which something stands elsewhere, of what statistics are of."""
 
 Compile = Callable[[str], "mujoco.MjModel"]
 
@@ -55,7 +57,7 @@ class Arrays:
         by_field: dict[str, list[tuple[int, Entry]]] = {}
         for line, place in placed:
             by_field.setdefault(place.field, []).append((column(line), place))
-        self._writes: list[tuple[Array, Array, Array, Array]] = []
+        self._writes: list[tuple[str, Array, Array, Array, Array]] = []
         self._options: list[tuple[Any, str, int]] = []
         for field, entries in sorted(by_field.items()):
             self._take(field, entries)
@@ -70,26 +72,22 @@ class Arrays:
         ]
         self._constants = not self._bodies and self.written <= (INERT - TENSED if self.model.ntendon else INERT)
         self._data = mujoco.MjData(self.model)
+        self._first = copy.copy(self.model)  # into which no borrower writes
+        self._placed = mujoco.MjData(self._first)
         stated = {name for element in root.iter("statistic") for name in element.attrib}
-        self._statistics = Statistics(self.model, self._data, stated)
-        self._first: mujoco.MjModel | None = None
+        self._statistics = Statistics(self.model, self._placed, stated)
         self._is_lent = False
         self._small: dict[int, Bodies] = {}
         self._geoms = [self._colliding(body) for body in self._bodies]
-        self._rows = np.array(self._bodies, dtype=int)
-        self._masses = [getattr(self.model, name) for name in INERTIAL]
-        self._boxes = [[getattr(self.model, name)[self._span(body)] for name in BOXES] for body in self._bodies]
 
     def lend(self) -> mujoco.MjModel:
         """The model, to somebody who may write into it."""
-        if self._first is None:
-            self._first = copy.copy(self.model)
         self._is_lent = True
         return self.model
 
     def take_back(self) -> None:
         """Undo what others have written into the model: `put` makes it that of a variant again, and of nothing else."""
-        if self._is_lent and self._first is not None:
+        if self._is_lent:
             restore(self.model, self._first)
         self._is_lent = False
 
@@ -102,7 +100,7 @@ class Arrays:
         target = getattr(owner, name)
         if isinstance(target, np.ndarray):
             self._writes.append((
-                target.reshape(-1), np.array([place.index for _, place in entries]), np.array([one for one, _ in entries]),
+                field, target.reshape(-1), np.array([place.index for _, place in entries]), np.array([one for one, _ in entries]),
                 np.array([place.sign for _, place in entries]),
             ))
         else:
@@ -117,65 +115,89 @@ class Arrays:
         colliding = [g for g in geoms if m.geom_contype[g] or m.geom_conaffinity[g]]
         return np.array([*colliding, -1] if colliding else [], dtype=int)
 
-    def _span(self, body: int) -> slice:
-        """The rows of the boxes of a body."""
-        first, count = int(self.model.body_bvhadr[body]), int(self.model.body_bvhnum[body])
-        return slice(first, first + count) if count else slice(0)
-
     def prepare(self, values: Sequence[tuple[float, ...]]) -> Prepared:
         """What is worked out of many variants together, of the numbers of each. Raises `ValueError` where MuJoCo refuses one."""
+        import mujoco
         import numpy as np
 
-        numbers = np.array(values, dtype=float).reshape(len(values), -1)
-        worked = None
+        first, count = self._first, len(values)
+        numbers = np.array(values, dtype=float).reshape(count, -1)
+        writes = [(field, target, at, numbers[:, columns] * signs) for field, target, at, columns, signs in self._writes]
+        masses = np.tile(first.body_mass, (count, 1))
         if self._bodies:
-            copies = 1 if len(values) == 1 else TOGETHER
-            small = self._small.get(copies)
-            if small is None:
-                small = self._small[copies] = Bodies(self._text, self._assets, self._names, copies)
-            inertials = np.empty((len(values), len(self._bodies), 10))
+            inertials = np.empty((count, len(self._bodies), 10))
             for b, entries in enumerate(self._inertials):
                 for k, entry in enumerate(entries):
                     inertials[:, b, k] = numbers[:, int(entry)] if self._traced[b, k] else entry
-            worked = small.work_out(inertials)
-            return Prepared(numbers, [numbers[:, columns] * signs for _, _, columns, signs in self._writes], inertials, worked)
-        return Prepared(numbers, [numbers[:, columns] * signs for _, _, columns, signs in self._writes], None, None)
+            masses[:, self._bodies] = inertials[:, :, 0]
+            writes += self._inertial_writes(inertials)
+        options = [(owner, name, numbers[:, column].tolist()) for owner, name, column in self._options]
+        plain = [(target, at, block) for _, target, at, block in writes]
+        if self._constants:
+            return Prepared(plain, options, None)
+        placing = [(getattr(first, field).reshape(-1), at, block) for field, _, at, block in writes if field in PLACING]
+        places = self._statistics.room(count if placing else 1)
+        for index in range(count if placing else 1):
+            for target, at, block in placing:
+                target[at] = block[index]
+            mujoco.mj_kinematics(first, self._placed)
+            self._statistics.note(places, index)
+        return Prepared(plain, options, self._statistics.of(places, masses))
+
+    def _inertial_writes(self, inertials: Array) -> list[tuple[str, Array, Array, Array]]:
+        """What is written of bodies' mass properties (variants, bodies, 10), and of the boxes around what collides: they stand along their
+        axes."""
+        import numpy as np
+
+        model, count = self.model, len(inertials)
+        copies = 1 if count == 1 else TOGETHER
+        small = self._small.get(copies)
+        if small is None:
+            small = self._small[copies] = Bodies(self._text, self._assets, self._names, copies)
+        worked = small.work_out(inertials)
+        writes = []
+
+        def write(field: str, rows: Array, block: Array) -> None:
+            target = getattr(model, field)
+            width = target.size // len(target)
+            at = (rows[:, None] * width + np.arange(width)).reshape(-1)
+            writes.append((field, target.reshape(-1), at, block.reshape(len(block), -1)))
+
+        for field, block in zip(INERTIAL, (inertials[:, :, 0], inertials[:, :, 1:4], worked.inertia, worked.axes)):
+            write(field, np.array(self._bodies), block)
+        for body, boxes, geoms in zip(self._bodies, worked.boxes, self._geoms):
+            if len(geoms):
+                rows = int(model.body_bvhadr[body]) + np.arange(int(model.body_bvhnum[body]))
+                for field in BOXES:
+                    write(field, rows, geoms[boxes[field]] if field == "bvh_nodeid" else boxes[field])
+        return writes
 
     def put(self, prepared: Prepared, index: int) -> None:
         """Make `model` that of a variant."""
         import mujoco
-        import numpy as np
 
         model = self.model
-        for (target, entries, _, _), block in zip(self._writes, prepared.blocks):
-            target[entries] = block[index]
-        for owner, name, column in self._options:
-            setattr(owner, name, float(prepared.numbers[index, column]))
-        worked, inertials = prepared.worked, prepared.inertials
-        if worked is not None and inertials is not None:
-            for target, values in zip(self._masses, (inertials[index, :, 0], inertials[index, :, 1:4], *worked.of(index))):
-                target[self._rows] = values
-            for boxes, views, geoms in zip(worked.boxes, self._boxes, self._geoms):
-                if len(geoms):
-                    for name, view in zip(BOXES, views):
-                        view[:] = boxes[name][index]
-                    views[-1][:] = geoms[boxes["bvh_nodeid"][index]]
-        if not self._constants:
+        for target, at, block in prepared.writes:
+            target[at] = block[index]
+        for owner, name, values in prepared.options:
+            setattr(owner, name, values[index])
+        if prepared.statistics is not None:
             mujoco.mj_setConst(model, self._data)  # which leaves it where the springs of its joints rest
-            model.tendon_lengthspring[self._resting] = self._data.ten_length[self._resting, None]
-            if not np.array_equal(self._data.qpos, model.qpos0):
-                self._data.qpos[:] = model.qpos0
-                mujoco.mj_kinematics(model, self._data)
-            self._statistics.write()
+            if self._resting:
+                model.tendon_lengthspring[self._resting] = self._data.ten_length[self._resting, None]
+            self._statistics.write(prepared.statistics, index)
 
 
 class Prepared:
-    """Variants that are worked out and not written yet."""
+    """Variants that are worked out and not written yet: of each a row for entries of arrays, a value for options, and its statistics where
+    MuJoCo sets constants anew."""
 
-    __slots__ = ("blocks", "inertials", "numbers", "worked")
+    __slots__ = ("options", "statistics", "writes")
 
-    def __init__(self, numbers: Array, blocks: list[Array], inertials: Array | None, worked: Worked | None) -> None:
-        self.numbers = numbers
-        self.blocks = blocks
-        self.inertials = inertials
-        self.worked = worked
+    def __init__(
+        self, writes: list[tuple[Array, Array, Array]], options: list[tuple[Any, str, list[float]]],
+        statistics: Mapping[str, list[Any]] | None,
+    ) -> None:
+        self.writes = writes
+        self.options = options
+        self.statistics = statistics

@@ -66,14 +66,15 @@ class Bodies:
 
 
 class Worked:
-    """What came of it, by variant and body."""
+    """What came of it, of all copies: `inertia` (copies, bodies, 3) are principal moments, `axes` (copies, bodies, 4) the quaternions of
+    their axes; `boxes` of each body the fields of its tree of boxes."""
 
     def __init__(self, model: mujoco.MjModel, copies: int, bodies: int) -> None:
         import numpy as np
 
         ids = np.arange(1, 1 + copies * bodies).reshape(bodies, copies)
-        self._inertia = model.body_inertia[ids.T]
-        self._axes = model.body_iquat[ids.T]
+        self.inertia = model.body_inertia[ids.T]
+        self.axes = model.body_iquat[ids.T]
         self.boxes: list[dict[str, Array]] = []
         for b in range(bodies):
             first, count = int(model.body_bvhadr[ids[b][0]]), int(model.body_bvhnum[ids[b][0]])
@@ -82,7 +83,3 @@ class Worked:
             geoms = model.body_geomadr[ids[b]]
             own["bvh_nodeid"] = np.where(own["bvh_nodeid"] >= 0, own["bvh_nodeid"] - geoms[:, None], -1)
             self.boxes.append(own)
-
-    def of(self, index: int) -> tuple[Array, Array]:
-        """The principal moments (bodies, 3) of a variant, and the quaternions (bodies, 4) of their axes."""
-        return self._inertia[index], self._axes[index]

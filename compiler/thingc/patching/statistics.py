@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     Array = np.ndarray[Any, np.dtype[Any]]
+    Places = list[Array]
 
 _LEAST = 1e-5
 """The size [m] of a body, and of a model, that has none."""
@@ -18,8 +19,7 @@ _PLANE = 0.1
 
 
 class Statistics:
-    """Those of one model, again and again: what belongs to what does not change. `data` is of the model at `qpos0` when they are
-    written. Those that are `stated` in its text stay as they are."""
+    """Those of one model, again and again: what belongs to what does not change. Those that are `stated` in its text stay as they are."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, stated: Collection[str] = ()) -> None:
         import mujoco
@@ -36,43 +36,58 @@ class Statistics:
         self._joints = np.array([j for _, j in joints], dtype=int)
         self._geoms = np.array([g for _, g in geoms], dtype=int)
         self._owners = owners[: len(joints) + len(geoms)]
-        self._least = np.full(len(bodies), _LEAST)
         self._rbound = model.geom_rbound[self._geoms]
         around = np.maximum(model.geom_rbound, 0.0)
         for g in np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE):
             around[g] = 0.1 * (float(max(model.geom_size[g, :2])) or _PLANE)
-        self._around = around[:, None]
+        self._around = around[:, None, None]
 
         self._stat, self._stated = model.stat, stated
         self._count, self._nv = len(bodies), int(model.nv)
-        self._anchors, self._centres, self._shapes = data.xanchor, data.xipos, data.geom_xpos
-        self._points = (data.xpos[1:], data.xipos[1:], data.xanchor, data.site_xpos)
-        self._mass, self._inertia = model.body_mass[1:], model.dof_M0
+        self._places = (data.xanchor, data.xipos, data.geom_xpos, data.xpos, data.site_xpos)
+        self._inertia = model.dof_M0
 
-    def write(self) -> None:
-        """Write them."""
+    def room(self, variants: int) -> Places:
+        """For `note`: where anchors, centres, geoms, bodies and sites of so many variants are, each (number, variants, 3) in m."""
         import numpy as np
 
-        points = np.concatenate((self._anchors[self._joints], self._shapes[self._geoms]))
-        x, y, z = (points - self._centres[self._owners]).T
+        return [np.empty((len(place), variants, 3)) for place in self._places]
+
+    def note(self, places: Places, variant: int) -> None:
+        """That `data`, at `qpos0`, has them where they are of a variant."""
+        for kind, place in zip(places, self._places):
+            kind[:, variant] = place
+
+    def of(self, places: Places, masses: Array) -> dict[str, list[Any]]:
+        """The statistics of many variants but `meaninertia`, of their `masses` (variants, bodies) in kg. `places` may be of one, where
+        those of all are the same."""
+        import numpy as np
+
+        anchors, centres, shapes, bodies, sites = places
+        count = bodies.shape[1]
+        x, y, z = np.moveaxis(np.concatenate((anchors[self._joints], shapes[self._geoms])) - centres[self._owners], -1, 0)
         sizes = np.sqrt(x * x + y * y + z * z)
-        sizes[len(self._joints):] += self._rbound
-        largest = np.maximum.reduceat(np.concatenate((sizes, self._least))[self._order], self._starts).tolist()
-        meansize = 0.0
-        for size in largest:
-            meansize += size / self._count
-        box = np.concatenate((*self._points, self._shapes - self._around, self._shapes + self._around))
+        sizes[len(self._joints):] += self._rbound[:, None]
+        sizes = np.concatenate((sizes, np.full((self._count, count), _LEAST)))
+        meansize, mass = np.zeros(count), np.zeros(len(masses))
+        for body, largest in enumerate(np.maximum.reduceat(sizes[self._order], self._starts), start=1):  # in the compiler's order
+            meansize += largest / self._count
+            mass += masses[:, body]
+        box = np.concatenate((bodies[1:], centres[1:], anchors, sites, shapes - self._around, shapes + self._around))
         low, high = box.min(axis=0), box.max(axis=0)
-        values = {"center": (low + high) * 0.5, "extent": max(_LEAST, float((high - low).max()), 2 * meansize), "meansize": meansize}
-        mass = 0.0
-        for one in self._mass.tolist():
-            mass += one
-        values["meanmass"] = mass / self._count
-        if self._nv:
+        extent = np.maximum(np.maximum(_LEAST, (high - low).max(axis=1)), 2 * meansize)
+        columns = {
+            "center": list((low + high) * 0.5), "extent": extent.tolist(), "meansize": meansize.tolist(),
+            "meanmass": (mass / self._count).tolist(),
+        }
+        return {name: values * (len(masses) // len(values)) for name, values in columns.items() if name not in self._stated}
+
+    def write(self, values: Mapping[str, list[Any]], index: int) -> None:
+        """Write those of a variant, whose constants are set: with them `meaninertia`."""
+        for name, column in values.items():
+            setattr(self._stat, name, column[index])
+        if self._nv and "meaninertia" not in self._stated:
             inertia = 0.0
             for one in self._inertia.tolist():
                 inertia += one
-            values["meaninertia"] = inertia / self._nv
-        for name, value in values.items():
-            if name not in self._stated:
-                setattr(self._stat, name, value)
+            self._stat.meaninertia = inertia / self._nv

@@ -43,6 +43,7 @@ class SettingsReader:
         self._documents = sources.documents
         self._kinds: dict[str, ExpressionValue | None] = dict(kinds or {})
         self._meant: dict[str, tuple[str, ...]] = {}
+        self._numeric: set[str] = set()  # names that numbers have been set by
 
     def kind(self, name: str) -> ExpressionValue | None:
         """What stands there in the document, or by default; None where nothing does, or nobody knows what it comes to."""
@@ -101,6 +102,10 @@ class SettingsReader:
             report.add(Code.CHOICE_OPTION, message, None, path=SET, help="write `{'joints.NAME.limit.upper': 1.5}`")
             settings = {}
         for given, value in (*self.fixed.items(), *settings.items()):
+            if type(value) is float and given in self._numeric:  # as nearly all are: what follows would come to the same
+                numbers[given] = value + 0.0
+                texts.pop(given, None)
+                continue
             names = self.meant(given) if isinstance(given, str) else ()
             if type(value) is not float:
                 value = _plain(value)
@@ -114,13 +119,12 @@ class SettingsReader:
                 number = self._number(name, value)
                 if number is not None:
                     numbers[name] = number
+                    if name == given:
+                        self._numeric.add(name)
                 else:
                     texts[name] = _text(value)
-        ordered = sorted(numbers.items())
-        return Read(
-            names=tuple(name for name, _ in ordered), values=tuple(value for _, value in ordered), texts=tuple(sorted(texts.items())),
-            report=report,
-        )
+        names = tuple(sorted(numbers))
+        return Read(names=names, values=tuple(map(numbers.__getitem__, names)), texts=tuple(sorted(texts.items())), report=report)
 
     def _number(self, name: str, value: Any) -> float | None:
         """A value in SI; None where it is no number, or one of another kind than what stands there."""
