@@ -13,9 +13,11 @@ import gymnasium
 import mujoco
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 
 import thingc
+from thingc.families import learning
 from thingc.families.learning import ENVIRONMENT, FamilyVectorEnv, make_vec_env
 from thingc.pipeline import UnknownChoice
 from thingc.variants import FamilyError, UnknownVariant, load
@@ -106,6 +108,29 @@ def test_gymnasium_makes_it_and_finds_nothing_wrong(tmp_path: Path) -> None:
     np.testing.assert_array_equal(observations, before)  # what was given is not written over
     worlds.close()
     worlds.close()
+
+
+@pytest.mark.filterwarnings("ignore:.*A Box observation space m..imum value is.*", "ignore:.*alternative render modes.*")
+def test_one_world_by_itself_is_an_environment(family: thingc.RobotFamily, some: Path) -> None:
+    """The same as over a batch of the same variants, to the last bit; and Gymnasium, which makes it as well, finds nothing wrong."""
+    given: dict[str, Any] = {"mode": "flying", "reward": "forward", "noise": 0.3, "max_steps": 7, "frame_skip": 3}
+    one, other = learning.make_env(family, **given), make_env(some, **given)
+    check_env(one)
+    for seed in (5, None, None):
+        same(one.reset(seed=seed), other.reset(seed=seed))
+        assert one.model.body_mass.tolist() == other.model.body_mass.tolist() and one.settings
+        for action in np.random.default_rng(1).uniform(-1, 1, (7, *one.action_space.shape)):
+            same(one.step(action), other.step(action))
+        assert one.data.time == other.data.time
+        with pytest.raises(FamilyError, match="have ended: reset them"):
+            one.step(action)
+    made = gymnasium.make(ENVIRONMENT, family=family, mode="flying")
+    made.reset(seed=1, options={"variant": 1})
+    assert made.unwrapped.settings == learning._choices(family, None).many[1]  # type: ignore[attr-defined]
+    with pytest.raises(FamilyError, match="`reset` has no option `reset_mask`"):
+        one.reset(options={"reset_mask": [True]})
+    with pytest.raises(FamilyError, match=r"expected actions of shape \(\d+,\), found"):
+        one.step(action[None])
 
 
 def test_the_same_seed_gives_the_same_episodes_in_any_number_of_threads(family: thingc.RobotFamily) -> None:

@@ -5,7 +5,8 @@
     envs = make_vec_env("legs.yaml", 64, mode="standing", reward="forward")
     observations, infos = envs.reset(seed=7)
 
-Importing this module registers it: `gymnasium.make_vec("thingc/Family-v0", num_envs=64, family="legs.yaml", mode="standing")`.
+Importing this module registers it: `gymnasium.make_vec("thingc/Family-v0", num_envs=64, family="legs.yaml", mode="standing")`. One world
+by itself, as libraries that know no vectors take it, is `make_env`, or `gymnasium.make` of the same name.
 """
 
 from __future__ import annotations
@@ -40,7 +41,9 @@ except ImportError as fault:  # pragma: no cover - said in words
 if TYPE_CHECKING:
     import mujoco
 
-__all__ = ["CACHED", "ENVIRONMENT", "FamilyVectorEnv", "Reward", "Settings", "Step", "Terminated", "make_vec_env"]
+__all__ = [
+    "CACHED", "ENVIRONMENT", "FamilyEnv", "FamilyVectorEnv", "Reward", "Settings", "Step", "Terminated", "make_env", "make_vec_env",
+]
 
 ENVIRONMENT = "thingc/Family-v0"
 CACHED = 1024
@@ -188,6 +191,11 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         """The state of each world, to look at or to draw with its model (of which it need not have been made: `data.model` may be another
         one's)."""
         return tuple(self._world(k)[2].data for k in range(self.num_envs))
+
+    @property
+    def sources(self) -> tuple[np.random.Generator, ...]:
+        """Where the chance of each world comes from."""
+        return tuple(self._source(k) for k in range(self.num_envs))
 
     def close_extras(self, **named: Any) -> None:
         """End the threads, and the worker of a family that was opened here."""
@@ -338,6 +346,69 @@ def make_vec_env(
         raise
 
 
+class FamilyEnv(gymnasium.Env[Array, Array]):
+    """One world of a family, as a single environment. Make it with `make_env`, which says what it is given."""
+
+    metadata: dict[str, Any] = {"render_modes": []}
+    render_mode = None
+
+    def __init__(self, world: FamilyVectorEnv) -> None:
+        self._world = world
+        self.observation_space = world.single_observation_space
+        self.action_space = world.single_action_space
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode: of `options["variant"]` (its place; of a document of variants its id or name, too), else of a drawn one."""
+        observations, infos = self._world.reset(seed=seed, options=known_options(options, ("variant",)))
+        self._np_random = self._world.sources[0]
+        return observations[0], _first(infos)
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Apply an action (nu,). An episode that has ended is to be reset."""
+        actions = as_actions(action, self.action_space.shape)[None]
+        observations, rewards, terminated, truncated, infos = self._world.step(actions)
+        return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), _first(infos)
+
+    @property
+    def settings(self) -> Settings:
+        """Those of the episode's robot."""
+        return self._world.settings[0]
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The model of the episode's robot; another one after each `reset`. It is not to be changed."""
+        return self._world.models[0]
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """Its state, to look at or to draw (`mujoco.Renderer(env.model)`)."""
+        return self._world.data[0]
+
+    def close(self) -> None:
+        """End the worker of a family that was opened here."""
+        self._world.close()
+
+
+def _first(infos: Mapping[str, Any]) -> dict[str, Any]:
+    """What is said of the one world."""
+    return {name: values[0] for name, values in infos.items() if not name.startswith("_")}
+
+
+def make_env(
+    family: RobotFamily | str | os.PathLike[str], *, settings: Iterable[Settings] | Draw | None = None, mode: str | None = None,
+    floor: bool = True, visual: bool = False, reward: Reward | str = "hold", terminated: Terminated | None = None, frame_skip: int = 5,
+    max_steps: int = 1000, descriptor: Sequence[str] | str = (), pose: str | None = None, noise: float = 0.0, cache: int = CACHED,
+    seed: int | None = None,
+) -> FamilyEnv:
+    """One world by itself, as a `gymnasium.Env`: its episodes are those of the first world of `make_vec_env`, which says what is given and
+    what is raised."""
+    return FamilyEnv(make_vec_env(
+        family, 1, settings=settings, mode=mode, floor=floor, visual=visual, reward=reward, terminated=terminated, frame_skip=frame_skip,
+        max_steps=max_steps, descriptor=descriptor, pose=pose, noise=noise, threads=1, cache=cache,
+        autoreset_mode=AutoresetMode.DISABLED, seed=seed,
+    ))
+
+
 def _choices(family: RobotFamily, settings: Iterable[Settings] | Draw | None) -> Choices:
     if callable(settings):
         return Choices(draw=settings)
@@ -401,4 +472,6 @@ def _run(episodes: Iterable[Episode]) -> None:
 
 
 if ENVIRONMENT not in gymnasium.registry:
-    gymnasium.register(ENVIRONMENT, vector_entry_point="thingc.families.learning:make_vec_env")
+    gymnasium.register(
+        ENVIRONMENT, entry_point="thingc.families.learning:make_env", vector_entry_point="thingc.families.learning:make_vec_env",
+    )

@@ -57,6 +57,10 @@ class NoModel(Brief):
     def __bool__(self) -> bool:
         return False
 
+    def __repr__(self) -> str:
+        why = "; ".join(one.message for one in self.problems if one.severity is Severity.ERROR)
+        return f"NoModel({dict(self.settings)}: {why})"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation(Brief):
