@@ -64,6 +64,15 @@ def test_after_one_round_nothing_of_a_modelled_robot_changes(mode: str, where: s
     settled(built(root / "gallery" / "gripper" / "gripper.yaml", mode, tmp_path / "0"), where, 1, tmp_path)
 
 
+def test_a_name_that_ends_like_a_mode_is_kept(tmp_path: Path) -> None:
+    """What wrote a file says its heading, and not its name."""
+    first = tmp_path / "robot.xml"
+    first.write_text((ROBOTS / "cranks.xml").read_text().replace('model="cranks"', 'model="open_source"'))
+    second = written(first, "mjcf/open_source_source.xml", tmp_path)
+    imported = import_robot(str(second), Report())
+    assert imported is not None and imported.name == "open_source"
+
+
 def test_a_site_of_two_names_is_one_mount() -> None:
     """The record says which, and which are the frame of a component."""
     imported = import_robot(str(ROBOTS / "suckers.xml"), Report())

@@ -14,6 +14,7 @@ from thingc.emit.mjcf.limits import taken
 from thingc.emit.request import EmitRequest
 from thingc.emit.xml import Element, write
 from thingc.frozen import dataclass
+from thingc.heading import heading
 from thingc.robot.types import Robot
 
 
@@ -53,12 +54,12 @@ def models(request: EmitRequest) -> Models:
     lost: dict[Loss, None] = dict.fromkeys((*unsaid, *losses("mjcf", CAPABILITIES, assembly, robots)))
     candidates: list[check.Candidate] = []
     for robot, root in zip(robots, roots, strict=True):
-        file, heading = f"{assembly.name}_{robot.mode.name}.xml", _heading(robot)
+        file, said = f"{assembly.name}_{robot.mode.name}.xml", _heading(robot)
         lost |= dict.fromkeys(tree.losses(robot))
-        model = write(root, heading)
+        model = write(root, said)
         candidates.append(check.Candidate(
-            mode=robot.mode.name, file=file, root=root, heading=heading, model=model,
-            scene=scene.scene(robot, file, heading, model, request.memo, compat.separator(request.compat)), origin=robot.mode.origin,
+            mode=robot.mode.name, file=file, root=root, heading=said, model=model,
+            scene=scene.scene(robot, file, said, model, request.memo, compat.separator(request.compat)), origin=robot.mode.origin,
             robot=robot,
         ))
     lost |= suited
@@ -104,4 +105,4 @@ def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element]]:
 
 
 def _heading(robot: Robot) -> str:
-    return f"Written by thingc from {robot.assembly.definition.document}, mode {robot.mode.name}."
+    return heading(robot.assembly.definition.document, robot.mode.name)

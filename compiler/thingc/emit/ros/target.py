@@ -17,6 +17,7 @@ from thingc.emit.ros.package import cmake_lists, package_xml
 from thingc.emit.ros.srdf import srdf
 from thingc.emit.urdf.model import MESHES, model
 from thingc.emit.xml import Element, write
+from thingc.heading import heading
 from thingc.robot.types import Robot
 from thingc.shown import shown
 
@@ -27,14 +28,15 @@ def emit(request: EmitRequest) -> Artifacts:
     name = package_name(assembly.name)
     folder, uri = f"ros/{name}", f"package://{name}/{MESHES}"
     shapes, flat = solid_geometry(assembly, "ros", f"{folder}/{MESHES}", request.report)
-    heading = f"Written by thingc from {assembly.definition.document}."
+    document = assembly.definition.document
+    said = heading(document)
     trees = [model(robot, shapes, request.report, uri) for robot in robots]
     raw.lay(assembly, robots, "urdf", trees, request.report)
     touching = _touching(request, shapes)
     met, unmet = _meetings(request, trees, shapes, uri) if len(touching) > 1 else ({}, [])
     files: dict[str, Content] = {f"{MESHES}/{file}": stored for file, stored in shapes.assets.items()}
     for robot, tree in zip(robots, trees, strict=True):
-        file, of_mode = f"{assembly.name}_{robot.mode.name}", f"{heading.removesuffix('.')}, mode {robot.mode.name}."
+        file, of_mode = f"{assembly.name}_{robot.mode.name}", heading(document, robot.mode.name)
         semantics = srdf(robot, touching, met.get(robot.mode.name), request.report)
         files[f"config/{file}.srdf"] = write(semantics, of_mode, sections=False).text.encode()
         control = ros2_control(robot)
@@ -42,12 +44,12 @@ def emit(request: EmitRequest) -> Artifacts:
             tree.children.append(control)
         files[f"urdf/{file}.urdf"] = write(tree, of_mode).text.encode()
     commanded = controllers(robots)
-    files["config/controllers.yaml"] = f"# {heading}\n{controllers_yaml(commanded)}".encode()
-    files["config/display.rviz"] = rviz_config(frame_of(robots[0]), heading).encode()
-    files["launch/display.launch.py"] = launch_file(robots, commanded, heading).encode()
-    files["CMakeLists.txt"] = cmake_lists(assembly.name, {path.partition("/")[0] for path in files}, heading).encode()
+    files["config/controllers.yaml"] = f"# {said}\n{controllers_yaml(commanded)}".encode()
+    files["config/display.rviz"] = rviz_config(frame_of(robots[0]), said).encode()
+    files["launch/display.launch.py"] = launch_file(robots, commanded, said).encode()
+    files["CMakeLists.txt"] = cmake_lists(assembly.name, {path.partition("/")[0] for path in files}, said).encode()
     description = " ".join(assembly.definition.description.split()) or f"The robot {assembly.name}."
-    files["package.xml"] = package_xml(assembly.name, shown(description, most=len(description)), request.workspace.about, heading).encode()
+    files["package.xml"] = package_xml(assembly.name, shown(description, most=len(description)), request.workspace.about, said).encode()
     lost = (*flat, *unmet, *losses("ros", CAPABILITIES, assembly, robots))
     return Artifacts(files={f"{folder}/{path}": content for path, content in sorted(files.items())}, losses=tuple(dict.fromkeys(lost)))
 

@@ -13,6 +13,7 @@ from thingc.emit.sdf.model import MESHES, model
 from thingc.emit.sdf.world import config, world
 from thingc.emit.sdf.zero import zero_state
 from thingc.emit.xml import write
+from thingc.heading import heading
 
 
 def emit(request: EmitRequest) -> Artifacts:
@@ -30,10 +31,10 @@ def emit(request: EmitRequest) -> Artifacts:
     raw.lay(assembly, request.robots, "sdf", models, request.report)
     for robot, zero, written in zip(request.robots, zeros, models, strict=True):
         name = f"{assembly.name}_{robot.mode.name}"
-        heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
-        files[f"sdf/{name}/model.sdf"] = write(written, heading).text.encode()
-        files[f"sdf/{name}/model.config"] = write(config(name, written.attributes["version"], heading), heading).text.encode()
-        files[f"sdf/world_{robot.mode.name}.sdf"] = write(world(robot, name), heading).text.encode()
+        said = heading(assembly.definition.document, robot.mode.name)
+        files[f"sdf/{name}/model.sdf"] = write(written, said).text.encode()
+        files[f"sdf/{name}/model.config"] = write(config(name, written.attributes["version"], said), said).text.encode()
+        files[f"sdf/world_{robot.mode.name}.sdf"] = write(world(robot, name), said).text.encode()
         files |= {f"sdf/{name}/{path}": content for path, content in meshes.items()}
         lost |= dict.fromkeys(special.losses(robot, zero))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(lost))

@@ -13,6 +13,7 @@ from thingc.emit.request import EmitRequest
 from thingc.emit.urdf.capabilities import CAPABILITIES
 from thingc.emit.urdf.model import MESHES, model
 from thingc.emit.xml import write
+from thingc.heading import heading
 
 FOLDER = f"urdf/{MESHES}"
 
@@ -26,8 +27,8 @@ def emit(request: EmitRequest) -> Artifacts:
     trees = [model(robot, shapes, request.report, meshes) for robot in request.robots]
     raw.lay(assembly, request.robots, "urdf", trees, request.report)
     for robot, tree in zip(request.robots, trees, strict=True):
-        heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
-        files[f"urdf/{assembly.name}_{robot.mode.name}.urdf"] = write(tree, heading).text.encode()
+        said = heading(assembly.definition.document, robot.mode.name)
+        files[f"urdf/{assembly.name}_{robot.mode.name}.urdf"] = write(tree, said).text.encode()
     lost = losses("urdf", CAPABILITIES, assembly, request.robots)
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(dict.fromkeys((*flat, *lost))))
 

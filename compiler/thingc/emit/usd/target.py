@@ -12,6 +12,7 @@ from thingc.emit.usd.capabilities import CAPABILITIES
 from thingc.emit.usd.meshes import identifiers, prototypes
 from thingc.emit.usd.model import model
 from thingc.emit.usd.usda import rendered, write
+from thingc.heading import heading
 
 
 def emit(request: EmitRequest) -> Artifacts:
@@ -27,7 +28,7 @@ def emit(request: EmitRequest) -> Artifacts:
     models = [model(robot, shapes, paths, request.report) for robot in request.robots]
     raw.lay(assembly, models, request.report)
     for robot, made in zip(request.robots, models, strict=True):
-        heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
-        files[f"usd/{assembly.name}_{robot.mode.name}.usda"] = write([rendered(made), meshes], assembly.name, heading).encode()
+        said = heading(assembly.definition.document, robot.mode.name)
+        files[f"usd/{assembly.name}_{robot.mode.name}.usda"] = write([rendered(made), meshes], assembly.name, said).encode()
         lost |= dict.fromkeys(special.losses(robot))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(lost))

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Iterator
 
 from thingc.diagnostics import Code, Report
+from thingc.heading import mode_of
 from thingc.importing.mjcf.adding import Added
 from thingc.importing.mjcf.couplings import Couplings
 from thingc.importing.mjcf.drives import Actuators
@@ -106,12 +107,10 @@ class _Reader:
         simulated, set_up = simulation(self.original), options(self.original)
         named = self.original.flat.named(self.original.element("body", min(body for body in kept if body != WORLD)))
         return SourceRobot(
-            # A model that we have written of an imported robot is called after its mode, too.
-            name=named.attributes.get("model", "").strip().removesuffix(f"_{SOURCE_MODE}") or "robot", where=named.place("model"),
-            root=self.original.bodies[root], links=tuple(whole),
-            hangings=tuple(hangings), base=base,
-            pose=NO_POSE if root == WORLD else self._pose(root), losses=self.original.losses.all(), loops=couplings.loops,
-            adhesions=drives.adhesions, tendons=tendons.driven(drives.of_tendon), sensors=sensed, poses=states, excluded=excluded,
+            name=_name(named), where=named.place("model"), root=self.original.bodies[root], links=tuple(whole),
+            hangings=tuple(hangings), base=base, pose=NO_POSE if root == WORLD else self._pose(root),
+            losses=self.original.losses.all(), loops=couplings.loops, adhesions=drives.adhesions,
+            tendons=tendons.driven(drives.of_tendon), sensors=sensed, poses=states, excluded=excluded,
             added=(*added.equalities, *added.actuators),
             gravity=None if gravity == (0.0, 0.0, -9.81) else (gravity[0], gravity[1], gravity[2]),
             simulation=simulated, options=set_up, files=self.shapes.files,
@@ -240,3 +239,10 @@ class _Reader:
                 inertia = said
         properties = MassProperties(mass=mass, centre=(x, y, z), inertia=inertia)
         return Weight(properties=properties, where=next(element.all("inertial"), element).where)
+
+
+def _name(root: SourceElement) -> str:
+    """What the model is called; one that we have written of an imported robot is called after its mode, too."""
+    name = root.attributes.get("model", "").strip()
+    ours = mode_of(root.source[: root.start]) == SOURCE_MODE
+    return (name.removesuffix(f"_{SOURCE_MODE}") if ours else name) or "robot"
