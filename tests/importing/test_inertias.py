@@ -87,6 +87,26 @@ def test_a_root_that_is_another_one_moves_the_old_one(tmp_path: Path) -> None:
         assert [d.message for d in report.ordered()] == said
 
 
+def test_what_stands_still_may_weigh_nothing_but_not_just_anything(tmp_path: Path) -> None:
+    """A document does not take it either; a mass without an inertia stands."""
+    links = LINK.format(name="arm", mass=1, ixx=0.01) + '<link name="a"><inertial><mass value="3"/></inertial></link>'
+    links += LINK.format(name="plate", mass=1, ixx=0.03)
+    joints = """<joint name="j" type="continuous"><parent link="a"/><child link="arm"/></joint>
+        <joint name="k" type="fixed"><parent link="a"/><child link="plate"/></joint>"""
+    path, report = written(tmp_path, links, joints), Report()
+    assert import_robot(str(path), report) is None
+    assert [d.message for d in report.ordered()] == [
+        "link `a` stands still, but its largest principal moment 0.03 kg m^2 is above the sum of the other two (0.01 + 0.01), which no "
+        "solid can have",
+    ]
+    imported, said = repaired(path, "nearest")
+    assert imported is not None and said == [] and [one.link.name for one in imported.repaired] == ["a", "plate"]
+    (tmp_path / "robot.yaml").write_bytes(imported.files["robot.yaml"])
+    assert thingc.compile(tmp_path / "robot.yaml").diagnostics == ()
+    path.write_text(path.read_text().replace("0.03", "0.01"))
+    assert import_robot(str(path), Report()) is not None
+
+
 def test_the_nearest_is_nearest() -> None:
     """No other inertia that a solid has is nearer, of a thousand beside it; one that is sound stays."""
     random = numpy.random.default_rng(3)

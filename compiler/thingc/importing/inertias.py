@@ -21,6 +21,7 @@ from thingc.importing.model import Hanging, SourceLink, SourceRobot, SourceShape
 from thingc.inertia import (
     LEAST_MASS,
     LEAST_MOMENT,
+    ZERO,
     MassProperties,
     moments_fault,
     physical_fault,
@@ -50,26 +51,28 @@ class Repaired:
 def repaired(
     robot: SourceRobot, roots: Sequence[str], how: Repair | None, report: Report, matter: Matter = lambda _: None,
 ) -> tuple[SourceRobot, tuple[Repaired, ...]]:
-    """The robot with every link that moves as a solid can, in the mode `source` and rooted at each of `roots`; what could not be, or was
-    not asked for, is reported at its line. `matter` is what a mesh holds."""
+    """The robot with every link that moves as a solid can, in the mode `source` and rooted at each of `roots`, and no other inertia that no
+    solid has; what could not be, or was not asked for, is reported at its line. `matter` is what a mesh holds."""
     between = _between(robot)
     bodies, done = _bodies(robot), dict[str, Repaired]()
     head = {link.name: body for body, members in bodies.items() for link, _ in members}
     still = {None if robot.base == "free" else robot.root, *(head[name] for name in roots)}
     for body, members in bodies.items():
-        if still == {body} or body in between:
+        if body in between:
             continue
-        fault = _fault(members)
+        judged = _misstated if still == {body} else _fault
+        fault = judged(members)
         if fault is None:
             continue
         worst = [link for link, _ in members if link.weight is not None and physical_fault(link.weight.properties.inertia) is not None]
         worst = worst or [members[0][0]]
         changed = [one for link in worst if (one := _mended(link, how, matter)) is not None]
         new = {one.link.name: _with(one) for one in changed}
-        if how is not None and _fault([(new.get(link.name, link), pose) for link, pose in members]) is None:
+        if how is not None and judged([(new.get(link.name, link), pose) for link, pose in members]) is None:
             done.update((one.link.name, one) for one in changed)
         else:
-            _refuse(body, worst, [link for link, _ in members], fault, how, report)
+            moves = "stands still, but" if still == {body} else "moves, and cannot:"
+            _refuse(f"link `{body}` {moves} {fault}", worst, [link for link, _ in members], how, report)
     links = tuple(_with(done[link.name]) if link.name in done else link for link in robot.links)
     return replace(robot, links=links), tuple(done.values())
 
@@ -108,7 +111,7 @@ def _between(robot: SourceRobot) -> set[str]:
 
 def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
     """Why a body cannot move, in words."""
-    whole = total([link.weight.properties.seen_from(pose) for link, pose in members if link.weight is not None])
+    whole = _whole(members)
     if whole.mass <= LEAST_MASS:
         return "it weighs nothing"
     moments = principal_moments(whole.inertia)
@@ -120,7 +123,19 @@ def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
     return fault
 
 
-def _refuse(body: str, worst: Sequence[SourceLink], members: Sequence[SourceLink], fault: str, how: Repair | None, report: Report) -> None:
+def _misstated(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
+    """Why a body that never moves, which may weigh nothing, has an inertia that is none, in words; that of a document is asked alike."""
+    stated = [link.weight.properties.inertia for link, _ in members if link.weight is not None]
+    if all(one == ZERO or physical_fault(one) is None for one in stated):
+        return None
+    return physical_fault(_whole(members).inertia)
+
+
+def _whole(members: Sequence[tuple[SourceLink, Pose]]) -> MassProperties:
+    return total([link.weight.properties.seen_from(pose) for link, pose in members if link.weight is not None])
+
+
+def _refuse(said: str, worst: Sequence[SourceLink], members: Sequence[SourceLink], how: Repair | None, report: Report) -> None:
     first = worst[0]
     where = first.where if first.weight is None else first.weight.where
     help = "mend it, or have it repaired: `--repair inertia=nearest` (the nearest that a solid has), or `inertia=shapes`"
@@ -130,7 +145,7 @@ def _refuse(body: str, worst: Sequence[SourceLink], members: Sequence[SourceLink
         Note(message=f"`{link.name}` is fixed to it{', and has none that a solid has either' if link in worst else ''}", span=link.where)
         for link in members if link is not first and link.weight is not None
     ][:5]
-    report.add(Code.SOURCE_INERTIA, f"link `{body}` moves, and cannot: {fault}", where, help=help, notes=notes)
+    report.add(Code.SOURCE_INERTIA, said, where, help=help, notes=notes)
 
 
 def _with(one: Repaired) -> SourceLink:
