@@ -55,6 +55,8 @@ class Packages:
         if scheme not in ("package", "model"):
             raise NotFound(f"`{uri}` is no file of this machine", "write `package://NAME/...`, or a path beside the robot's file")
         name, _, inside = rest.lstrip("/").partition("/")  # some files have three slashes
+        if not inside:  # which is how some name a file of no package
+            return self._named(name)
         there = self._folders(name)
         for place in there:
             path = os.path.normpath(os.path.join(place, inside))
