@@ -18,7 +18,8 @@ NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]\d+)?(?![\w.])")
 ANGLES = re.compile(r"(?<=rpy=\")[^\"]+|(?<=<pose>)[^<]+|(?<=\">)[^<]+(?=</pose>)")
 URDF, SDF = "urdf/*_source.urdf", "sdf/*_source/model.sdf"
 CASES = [
-    ("constructs.urdf", URDF, 0), ("shapes.urdf", URDF, 1), ("constructs.sdf", URDF, 1), ("constructs.sdf", SDF, 1),
+    ("constructs.urdf", URDF, 0), ("shapes.urdf", URDF, 1), ("fixed.urdf", URDF, 1),
+    ("constructs.sdf", URDF, 1), ("constructs.sdf", SDF, 1),
     ("constructs.xml", URDF, 1), ("constructs.xml", SDF, 1),
     *((f"{name}.xml", f"mjcf/{name}_source.xml", 1) for name in ("cables", "constructs", "cranks", "loops", "suckers", "tendons")),
     ("world.xml", "mjcf/two_arms_source.xml", 1),

@@ -147,7 +147,8 @@ class Words:
         return {kind: dict(names) for kind, names in kinds.items() if names}
 
     def items(self, link: SourceLink) -> Iterator[tuple[SourceShape, SourceShape | None]]:
-        """The shapes of a link as they are listed, each with what touches of it: itself, or what is like it and is drawn as it."""
+        """The shapes of a link as they are listed, each with what touches of it: itself, or what is like it and is drawn as it. What is
+        drawn is in the order of the source, and so is what touches, as files of ours have one after the other."""
         shown = [shape for shape in link.shapes if self.is_shown(shape)]
         alone = [shape for shape in shown if shape.use == "collision"]
         drawn_as: dict[int, SourceShape] = {}
@@ -157,11 +158,15 @@ class Words:
                 if shape.use == "visual" and number not in drawn_as and like:
                     drawn_as[number] = like[0]
                     alone = [one for one in alone if one is not like[0]]
+        place = {id(shape): number for number, shape in enumerate(shown)}
         for number, shape in enumerate(shown):
+            touch = drawn_as.get(number)
+            while alone and touch is not None and place[id(alone[0])] < place[id(touch)]:
+                yield alone[0], alone.pop(0)
             if shape.use == "visual":
-                yield shape, drawn_as.get(number)
-            elif any(one is shape for one in alone):
-                yield shape, shape
+                yield shape, touch
+            elif alone and alone[0] is shape:
+                yield shape, alone.pop(0)
 
     def is_shown(self, shape: SourceShape) -> bool:
         """Whether it is no mesh that is left out."""
