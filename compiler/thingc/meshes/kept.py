@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 from collections.abc import Mapping
 from typing import Any
@@ -33,6 +34,7 @@ def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | No
     from thingc.meshes.reading import read_mesh
 
     record = read_mesh(file, store)
+    gc.collect(1)  # what trimesh makes of a mesh refers to itself, and is large: that of many meshes would wait for a command's end
     store.put_json(KIND, key, _plain(record))
     return record
 
