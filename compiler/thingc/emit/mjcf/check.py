@@ -14,14 +14,17 @@ from typing import Any
 
 from thingc.diagnostics import Code, Note, Report, Severity
 from thingc.emit.geometry import Geometry, MeshAsset
-from thingc.emit.mjcf import start
-from thingc.emit.mjcf.known import Known, about_meshes, mujoco_version
+from thingc.emit.mjcf import elements, start
+from thingc.emit.mjcf.known import Known, about_meshes, mesh_bytes, mujoco_version
 from thingc.emit.xml import Element, RawValue, Written, write
 from thingc.frozen import dataclass
 from thingc.memo import Memo
 from thingc.realize.store.local import Store
 from thingc.robot.types import Robot
 from thingc.source import Origin
+
+MANY = 20_000_000
+"""Bytes of meshes that MuJoCo is given at once; it takes some fifteen times as many for them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +76,10 @@ def check(
     begun: dict[str, start.Start] = {}
     settled: set[str] = set()
     touching = {shape.mesh for one in geometry.shapes for shape in one.collision if shape.mesh is not None}
-    for candidate, verdict, files in _verdicts(waiting, known, {one.mode for one in alike.values()}, touching, settled):
+    whole = any(about_meshes(one.root) for one in waiting)
+    hulls = {} if whole or not waiting else _one_by_one(known, touching if alike else ())
+    looked = {one.mode for one in alike.values()}
+    for candidate, verdict, files in _verdicts(waiting, known, looked, touching, settled, hulls):
         if verdict.error is not None:
             _explain(candidate, files, report, scene_error=verdict.error)
             continue
@@ -96,23 +102,68 @@ def check(
 
 def _verdicts(
     candidates: Sequence[Candidate], known: Known, looked: Collection[str], touching: Collection[str], settled: Collection[str],
+    hulls: Mapping[str, bytes],
 ) -> Iterator[tuple[Candidate, Verdict, Any]]:
     """What MuJoCo says of each scene, which holds all that the model in it does, and the files that it has read. Modes that are `looked` at
-    need the true meshes of what is `touching`, and come first; of the others those that are `settled` by then are left out. One after the
-    other, for it keeps what it reads among the files, so that two at once are given each other's models, or end the process. It keeps the
-    meshes of the first, too, and needs threads for these alone; and the textures, which are the same in all scenes, it need not paint
-    again."""
+    need the true meshes of what is `touching`, or their `hulls`, and come first; of the others those that are `settled` by then are left
+    out. One after the other, for it keeps what it reads among the files, so that two at once are given each other's models, or end the
+    process. It keeps the meshes of the first, too, and needs threads for these alone; and the textures, which are the same in all scenes,
+    it need not paint again."""
     first = True
     for true in (touching, ()):
         batch = [one for one in candidates if (one.mode in looked) is (true is touching) and one.mode not in settled]
         if not batch:
             continue
-        files = in_memory(known.data([one.root for one in batch], true))
+        files = in_memory(known.data([one.root for one in batch], true, hulls))
         for candidate in batch:
             model, scene = candidate.model.text, candidate.scene.text
             files[candidate.file] = (model if first else _without_threads(model)).encode()
-            yield candidate, attempt(scene if first else _unpainted(scene), files), files
+            verdict = attempt(scene if first else _unpainted(scene), files)
+            if hulls and (verdict.error is not None or verdict.warnings):  # it is the files themselves that have to be spoken of
+                hulls, files = {}, in_memory(known.data([one.root for one in batch], true))
+                files[candidate.file] = model.encode()
+                verdict = attempt(scene, files)
+            yield candidate, verdict, files
             first = False
+
+
+def _one_by_one(known: Known, touching: Collection[str]) -> dict[str, bytes]:
+    """Where meshes are too many for once, have MuJoCo take each by itself; and what it touches those of `touching` (names of meshes) as, by
+    file: convex hulls, in the numbers of the files. What anything is said against is left to be read with the model."""
+    waiting = known.unread(touching)
+    if sum(mesh.stored.size for mesh in waiting) <= MANY:
+        return {}
+    import mujoco
+
+    hulls: dict[str, bytes] = {}
+    for mesh in waiting:
+        felt = mesh.name in touching
+        root = Element(tag="mujoco")
+        root.add("asset").children += elements.meshes((mesh,))
+        root.add("worldbody").add("geom", {"type": "mesh", "mesh": mesh.name, **({} if felt else {"contype": "0", "conaffinity": "0"})})
+        verdict = attempt(write(root, "").text, in_memory({mesh.file: known.store.read(mesh.stored.sha256)}))
+        mujoco.mj_clearCache(mujoco.mj_getCache())
+        if verdict.error is None and not verdict.warnings:
+            known.accept_mesh(mesh)
+            if felt:
+                hulls[mesh.file] = mesh_bytes(mesh.file, *_hull(verdict.model, mesh))
+    return hulls
+
+
+def _hull(model: Any, mesh: MeshAsset) -> tuple[list[list[float]], list[list[int]]]:
+    """Corners, in the numbers of its file, and triangles of the convex hull of the one mesh of a model (`mjModel.mesh_graph`)."""
+    import mujoco
+    import numpy as np
+
+    graph = np.asarray(model.mesh_graph)
+    count, sides = int(graph[0]), int(graph[1])
+    corners, faces = graph[2 + count : 2 + 2 * count], graph[2 + 3 * count + 3 * sides : 2 + 3 * count + 6 * sides]
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.mesh_quat[0])
+    scale = 1.0 if mesh.own is None or mesh.scale is None else mesh.scale
+    points = (model.mesh_vert[corners] @ turn.reshape(3, 3).T + model.mesh_pos[0]) / scale
+    place = {int(corner): number for number, corner in enumerate(corners)}
+    return points.tolist(), [[place[int(corner)] for corner in side] for side in faces.reshape(-1, 3)]
 
 
 _NUMBERS = re.compile(r'(?<=[" ])-?[0-9][0-9.e+-]*(?=[" ])')

@@ -14,6 +14,7 @@ import os
 import re
 import struct
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 from thingc.emit.geometry import MeshAsset
 from thingc.emit.mjcf.limits import is_shell
@@ -61,6 +62,15 @@ class Known:
         while self._new:
             self.store.note_json(MESH, self._new.popitem()[1], True)
 
+    def accept_mesh(self, mesh: MeshAsset) -> None:
+        """Remember one that was accepted by itself."""
+        if (key := self._new.pop(mesh.file, None)) is not None:
+            self.store.note_json(MESH, key, True)
+
+    def unread(self, true: Collection[str]) -> list[MeshAsset]:
+        """The meshes that MuJoCo has to read: those that are not known, and those that have to be `true` (names of meshes)."""
+        return [mesh for mesh in self._meshes if mesh.name in true or mesh.file in self._new]
+
     def start(self, key: str) -> bool:
         """Whether a first instant was in order."""
         return self.store.get_json(START, self._key((key,))) is not None
@@ -69,15 +79,18 @@ class Known:
         """Remember that it was."""
         self.store.note_json(START, self._key((key,)), True)
 
-    def data(self, models: Iterable[Element], true: Collection[str] = ()) -> dict[str, bytes]:
-        """What MuJoCo shall read as each file: its bytes where it is not known, or has to be `true` (names of meshes), else a tetrahedron.
+    def data(
+        self, models: Iterable[Element], true: Collection[str] = (), hulls: Mapping[str, bytes] = MappingProxyType({}),
+    ) -> dict[str, bytes]:
+        """What MuJoCo shall read as each file: where it is not known, or has to be `true` (names of meshes), its bytes, or those of
+        `hulls`, else a tetrahedron.
 
         All bytes are the files' own when the documents may change what MuJoCo makes of meshes.
         """
-        files = {mesh.file for mesh in self._meshes if mesh.name in true}.union(self._new)
         whole = any(about_meshes(model) for model in models)
+        files = {mesh.file for mesh in (self._meshes if whole else self.unread(true))}
         return {
-            mesh.file: self.store.read(mesh.stored.sha256) if whole or mesh.file in files else tetrahedron(mesh.file)
+            mesh.file: tetrahedron(mesh.file) if mesh.file not in files else hulls.get(mesh.file) or self.store.read(mesh.stored.sha256)
             for mesh in self._meshes
         }
 
@@ -122,8 +135,13 @@ def about_meshes(model: Element) -> bool:
 
 def tetrahedron(file: str) -> bytes:
     """A mesh that MuJoCo takes as any file of this name, and quickly."""
+    return mesh_bytes(file, _CORNERS, _SIDES)
+
+
+def mesh_bytes(file: str, corners: Sequence[Sequence[float]], sides: Sequence[Sequence[int]]) -> bytes:
+    """What a file of this name holds, OBJ or binary STL, with these corners [n x 3] and triangles [n x 3]."""
     if file.endswith(".obj"):
-        lines = [f"v {x} {y} {z}" for x, y, z in _CORNERS] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in _SIDES]
+        lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in sides]
         return "\n".join(lines).encode() + b"\n"
-    sides = (struct.pack("<12fH", 0, 0, 0, *(x for corner in side for x in _CORNERS[corner]), 0) for side in _SIDES)
-    return bytes(80) + struct.pack("<I", len(_SIDES)) + b"".join(sides)
+    triangles = (struct.pack("<12fH", 0, 0, 0, *(x for corner in side for x in corners[corner]), 0) for side in sides)
+    return bytes(80) + struct.pack("<I", len(sides)) + b"".join(triangles)

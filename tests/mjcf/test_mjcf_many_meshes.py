@@ -1,0 +1,93 @@
+"""Meshes that are too many for MuJoCo at once are given to it one after the other, and nothing that it says is another then."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy
+import pytest
+import trimesh
+
+from thingc.cli.main import main
+from thingc.emit.mjcf import check
+
+DOCUMENT = """thingc: assembly/1
+name: heap
+components:
+  base:
+    link: true
+    mass: 1 kg
+    shapes: [{mesh: meshes/egg.stl, unit: mm, scale: [1, -1, 1.2]}]
+    mounts:
+      hip: {xyz: 0 30 0 mm, rpy: 20 0 30 deg}
+  arm:
+    link: true
+    mass: 1 kg
+    shapes: [{mesh: meshes/egg.obj, unit: m}, {mesh: meshes/egg.stl, unit: m, scale: 0.001, for: visual}]
+    mounts:
+      wrist: {xyz: 10 -5 5 mm}
+  hand:
+    link: true
+    mass: 1 kg
+    shapes: [{mesh: meshes/egg.obj, unit: cm, scale: 60}]
+joints:
+  turn: {type: revolute, parent: base.hip, child: arm.origin, axis: [0, 0, 1], limit: {lower: -1 rad, upper: 1 rad}}
+  grip: {type: revolute, parent: arm.wrist, child: hand.origin, axis: [0, 0, 1], limit: {lower: -1 rad, upper: 1 rad}}
+modes:
+  bench: {root: base, base: fixed, at: {xyz: 0 0 1 m}}
+"""
+
+
+@pytest.fixture
+def heap(tmp_path: Path) -> Path:
+    """Eggs with dents, of which none is its own mirror image, that begin in each other."""
+    egg = trimesh.creation.icosphere(3, 0.04)
+    x, y, z = egg.vertices.T
+    egg.vertices = egg.vertices * (1.0 + 0.2 * numpy.sin(90.0 * x + 40.0 * y) * numpy.cos(70.0 * z))[:, None] + (0.02, 0.01, 0.0)
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "egg.obj").write_text(egg.export(file_type="obj"))
+    (tmp_path / "meshes" / "egg.stl").write_bytes(egg.apply_scale(1000.0).export(file_type="stl"))
+    (tmp_path / "heap.yaml").write_text(DOCUMENT)
+    return tmp_path / "heap.yaml"
+
+
+class Said:
+    """What is said of a build with an empty store, and the sizes of the files that MuJoCo is given each time."""
+
+    def __init__(self, document: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+        self.given: list[list[int]] = []
+        true = check.in_memory
+
+        def sized(data: dict[str, bytes]) -> Any:
+            self.given.append(sorted(map(len, data.values())))
+            return true(data)
+
+        with tempfile.TemporaryDirectory() as folder, monkeypatch.context() as patched:
+            patched.setattr(check, "in_memory", sized)
+            self.code = main(["build", str(document), "--emit", "mjcf", "--store", folder])
+        self.text = capsys.readouterr().err
+
+
+def test_what_is_said_is_the_same(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Depths among it, of which MuJoCo works out the hulls anew."""
+    at_once = Said(heap, capsys, monkeypatch)
+    assert len(at_once.given) == 1 and at_once.code == 0
+    assert "warning[TC611]: mode `bench` starts with `base` 10.2 mm deep in `hand`" in at_once.text
+    monkeypatch.setattr(check, "MANY", 0)
+    apart = Said(heap, capsys, monkeypatch)
+    assert apart.text == at_once.text and apart.code == 0
+    *each, together = apart.given
+    assert [len(one) for one in each] == [1] * len(together)
+    assert not {*together} & {one for (one,) in each}, "hulls, and of what is only drawn a tetrahedron"
+
+
+def test_what_is_wrong_is_found_where_it_is(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    heap.write_text(DOCUMENT + "raw: {mjcf: {joint: {turn: {solimplimit: 1 2 3 4 5 6 7}}}}\n")
+    at_once = Said(heap, capsys, monkeypatch)
+    assert at_once.code == 1 and "error[TC702]" in at_once.text and len(at_once.given) == 1
+    monkeypatch.setattr(check, "MANY", 0)
+    apart = Said(heap, capsys, monkeypatch)
+    assert apart.text == at_once.text
+    assert {*apart.given[-1][1:]} == {*at_once.given[0]}, "what touches is read as it is, once more"
