@@ -9,7 +9,6 @@ artifacts.
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import field, replace
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Report, Stage, shown_path
 from thingc.environment import Environment, Options
+from thingc.files import beginning
 from thingc.frozen import dataclass
 from thingc.memo import Memo
 from thingc.typos import did_you_mean
@@ -175,11 +175,8 @@ def _may_name_parts(environment: Environment) -> bool:
         return False
     text = environment.options.texts.get(environment.document)
     if text is None:
-        if not os.path.isfile(environment.document):  # a pipe would be waited for
-            return False
         try:
-            with open(environment.document, "rb") as stream:
-                text = stream.read(_LOOKED_THROUGH)
+            text = beginning(environment.document, _LOOKED_THROUGH)
         except (OSError, ValueError):
             return False
     return _LEADS_TO_PARTS.search(text) is not None

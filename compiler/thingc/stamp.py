@@ -50,14 +50,12 @@ def state_of(path: str, store: Store | None = None) -> str | None:
     large files."""
     from thingc.realize.store.digests import digest_of
 
-    if not os.path.isfile(path) and not os.path.isdir(path):  # a pipe would be waited for
-        return None
     try:
         return digest_of(path, store)
     except IsADirectoryError:
         names = "\n".join(sorted(os.listdir(path)))
         return FOLDER + hashlib.sha256(names.encode("utf-8", "surrogateescape")).hexdigest()
-    except OSError:
+    except (OSError, ValueError):
         return None
 
 

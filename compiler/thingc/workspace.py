@@ -13,6 +13,7 @@ from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Code, Report
+from thingc.files import NoPlainFile, beginning
 from thingc.frozen import dataclass
 from thingc.installed import dotted_name
 from thingc.packaging import KEYS, About
@@ -176,15 +177,13 @@ def _bytes(path: str) -> bytes | None:
     """The content of a file (of a larger one a byte more than the bound), None where there is none; raises OSError where it cannot
     be read.
 
-    What is no regular file counts as absent (a pipe would be waited for), and so does a link out of the folder: its target is
-    none of the workspace's business.
+    What is no plain file counts as absent, and so does a link out of the folder: its target is none of the workspace's business.
     """
-    if not os.path.isfile(path) or os.path.islink(path) and not _inside(path, os.path.dirname(path)):
+    if os.path.islink(path) and not _inside(path, os.path.dirname(path)):
         return None
     try:
-        with open(path, "rb") as stream:
-            return stream.read(MAX_BYTES + 1)
-    except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
+        return beginning(path, MAX_BYTES + 1)
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, NoPlainFile):
         return None
 
 

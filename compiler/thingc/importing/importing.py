@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from thingc.diagnostics import Code, Report
+from thingc.files import beginning
 from thingc.frozen import dataclass
 from thingc.importing.document import Draft, document_of
 from thingc.importing.expanding import expanded
@@ -106,8 +107,7 @@ def _content(path: str, report: Report) -> bytes | None:
         report.add(Code.COMMAND_LINE, f"`{os.path.basename(os.path.abspath(path))}` is {what}: {known}", None)
         return None
     try:
-        with open(path, "rb") as stream:
-            return stream.read(MOST_BYTES + 1)
+        return beginning(path, MOST_BYTES + 1)
     except OSError as fault:
         report.add(Code.COMMAND_LINE, f"cannot read `{path}`: {(fault.strerror or str(fault)).lower()}", None)
         return None

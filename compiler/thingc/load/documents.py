@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import os
 import re
@@ -11,10 +10,11 @@ from dataclasses import field
 from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Note, Report
+from thingc.files import beginning
 from thingc.frozen import dataclass
 from thingc.load.packaged import find_packaged, is_packaged
 from thingc.load.paths import DOCUMENT_SUFFIXES, MESH_SUFFIXES, PART_SUFFIXES, find_file, libraries, named, refuse_name
-from thingc.load.text import MAX_ALL_BYTES, MAX_FAULTS, decode
+from thingc.load.text import MAX_ALL_BYTES, MAX_BYTES, MAX_FAULTS, decode
 from thingc.memo import Memo
 from thingc.shown import unseen
 from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span
@@ -218,7 +218,7 @@ class _Reader:
             return self.by_path.get(relative)
         self.failed.add(relative)
         try:
-            data = self.texts[path] if path in self.texts else _content(path)
+            data = self.texts[path] if path in self.texts else beginning(path, MAX_BYTES + 1)
         except (OSError, ValueError) as error:
             reason = error.strerror if isinstance(error, OSError) and error.strerror else "it cannot be read"
             name = shortened(os.path.basename(path))
@@ -309,14 +309,6 @@ class _Reader:
             return None
         self.links[document.relative, text] = target.relative
         return target
-
-
-def _content(path: str) -> bytes:
-    """The bytes of a document, at most one more than it may have. Raises OSError."""
-    if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):  # a pipe would be waited for
-        raise OSError(errno.EINVAL, "It is no file that can be read again")
-    with open(path, "rb") as stream:
-        return stream.read(10_000_001)
 
 
 def head_line(path: str, kind: str = "assembly") -> str:

@@ -7,6 +7,7 @@ import re
 from collections import deque
 from typing import TYPE_CHECKING
 
+from thingc.files import beginning
 from thingc.load.paths import DOCUMENT_SUFFIXES
 
 if TYPE_CHECKING:
@@ -69,14 +70,10 @@ def assemblies_in(folder: str, workspace: Workspace) -> list[str]:
 
 def is_document(path: str, kind: str = "") -> bool:
     """Whether a file has the key `thingc` at its beginning, and is no workspace; with a `kind`, of that kind alone."""
-    if not os.path.isfile(path):  # a pipe would be waited for
-        return False
     try:
-        with open(path, "rb") as stream:
-            head = stream.read(HEAD)
-    except OSError:
+        return has_header(beginning(path, HEAD), path, kind)
+    except (OSError, ValueError):
         return False
-    return has_header(head, path, kind)
 
 
 def has_header(head: bytes, path: str, kind: str = "") -> bool:

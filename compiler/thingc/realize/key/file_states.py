@@ -11,11 +11,13 @@ from __future__ import annotations
 import hashlib
 import os
 
+from thingc.files import opened
+
 
 def state_of(path: str, *, listed: bool = False) -> str:
     """What lies at `path` now, in the words above; `listed` makes a folder count by its names."""
     try:
-        with open(path, "rb") as stream:
+        with opened(path) as stream:
             return "file:" + hashlib.file_digest(stream, "sha256").hexdigest()
     except IsADirectoryError:
         pass

@@ -7,6 +7,7 @@ import os
 import time
 from io import BufferedReader
 
+from thingc.files import opened
 from thingc.realize.store.local import Store
 
 LARGE = 1 << 20
@@ -27,7 +28,7 @@ def digest_of(path: str, store: Store | None = None, known: Digests | None = Non
     """The SHA-256 of a file's content in hex. In `store` those of large files are kept, by their size, times and place on the disk, of
     which nobody can set back the time of the last change; in `known` all, for who looks at the same files again. Raises `OSError`."""
     known = {} if known is None else known
-    with open(path, "rb") as stream:
+    with opened(path) as stream:
         before = _signature(stream.fileno())
         if before not in known:
             known[before] = _read(stream) if store is None or before[0] < LARGE else _kept(stream, before, store, path)

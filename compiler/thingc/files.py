@@ -1,0 +1,26 @@
+"""Files that are read without waiting: who opens a pipe waits until somebody writes into it."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from io import BufferedReader
+
+
+class NoPlainFile(OSError):
+    """What is there cannot be read twice: a pipe, a device."""
+
+
+def opened(path: str) -> BufferedReader:
+    """A file, to be read as bytes. Raises `OSError` where it cannot be, `NoPlainFile` among them."""
+    mode = os.stat(path).st_mode
+    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+        raise NoPlainFile(errno.EINVAL, "It is no file that can be read again", path)
+    return open(path, "rb")
+
+
+def beginning(path: str, most: int) -> bytes:
+    """The first bytes of a file, `most` at most. Raises `OSError` as `opened` does."""
+    with opened(path) as stream:
+        return stream.read(most)
