@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 from thingc.importing.model import SourceLoss
 from thingc.importing.xml_source import SourceElement
@@ -10,10 +10,10 @@ from thingc.source import Span
 
 
 class Losses:
-    """Those of one source, of all that read it."""
+    """Those of one source, begun with what was noted `before`."""
 
-    def __init__(self) -> None:
-        self._noted: list[SourceLoss] = []
+    def __init__(self, before: Iterable[SourceLoss] = ()) -> None:
+        self._noted = list(before)
 
     def note(self, what: str, why: str, where: Span) -> None:
         """One more: `what` it is, and `why` it is not in the document."""

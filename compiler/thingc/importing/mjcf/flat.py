@@ -16,6 +16,7 @@ from xml.sax.saxutils import quoteattr
 from thingc.diagnostics import Code, Note, Report
 from thingc.frozen import dataclass
 from thingc.importing.losses import Losses
+from thingc.importing.model import SourceLoss
 from thingc.importing.packages import NotFound, Packages
 from thingc.importing.values import NOT_FINITE
 from thingc.importing.xml_source import MOST_BYTES, SourceElement, read_xml
@@ -50,7 +51,7 @@ class Flat:
     files: Mapping[str, bytes]
     meshes: Mapping[str, str]
     included: tuple[SourceElement, ...]
-    losses: Losses
+    losses: tuple[SourceLoss, ...]
 
     def element(self, said: str) -> SourceElement:
         """What MuJoCo says to be in a line of the text (`line 7`); the root where it says none."""
@@ -103,7 +104,7 @@ class _Flattening:
             return None
         return Flat(
             root=self.root, text="\n".join(self.texts), lines=tuple(self.lines), files=self.files, meshes=self.meshes,
-            included=tuple(one for roots in self.elements.values() for one in roots), losses=self.losses,
+            included=tuple(one for roots in self.elements.values() for one in roots), losses=self.losses.all(),
         )
 
     def _children(self, element: SourceElement) -> Iterator[SourceElement]:

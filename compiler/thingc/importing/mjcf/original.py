@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
+from thingc.importing.losses import Losses
 from thingc.importing.mjcf.doubles import doubles
 from thingc.importing.mjcf.flat import Flat
 from thingc.importing.model import Raw
@@ -30,7 +31,7 @@ class Original:
 
     def __init__(self, flat: Flat, spec: Any, model: Any) -> None:
         self.flat, self.spec, self.model = flat, spec, model
-        self.losses = flat.losses
+        self.losses = Losses(flat.losses)
         self.geoms_of, self.sites_of = _by_body(model.geom_bodyid, model.nbody), _by_body(model.site_bodyid, model.nbody)
         self.written = {kind: {one.id: one for one in getattr(spec, MANY.get(kind, f"{kind}s"))} for kind in KINDS}
         self.bodies = self._names("body", lambda one: "body")
