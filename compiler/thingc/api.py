@@ -171,7 +171,7 @@ def _page(request: EmitRequest) -> Page:
 
 
 def _stop_on_errors(report: Report, strict: bool) -> None:
-    judged = report.strict() if strict else report
+    judged = report.judged(strict=strict)
     if judged.failed:
         raise CompileError(judged.ordered())
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 
 from thingc import pipeline
-from thingc.diagnostics import Code, Diagnostic, Report, Severity, Stage, allow_hint
+from thingc.diagnostics import Code, Diagnostic, Report, Stage, allow_hint
 from thingc.emit.artifact import Content, Loss
 from thingc.environment import Environment, geometry_of
 from thingc.frozen import dataclass
@@ -48,19 +48,21 @@ class Built:
 def build(environment: Environment, wish: Wish) -> Built:
     """Every pass, and nothing written yet. Raises `UnknownChoice`, and `BlobMissing` where the store turns out to be damaged."""
     compilation = pipeline.compile(environment, wish.modes)
-    made = None if _failed(compilation, wish) else _made(environment, compilation, wish)
-    return replace(made or Built(compilation=compilation), diagnostics=_said(compilation, wish))
+    report, built = compilation.report, Built(compilation=compilation)
+    if wish.twice and not report.judged(strict=wish.strict).failed:
+        built = replace(built, twice=_model_again(environment, compilation))
+    if not report.judged(strict=wish.strict).failed:
+        built = _with_files(environment, built, wish)
+    judged = report.judged(strict=wish.strict)
+    return replace(built, diagnostics=tuple(judged.ordered()), files=None if judged.failed else built.files)
 
 
-def _made(environment: Environment, compilation: Compilation, wish: Wish) -> Built | None:
-    """What is to be written of a compilation without errors; None where there are some by now."""
-    twice = _model_again(environment, compilation) if wish.twice else 0
-    if _failed(compilation, wish):
-        return None
-    assert environment.workspace is not None and compilation.assembly is not None
-    parent = wish.output or os.path.join(environment.workspace.root, environment.workspace.build)
-    place = os.path.abspath(parent), compilation.assembly.name
-    compat = wish.compat or environment.workspace.compat
+def _with_files(environment: Environment, built: Built, wish: Wish) -> Built:
+    """What is to be written of a compilation without errors; there may be some by then."""
+    compilation, workspace = built.compilation, environment.workspace
+    assert workspace is not None and compilation.assembly is not None
+    place = os.path.abspath(wish.output or os.path.join(workspace.root, workspace.build)), compilation.assembly.name
+    compat = wish.compat or workspace.compat
     artifacts = pipeline.build(environment, compilation, wish.targets, build_folder(*place), compat)
     files = pipeline.files(environment, compilation, artifacts, compat)
     losses = [loss for target in wish.targets for loss in artifacts[target].losses]
@@ -68,9 +70,7 @@ def _made(environment: Environment, compilation: Compilation, wish: Wish) -> Bui
         _deny(losses, compilation.assembly.definition.origin, compilation.report)
     if not wish.modes:
         pipeline.say_unneeded(compilation, [Stage.CHECK, Stage.BUILD] if "mjcf" in wish.targets else [Stage.CHECK])
-    if _failed(compilation, wish):
-        return None
-    return Built(compilation=compilation, place=place, files=files, losses=losses, twice=twice)
+    return replace(built, place=place, files=files, losses=losses)
 
 
 def write(environment: Environment, built: Built, wish: Wish, on_wait: Waiting | None = None) -> str:
@@ -79,15 +79,6 @@ def write(environment: Environment, built: Built, wish: Wish, on_wait: Waiting |
     documents, files = built.compilation.documents, built.files
     assert files is not None and documents is not None, "the build has errors"
     return write_build(*built.place, files, environment.store, documents.root.relative, force=wish.force, on_wait=on_wait)
-
-
-def _said(compilation: Compilation, wish: Wish) -> tuple[Diagnostic, ...]:
-    report = compilation.report
-    return tuple((report.strict() if wish.strict else report).ordered())
-
-
-def _failed(compilation: Compilation, wish: Wish) -> bool:
-    return any(d.severity is Severity.ERROR for d in _said(compilation, wish))
 
 
 def _model_again(environment: Environment, compilation: Compilation) -> int:

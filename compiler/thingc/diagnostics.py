@@ -429,9 +429,9 @@ class Report:
             key=lambda d: (d.span is None, d.span.file if d.span else "", *((d.span.line, d.span.column) if d.span else (0, 0))),
         )
 
-    def strict(self) -> Report:
-        """The same with warnings made errors."""
-        return Report([
+    def judged(self, *, strict: bool) -> Report:
+        """What is held against the documents: where one is `strict`, warnings are errors."""
+        return self if not strict else Report([
             replace(d, severity=Severity.ERROR) if d.severity is Severity.WARNING else d for d in self.diagnostics
         ])
 

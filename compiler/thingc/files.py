@@ -1,4 +1,4 @@
-"""Files that are read without waiting: who opens a pipe waits until somebody writes into it."""
+"""What lies on the disk, as everybody may find it: files that are no files, folders that are not there."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from io import BufferedReader
 
 
 class NoPlainFile(OSError):
-    """What is there cannot be read twice: a pipe, a device."""
+    """What is there cannot be read twice: a pipe, which is waited for until somebody writes into it, or a device."""
 
 
 def opened(path: str) -> BufferedReader:
@@ -24,3 +24,11 @@ def beginning(path: str, most: int) -> bytes:
     """The first bytes of a file, `most` at most. Raises `OSError` as `opened` does."""
     with opened(path) as stream:
         return stream.read(most)
+
+
+def listing(folder: str) -> list[str]:
+    """The names in a folder, sorted; none where it cannot be read."""
+    try:
+        return sorted(os.listdir(folder))
+    except OSError:
+        return []

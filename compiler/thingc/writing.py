@@ -105,7 +105,7 @@ def checked(
     with Environment(document, replace(options, lock=True), memo=memo) as environment:
         compilation = pipeline.compile(environment)
     pipeline.say_unneeded(compilation, [Stage.CHECK])
-    return compilation.documents, (compilation.report.strict() if strict else compilation.report).ordered()
+    return compilation.documents, compilation.report.judged(strict=strict).ordered()
 
 
 def keys_of(root: Document, path: str) -> Keys:

@@ -152,6 +152,7 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
         "stamp": {"fingerprint", "packed", "unpacked"},
         "load": {"Documents"},
         "joints": {"KINDS"},
+        "resolve": {"assemblies_of"},
         "resolve.model": ANY,
         "realize": {"BlobMissing", "Store", "StoreUnusable", "arrays", "read_lock"},
         "realize.record": ANY,

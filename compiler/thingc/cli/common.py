@@ -12,6 +12,7 @@ from typing import TextIO
 
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.environment import Options
+from thingc.files import listing
 from thingc.printing import as_json, as_text, summary
 from thingc.shown import json_text, shown, shown_line
 from thingc.typos import did_you_mean, file_meant, nearest
@@ -204,7 +205,7 @@ def require_document(path: str) -> None:
     prefix = os.path.join(path, "") if is_folder else os.path.dirname(path)
     settings = (OWN_FILE, SHARED_FILE)
     near = [
-        os.path.join(prefix, name) for name in (os.listdir(folder) if os.path.isdir(folder) else ())
+        os.path.join(prefix, name) for name in listing(folder)
         if name.lower().endswith(DOCUMENT_SUFFIXES) and name not in settings and not name.startswith(".")
     ]
     if is_folder:
@@ -385,7 +386,7 @@ def losses_in_words(counts: Mapping[str, int]) -> str:
 
 def final(report: Report, *, strict: bool) -> list[Diagnostic]:
     """The diagnostics in order, warnings made errors where that was asked."""
-    return (report.strict() if strict else report).ordered()
+    return report.judged(strict=strict).ordered()
 
 
 def exit_code(diagnostics: Sequence[Diagnostic]) -> int:

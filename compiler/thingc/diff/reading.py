@@ -24,6 +24,7 @@ from thingc.diff.written import DocumentTrees
 from thingc.graph.types import Assembly, JointEdge
 from thingc.pose import Pose, rpy_of
 from thingc.realize.record import PartDefinition
+from thingc.resolve import assemblies_of
 from thingc.resolve.model import (
     AssemblyDefinition,
     At,
@@ -336,7 +337,7 @@ class _Reader:
     def _materials(self, top: AssemblyDefinition) -> None:
         """The materials in scope of all documents, by name; one of that name in another document, with another content, by both."""
         known: dict[str, Mapping[str, Fact]] = {}
-        for definition in _definitions(top):
+        for definition in assemblies_of(top):
             for name, material in definition.materials.items():
                 facts = {
                     "density": Fact(value=material.density, span=material.density_origin[0] if material.density_origin else None),
@@ -351,19 +352,6 @@ class _Reader:
                 if called not in known:
                     known[called] = facts
                     self._add("material", called, facts, span=material.origin[0] if material.origin else None)
-
-
-def _definitions(top: AssemblyDefinition) -> Iterator[AssemblyDefinition]:
-    """A definition and those nested in it, each once, the top first."""
-    waiting, met = [top], {id(top)}
-    while waiting:
-        definition = waiting.pop(0)
-        yield definition
-        for component in definition.components:
-            inner = component.definition
-            if isinstance(inner, AssemblyDefinition) and id(inner) not in met:
-                met.add(id(inner))
-                waiting.append(inner)
 
 
 def _occurrence(definition: AssemblyDefinition, prefix: str, reference: Reference) -> Named:

@@ -8,6 +8,7 @@ from typing import Literal
 
 from thingc.affected import NotARepository
 from thingc.diff.revisions import DOCUMENTS, LOCK_FILE, Repository, UnknownRevision
+from thingc.files import listing
 from thingc.frozen import dataclass
 from thingc.typos import did_you_mean
 
@@ -101,7 +102,7 @@ def _sides(word: str) -> list[Side]:
     if os.path.isdir(word):
         if os.path.isfile(os.path.join(word, MANIFEST)):
             return [Side(kind="build", name=word.rstrip("/"), place=os.path.abspath(word))]
-        inner = sorted(name for name in os.listdir(word) if os.path.isfile(os.path.join(word, name, MANIFEST)))
+        inner = [name for name in listing(word) if os.path.isfile(os.path.join(word, name, MANIFEST))]
         hint = "name a folder that `thingc build` has written, or a document"
         hint = f"did you mean `{os.path.join(word, inner[0])}`?" if inner else hint
         raise UnknownSide(f"`{word}` is a folder without a {MANIFEST}: no build", hint)
@@ -140,8 +141,5 @@ def _looks_like_file(word: str) -> bool:
 
 def _absent(word: str) -> UnknownSide:
     folder = os.path.dirname(word)
-    names = [
-        os.path.join(folder, name) for name in (os.listdir(folder or ".") if os.path.isdir(folder or ".") else ())
-        if name.lower().endswith(DOCUMENTS)
-    ]
+    names = [os.path.join(folder, name) for name in listing(folder or ".") if name.lower().endswith(DOCUMENTS)]
     return UnknownSide(f"there is no document `{word}`", did_you_mean(word, names, what="documents"))

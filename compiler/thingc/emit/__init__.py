@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code
 from thingc.exports import exported
+from thingc.files import listing
 from thingc.frozen import dataclass
 from thingc.shown import shortened
 from thingc.typos import did_you_mean
@@ -228,11 +229,7 @@ def _entry_points(path: tuple[tuple[str, int], ...]) -> Mapping[str, str]:
     """Those of the packages in the folders of a path."""
     entry_points: dict[str, str] = {}
     for folder, _ in path:
-        try:
-            names = sorted(os.listdir(folder or "."))
-        except OSError:
-            continue
-        for name in names:
+        for name in listing(folder or "."):
             if name.endswith((".dist-info", ".egg-info")):
                 for target, value in _entries(os.path.join(folder, name, "entry_points.txt")):
                     entry_points.setdefault(target, value)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import os
 import re
 import sys
 from collections.abc import Mapping, Sequence
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING
 from thingc import __version__
 from thingc.emit import jsontext
 from thingc.emit.artifact import MANIFEST, Content, Loss, Stored
+from thingc.files import listing
 from thingc.frozen import dataclass
 from thingc.graph.types import Assembly
 
@@ -113,11 +113,7 @@ def versions() -> Mapping[str, str]:
     wanted = {_normal(name): name for name in DISTRIBUTIONS}
     version_of: dict[str, str] = {}
     for folder in sys.path:
-        try:
-            entries = sorted(os.listdir(folder or "."))
-        except OSError:
-            continue
-        for entry in entries:
+        for entry in listing(folder or "."):
             name, dash, version = entry.removesuffix(".dist-info").rpartition("-")
             if dash and entry.endswith(".dist-info") and _normal(name) in wanted:
                 version_of.setdefault(wanted[_normal(name)], version)

@@ -6,6 +6,7 @@ from thingc.graph.mass import said_whole
 from thingc.meshes import MeshFile
 from thingc.resolve.link_definition import LinkDefinition, mesh_files_of
 from thingc.resolve.model import AssemblyDefinition
+from thingc.resolve.nested import assemblies_of
 from thingc.source import Origin
 
 
@@ -14,13 +15,9 @@ def listed_meshes(model: AssemblyDefinition, *, drawn: bool) -> dict[MeshFile, t
     stands on the floor."""
     every = drawn or any(mode.on_floor for mode in model.modes)
     files: dict[MeshFile, tuple[Origin, bool]] = {}
-    waiting, met = [model], {id(model)}
-    while waiting:
-        for component in waiting.pop().components:
+    for assembly in assemblies_of(model):
+        for component in assembly.components:
             definition = component.definition
-            if isinstance(definition, AssemblyDefinition) and id(definition) not in met:
-                met.add(id(definition))
-                waiting.append(definition)
             if not isinstance(definition, LinkDefinition) or not mesh_files_of(definition):
                 continue
             wanted = every or not said_whole(component.overrides)

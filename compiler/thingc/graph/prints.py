@@ -8,6 +8,7 @@ from thingc.graph.mass import layers_of, merged, slicing_of
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.realize.slices import LikelySlicing, Slicing
 from thingc.resolve.model import AssemblyDefinition, Component, Material, Process
+from thingc.resolve.nested import assemblies_of
 
 
 def material_of(component: Component, record: PartRecord | None, scope: AssemblyDefinition) -> Material | None:
@@ -54,14 +55,7 @@ def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema 
 
 def _parts(model: AssemblyDefinition) -> Iterator[tuple[PartDefinition, Component, AssemblyDefinition]]:
     """Every component that is a part, once for each assembly that it is written in."""
-    waiting, met = [model], {id(model)}
-    while waiting:
-        scope = waiting.pop()
+    for scope in assemblies_of(model):
         for component in scope.components:
-            definition = component.definition
-            if isinstance(definition, AssemblyDefinition):
-                if id(definition) not in met:
-                    met.add(id(definition))
-                    waiting.append(definition)
-            elif isinstance(definition, PartDefinition):
-                yield definition, component, scope
+            if isinstance(component.definition, PartDefinition):
+                yield component.definition, component, scope

@@ -8,6 +8,7 @@ import re
 from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Report
+from thingc.files import listing
 from thingc.installed import package_folder
 from thingc.load.paths import DOCUMENT_SUFFIXES
 from thingc.source import Span
@@ -59,10 +60,10 @@ def packaged_documents(workspace: Workspace) -> dict[str, str]:
     from thingc.load.finding import is_document
 
     documents: dict[str, str] = {}
-    folders = [os.path.join(parts, name) for parts in workspace.parts for name in _listed(parts) if name.isidentifier()]
+    folders = [os.path.join(parts, name) for parts in workspace.parts for name in listing(parts) if name.isidentifier()]
     packages = [folder for name in workspace.packages if (folder := package_folder(name)) is not None]
     for top in (*folders, *packages):
-        for name in _listed(top):
+        for name in listing(top):
             stem, suffix = os.path.splitext(name)
             path = os.path.join(top, name)
             if stem.isidentifier() and suffix in DOCUMENT_SUFFIXES and _stays(path, top, workspace) and is_document(path, "materials"):
@@ -75,10 +76,3 @@ def _stays(path: str, top: str, workspace: Workspace) -> bool:
     return os.path.realpath(path).startswith(os.path.join(os.path.realpath(top), "")) and (
         workspace.contains(path) or not os.path.abspath(path).startswith(os.path.join(workspace.root, ""))
     )
-
-
-def _listed(folder: str) -> list[str]:
-    try:
-        return sorted(os.listdir(folder))
-    except OSError:
-        return []

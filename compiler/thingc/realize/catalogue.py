@@ -6,8 +6,8 @@ import ast
 import os
 from collections.abc import Sequence
 
+from thingc.files import listing
 from thingc.realize.key.module_key import ModuleSources
-from thingc.realize.key.modules import listed
 from thingc.realize.record import PartFailure
 
 
@@ -33,7 +33,7 @@ def installed_modules(sources: ModuleSources, packages: Sequence[str]) -> dict[s
         module = sources.finder.find(package)
         if module.kind == "installed" and module.file is not None and os.path.basename(module.file) == "__init__.py":
             folder = os.path.dirname(module.file)
-            names = [name[:-3] for name in listed(folder) if name.endswith(".py") and not name.startswith("_")]
+            names = [name[:-3] for name in listing(folder) if name.endswith(".py") and not name.startswith("_")]
             files.update((f"{package}.{name}", os.path.join(folder, f"{name}.py")) for name in names if name.isidentifier())
         elif module.kind == "installed" and module.file is not None:
             files[package] = module.file
@@ -76,6 +76,6 @@ def _modules(sources: ModuleSources, packages: Sequence[str]) -> list[str]:
         if module.kind == "content":
             modules.add(package)
             for folder in module.folders:
-                names = [name[:-3] for name in listed(folder) if name.endswith(".py") and name != "__init__.py"]
+                names = [name[:-3] for name in listing(folder) if name.endswith(".py") and name != "__init__.py"]
                 modules.update(f"{package}.{name}" for name in names if name.isidentifier())
     return sorted(modules)

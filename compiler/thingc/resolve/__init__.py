@@ -7,17 +7,23 @@ from typing import TYPE_CHECKING
 from thingc.diagnostics import MAX_FAULTS, Code, Report
 from thingc.exports import exported
 from thingc.memo import Memo
-from thingc.realize.record import PartDefinition
 from thingc.resolve.model import AssemblyDefinition
 from thingc.resolve.sources import Settings, Sources
 
 if TYPE_CHECKING:
+    from thingc.resolve.nested import assemblies_of, decomposed, part_definitions
     from thingc.resolve.parameters import AssemblyParameters
     from thingc.resolve.repeats import RESERVED
 
-__all__ = ["RESERVED", "AssemblyParameters", "Settings", "Sources", "decomposed", "part_definitions", "resolve", "resolve_materials"]
+__all__ = [
+    "RESERVED", "AssemblyParameters", "Settings", "Sources", "assemblies_of", "decomposed", "part_definitions", "resolve",
+    "resolve_materials",
+]
 
-__getattr__ = exported(__name__, {"AssemblyParameters": "parameters", "RESERVED": "repeats"})
+__getattr__ = exported(__name__, {
+    "AssemblyParameters": "parameters", "RESERVED": "repeats", "assemblies_of": "nested", "decomposed": "nested",
+    "part_definitions": "nested",
+})
 
 
 def resolve(
@@ -73,42 +79,3 @@ def resolve_materials(sources: Sources, report: Report) -> None:
                 Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin, path=f"materials.{material.name}.density",
                 help=density_cure(doubt),
             )
-
-
-def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:
-    """Every part definition of a model once, in document order (nested documents where they first stand)."""
-    definitions: dict[PartDefinition, None] = {}
-    seen: set[tuple[str, object, str | None]] = set()
-    waiting = [iter(model.components)]
-    while waiting:
-        component = next(waiting[-1], None)
-        if component is None:
-            waiting.pop()
-            continue
-        definition = component.definition
-        if isinstance(definition, PartDefinition):
-            definitions.setdefault(definition)
-            if component.image_of is not None and definition.plain is not None:  # it may be its own image
-                definitions.setdefault(definition.plain)
-        elif isinstance(definition, AssemblyDefinition):
-            key = (definition.document, definition.parameters, definition.mirror)
-            if key not in seen:
-                seen.add(key)
-                waiting.append(iter(definition.components))
-    return tuple(definitions)
-
-
-def decomposed(model: AssemblyDefinition) -> frozenset[str]:
-    """The texts of the part definitions of which some component asks for `collision: decompose`."""
-    texts: set[str] = set()
-    waiting, met = [model], {id(model)}
-    while waiting:
-        for component in waiting.pop().components:
-            definition = component.definition
-            if isinstance(definition, PartDefinition):
-                if component.overrides.collision == "decompose":
-                    texts.add(definition.text)
-            elif isinstance(definition, AssemblyDefinition) and id(definition) not in met:
-                met.add(id(definition))
-                waiting.append(definition)
-    return frozenset(texts)

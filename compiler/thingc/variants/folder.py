@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
+from thingc.files import listing
 from thingc.output import NOTHING, same_file
 from thingc.output import unexpected_files as unexpected_in_build
 from thingc.realize import Digests
@@ -218,7 +219,7 @@ def _delete(folders: list[str], stopped: threading.Event) -> None:
     for folder in folders:
         for inner in INNER:
             place = os.path.join(folder, inner)
-            for name in os.listdir(place) if os.path.isdir(place) else ():
+            for name in listing(place):
                 if stopped.is_set():
                     return
                 places.remove(os.path.join(place, name))
@@ -233,7 +234,7 @@ def unexpected_files(folder: str, assembly: str) -> list[str]:
         (places.VARIANTS, _VARIANT), (places.CHUNKS, _CHUNK), (places.ASSETS, _ASSET), (places.PICTURES, _PICTURE),
     ):
         place = os.path.join(folder, inner)
-        for name in os.listdir(place) if os.path.isdir(place) else ():
+        for name in listing(place):
             if name.startswith(places.NEW):
                 continue
             path = f"{inner}/{name}"

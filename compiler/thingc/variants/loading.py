@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any, overload
 from thingc.brief import Brief, counted
 from thingc.diagnostics import shown_path
 from thingc.emit.artifact import MANIFEST
+from thingc.files import listing
 from thingc.frozen import dataclass
 from thingc.patching import ModelText, TextModels
 from thingc.typos import did_you_mean
@@ -414,7 +415,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
     place = os.path.abspath(os.fsdecode(folder))
     described = read_batch(place)
     if described is None:
-        within = sorted(name for name in (os.listdir(place) if os.path.isdir(place) else ()) if read_batch(os.path.join(place, name)))
+        within = [name for name in listing(place) if read_batch(os.path.join(place, name))]
         hint = f"; in it there are: {', '.join(f'`{name}`' for name in within)}" if within else ""
         raise FamilyError(f"`{shown_path(place)}` is no folder of a batch{hint}: `thingc batch` writes one")
     whole(place, described)

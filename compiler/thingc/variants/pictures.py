@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Severity
+from thingc.files import listing
 from thingc.line_process import LineProcess, Lost
 from thingc.variants import places
 from thingc.variants.chunks import packed
@@ -125,7 +126,7 @@ def draw(
 
 def _draw(place: str, pose: str | None, shots: Sequence[tuple[str, str]], jobs: int, on_picture: OnPicture | None) -> Diagnostic | None:
     keep = {f"{id}.png" for id, _ in shots}
-    for name in os.listdir(place) if os.path.isdir(place) else ():
+    for name in listing(place):
         if name not in keep:
             os.unlink(os.path.join(place, name))
     if not shots:

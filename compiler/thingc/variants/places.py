@@ -19,6 +19,7 @@ import shutil
 from collections.abc import Mapping
 
 from thingc.emit.artifact import MANIFEST, Content, Stored
+from thingc.files import listing
 from thingc.output import Blobs
 
 BATCH = "batch.json"
@@ -58,8 +59,7 @@ def manifest_of(folder: str, id: str) -> str:
 
 def pictured(folder: str) -> frozenset[str]:
     """The ids of the variants that there are pictures of."""
-    place = os.path.join(folder, PICTURES)
-    names = os.listdir(place) if os.path.isdir(place) else ()
+    names = listing(os.path.join(folder, PICTURES))
     return frozenset(name.removesuffix(".png") for name in names if name.endswith(".png") and not name.startswith(NEW))
 
 
@@ -196,7 +196,7 @@ def sweep(folder: str) -> None:
     """Remove what a killed run was writing."""
     for inner in (VARIANTS, CHUNKS, ASSETS, PICTURES):
         place = os.path.join(folder, inner)
-        for name in os.listdir(place) if os.path.isdir(place) else ():
+        for name in listing(place):
             if name.startswith(NEW):
                 remove(os.path.join(place, name))
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
 
 from thingc.emit.artifact import Content, Stored
+from thingc.files import listing
 from thingc.variants import chunks, journal, places
 from thingc.variants.chunks import Chunk, Chunks, packed
 from thingc.variants.journal import Line
@@ -170,8 +171,7 @@ class _InFolder:
             return stream.read()
 
     def models(self) -> list[str]:
-        place = os.path.join(self.folder, "mjcf")
-        return sorted(os.listdir(place)) if os.path.isdir(place) else []
+        return listing(os.path.join(self.folder, "mjcf"))
 
     def meshes(self) -> dict[str, tuple[File, str]]:
         """Hard links to one mesh are one file (a number of a deleted file is given to another one, which has other times)."""

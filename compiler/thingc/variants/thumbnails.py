@@ -12,6 +12,7 @@ import os
 import sys
 from typing import Any
 
+from thingc.files import listing
 from thingc.render import NoGraphics, extent, ready, small_picture
 from thingc.variants.places import NEW
 
@@ -22,7 +23,7 @@ def read(path: str) -> tuple[str, dict[str, bytes]]:
         xml = stream.read()
     folder = os.path.join(os.path.dirname(path), "assets")
     assets: dict[str, bytes] = {}
-    for name in sorted(os.listdir(folder)) if os.path.isdir(folder) else ():
+    for name in listing(folder):
         with open(os.path.join(folder, name), "rb") as mesh:
             assets[name] = mesh.read()
     return xml, assets

@@ -14,6 +14,7 @@ from collections.abc import Collection, Iterable, Sequence
 from functools import cache
 
 import thingc
+from thingc.files import listing
 from thingc.frozen import dataclass
 from thingc.installed import import_path, specification_of
 
@@ -76,7 +77,7 @@ def own_roots() -> tuple[str, ...]:
 def installed_roots() -> tuple[str, ...]:
     """The folders whose contents count by version: the interpreter's own, and those that the import path leads to besides
     (a `.pth` file does that) and packages were installed into."""
-    others = [folder for folder in import_path() if any(name.endswith(".dist-info") for name in listed(folder))]
+    others = [folder for folder in import_path() if any(name.endswith(".dist-info") for name in listing(folder))]
     return tuple(dict.fromkeys((*own_roots(), *_in_both_forms(others))))
 
 
@@ -167,25 +168,17 @@ class Finder:
     def _list_modules(self) -> list[str]:
         modules: set[str] = set()
         for folder in self.parts:
-            for name in listed(folder):
+            for name in listing(folder):
                 path = os.path.join(folder, name)
                 if name.endswith(".py") and name[:-3].isidentifier():
                     modules.add(name[:-3])
                 elif name.isidentifier() and os.path.isdir(path):
-                    inner = [entry for entry in listed(path) if entry.endswith(".py")]
+                    inner = [entry for entry in listing(path) if entry.endswith(".py")]
                     if "__init__.py" in inner:
                         modules.add(name)
                     own = [entry[:-3] for entry in inner if entry[:-3].isidentifier() and entry != "__init__.py"]
                     modules.update(f"{name}.{entry}" for entry in own)
         return sorted(name for name in modules if name.partition(".")[0] not in PROTECTED)
-
-
-def listed(folder: str) -> list[str]:
-    """The names in a folder, sorted; none where it cannot be read."""
-    try:
-        return sorted(os.listdir(folder))
-    except OSError:
-        return []
 
 
 def _on_path(name: str, followed: Collection[str]) -> Module | None:

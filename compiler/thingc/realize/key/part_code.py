@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
+from thingc.files import listing
 from thingc.realize.key.module_key import CodeIngredients, ModuleSources, code_of, defined_in, may_have
-from thingc.realize.key.modules import OWN, Finder, Module, listed
+from thingc.realize.key.modules import OWN, Finder, Module
 from thingc.realize.key.versions import KERNEL, compiler_version, platform_versions, versions_of
 from thingc.realize.record import PartDefinition, PartFailure
 from thingc.realize.record_json import shortened
@@ -73,7 +74,7 @@ class PartCode:
                 *finder.part_modules(), *self.workspace.packages,
                 *(
                     f"{top}.{name[:-3]}"
-                    for folder in inside for name in listed(folder) if name.endswith(".py") and name[0] != "_"
+                    for folder in inside for name in listing(folder) if name.endswith(".py") and name[0] != "_"
                 ),
             )
             return PartFailure(
@@ -133,7 +134,7 @@ def file_state(definition: PartDefinition, workspace: Workspace, results: Result
     state = results.state(definition.reference, "file:")
     if not state.startswith("file:"):
         folder = os.path.dirname(definition.reference)
-        near = [os.path.join(folder, name).replace(os.sep, "/") for name in listed(os.path.dirname(path))]
+        near = [os.path.join(folder, name).replace(os.sep, "/") for name in listing(os.path.dirname(path))]
         return PartFailure(
             subject=definition.text, kind="missing", message=f"there is no file `{definition.reference}`",
             candidates=tuple(name for name in near if name.lower().endswith(FILES)),

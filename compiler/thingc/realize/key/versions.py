@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterable
 from functools import cache
 
+from thingc.files import listing
 from thingc.installed import import_path
 from thingc.realize.key.environment import passed
 from thingc.realize.key.file_states import state_of
@@ -84,11 +85,7 @@ def _installed() -> dict[str, str]:
     for folder in reversed(import_path()):
         if not is_installed(os.path.join(folder, "")):
             continue
-        try:
-            names = os.listdir(folder)
-        except OSError:
-            continue
-        for name in names:
+        for name in listing(folder):
             match = _METADATA.match(name)
             if match is not None:
                 versions[re.sub(r"[-.]+", "_", match["name"]).lower()] = match["version"]
