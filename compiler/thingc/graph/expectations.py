@@ -7,23 +7,22 @@ from collections.abc import Collection, Sequence
 
 from thingc.diagnostics import Code, allow_hint
 from thingc.graph.findings import Findings, noted
-from thingc.graph.types import Mate, Occurrence
+from thingc.graph.types import Connected, Occurrence
 from thingc.realize.record import Expectation
 
 _NUMBER = re.compile(r"\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+")
 
 
-def check_expectations(
-    occurrences: Sequence[Occurrence], mates: Sequence[Mate], laid: Collection[int], open_mounts: Collection[tuple[int, str]],
-    findings: Findings,
-) -> None:
+def check_expectations(robot: Connected, laid: Collection[int], findings: Findings) -> None:
     """A warning per mount on which there is another part than the geometry was cut for, or none.
 
-    `laid` are the numbers of the mates that `at` made: those put no mount onto another. `open_mounts` are the mounts
-    that the top document shows: what goes there may come with a parent assembly, so nothing there is no fault.
+    `laid` are the numbers of the mates that `at` made: those put no mount onto another. Where nothing sits on a mount that the top
+    document shows, that is no fault: what goes there may come with a parent assembly.
     """
+    occurrences = robot.occurrences
+    open_mounts = {(mount.occurrence, mount.mount) for mount in robot.exported if "/" not in mount.path}
     on: dict[tuple[int, str], list[tuple[int, str]]] = {}
-    for number, mate in enumerate(mates):
+    for number, mate in enumerate(robot.mates):
         if number not in laid:
             on.setdefault((mate.parent, mate.parent_mount), []).append((mate.child, mate.child_mount))
             on.setdefault((mate.child, mate.child_mount), []).append((mate.parent, mate.parent_mount))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Collection, Container, Mapping, Sequence
 
 from thingc.diagnostics import Code, Report
 from thingc.graph.between import links_between
@@ -20,7 +20,7 @@ from thingc.graph.physics import check_links, check_stated
 from thingc.graph.plausible import check_plausible
 from thingc.graph.tendons import rested, tendons_of
 from thingc.graph.tests import tests_of
-from thingc.graph.types import Assembly, Mate, Occurrence
+from thingc.graph.types import Assembly, Connected, Mate, Occurrence
 from thingc.graph.unroll import Instance, Tree
 from thingc.memo import Memo
 from thingc.pose import NO_POSE, Pose
@@ -46,6 +46,35 @@ def link(
     instances.report_failures()
     instances.report_materials()
     mates, laid = mates_of(tree, findings, memo)
+    robot = _connected(tree, model, mates, findings, memo)
+    names = names_of(tree, robot, model.poses, findings)
+    joints = tuple(joint for mate in mates for joint in mate.joints)
+    tests = tests_of(tree, model.tests, joints, findings)
+    _check(tree, robot, laid, findings)
+    known = not findings.incomplete or not (findings.earlier or findings.failed or any(loops_in(tree)))
+    loops = on_loops(len(robot.occurrences), mates)
+    check_poses(model.poses, model.modes, stated_joints(tree, joints), findings, loops, unset=known)
+    base, at = tree.top.index, _rest(tree, mates, memo)
+    count, placing = len(robot.occurrences), sum(1 for mate in mates if mate.loop is None)
+    if base is None or findings.incomplete or len(at) != count or placing != count - 1:
+        if not instances.unknown and not unmodelled:
+            _say_apart(tree, model, at, findings)
+        return None
+    tendons = tuple(rested(tendon, robot.occurrences, at, findings) for tendon in robot.tendons)
+    if findings.failed:
+        return None
+    assembly = Assembly(
+        name=model.name, definition=model, base=base, occurrences=robot.occurrences, mates=mates, links=robot.links,
+        link_of=robot.link_of, rest=tuple(at[index] for index in range(count)), exported=robot.exported, poses=model.poses,
+        modes=robot.modes, adhesions=robot.adhesions, raw=raw_of(tree), added=added_of(tree), tendons=tendons, sensors=robot.sensors,
+        tests=tests, between=robot.between, names=names,
+    )
+    check_plausible(tree, assembly, findings)
+    return assembly
+
+
+def _connected(tree: Tree, model: AssemblyDefinition, mates: tuple[Mate, ...], findings: Findings, memo: Memo) -> Connected:
+    """The occurrences, what mates make of them, and what is on them."""
     exported = exported_of(tree, findings)
     occurrences = tuple(
         memo.same(("occurrence", instance.path), _occurrence(index, instance, tree)) for index, instance in enumerate(tree.occurrences)
@@ -53,43 +82,23 @@ def link(
     link_of = connected_components(len(occurrences), mates)
     links = links_of(tree, occurrences, mates, findings, memo)
     check_loops(mates, link_of, links, findings)
-    modes = modes_of(tree, model, link_of, findings)
-    sensors = sensors_of(tree, link_of)
-    tendons = tendons_of(tree, link_of, findings)
-    adhesions = adhesions_of(tree, model)
-    names = names_of(tree, occurrences, links, mates, exported, tendons, sensors, model.poses, findings)
-    between = links_between(links, link_of, occurrences, mates, modes, adhesions)
-    joints = tuple(joint for mate in mates for joint in mate.joints)
-    tests = tests_of(tree, model.tests, joints, findings)
-    base = tree.top.index
-    check_contacts(occurrences, findings)
-    faulty = check_stated(links, link_of, occurrences, findings)
+    modes, adhesions = modes_of(tree, model, link_of, findings), adhesions_of(tree, model)
+    return Connected(
+        occurrences=occurrences, mates=mates, links=links, link_of=link_of, exported=exported, modes=modes, adhesions=adhesions,
+        sensors=sensors_of(tree, link_of), tendons=tendons_of(tree, link_of, findings),
+        between=links_between(links, link_of, occurrences, mates, modes, adhesions),
+    )
+
+
+def _check(tree: Tree, robot: Connected, laid: Collection[int], findings: Findings) -> None:
+    """What is wrong with parts where they are, and with links."""
+    check_contacts(robot.occurrences, findings)
+    faulty = check_stated(robot, findings)
     if not findings.incomplete:
         # Only of whole assemblies: what was left out may be what carries the mass, or what sits on the mount.
         faulty += [index for index, instance in enumerate(tree.occurrences) if instance.part is not None and not instance.part.sound]
-        shown = {(mount.occurrence, mount.mount) for mount in exported if "/" not in mount.path}
-        check_links(links, link_of, occurrences, modes, between, faulty, findings)
-        check_expectations(occurrences, mates, laid, shown, findings)
-    known = not findings.incomplete or not (findings.earlier or findings.failed or any(loops_in(tree)))
-    check_poses(model.poses, model.modes, stated_joints(tree, joints), findings, on_loops(len(occurrences), mates), unset=known)
-    lie = tuple((m.parent, m.child, m.X_PJ, m.X_JC, m.loop, tuple((j.twist, j.offset) for j in m.joints)) for m in mates)
-    at = memo("rest", lambda *_: _rest(mates, base, len(occurrences)), lie, base, len(occurrences))
-    placing = sum(1 for mate in mates if mate.loop is None)
-    if base is None or findings.incomplete or len(at) != len(occurrences) or placing != len(occurrences) - 1:
-        if not instances.unknown and not unmodelled:
-            _say_apart(tree, model, at, findings)
-        return None
-    tendons = tuple(rested(tendon, occurrences, at, findings) for tendon in tendons)
-    if findings.failed:
-        return None
-    assembly = Assembly(
-        name=model.name, definition=model, base=base, occurrences=occurrences, mates=mates, links=links,
-        link_of=link_of, rest=tuple(at[index] for index in range(len(occurrences))), exported=exported, poses=model.poses,
-        modes=modes, adhesions=adhesions, raw=raw_of(tree), added=added_of(tree), tendons=tendons, sensors=sensors, tests=tests,
-        between=between, names=names,
-    )
-    check_plausible(tree, assembly, findings)
-    return assembly
+        check_links(robot, faulty, findings)
+        check_expectations(robot, laid, findings)
 
 
 def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findings: Findings) -> None:
@@ -103,9 +112,15 @@ def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findin
     )
 
 
-def _rest(mates: Sequence[Mate], base: int | None, count: int) -> dict[int, Pose]:
+def _rest(tree: Tree, mates: Sequence[Mate], memo: Memo) -> dict[int, Pose]:
     """The poses of the occurrences at q = 0 in the frame of the base, as far as they hang together with it."""
-    return forward_kinematics(mates, neighbourhood(count, mates), base, NO_POSE, {}) if base is not None else {}
+    base, count = tree.top.index, len(tree.occurrences)
+    lie = tuple((m.parent, m.child, m.X_PJ, m.X_JC, m.loop, tuple((j.twist, j.offset) for j in m.joints)) for m in mates)
+
+    def poses(*_: object) -> dict[int, Pose]:
+        return forward_kinematics(mates, neighbourhood(count, mates), base, NO_POSE, {}) if base is not None else {}
+
+    return memo("rest", poses, lie, base, count)
 
 
 def _occurrence(index: int, instance: Instance, tree: Tree) -> Occurrence:

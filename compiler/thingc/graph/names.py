@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.diagnostics import Code
 from thingc.graph.findings import Findings, noted
-from thingc.graph.types import ExportedMount, FileNames, JointEdge, Link, LinkedSensor, LinkedTendon, Mate, Occurrence
+from thingc.graph.types import Connected, FileNames, JointEdge, LinkedTendon, Occurrence
 from thingc.graph.unroll import Tree
 from thingc.resolve.model import NamedKind, NamedPose, NameInFiles, Reference
 from thingc.source import Origin
@@ -15,29 +15,26 @@ Named = dict[NamedKind, dict[str, tuple[str, Origin]]]
 """By kind, and by the path that the thing has: its name in files, and where that is written."""
 
 
-def names_of(
-    tree: Tree, occurrences: Sequence[Occurrence], links: Sequence[Link], mates: Sequence[Mate], exported: Sequence[ExportedMount],
-    tendons: Sequence[LinkedTendon], sensors: Sequence[LinkedSensor], poses: Sequence[NamedPose], findings: Findings,
-) -> FileNames | None:
+def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings: Findings) -> FileNames | None:
     """The names that files have, those of nested documents behind their paths; None where no document gives any. Two things of one name
     are reported."""
     named: Named = {}
     for instance, definition in tree.assemblies:
         for one in definition.names:
-            own = _own(tree, instance.within(one.own), one, occurrences)
+            own = _own(tree, instance.within(one.own), one, robot.occurrences)
             if own is not None and (one.kind != "poses" or instance is tree.top):
                 named.setdefault(one.kind, {}).setdefault(own, (instance.within(one.name), one.origin + instance.origin))
     if not named:
         return None
-    joints = [joint for mate in mates for joint in mate.joints]
-    driven: tuple[JointEdge | LinkedTendon, ...] = (*joints, *tendons)
+    joints = [joint for mate in robot.mates for joint in mate.joints]
+    driven: tuple[JointEdge | LinkedTendon, ...] = (*joints, *robot.tendons)
     things: dict[NamedKind, Iterable[tuple[str, Origin]]] = {
-        "components": ({one.path: one.origin for one in occurrences} | {link.name: link.origin for link in links}).items(),
-        "mounts": ((mount.path, mount.origin) for mount in exported),
-        "joints": ((mate.name, mate.origin) for mate in mates if mate.name is not None),
-        "tendons": ((tendon.path, tendon.origin) for tendon in tendons),
+        "components": ({one.path: one.origin for one in robot.occurrences} | {link.name: link.origin for link in robot.links}).items(),
+        "mounts": ((mount.path, mount.origin) for mount in robot.exported),
+        "joints": ((mate.name, mate.origin) for mate in robot.mates if mate.name is not None),
+        "tendons": ((tendon.path, tendon.origin) for tendon in robot.tendons),
         "actuators": ((one.path, one.actuator.origin) for one in driven if one.actuator is not None),
-        "sensors": ((sensor.path, sensor.origin) for sensor in sensors),
+        "sensors": ((sensor.path, sensor.origin) for sensor in robot.sensors),
         "poses": ((pose.name, pose.origin) for pose in poses),
     }
     whole = named.get("joints", {})

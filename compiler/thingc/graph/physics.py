@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from thingc.diagnostics import Code
 from thingc.graph.findings import Findings
 from thingc.graph.mass import stated_inertia
-from thingc.graph.types import Link, LinkedMode, Occurrence
+from thingc.graph.types import Connected, Occurrence
 from thingc.inertia import LEAST_MASS, LEAST_MOMENT, ZERO, moments_fault, physical_fault, principal_moments
 from thingc.joints.bases import stays
 from thingc.resolve.plausible import SMALLEST, density_doubt, mass_words, measures, unit_meant
@@ -17,21 +17,19 @@ _ROOM = 1e-9
 """For rounding, as a part of a moment."""
 
 
-def check_stated(
-    links: Sequence[Link], link_of: Sequence[int], occurrences: Sequence[Occurrence], findings: Findings,
-) -> list[int]:
+def check_stated(robot: Connected, findings: Findings) -> list[int]:
     """The occurrences with an inertia, written in a document, that no solid has, in a link that has none either: each is an error.
 
     Where the link as a whole has one that is, as after `fixed` joints of URDF, nothing will move otherwise than a solid.
     """
     faulty = []
-    for index, one in enumerate(occurrences):
+    for index, one in enumerate(robot.occurrences):
         stated = one.overrides.inertia
         if stated is None:
             continue
         inertia = stated_inertia(stated.value)
         fault = physical_fault(inertia)
-        if fault is None or inertia != ZERO and physical_fault(links[link_of[index]].properties.inertia) is None:
+        if fault is None or inertia != ZERO and physical_fault(robot.links[robot.link_of[index]].properties.inertia) is None:
             continue
         faulty.append(index)
         help = "inertia is about the centre of mass, in component axes: check units and signs"
@@ -44,10 +42,7 @@ def check_stated(
     return faulty
 
 
-def check_links(
-    links: Sequence[Link], link_of: Sequence[int], occurrences: Sequence[Occurrence], modes: Sequence[LinkedMode],
-    between: Collection[int], faulty: Collection[int], findings: Findings,
-) -> None:
+def check_links(robot: Connected, faulty: Collection[int], findings: Findings) -> None:
     """One error per link that moves in some mode and cannot.
 
     A link moves in a mode unless it is that mode's root and the base is `fixed` or `held`. Those `between` two joints, which are several
@@ -56,14 +51,15 @@ def check_links(
     made (a definition used several times), the first is named.
     """
     said: set[Span] = set()
+    modes, link_of = robot.modes, robot.link_of
     still = [link_of[mode.root.occurrence] if stays(mode.base) else None for mode in modes]
     common = set(still)
     skip = {link_of[occurrence] for occurrence in faulty}
-    for link in links:
+    for link in robot.links:
         if link.index in skip or common == {link.index} or not modes or not said.isdisjoint(link.origin[:1]):
             continue
         moving = (mode for mode, held in zip(modes, still) if held != link.index)
-        mode = next((one.name for one in moving if link.index not in between or link_of[one.root.occurrence] == link.index), None)
+        mode = next((one.name for one in moving if link.index not in robot.between or link_of[one.root.occurrence] == link.index), None)
         if mode is None:
             continue
         mass, moments = link.properties.mass, principal_moments(link.properties.inertia)
@@ -72,7 +68,7 @@ def check_links(
         if light is None and fault is None:
             continue
         said.update(link.origin[:1])
-        members = [occurrences[k] for k in link.members]
+        members = [robot.occurrences[k] for k in link.members]
         named = _named(members)
         if mass > 0.0 and light is not None and fault is None:
             heaviest = max(members, key=lambda one: one.properties.mass)

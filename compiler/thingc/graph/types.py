@@ -405,6 +405,22 @@ class LinkedTest(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Connected(Brief):
+    """What hangs together with what, before anything has a place; all as of an `Assembly`, which it becomes where nothing is wrong."""
+
+    occurrences: tuple[Occurrence, ...]
+    mates: tuple[Mate, ...]
+    links: tuple[Link, ...]
+    link_of: tuple[int, ...]
+    exported: tuple[ExportedMount, ...]
+    modes: tuple[LinkedMode, ...]
+    adhesions: tuple[Adhesion, ...]
+    tendons: tuple[LinkedTendon, ...]
+    sensors: tuple[LinkedSensor, ...]
+    between: frozenset[int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Assembly(Brief):
     """The output of `link`: everything about the robot that does not depend on a root.
 
