@@ -7,8 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from thingc import pipeline
-from thingc.diagnostics import Code, Diagnostic, Report
-from thingc.expressions import ExpressionError, ExpressionValue
+from thingc.diagnostics import Diagnostic, Report
+from thingc.expressions import ExpressionValue
 from thingc.families.results import Evaluated
 from thingc.plans import planning
 from thingc.plans.exchange import Exchange
@@ -16,8 +16,8 @@ from thingc.plans.planning import Form, Forms, NumericPlan, Varying
 from thingc.plans.reading import Read, SettingsReader
 from thingc.plans.rehearsal import NotTraceable, Rehearsal, rehearse
 from thingc.plans.tape import Tape
-from thingc.typos import did_you_mean
 from thingc.variants.measure import Results, UnknownMount, measure
+from thingc.variants.rules import unkept
 
 if TYPE_CHECKING:
     from thingc.pipeline import Compilation
@@ -117,8 +117,7 @@ class Evaluation:
         try:
             return measure(compilation.robots[0], self.pose, self.reach), report, compilation
         except UnknownMount as fault:
-            help = did_you_mean(fault.text, fault.known, what="mounts")
-            report.add(Code.RESULT, f"there is no mount `{fault.text}` for the reach", None, help=help)
+            report.say(fault.diagnostic)
             return {}, report, None
 
     def _passed(self, settings: Mapping[str, Any], read: Read, tests: bool) -> Evaluated:
@@ -148,18 +147,12 @@ class Evaluation:
         """The first rule that is not kept, and what is wrong with rules."""
         given: dict[str, ExpressionValue] = {**self.reader.quantities(read)}
         given.update((name, text) for name, text in read.texts if name in self.reader.parameters)
-        values = self.values(given)
-        report = Report()
-        for rule in self.rules:
-            try:
-                if not rule.holds(values, results):
-                    return rule.text, ()
-            except KeyError as fault:
-                message = f"`{rule.text}`: there is no `{fault.args[0]}` in mode `{self.mode}`"
-                report.add(Code.RESULT, message, None, help="choose another mode or pose for the results, or take the rule out")
-            except ExpressionError as fault:
-                report.add(Code.RULE, f"`{rule.text}`: {fault.message}", None, help=fault.help)
-        return None, tuple(report.ordered())
+        undecided: list[Diagnostic] = []
+        for rule, wrong in unkept(self.rules, self.values(given), results, self.mode):
+            if wrong is None:
+                return rule.text, ()
+            undecided.append(wrong)
+        return None, tuple(undecided)
 
 
 class _Shape(Varying):

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from thingc.diagnostics import Code, Diagnostic, Severity
 from thingc.graph import coordinates, joints_of
 from thingc.graph.types import Assembly
 from thingc.inertia import total
@@ -21,18 +22,19 @@ from thingc.pose import Pose, Vector
 from thingc.robot import in_link, placed_bodies
 from thingc.robot.types import Robot
 from thingc.statics import lifted, stance, static_efforts
+from thingc.typos import did_you_mean
 
 Results = dict[str, float | None]
 """By name, SI; None (or absent) where a variant has not the result."""
 
 
 class UnknownMount(Exception):
-    """A mount that the robot has not: `text` as the document names it."""
+    """A mount for the reach that the robot has not, `text` as the document names it: `diagnostic` says so."""
 
     def __init__(self, text: str, known: Sequence[str]) -> None:
         super().__init__(text)
-        self.text = text
-        self.known = tuple(known)
+        message, help = f"there is no mount `{text}` for the reach", did_you_mean(text, known, what="mounts")
+        self.diagnostic = Diagnostic(code=Code.RESULT, severity=Severity.ERROR, message=message, help=help)
 
 
 def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None) -> Results:

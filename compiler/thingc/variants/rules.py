@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
-from thingc.diagnostics import Code, Report
+from thingc.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.expressions import Expression, ExpressionError, ExpressionValue, evaluate
 from thingc.frozen import dataclass
 from thingc.source import Document, Path
@@ -54,6 +54,25 @@ class Rule:
                 raise KeyError(result)
             values[name] = Quantity(number, dimension_of(result))
         return evaluate(self.expression, values) is True
+
+
+def unkept(
+    rules: Iterable[Rule], parameters: Mapping[str, ExpressionValue], results: Mapping[str, float | None], mode: str,
+) -> Iterator[tuple[Rule, Diagnostic | None]]:
+    """The rules that a variant does not keep, with what is wrong where one cannot be decided. `results` are those of `mode`."""
+    for rule in rules:
+        wrong = None
+        try:
+            if rule.holds(parameters, results):
+                continue
+        except KeyError as fault:
+            wrong = Diagnostic(
+                code=Code.RESULT, severity=Severity.ERROR, message=f"`{rule.text}`: there is no `{fault.args[0]}` in mode `{mode}`",
+                help="choose another mode or pose for the results, or take the rule out",
+            )
+        except ExpressionError as fault:
+            wrong = Diagnostic(code=Code.RULE, severity=Severity.ERROR, message=f"`{rule.text}`: {fault.message}", help=fault.help)
+        yield rule, wrong
 
 
 def dimension_of(result: str) -> Dimension:

@@ -16,24 +16,23 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from thingc.diagnostics import Code, Diagnostic, Report, Severity
+from thingc.diagnostics import Code, Diagnostic, Severity
 from thingc.emit.artifact import Content, Stored, counts_of
 from thingc.environment import Options
-from thingc.expressions import ExpressionError, ExpressionValue, parse_expression
+from thingc.expressions import ExpressionValue, parse_expression
 from thingc.plans import Builds, SettingsReader
 from thingc.printing import as_json
 from thingc.resolve import Settings
 from thingc.session import Session
-from thingc.typos import did_you_mean
 from thingc.units import Dimension, Quantity
 from thingc.variants.chunks import FILES, SHARED
 from thingc.variants.job import STOPPED, Job, Row, Task, refusal, row
 from thingc.variants.measure import Results, UnknownMount, measure
 from thingc.variants.places import keep_asset, write_variant
-from thingc.variants.rules import Rule
+from thingc.variants.rules import Rule, unkept
 
 if TYPE_CHECKING:
     from thingc.pipeline import Compilation
@@ -113,23 +112,18 @@ class Runner:
         compilation = self.session.compile(Settings(parameters=task.parameters, choices=task.choices), self.job.modes)
         parts: dict[str, Any] = {"modelled": compilation.modelled, "reused": len(compilation.reused)}
         if compilation.report.failed:
-            return row(task, "refused", **_said(compilation.report), **parts)
+            return row(task, "refused", **_said(compilation.report.ordered()), **parts)
         try:
             results = self._measured(compilation)
         except UnknownMount as fault:
-            report = Report()
-            report.add(
-                Code.RESULT, f"there is no mount `{fault.text}` for the reach", None,
-                help=did_you_mean(fault.text, fault.known, what="mounts"),
-            )
-            return row(task, "refused", **_said(report), **parts)
+            return row(task, "refused", **_said([fault.diagnostic]), **parts)
         shown = _shown(results)
         verdict = self._judge(task, results)
         if verdict is not None:
             return row(task, **verdict, results=shown, **parts)
         artifacts = self.session.emit(compilation, self.job.emit, verify=self.job.verify)
         if compilation.report.failed:
-            return row(task, "refused", **_said(compilation.report), results=shown, **parts)
+            return row(task, "refused", **_said(compilation.report.ordered()), results=shown, **parts)
         if self.job.folder is not None:
             parts |= self._written(self.job.folder, task, self.session.files(compilation, artifacts))
         losses = counts_of(loss for one in artifacts.values() for loss in one.losses)
@@ -166,20 +160,8 @@ class Runner:
             name: Quantity(float(value), self.dimensions[name]) if name in self.dimensions else value  # type: ignore[misc]
             for name, value in task.values.items()
         }
-        for rule in self.rules:
-            report = Report()
-            try:
-                if not rule.holds(values, results):
-                    return {"status": "kept_out", "rule": rule.text}
-                continue
-            except KeyError as fault:
-                report.add(
-                    Code.RESULT, f"`{rule.text}`: there is no `{fault.args[0]}` in mode `{self.job.results_mode}`", None,
-                    help="choose another mode or pose for the results, or take the rule out",
-                )
-            except ExpressionError as fault:
-                report.add(Code.RULE, f"`{rule.text}`: {fault.message}", None, help=fault.help)
-            return {"status": "refused", **_said(report)}
+        for rule, wrong in unkept(self.rules, values, results, self.job.results_mode):
+            return {"status": "kept_out", "rule": rule.text} if wrong is None else {"status": "refused", **_said([wrong])}
         return None
 
 
@@ -188,9 +170,9 @@ def _shown(results: Results) -> dict[str, float | str]:
     return {name: value if math.isfinite(value) else "inf" for name, value in results.items() if value is not None}
 
 
-def _said(report: Report) -> dict[str, Any]:
+def _said(diagnostics: Iterable[Diagnostic]) -> dict[str, Any]:
     """The first error and, for the journal, everything that was said."""
-    errors: list[Diagnostic] = [one for one in report.ordered() if one.severity is Severity.ERROR]
+    errors = [one for one in diagnostics if one.severity is Severity.ERROR]
     return {"code": errors[0].code.code, "message": errors[0].message, "diagnostics": as_json(errors[:SHOWN])}
 
 
