@@ -26,7 +26,7 @@ from thingc.families.results import NoModel
 from thingc.frozen import dataclass
 from thingc.typos import did_you_mean
 from thingc.variants.arguments import as_names, at_least
-from thingc.variants.episodes import Episode, Rules, as_actions, known_options, rules, spans_of
+from thingc.variants.episodes import Episode, Rules, Simulated, as_actions, known_options, rules, spans_of
 from thingc.variants.loading import FamilyError, UnknownVariant
 from thingc.variants.tasks import Array, Reward, Step, Terminated
 
@@ -64,6 +64,17 @@ class Choices:
     draw: Draw | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Worlds:
+    """How many worlds there are, by how many threads they are stepped, when one that has ended begins anew, and the seed of the first
+    `reset` without one."""
+
+    count: int
+    threads: int
+    autoreset: AutoresetMode
+    seed: int | None
+
+
 class Morphology:
     """A model, what observations of it end with, and the `spans` of its controls. A state (`MjData`) of it is one of every model of the
     same `layout` too: all sizes, and all names."""
@@ -90,22 +101,21 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
     render_mode = None
 
     def __init__(
-        self, family: RobotFamily, num_envs: int, *, choices: Choices, rules: Rules, mode: str, floor: bool, visual: bool,
-        descriptor: Sequence[str], threads: int, cache: int, autoreset_mode: AutoresetMode, seed: int | None, owned: bool,
+        self, family: RobotFamily, worlds: Worlds, choices: Choices, simulated: Simulated, rules: Rules, *, descriptor: Sequence[str],
+        owned: bool,
     ) -> None:
+        num_envs = worlds.count
         self.family = family
         self.num_envs = num_envs
-        self.mode = mode
-        self.metadata = {**self.metadata, "autoreset_mode": autoreset_mode}
+        self.mode = simulated.mode
+        self.metadata = {**self.metadata, "autoreset_mode": worlds.autoreset}
         self._choices = choices
         self._rules = rules
-        self._floor = floor
-        self._visual = visual
-        self._autoreset = autoreset_mode
-        self._seed = seed
+        self._simulated = simulated
+        self._autoreset = worlds.autoreset
+        self._seed = worlds.seed
         self._owned = owned
-        self._cache = cache
-        self._threads = min(threads, num_envs)
+        self._threads = min(worlds.threads, num_envs)
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
         self._kept: OrderedDict[Any, Morphology] = OrderedDict()
         self._worlds: list[tuple[Any, Morphology, Episode] | None] = [None] * num_envs
@@ -261,7 +271,8 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
     def _made(self, keys: Sequence[Any], many: Sequence[Settings], first: mujoco.MjModel | None) -> list[Morphology]:
         """The morphologies of settings. Raises `FamilyError` for refused ones, and where a model has other sizes than the `first`."""
         new = {key: settings for key, settings in zip(keys, many) if key not in self._kept}
-        models = self.family.models(new.values(), mode=self.mode, visual=self._visual, floor=self._floor)
+        simulated = self._simulated
+        models = self.family.models(new.values(), mode=simulated.mode, visual=simulated.visual, floor=simulated.floor)
         for (key, settings), model in zip(new.items(), models):
             if isinstance(model, NoModel):
                 raise FamilyError(f"the settings {dict(settings)} are refused: {model.problems[0].message}")
@@ -272,7 +283,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         morphologies = [self._kept[key] for key in keys]
         for key in keys:
             self._kept.move_to_end(key)
-        while len(self._kept) > self._cache:
+        while len(self._kept) > simulated.cache:
             self._kept.popitem(last=False)
         return morphologies
 
@@ -336,9 +347,9 @@ def make_vec_env(
     robots = family if isinstance(family, RobotFamily) else family_of(family)
     try:
         return FamilyVectorEnv(
-            robots, num_envs, choices=_choices(robots, settings), rules=made, mode=robots.mode if mode is None else mode, floor=floor,
-            visual=visual, descriptor=as_names(descriptor=descriptor), threads=threads, cache=cache,
-            autoreset_mode=AutoresetMode(autoreset_mode), seed=seed, owned=robots is not family,
+            robots, Worlds(count=num_envs, threads=threads, autoreset=AutoresetMode(autoreset_mode), seed=seed), _choices(robots, settings),
+            Simulated(mode=robots.mode if mode is None else mode, floor=floor, visual=visual, cache=cache), made,
+            descriptor=as_names(descriptor=descriptor), owned=robots is not family,
         )
     except BaseException:
         if robots is not family:

@@ -135,7 +135,7 @@ class PartClass:
     def parameter(self, text: str) -> PartName:
         """One of its parameters."""
         for module, node in self.lineage:
-            method = _method(node, "__init__")
+            method = _init_of(node)
             if method is not None:
                 if any(one.arg == text for one in _arguments(method)):
                     return self._give(PartName("part parameter", module.file, text, node.name))
@@ -202,7 +202,7 @@ class PartNames:
         for module, node in self._family(name):
             if name.what == "part mount":
                 taken |= {*module.inside(node).by_name, *(one.name for one in node.body if isinstance(one, ast.FunctionDef))}
-            elif (method := _method(node, "__init__")) is not None:
+            elif (method := _init_of(node)) is not None:
                 taken |= {one.id for one in ast.walk(method) if isinstance(one, ast.Name)} | {one.arg for one in _arguments(method)}
         return frozenset(taken)
 
@@ -278,8 +278,8 @@ def _module_of(file: str, dotted: str, text: str) -> _Module | None:
         return None
 
 
-def _method(node: ast.ClassDef, name: str) -> ast.FunctionDef | None:
-    return next((one for one in node.body if isinstance(one, ast.FunctionDef) and one.name == name), None)
+def _init_of(node: ast.ClassDef) -> ast.FunctionDef | None:
+    return next((one for one in node.body if isinstance(one, ast.FunctionDef) and one.name == "__init__"), None)
 
 
 def _arguments(method: ast.FunctionDef) -> list[ast.arg]:
@@ -296,7 +296,7 @@ def _written(module: _Module, node: ast.ClassDef, name: PartName) -> Iterator[Sp
         own = module.inside(node).by_name.get(name.text, ())
         yield from (span for one in own if (span := module.span_of(one, name.text)) is not None)
         return
-    method = _method(node, "__init__")
+    method = _init_of(node)
     if method is None:
         return
     for argument in _arguments(method):

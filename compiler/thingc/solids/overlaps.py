@@ -26,8 +26,6 @@ DIGITS = 12
 KIND = "overlaps"
 """Documents in the store: pairs of parts, with their poses to each other, none of which lies in the other."""
 
-Box = tuple[Vector, Vector]
-
 
 @dataclass(frozen=True, slots=True)
 class _Pair:

@@ -335,7 +335,6 @@ def raise_all(errors: list[PydanticCustomError]) -> None:
 
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
-_REFERENCE = re.compile(r"[A-Za-z][A-Za-z0-9_]*(?:\$[A-Za-z][A-Za-z0-9_]*)?", re.ASCII)
 
 
 def name_of(value: Any) -> str:

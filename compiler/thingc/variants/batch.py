@@ -10,18 +10,17 @@ import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
-from thingc.diagnostics import Code, Diagnostic, Report, shown_path
-from thingc.emit import chosen, unknown
+from thingc.diagnostics import Code, Diagnostic, shown_path
 from thingc.emit.artifact import HOW
 from thingc.environment import Options, store_of
 from thingc.variants import places
-from thingc.variants.arguments import is_number, is_whole
+from thingc.variants.asked import RunOptions, check, check_engine, planned
 from thingc.variants.chunks import Packing, sealed_path
 from thingc.variants.description import describe, job_of, seen
 from thingc.variants.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBroken, evaluate
@@ -46,9 +45,8 @@ from thingc.variants.job import STOPPED, Row, Task
 from thingc.variants.journal import Journal, Line
 from thingc.variants.page import write_page
 from thingc.variants.pictures import OnPicture, usual
-from thingc.variants.planning import Plan, PlanError, Variant
+from thingc.variants.planning import Plan, Variant
 from thingc.variants.progress import Interrupted, OnProgress, Progress, Summary
-from thingc.variants.reading import read_plan
 from thingc.variants.records import lengths_in, losses, outcomes
 from thingc.variants.shipping import Shipping
 from thingc.variants.showing import parameter_columns, show
@@ -97,18 +95,12 @@ def run(
     or SIGTERM has come: then `resume` goes on where it was. With `retry` it builds variants again that failed, or that a part refused
     which crashed or hung: another machine, or more memory, may make them.
     """
-    _check(jobs, limit, timeout, verify, pictures, layout)
+    check(jobs, limit, timeout, verify, pictures, layout)
     if retry and not resume:
         raise BatchFault(Code.COMMAND_LINE, "--retry is about a batch that has been begun", "add --resume")
     options = options or Options()
-    plan = _plan(document, options, emit, layout)
-    if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise BatchFault(Code.COMMAND_LINE, f"expected `executor` to be one of `concurrent.futures`, found `{executor}`")
-    if ship and not isinstance(executor, Carrier):
-        raise BatchFault(
-            Code.COMMAND_LINE, "--ship is for workers of dask, which may share no folder with this machine",
-            "leave it out: jobs of SLURM share the folder that they are submitted from, and runners of this machine are in it",
-        )
+    plan = planned(document, options, emit, layout)
+    check_engine(executor, ship)
     folder = plan.folder_in(output)
     if resume:
         begun(plan.relative, folder, ANEW)
@@ -116,7 +108,8 @@ def run(
     try:
         with locked(folder):
             count = plan.count if limit is None else min(limit, plan.count)
-            batch = _Batch(plan, folder, options, jobs or os.cpu_count() or 1, timeout, verify, count, on_progress, transfer)
+            asked = RunOptions(options=options, jobs=jobs or os.cpu_count() or 1, timeout=timeout, verify=verify, count=count)
+            batch = _Batch(plan, folder, asked, transfer, on_progress)
             batch.prepare(resume=resume, retry=retry)
             with cleared(folder):
                 with batch.journal() as journal:
@@ -125,36 +118,6 @@ def run(
             return summary if shown is None else replace(summary, notes=(*summary.notes, shown))
     except OSError as fault:
         raise in_words(folder, fault) from fault
-
-
-def _check(jobs: int, limit: int | None, timeout: float, verify: int, pictures: int | None, layout: str | None) -> None:
-    """Raises `BatchFault` for what a batch cannot be asked for."""
-    wholes = (("jobs", jobs, 0), ("limit", 1 if limit is None else limit, 1), ("verify", verify, 0), ("pictures", pictures or 0, 0))
-    for name, value, least in wholes:
-        if not is_whole(value, least):
-            raise BatchFault(Code.COMMAND_LINE, f"expected `{name}` to be a whole number of at least {least}, found `{value}`")
-    if not is_number(timeout) or timeout <= 0.0:
-        raise BatchFault(Code.COMMAND_LINE, f"expected `timeout` to be a number of seconds, found `{timeout}`")
-    if layout not in (None, FOLDERS, PACKED):
-        raise BatchFault(Code.COMMAND_LINE, f"there is no layout `{layout}`", f"`{FOLDERS}`, `{PACKED}`, or None for either")
-
-
-def _targets(emit: Sequence[str] | str) -> tuple[str, ...]:
-    """The targets that are named, in the order in which a build writes them. Raises `BatchFault` for one that is not there."""
-    words = tuple(map(str, emit)) if isinstance(emit, Iterable) and not isinstance(emit, str) else (str(emit),)
-    for _, message, hint in unknown(words):
-        raise BatchFault(Code.COMMAND_LINE, message, hint)
-    return chosen(words) if words else ()
-
-
-def _plan(document: str, options: Options, emit: Sequence[str] | str, layout: str | None) -> Plan:
-    """The plan of a document, with targets and a layout in the place of its own where there are some. Raises `PlanError`, and `BatchFault`
-    for a target that is not there."""
-    report, targets = Report(), _targets(emit)
-    plan = read_plan(document, options, report)
-    if plan is None or report.failed:
-        raise PlanError(report.ordered())
-    return replace(plan, emit=targets or plan.emit, layout=layout or plan.layout)
 
 
 @dataclass(slots=True)
@@ -172,20 +135,14 @@ class _Stopped(Exception):
 class _Batch:
     """One run of a batch. All of it but the engine's threads happens in one thread."""
 
-    def __init__(
-        self, plan: Plan, folder: str, options: Options, jobs: int, timeout: float, verify: int, count: int,
-        on_progress: OnProgress | None, transfer: Transfer | None,
-    ) -> None:
+    def __init__(self, plan: Plan, folder: str, asked: RunOptions, transfer: Transfer | None, on_progress: OnProgress | None) -> None:
         self.plan = plan
         self.folder = folder
-        self.options = options
-        self.jobs = jobs
-        self.timeout = timeout
-        self.verify = verify
-        self.count = count
+        self.asked = asked
+        self.count = asked.count
         self.on_progress = on_progress
         self.transfer = transfer
-        self.done = bytearray(count)
+        self.done = bytearray(asked.count)
         self.earlier: Counter[str] = Counter()
         self.counts: Counter[str] = Counter()
         self.modelled: set[str] = set()
@@ -244,12 +201,14 @@ class _Batch:
 
     def run(self, executor: Executor | None, journal: Journal | Packing) -> Summary:
         """Everything that is left. Raises `BatchFault` and `Interrupted`."""
-        own = LocalExecutor(min(self.jobs, max(1, self.count))) if executor is None else None
+        own = LocalExecutor(min(self.asked.jobs, max(1, self.count))) if executor is None else None
         engine: Executor = own if own is not None else executor  # type: ignore[assignment]
         cluster = executor if isinstance(executor, Cluster) else None
         if cluster is not None:
             cluster.check(seen(self.plan, self.folder) if self.transfer is None else {})
-        job = job_of(self.plan, self.folder, self.options, layout=self.layout, verify=self.verify, elsewhere=cluster is not None).encode()
+        job = job_of(
+            self.plan, self.folder, self.asked.options, layout=self.layout, verify=self.asked.verify, elsewhere=cluster is not None,
+        ).encode()
         whole = False
         with self._signals(), self._shipping(cluster) as shipping:
             engine = shipping or engine
@@ -297,14 +256,13 @@ class _Batch:
         """What stands before a cluster that does not see our files."""
         if self.transfer is None or not isinstance(cluster, Carrier):
             return contextlib.nullcontext()
-        return Shipping(cluster, self.transfer, self.folder, store_of(self.options))
+        return Shipping(cluster, self.transfer, self.folder, store_of(self.asked.options))
 
     def show(self, pictures: int | None, on_picture: OnPicture | None) -> Diagnostic | None:
         """Pictures and the page of the finished batch; a warning where nothing can be drawn."""
         return show(
             self.folder, self._described(finished=True), self._columns(), most=usual(self.count) if pictures is None else pictures,
-            jobs=os.cpu_count() or 1,
-            on_picture=on_picture,
+            jobs=os.cpu_count() or 1, on_picture=on_picture,
         )
 
     def _columns(self) -> tuple[Column, ...]:
@@ -350,7 +308,7 @@ class _Batch:
 
     def _ahead(self, engine: Executor) -> int:
         """How many chunks may be under way at once."""
-        return engine.ahead if isinstance(engine, Cluster) else 2 * self.jobs
+        return engine.ahead if isinstance(engine, Cluster) else 2 * self.asked.jobs
 
     def _size(self, engine: Executor) -> int:
         """How many variants make a chunk: as many as take about half a second, and few enough for all to have something to do."""
@@ -371,9 +329,9 @@ class _Batch:
                 index=variant.index, id=variant.id, parameters=variant.parameters, choices=variant.choices, values=variant.values,
             ))
         if streaming:
-            future = engine.submit(evaluate, job, tasks, self.timeout, lambda row: self.events.put(("row", row)))
+            future = engine.submit(evaluate, job, tasks, self.asked.timeout, lambda row: self.events.put(("row", row)))
         else:
-            future = engine.submit(evaluate, job, tasks, self.timeout)
+            future = engine.submit(evaluate, job, tasks, self.asked.timeout)
         self.chunks[future] = chunk
         future.add_done_callback(lambda done: self.events.put(("done", done)))
 
@@ -426,8 +384,7 @@ class _Batch:
     def _note(self, journal: Journal | Packing, variant: Variant, row: Row) -> None:
         line = {
             "index": variant.index, "id": variant.id, "name": variant.name, "status": row["status"],
-            "parameters": dict(variant.values),
-            "choices": self.plan.chosen(variant),
+            "parameters": dict(variant.values), "choices": self.plan.chosen(variant),
             **{key: value for key, value in row.items() if key not in ("index", "id", "status")},
             "path": self._path(variant) if row["status"] == "built" else None,
             "command": shlex.join(self.plan.command(variant)),

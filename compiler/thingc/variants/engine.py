@@ -93,7 +93,7 @@ class Runners:
             except BaseException:
                 self.drop(runner)
                 raise
-        self._raise_if_closed()
+        self.raise_if_cancelled()
         raise RunnersBroken(f"a runner does not start: {said.splitlines()[0]}", said)
 
     def give_back(self, runner: RunnerProcess) -> None:
@@ -108,10 +108,6 @@ class Runners:
         runner.close()
         with self._lock:
             self._busy.discard(runner)
-
-    def lost(self) -> None:
-        """Raises `Cancelled` where runners die because they have been ended."""
-        self._raise_if_closed()
 
     def cancel(self) -> None:
         """End all at once; whoever waits for an answer gets `Cancelled`."""
@@ -128,7 +124,8 @@ class Runners:
         for runner in idle:
             runner.close()
 
-    def _raise_if_closed(self) -> None:
+    def raise_if_cancelled(self) -> None:
+        """Raises `Cancelled` where runners die because they have been ended."""
         with self._lock:
             if self._closed:
                 raise Cancelled
@@ -168,7 +165,7 @@ def evaluate(
                     pool.drop(runner)
                     return rows
         except Lost as fault:
-            pool.lost()
+            pool.raise_if_cancelled()
             code = Code.VARIANT_HUNG if fault.hung else Code.VARIANT_DIED
             what = f"its runner was ended: {fault.words}" if fault.hung else f"its runner died: {fault.words}"
             take(row(left.pop(0), "failed", code=code.code, message=what, detail=runner.errors(), pid=runner.pid))

@@ -31,6 +31,17 @@ class Rules:
     noise: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Simulated:
+    """Which models robots are simulated by: those of a `mode`, on a `floor` or without, with what is only drawn (`visual`) or without; so
+    many are kept (`cache`)."""
+
+    mode: str
+    floor: bool
+    visual: bool
+    cache: int
+
+
 def rules(reward: Reward | str, terminated: Terminated | None, frame_skip: int, max_steps: int, pose: str | None, noise: float) -> Rules:
     """The rules with a task by its name. Raises `UnknownVariant` for an unknown one, and `FamilyError` for episodes without steps
     and for a `noise` that is no length of a range."""

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thingc.variants.arguments import as_names, at_least
-from thingc.variants.episodes import Episode, Rules, as_actions, known_options, rules, spans_of
+from thingc.variants.episodes import Episode, Rules, Simulated, as_actions, known_options, rules, spans_of
 from thingc.variants.loading import BuiltVariant, Family, FamilyError, Sizes, load
 from thingc.variants.tasks import TASKS, Array, Reward, Step, Terminated
 
@@ -50,19 +50,16 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
     render_mode = None
 
     def __init__(
-        self, family: Family, *, mode: str, scene: bool, visual: bool, rules: Rules, descriptor: Sequence[str], weights: Array, pad: bool,
-        cache: int, seed: int | None,
+        self, family: Family, simulated: Simulated, rules: Rules, *, descriptor: Sequence[str], weights: Array, pad: bool, seed: int | None,
     ) -> None:
         self.family = family
-        self.mode = mode
-        self._scene = scene
-        self._visual = visual
+        self.mode = simulated.mode
+        self._simulated = simulated
         self._rules = rules
         self._weights = weights
-        self._cache = cache
         self._seed = seed
         self._episodes: OrderedDict[str, Episode] = OrderedDict()
-        self.sizes = _sizes(family, mode, pad)
+        self.sizes = _sizes(family, simulated.mode, pad)
         self._descriptors = _descriptors(family, descriptor)
         self._length = self.sizes.nq + self.sizes.nv + len(descriptor)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self._length,), np.float64)
@@ -119,9 +116,10 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
 
         episode = self._episodes.get(variant.id)
         if episode is None:
-            (model,) = self.family.models([variant], self.mode, scene=self._scene, visual=self._visual)
+            one = self._simulated
+            (model,) = self.family.models([variant], one.mode, scene=one.floor, visual=one.visual)
             episode = self._episodes[variant.id] = Episode(model, mujoco.MjData(model), variant, self._rules, spans_of(model))
-            while len(self._episodes) > self._cache:
+            while len(self._episodes) > self._simulated.cache:
                 self._episodes.popitem(last=False)
         self._episodes.move_to_end(variant.id)
         return episode
@@ -151,9 +149,9 @@ def make_env(
         raise FamilyError(f"batch `{family.name}` has no built variant here: there is nothing to simulate")
     at_least(1, cache=cache)
     return VariantsEnv(
-        family, mode=family.chosen(mode), scene=scene, visual=visual,
-        descriptor=as_names(descriptor=descriptor), weights=_weights(family, weights),
-        rules=rules(reward, terminated, frame_skip, max_steps, pose, noise), pad=pad, cache=cache, seed=seed,
+        family, Simulated(mode=family.chosen(mode), floor=scene, visual=visual, cache=cache),
+        rules(reward, terminated, frame_skip, max_steps, pose, noise), descriptor=as_names(descriptor=descriptor),
+        weights=_weights(family, weights), pad=pad, seed=seed,
     )
 
 

@@ -6,15 +6,14 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from thingc.diagnostics import Diagnostic, Report
+from thingc.diagnostics import Diagnostic
 from thingc.environment import Options
 from thingc.units import Quantity
-from thingc.variants import places
+from thingc.variants import places, reading
 from thingc.variants.folder import begun, forget, in_words, locked, remember, whole
 from thingc.variants.page import write_page
 from thingc.variants.pictures import OnPicture, draw, usual
-from thingc.variants.planning import Plan, PlanError
-from thingc.variants.reading import read_plan
+from thingc.variants.planning import Plan
 from thingc.variants.records import lengths_in
 from thingc.variants.tables import Column, columns
 
@@ -56,10 +55,7 @@ def show_again(
 
     Raises `PlanError` for a document with errors, and `BatchFault` where there is no batch of it, or another one is under way.
     """
-    report = Report()
-    plan = read_plan(document, options or Options(), report)
-    if plan is None or report.failed:
-        raise PlanError(report.ordered())
+    plan = reading.plan(document, options=options)
     folder = plan.folder_in(output)
     described = begun(plan.relative, folder, "build it first, without --page-only")
     try:
