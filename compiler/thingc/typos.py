@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from itertools import islice
 
 
@@ -47,15 +47,6 @@ class Hint(str):
 MAX_NAME = 100
 MAX_CANDIDATES = 1000
 MAX_COMPARED = 20
-MAX_CIRCLE = 12
-
-
-def circle_words(names: Sequence[str]) -> str:
-    """A circle of names as a chain that ends where it begins, its middle left out where it is long."""
-    shown = [f"`{name}`" for name in names]
-    if len(shown) > MAX_CIRCLE:
-        shown = [*shown[: MAX_CIRCLE - 2], f"... ({len(shown) - MAX_CIRCLE + 1} more)", shown[-1]]
-    return " -> ".join([*shown, f"`{names[0]}`"])
 
 
 def _common_ends(one: str, other: str) -> int:

@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
+from thingc.circles import MAX_CIRCLE, circles
 from thingc.diagnostics import Code
 from thingc.graph.drives import joint_edge, stated_edge
 from thingc.graph.findings import Findings, noted
@@ -22,7 +23,6 @@ from thingc.memo import Memo
 from thingc.pose import IDENTITY, MATE, Pose, shifted, turned_x
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Reference
 from thingc.source import Origin
-from thingc.typos import MAX_CIRCLE
 
 UPSIDE_DOWN = turned_x(math.pi)
 """Its own inverse: the frame in which a mirrored joint moves, in that of its mounts."""
@@ -170,18 +170,7 @@ def _check_circles(instance: Instance, definition: AssemblyDefinition, findings:
     stands = _stands_on(definition)
     jointed = {joint.child.path[0] for joint in definition.joints if joint.child.path}
     order = {component.name: number for number, component in enumerate(definition.components)}
-    settled: set[str] = set()
-    for start in stands:
-        way: dict[str, None] = {}
-        name: str | None = start
-        while name is not None and name not in settled and name not in way:
-            way[name] = None
-            name = stands[name][0] if name in stands else None
-        settled.update(way)
-        if name is None or name not in way:
-            continue
-        walked = list(way)
-        circle = walked[walked.index(name):]
+    for circle in circles(stands, lambda name: stands[name][0] if name in stands else None):
         first = circle.index(min(circle, key=order.__getitem__))
         circle = circle[first:] + circle[:first]
         hops = ", ".join(f"`{member}` on `{stands[member][0]}`" for member in circle[:MAX_CIRCLE])

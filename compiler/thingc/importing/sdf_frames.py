@@ -8,12 +8,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from thingc.circles import circle_words
 from thingc.diagnostics import Code, Note
 from thingc.frozen import dataclass
 from thingc.importing.values import ChildValues
 from thingc.importing.xml_source import SourceElement
 from thingc.pose import NO_POSE, Pose, placed, rotation_of
-from thingc.typos import circle_words, did_you_mean
+from thingc.typos import did_you_mean
 
 WORLD = "world"
 MODEL = "__model__"

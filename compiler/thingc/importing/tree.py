@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence, Set
 
+from thingc.circles import circle_words, circles
 from thingc.diagnostics import Code, Note, Report
 from thingc.importing.model import Hanging, SourceLink, SourceRobot
 from thingc.source import Span
-from thingc.typos import circle_words, did_you_mean
+from thingc.typos import did_you_mean
 
 MOST_LINKS = 10_000
 MOST_BELOW = 496
@@ -109,17 +110,10 @@ def spanned(hangings: Sequence[Hanging]) -> tuple[tuple[Hanging, ...], tuple[Han
 def look_at_mimics(hangings: Sequence[Hanging], moving: Set[str], report: Report) -> None:
     """Report each joint that mimics itself, or none of those that move along one coordinate; and each circle."""
     follows = {joint.name: joint.follows for one in hangings for joint in one.joints if joint.follows is not None}
-    done: set[str] = set()
-    for name in follows:
-        way: list[str] = []
-        while name in follows and name not in done:
-            done.add(name)
-            way.append(name)
-            name = follows[name].joint
-        if name in way[:-1]:
-            circle = way[way.index(name) :]
+    for circle in circles(follows, lambda name: follows[name].joint if name in follows else None):
+        if len(circle) > 1:
             message = f"joints mimic each other in a circle: {circle_words(circle)}"
-            report.add(Code.SOURCE_VALUE, message, follows[name].where, help="let one of them move by itself")
+            report.add(Code.SOURCE_VALUE, message, follows[circle[0]].where, help="let one of them move by itself")
     for joint in (joint for one in hangings for joint in one.joints):
         if joint.follows is None or joint.name != joint.follows.joint and joint.follows.joint in moving:
             continue
@@ -143,17 +137,9 @@ def _distinct_joints(hangings: Sequence[Hanging], report: Report) -> None:
 
 def _circles(named: dict[str, SourceLink], above: dict[str, Hanging], report: Report) -> None:
     """Say each circle once, at the joint of its first link."""
-    done: set[str] = set()
-    for start in named:
-        way: list[str] = []
-        at = start
-        while at in above and at not in done:
-            done.add(at)
-            way.append(at)
-            at = above[at].parent
-        if at in way:
-            circle = [*reversed(way[way.index(at) :])]
-            report.add(
-                Code.SOURCE_TREE, f"links hang on one another in a circle: {circle_words(circle)}", above[circle[0]].where,
-                help="one of them has to be the root, or hang on a link outside of the circle",
-            )
+    for upwards in circles(named, lambda name: above[name].parent if name in above else None):
+        circle = upwards[::-1]
+        report.add(
+            Code.SOURCE_TREE, f"links hang on one another in a circle: {circle_words(circle)}", above[circle[0]].where,
+            help="one of them has to be the root, or hang on a link outside of the circle",
+        )

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
+from thingc.circles import MAX_CIRCLE, circle_words, circles
 from thingc.diagnostics import Code, Note
 from thingc.frozen import dataclass
 from thingc.resolve import references
@@ -16,7 +17,6 @@ from thingc.resolve.repeats import Unrolled
 from thingc.resolve.table import Table
 from thingc.source import Path
 from thingc.spec.assembly import JointSpec, MimicSpec
-from thingc.typos import MAX_CIRCLE, circle_words
 from thingc.units import NUMBER, Dimension, Quantity
 
 
@@ -148,29 +148,18 @@ def _followed(table: Table, item: Unrolled[JointSpec], spec: MimicSpec, path: Pa
 
 def _break_cycles(table: Table, items: dict[str, Unrolled[JointSpec]]) -> None:
     """Report every circle of mimics once, and take its mimics out."""
-    done: set[CoordinateName] = set()
-    for start in list(table.joints):
-        steps: dict[CoordinateName, None] = {}
-        name: CoordinateName | None = start
-        while name is not None and name not in done and name not in steps:
-            steps[name] = None
-            joint = table.joints.get(name)
-            name = joint.mimic.joint if joint is not None and joint.mimic is not None else None
-        chain = list(steps)
-        if name is not None and name in steps:
-            circle = chain[chain.index(name):]
-            shown = circle_words(circle)
-            first = items[circle[0]]
-            first.scope.error(
-                Code.MIMIC, f"joints mimic each other in a circle: {shown}", (*first.path, "mimic", "joint"),
-                help="let one of them move by itself",
-                notes=[
-                    Note(message=f"`{step}` mimics here", span=items[step].scope.span((*items[step].path, "mimic", "joint")))
-                    for step in circle[1:MAX_CIRCLE]
-                ],
-            )
-            for step in circle:
-                joint = table.joints[step]
-                if joint is not None:
-                    table.joints[step] = replace(joint, mimic=None)
-        done.update(chain)
+    follows = {name: joint.mimic.joint for name, joint in table.joints.items() if joint is not None and joint.mimic is not None}
+    for circle in circles(follows, follows.get):
+        first = items[circle[0]]
+        first.scope.error(
+            Code.MIMIC, f"joints mimic each other in a circle: {circle_words(circle)}", (*first.path, "mimic", "joint"),
+            help="let one of them move by itself",
+            notes=[
+                Note(message=f"`{step}` mimics here", span=items[step].scope.span((*items[step].path, "mimic", "joint")))
+                for step in circle[1:MAX_CIRCLE]
+            ],
+        )
+        for step in circle:
+            joint = table.joints[step]
+            if joint is not None:
+                table.joints[step] = replace(joint, mimic=None)

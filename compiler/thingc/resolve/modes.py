@@ -8,6 +8,7 @@ from fnmatch import fnmatchcase
 from itertools import product
 from typing import cast
 
+from thingc.circles import MAX_CIRCLE, circle_words, circles
 from thingc.diagnostics import Code, Note
 from thingc.joints.bases import BaseType
 from thingc.pose import IDENTITY, NO_POSE, Pose, Vector
@@ -22,7 +23,6 @@ from thingc.resolve.standing import standing
 from thingc.resolve.table import Table
 from thingc.source import Origin, Path
 from thingc.spec.modes import ModeSpec, StandsOn
-from thingc.typos import MAX_CIRCLE, circle_words
 from thingc.units import ACCELERATION, FORCE, LENGTH, NUMBER, TIME, Quantity
 
 MAX_EXTENDED = 20
@@ -57,28 +57,15 @@ def modes(table: Table, scope: Scope) -> tuple[Mode, ...]:
 def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
     """The modes that extend themselves, each circle reported once."""
     circular: set[str] = set()
-    done: set[str] = set()
-    for start in specs:
-        chain: list[str] = []
-        name: str | None = start
-        met: set[str] = set()
-        while name is not None and name in specs and name not in done and name not in met:
-            chain.append(name)
-            met.add(name)
-            name = specs[name].extends
-        if name is not None and name in chain:
-            circle = chain[chain.index(name):]
-            circular.update(circle)
-            shown = circle_words(circle)
-            scope.error(
-                Code.EXTENDS_CYCLE,
-                f"modes extend each other in a circle: {shown}" if len(circle) > 1 else f"mode `{name}` extends itself",
-                ("modes", circle[0], "extends"), help="let one of them extend none" if len(circle) > 1 else "take `extends` out",
-                notes=[
-                    Note(message=f"`{step}` extends here", span=scope.span(("modes", step, "extends"))) for step in circle[1:MAX_CIRCLE]
-                ],
-            )
-        done.update(chain)
+    for circle in circles(specs, lambda name: specs[name].extends if name in specs else None):
+        circular.update(circle)
+        several = len(circle) > 1
+        scope.error(
+            Code.EXTENDS_CYCLE,
+            f"modes extend each other in a circle: {circle_words(circle)}" if several else f"mode `{circle[0]}` extends itself",
+            ("modes", circle[0], "extends"), help="let one of them extend none" if several else "take `extends` out",
+            notes=[Note(message=f"`{step}` extends here", span=scope.span(("modes", step, "extends"))) for step in circle[1:MAX_CIRCLE]],
+        )
     return circular
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from thingc.circles import MAX_CIRCLE, circle_words
 from thingc.diagnostics import Code, Note, Report
 from thingc.expressions import Expression, ExpressionError, ExpressionValue, kind_of, parse_expression, plain, words_of
 from thingc.load.text import forbidden
@@ -14,7 +15,7 @@ from thingc.resolve.table import Context, Declared
 from thingc.source import Document, Path
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.spec.doubts import Doubts
-from thingc.typos import MAX_CIRCLE, circle_words, did_you_mean
+from thingc.typos import did_you_mean
 from thingc.units import NUMBER, Quantity, UnitError, parse_quantity, shortened
 
 if TYPE_CHECKING:

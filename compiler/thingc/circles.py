@@ -1,0 +1,35 @@
+"""Things that lead to one another, and what to say where they do so in a circle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from typing import TypeVar
+
+MAX_CIRCLE = 12
+"""Members of a circle that are shown."""
+
+T = TypeVar("T", bound=Hashable)
+
+
+def circles(starts: Iterable[T], after: Callable[[T], T | None]) -> Iterator[list[T]]:
+    """Every circle once, from the member that is met first, each behind the one that leads to it. `after` is what a thing leads to, None
+    where that is nothing."""
+    done: set[T] = set()
+    for start in starts:
+        way: dict[T, None] = {}
+        at: T | None = start
+        while at is not None and at not in done and at not in way:
+            way[at] = None
+            at = after(at)
+        done.update(way)
+        if at in way:
+            steps = list(way)
+            yield steps[steps.index(at):]
+
+
+def circle_words(names: Sequence[str]) -> str:
+    """A circle of names as a chain that ends where it begins, its middle left out where it is long."""
+    shown = [f"`{name}`" for name in names]
+    if len(shown) > MAX_CIRCLE:
+        shown = [*shown[: MAX_CIRCLE - 2], f"... ({len(shown) - MAX_CIRCLE + 1} more)", shown[-1]]
+    return " -> ".join([*shown, f"`{names[0]}`"])
