@@ -29,6 +29,7 @@ from thingc.exchange import exchange
 from thingc.frozen import dataclass
 from thingc.realize.store.digests import Digests, digest_of
 from thingc.realize.store.local import Store
+from thingc.shown import quoted
 
 Waiting = Callable[[str], None]
 """Called once with the build folder when another build of it must be waited for."""
@@ -154,7 +155,7 @@ def write_new(folder: str, files: Mapping[str, bytes], finish: Callable[[str], N
                     before = sorted(set(os.listdir(folder)) - ours)
                     others = [name for name in before if not _alike(os.path.join(folder, name), os.path.join(fresh, name))]
                     if others:
-                        message = f"the folder `{place}` has something in it already: {_enumerated(others)}"
+                        message = f"the folder `{place}` has something in it already: {quoted(others, 8)}"
                         raise OutputError(message, "choose another name, or move that away")
                     _move_into(folder, fresh, sorted(set(os.listdir(fresh)) - set(before)))
                 else:
@@ -347,7 +348,7 @@ def _accusation(folder: str, unexpected: UnexpectedFiles, document: str) -> Unex
         message = f"{place} holds the build of another document, `{unexpected.owner}` and not `{document}`, and is left as it is"
     else:
         said = [
-            f"{what} ({_enumerated(names)})"
+            f"{what} ({quoted(names, 8)})"
             for what, names in (
                 (f"files that no build of `{document}` wrote", unexpected.others),
                 ("files that were changed since they were built", unexpected.changed),
@@ -355,11 +356,6 @@ def _accusation(folder: str, unexpected: UnexpectedFiles, document: str) -> Unex
         ]
         message = f"{place} holds {' and '.join(said)}, and is left as it is"
     return UnexpectedFilesError(folder, unexpected.names, message, ours=ours)
-
-
-def _enumerated(names: Sequence[str]) -> str:
-    shown = ", ".join(f"`{name}`" for name in names[:8])
-    return f"{shown} and {len(names) - 8} more" if len(names) > 8 else shown
 
 
 def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs | None) -> None:

@@ -9,6 +9,7 @@ functions here.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from json.encoder import encode_basestring_ascii
 
 LONGEST_QUOTE = 160
@@ -41,6 +42,17 @@ def shortened(message: str) -> str:
     if len(message) <= LONGEST_QUOTE:
         return message
     return _cut(_QUOTE.sub(lambda quote: f"`{_cut(quote[1], LONGEST_QUOTE)}`", message), LONGEST)
+
+
+def some(words: Sequence[str], most: int, *, between: str = ", ") -> str:
+    """The first ones, and how many there are besides: `a, b and 3 more`."""
+    first = between.join(words[:most])
+    return f"{first} and {len(words) - most} more" if len(words) > most else first
+
+
+def quoted(names: Sequence[str], most: int) -> str:
+    """`some` names in backquotes."""
+    return some([f"`{name}`" for name in names], most)
 
 
 def unseen(name: str) -> str:

@@ -6,6 +6,8 @@ import os
 from collections.abc import Iterable
 from itertools import islice
 
+from thingc.shown import quoted
+
 
 def meant(name: str, candidates: Iterable[str]) -> str | None:
     """The only candidate that `name` can be a slip of: a letter too many, missing, swapped with the next, in other case, or
@@ -93,8 +95,7 @@ def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -
         return close
     if not known:
         return f"there are no {what} here"
-    shown = ", ".join(f"`{candidate}`" for candidate in known[:12])
-    return f"known {what}: {shown}" + (f" and {len(known) - 12} more" if len(known) > 12 else "")
+    return f"known {what}: {quoted(known, 12)}"
 
 
 def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> str:

@@ -29,7 +29,7 @@ BASE = {
 }
 # What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
 ROOMS: dict[str, set[str]] = {
-    "frozen": set(), "shown": set(), "source": {"frozen"}, "brief": {"source"}, "typos": set(),
+    "frozen": set(), "shown": set(), "source": {"frozen"}, "brief": {"source"}, "typos": {"shown"},
     "diagnostics": {"brief", "shown", "source", "typos"},
     "printing": {"brief", "shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "typos"},
     "expressions": {"frozen", "diagnostics", "typos", "units"},

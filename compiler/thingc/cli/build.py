@@ -23,6 +23,7 @@ from thingc.environment import Environment, Options, attempted, store_of
 from thingc.output import OutputError, build_folder, listed, unswept, verify
 from thingc.pipeline import UnknownChoice
 from thingc.realize.store.local import Store
+from thingc.shown import quoted
 
 EPILOG = """\
 {about}
@@ -121,8 +122,7 @@ def _built(wish: Wish, key: str, environment: Environment) -> tuple[list[Diagnos
 
 def _some(paths: Collection[str]) -> str:
     """`sdf/, step/, bom.csv and 2 more`: where files lie in a build folder."""
-    places = sorted({path.partition("/")[0] + ("/" if "/" in path else "") for path in paths})
-    return ", ".join(f"`{place}`" for place in places[:4]) + (f" and {len(places) - 4} more" if len(places) > 4 else "")
+    return quoted(sorted({path.partition("/")[0] + ("/" if "/" in path else "") for path in paths}), 4)
 
 
 def answer_of(built: Built, folder: str) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from thingc.brief import counted
 from thingc.cli import common, interrupts
 from thingc.diagnostics import Diagnostic, Report, Severity, shown_path
 from thingc.output import OutputError, write_new
+from thingc.shown import quoted
 from thingc.source import dotted
 
 if TYPE_CHECKING:
@@ -96,10 +97,9 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: Earlier, 
     if earlier.source != os.path.basename(arguments.file) and not arguments.update:
         message = f"`{shown_path(earlier.folder)}` has been imported from another file, `{earlier.source}` with the robot `{earlier.robot}`"
         raise OutputError(message, "choose another folder with -o; if it is the same robot, `--update` merges the two")
-    edited = [f"`{shown_path(os.path.join(earlier.folder, name))}`" for name in earlier.edited()]
+    edited = [shown_path(os.path.join(earlier.folder, name)) for name in earlier.edited()]
     if edited and not arguments.update and not arguments.check:
-        more = f" and {len(edited) - 6} more" if len(edited) > 6 else ""
-        message = f"what was imported has been changed since, and is left as it is: {', '.join(edited[:6])}{more}"
+        message = f"what was imported has been changed since, and is left as it is: {quoted(edited, 6)}"
         raise OutputError(message, "`--update` merges the two; or choose another folder with -o")
     now = update(earlier, imported.document, imported.files, report)
     if now is None:
@@ -212,9 +212,7 @@ def _told(arguments: argparse.Namespace, imported: Imported, folder: str, change
         are = "is another" if len(imported.renamed) == 1 else "are others"
         said.append(f"{counted(len(imported.renamed), 'name')} {are} now: see import.json")
     if imported.repaired:
-        names = ", ".join(f"`{one.link.name}`" for one in imported.repaired[:6])
-        more = f" and {len(imported.repaired) - 6} more" if len(imported.repaired) > 6 else ""
-        said.append(f"repaired: {names}{more}; old and new numbers are in import.json")
+        said.append(f"repaired: {quoted([one.link.name for one in imported.repaired], 6)}; old and new numbers are in import.json")
     if imported.losses:
         said.append(f"not in the document: {len(imported.losses)}, listed in {os.path.join(here, 'import.json')}")
     document = shlex.quote(os.path.join(here, imported.document))

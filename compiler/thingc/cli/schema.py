@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from thingc.brief import counted
 from thingc.cli import common
 from thingc.diagnostics import Code, Report, shown_path
+from thingc.shown import some
 
 if TYPE_CHECKING:
     from thingc.editor.refresh import RefreshOutcome
@@ -153,8 +154,7 @@ def _say_all(workspace: Workspace, outcome: RefreshOutcome) -> None:
 def _say_changes(workspace: Workspace, outcome: RefreshOutcome, seconds: float) -> None:
     for word, names in (("refreshed", outcome.written), ("removed", outcome.removed)):
         if names:
-            more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-            common.say(f"{word} in {seconds:.2f} s: {', '.join(_shown(workspace, name) for name in names[:3])}{more}")
+            common.say(f"{word} in {seconds:.2f} s: {some([_shown(workspace, name) for name in names], 3)}")
     _say_kept(workspace, outcome)
 
 

@@ -11,7 +11,7 @@ from thingc.diff.answer import Differences
 from thingc.diff.change import PERHAPS, Change, How, Told, What
 from thingc.diff.comparing import Comparison
 from thingc.frozen import dataclass
-from thingc.shown import shown
+from thingc.shown import shown, some
 from thingc.units import ANGLE, LENGTH, MASS, Dimension, Quantity
 
 MOVED = ": moved"
@@ -55,9 +55,7 @@ class Sentence:
     @property
     def named(self) -> str:
         """The paths, so many as fit."""
-        named = ", ".join(path or "robot" for path in self.paths[:SHOWN])
-        more = len(self.paths) - SHOWN
-        return named if more <= 0 else f"{named} and {more} more"
+        return _listed(self.paths)
 
 
 def as_text(answer: Differences) -> Iterator[str]:
@@ -138,8 +136,7 @@ def _code(text: str) -> str:
 
 
 def _listed(paths: Sequence[str]) -> str:
-    named = ", ".join(path or "robot" for path in paths[:SHOWN])
-    return named if len(paths) <= SHOWN else f"{named} and {len(paths) - SHOWN} more"
+    return some([path or "robot" for path in paths], SHOWN)
 
 
 def made(comparison: Comparison) -> Iterator[Sentence]:

@@ -18,6 +18,7 @@ from thingc.editor.symbols import DocumentSymbols, parameters_schema
 from thingc.editor.values import Schema, one_of
 from thingc.frozen import dataclass
 from thingc.realize.record import PartSchema
+from thingc.shown import quoted
 from thingc.spec import REFERENCE_PATTERN
 from thingc.units import ANGLE, LENGTH
 
@@ -156,7 +157,7 @@ class _Narrowing:
             shown = f"`{pieces[0].name}` ({pieces[0].label})" if len(pieces) == 1 else f"`{pieces[0].label}`"
             yield {
                 "pattern": rf"{other}|^{names}\.({'|'.join(own)})$|{OPEN}",
-                "patternErrorMessage": f"{shown} has no such mount; it has {values.listed(own)}",
+                "patternErrorMessage": f"{shown} has no such mount; it has {quoted(own, 12)}",
             }
 
     # --- materials ---------------------------------------------------------------------------------------------
@@ -166,7 +167,7 @@ class _Narrowing:
         choice = one_of(names.items())
         if self.facts.materials_sure and len(names) <= MAX_CHECKED:
             choice["pattern"] = rf"^({'|'.join(sorted(names))})$"
-            choice["patternErrorMessage"] = f"no material of this name is in scope; there are {values.listed(sorted(names))}"
+            choice["patternErrorMessage"] = f"no material of this name is in scope; there are {quoted(sorted(names), 12)}"
         for model in ("ComponentDefaults", "ComponentSpec"):
             self._put(model, "material", choice)
         self._others(self.properties["materials"]["anyOf"], self.around.materials)
@@ -221,7 +222,7 @@ class _Narrowing:
         full = one_of(mounts.items())
         if sure:
             full["pattern"] = rf"^({'|'.join(re.escape(name) for name in sorted(mounts))})$|{OPEN}|\."
-            full["patternErrorMessage"] = f"there is no such mount; there are {values.listed(sorted(mounts))}"
+            full["patternErrorMessage"] = f"there is no such mount; there are {quoted(sorted(mounts), 12)}"
         return {"type": "object", **_full_or_short(short, mounts, mount=full)}
 
     def _components(self) -> None:
@@ -246,7 +247,7 @@ class _Narrowing:
 
     def _of_piece(self, piece: WrittenComponent) -> str:
         own = [name for name in piece.mounts if "." not in name]
-        return f"{piece.what}\n\nMounts: {values.listed(own, limit=30)}."
+        return f"{piece.what}\n\nMounts: {quoted(own, 30)}."
 
     # --- joints, poses, modes, sensors --------------------------------------------------------------------------
 

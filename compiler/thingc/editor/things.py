@@ -9,6 +9,7 @@ from typing import Any
 from thingc.editor import values
 from thingc.editor.values import Schema
 from thingc.realize.record import DIMENSIONS, WHOLE, ParameterKind, ParameterSchema, PartSchema
+from thingc.shown import quoted
 from thingc.units import NUMBER, Quantity
 
 _KINDS: Mapping[ParameterKind, str] = {
@@ -107,7 +108,7 @@ def _description(one: ParameterSchema) -> str:
     if dimension != NUMBER:
         kind += f" such as `{dimension.example}`"
     if one.kind == "choice":
-        kind = "one of " + values.listed([one.shown(choice) for choice in one.choices], limit=20)
+        kind = "one of " + quoted([one.shown(choice) for choice in one.choices], 20)
     low = None if one.minimum is None else one.shown(one.minimum)
     high = None if one.maximum is None else one.shown(one.maximum)
     limits = values.within(low, high)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from thingc.realize.record import WHOLE, Value
@@ -64,12 +64,6 @@ def one_of(choices: Iterable[tuple[str, str]], **more: Any) -> Schema:
         ]}
     branches = [{"const": name, "title": name, **({"description": text} if text else {})} for name, text in known]
     return {"type": "string", "anyOf": [*branches, {"type": "string"}], **more} if branches else {"type": "string", **more}
-
-
-def listed(names: Sequence[str], limit: int = 12) -> str:
-    """Names in backquotes for a message, at most `limit` of them."""
-    shown = ", ".join(f"`{name}`" for name in names[:limit])
-    return shown + (f" and {len(names) - limit} more" if len(names) > limit else "")
 
 
 def within(low: str | None, high: str | None) -> str:

@@ -11,6 +11,7 @@ from thingc.graph.types import Connected, Occurrence
 from thingc.inertia import LEAST_MASS, LEAST_MOMENT, ZERO, moments_fault, physical_fault, principal_moments
 from thingc.joints.bases import stays
 from thingc.resolve.plausible import SMALLEST, density_doubt, mass_words, measures, unit_meant
+from thingc.shown import quoted
 from thingc.source import Span
 
 _ROOM = 1e-9
@@ -121,6 +122,4 @@ def _cause(one: Occurrence) -> str:
 
 def _named(members: Sequence[Occurrence]) -> str:
     """`components a, b and 3 more`."""
-    shown = ", ".join(f"`{occurrence.path}`" for occurrence in members[:6])
-    rest = f" and {len(members) - 6} more" if len(members) > 6 else ""
-    return f"component{'' if len(members) == 1 else 's'} {shown}{rest}"
+    return f"component{'' if len(members) == 1 else 's'} {quoted([one.path for one in members], 6)}"

@@ -7,6 +7,7 @@ from collections.abc import Sequence, Set
 from thingc.circles import circle_words, circles
 from thingc.diagnostics import Code, Note, Report
 from thingc.importing.model import Hanging, SourceLink, SourceRobot
+from thingc.shown import quoted
 from thingc.source import Span
 from thingc.typos import did_you_mean
 
@@ -51,9 +52,9 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Hanging], where: Spa
     _circles(named, above, report)
     roots = [link for link in links if link.name not in above]
     if len(roots) > 1:
-        shown = ", ".join(f"`{link.name}`" for link in roots[:6]) + (f" and {len(roots) - 6} more" if len(roots) > 6 else "")
+        names = quoted([link.name for link in roots], 6)
         report.add(
-            Code.SOURCE_TREE, f"the robot has {len(roots)} roots, links that hang on no other: {shown}", roots[1].where,
+            Code.SOURCE_TREE, f"the robot has {len(roots)} roots, links that hang on no other: {names}", roots[1].where,
             notes=[Note(message="the first one is here", span=roots[0].where)], help="join them, or make a file of each",
         )
     return roots[0].name if len(report.diagnostics) == before else None

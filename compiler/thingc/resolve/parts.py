@@ -24,6 +24,7 @@ from thingc.realize.record import (
 )
 from thingc.resolve.scope import Enough, Scope, dimension_message
 from thingc.resolve.table import Context, Node
+from thingc.shown import quoted
 from thingc.source import Path, Span, line_of
 from thingc.typos import did_you_mean, near_hint, nearest
 from thingc.units import NUMBER, Quantity, shortened
@@ -161,9 +162,8 @@ def _choice(
     shown = [words_of(choice) if isinstance(choice, (bool, str)) else f"{choice:g}" for choice in parameter.choices]
     text = shortened(written or words_of(given))
     help = did_you_mean(text, shown, what="choices") if nearest(text, shown) is not None else None
-    listed = ", ".join(f"`{one}`" for one in shown[:12]) + (f" and {len(shown) - 12} more" if len(shown) > 12 else "")
     scope.error(
-        Code.VALUE_KIND, f"{what} is one of {listed}, found `{text}`", path, help=help, notes=_declared_at(schema),
+        Code.VALUE_KIND, f"{what} is one of {quoted(shown, 12)}, found `{text}`", path, help=help, notes=_declared_at(schema),
     )
     return None
 

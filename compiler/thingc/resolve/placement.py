@@ -8,6 +8,7 @@ from thingc.diagnostics import Code, Note
 from thingc.resolve import references
 from thingc.resolve.model import At, Attach
 from thingc.resolve.table import Context, Node, Table
+from thingc.shown import quoted
 from thingc.source import Span
 from thingc.spec.assembly import AttachSpec
 from thingc.units import ANGLE, LENGTH
@@ -146,11 +147,9 @@ def _closes(way: str) -> str:
 
 
 def _report_bases(table: Table, free: list[str]) -> None:
-    shown = [f"`{name}`" for name in free[:6]]
-    rest = f" and {len(free) - 6} more" if len(free) > 6 else ""
-    message = f"{len(free)} components are placed by nothing: {', '.join(shown)}{rest}; only one, the base, may be"
+    message = f"{len(free)} components are placed by nothing: {quoted(free, 6)}; only one, the base, may be"
     if len(free) == 2:
-        message = f"{shown[0]} and {shown[1]} are both placed by nothing; only one component, the base, may be"
+        message = f"`{free[0]}` and `{free[1]}` are both placed by nothing; only one component, the base, may be"
     second = table.nodes[free[1]]
     table.scope.report.add(
         Code.TWO_BASES, message, second.scope.span(second.path, key=True), path=f"components.{free[1]}",

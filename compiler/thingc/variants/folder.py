@@ -18,6 +18,7 @@ from thingc.files import listing
 from thingc.output import NOTHING, same_file
 from thingc.output import unexpected_files as unexpected_in_build
 from thingc.realize import Digests
+from thingc.shown import quoted
 from thingc.stamp import state_of
 from thingc.variants import places
 from thingc.variants.chunks import DamagedChunk, complete
@@ -164,11 +165,10 @@ def begin(folder: str, document: str, assembly: str) -> None:
             )
         unexpected = sorted([*unexpected_files(folder, assembly), *_edited(folder)])
         if before is None or unexpected:
-            shown = ", ".join(f"`{name}`" for name in unexpected[:8]) + (f" and {len(unexpected) - 8} more" if len(unexpected) > 8 else "")
             raise BatchFault(
                 Code.UNEXPECTED,
                 f"`{shown_path(folder)}` holds files that no batch of `{document}` wrote, or that were changed since, and is left as it "
-                f"is: {shown}", "move these files away, or write into another folder with -o",
+                f"is: {quoted(unexpected, 8)}", "move these files away, or write into another folder with -o",
             )
         if not before.get("finished"):
             raise BatchFault(
@@ -256,8 +256,7 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     old = old if isinstance(old, dict) else {}
     changed = sorted(name for name in {*old, *new} if old.get(name) != new.get(name))
     if changed:
-        shown = ", ".join(f"`{name}`" for name in changed[:4]) + (f" and {len(changed) - 4} more" if len(changed) > 4 else "")
-        words.append(f"{shown} changed")
+        words.append(f"{quoted(changed, 4)} changed")
     versions = {name for name in {*before.get("versions", {}), *now["versions"]}
                 if before.get("versions", {}).get(name) != now["versions"].get(name)}
     if versions:

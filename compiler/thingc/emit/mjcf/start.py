@@ -17,6 +17,7 @@ from thingc.diagnostics import Code, Note, Report, allow_hint
 from thingc.emit.mjcf.compat.pymjcf import SEPARATOR
 from thingc.frozen import dataclass
 from thingc.robot.types import CoreJoint, Robot
+from thingc.shown import quoted
 from thingc.source import Origin
 from thingc.units import LENGTH, Quantity
 
@@ -303,8 +304,7 @@ def _say_gains(gains: Gains, joint: CoreJoint, robot: Robot, others: Sequence[st
     apart = joint.origin[:1] if where and joint.origin and joint.origin[0].line != where[0].line else ()
     notes = [Note(message=f"joint `{name}` is here", span=span) for span in apart]
     if others:
-        shown = ", ".join(f"`{path}`" for path in others[:SHOWN]) + (f" and {len(others) - SHOWN} more" if len(others) > SHOWN else "")
-        notes.append(Note(message=f"the same drive is that of {shown}"))
+        notes.append(Note(message=f"the same drive is that of {quoted(others, SHOWN)}"))
     report.warn(
         Code.CHATTER,
         f"{what}: what it moves has {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`) and a step takes {1e3 * gains.dt:g} ms",

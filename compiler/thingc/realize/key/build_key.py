@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from thingc.frozen import dataclass
 from thingc.realize.key.module_key import CodeIngredients
 from thingc.realize.record import PartDefinition, Value
+from thingc.shown import some
 from thingc.workspace import Workspace
 
 
@@ -60,8 +61,7 @@ def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str:
     phrases = list(dict.fromkeys(_phrase(label, old, new) for label in changed))
     if not phrases:
         return "nothing that it depends on changed"
-    more = f" and {len(phrases) - 3} more" if len(phrases) > 3 else ""
-    return "; ".join(phrases[:3]) + more
+    return some(phrases, 3, between="; ")
 
 
 def _phrase(label: str, old: Mapping[str, str], new: Mapping[str, str]) -> str:

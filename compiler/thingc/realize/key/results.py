@@ -13,6 +13,7 @@ from thingc.frozen import dataclass
 from thingc.realize.key.build_key import BuildKey
 from thingc.realize.key.file_states import state_of
 from thingc.realize.store.local import Store
+from thingc.shown import some
 
 CANDIDATES = 8
 """How many answers are kept under one build_key; the oldest goes first."""
@@ -121,8 +122,7 @@ class Results:
                 if (now := self.state(path, state)) != state
             ]
             if changed:
-                words = [_words(path, state, now) for path, state, now in changed]
-                return "; ".join(words[:3]) + (f" and {len(words) - 3} more" if len(words) > 3 else "")
+                return some([_words(path, state, now) for path, state, now in changed], 3, between="; ")
         return None
 
 
