@@ -19,7 +19,7 @@ import pytest
 from live.documents import DOCUMENTS, FINGER, ROBOT, write
 from thingc import building
 from thingc.building import Wish
-from thingc.cli.watch import refused
+from thingc.cli.common import of_exception
 from thingc.environment import Options, attempted
 from thingc.live import Live, Round
 from thingc.realize import EndingWorkers
@@ -37,7 +37,7 @@ class Working:
         self.options = Options(store=store)
         self.document = str(write(folder))
         self.stop = threading.Event()
-        self.live = Live(self.document, self.options, wish, refused)
+        self.live = Live(self.document, self.options, wish, of_exception)
         self._rounds = self.live.rounds(self.stop)
 
     def round(self) -> Round:
@@ -238,7 +238,7 @@ def test_an_exception_ends_one_round_and_not_the_watch(working: Working, monkeyp
         raise ZeroDivisionError("a defect")
 
     said: list[Exception] = []
-    monkeypatch.setattr(working.live, "_refused", lambda fault: (said.append(fault), refused(OSError(2, "no", "file")))[1])
+    monkeypatch.setattr(working.live, "_refused", lambda fault: (said.append(fault), of_exception(OSError(2, "no", "file")))[1])
     with monkeypatch.context() as patched:
         patched.setattr(building, "build", broken)
         made = working.save("robot.yaml", f"# 1\n{ROBOT}")
@@ -306,7 +306,7 @@ def test_parts_are_begun_at_once_and_one_that_never_ends_is_given_up_when_it_is_
         (tmp_path / name).write_text(text)
     options = Options(store=str(tmp_path / "store"), jobs=1)
     stop = threading.Event()
-    with Live(str(tmp_path / "robot.yaml"), options, lambda: Wish(targets=("bom",)), refused, writes=False) as live:
+    with Live(str(tmp_path / "robot.yaml"), options, lambda: Wish(targets=("bom",)), of_exception, writes=False) as live:
         rounds = live.rounds(stop)
         first = next(rounds)
         assert first.good, first.diagnostics

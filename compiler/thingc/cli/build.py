@@ -17,7 +17,7 @@ from thingc.brief import counted
 from thingc.building import Built, Wish
 from thingc.cli import common
 from thingc.cli.targets import add_building, chosen_compat, chosen_targets, in_words
-from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
+from thingc.diagnostics import Diagnostic, shown_path
 from thingc.emit.artifact import CARRIED, counts_of
 from thingc.environment import Environment, Options, attempted, store_of
 from thingc.output import OutputError, build_folder, listed, unswept, verify
@@ -58,12 +58,8 @@ def run(arguments: argparse.Namespace) -> int:
         if not diagnostics:
             options = replace(options, ahead=pipeline.modules_of_build(targets))
             diagnostics, answer = _build(arguments, options, targets)
-    except (UnknownChoice, OutputError) as fault:
-        code = fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE
-        diagnostics = [Diagnostic(code=code, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
-        answer = None
-    except common.WrongCommandLine as fault:
-        diagnostics, answer = [fault.diagnostic], None
+    except (UnknownChoice, OutputError, common.WrongCommandLine) as fault:
+        diagnostics, answer = [common.of_exception(fault)], None
     more: dict[str, list[str]] = {"artifacts": [], "modelled": [], "reused": []}
     if answer is not None:
         artifacts = [shown_path(os.path.join(answer["folder"], path)) for path in answer["artifacts"]]

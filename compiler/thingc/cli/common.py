@@ -398,9 +398,17 @@ def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
 
 
 def of_exception(fault: Exception) -> Diagnostic:
-    """What to say of an exception that reached the command line: the system's refusals in words, else that thingc has failed."""
+    """What to say of an exception that reached the command line: what was asked for and cannot be, and the system's refusals, in words;
+    else that thingc has failed."""
+    if isinstance(fault, WrongCommandLine):
+        return fault.diagnostic
+    from thingc.output import OutputError
+    from thingc.pipeline import UnknownChoice
     from thingc.realize.store.local import StoreUnusable
 
+    if isinstance(fault, UnknownChoice | OutputError):
+        code = fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE
+        return Diagnostic(code=code, severity=Severity.ERROR, message=fault.message, help=fault.hint)
     if isinstance(fault, FileNotFoundError) and not _working_folder():
         return Diagnostic(
             code=Code.WORKING_FOLDER, severity=Severity.ERROR, message="the working folder is not there any more",

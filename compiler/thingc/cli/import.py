@@ -64,12 +64,8 @@ def run(arguments: argparse.Namespace) -> int:
     from thingc.importing import earlier_import, import_robot
 
     report = Report()
-    try:
-        packages = dict(_package(word) for word in arguments.package)
-        given = dict(_argument(word) for word in arguments.arg)
-    except common.WrongCommandLine as fault:
-        common.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
-        return common.USAGE
+    packages = dict(_package(word) for word in arguments.package)
+    given = dict(_argument(word) for word in arguments.arg)
     imported = import_robot(
         arguments.file, report, roots=arguments.root, repair=arguments.repair, packages=packages, arguments=given,
         meshes=not arguments.no_meshes,

@@ -38,13 +38,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Prints the answer; in text, diagnostics go to standard error."""
-    try:
-        common.require_document(arguments.document)
-        options = common.options_of(arguments)
-    except common.WrongCommandLine as fault:
-        common.print_found([fault.diagnostic], arguments.format, stream=sys.stderr, debug=False)
-        return common.USAGE
-    compilation = attempted(arguments.document, options, compile)
+    common.require_document(arguments.document)
+    compilation = attempted(arguments.document, common.options_of(arguments), compile)
     diagnostics = common.final(compilation.report, strict=arguments.strict)
     code = common.exit_code(diagnostics)
     assembly = compilation.assembly if code == 0 else None

@@ -31,14 +31,8 @@ def run(arguments: argparse.Namespace) -> int:
     from importlib.util import find_spec
 
     if find_spec("pygls") is None:
-        fault = common.WrongCommandLine("`thingc lsp` needs pygls, which is not installed", "pip install 'thingc[lsp]'")
-        common.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
-        return common.USAGE
-    try:
-        options = replace(common.options_of(arguments), progress=None, printed=None)
-    except common.WrongCommandLine as fault:
-        common.print_text([fault.diagnostic], stream=sys.stderr, debug=arguments.debug)
-        return common.USAGE
+        raise common.WrongCommandLine("`thingc lsp` needs pygls, which is not installed", "pip install 'thingc[lsp]'")
+    options = replace(common.options_of(arguments), progress=None, printed=None)
     from thingc import __version__
     from thingc.lsp.server import serve
 

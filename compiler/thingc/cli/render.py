@@ -65,15 +65,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 when the picture was written; diagnostics go to standard error."""
+    common.require_document(arguments.document)
+    options = common.options_of(arguments)
+    _check_output(arguments.output)
     try:
-        common.require_document(arguments.document)
-        options = common.options_of(arguments)
-        _check_output(arguments.output)
         diagnostics = attempted(arguments.document, options, partial(_render, arguments))
-    except common.WrongCommandLine as fault:
-        diagnostics = [fault.diagnostic]
-    except UnknownChoice as fault:
-        diagnostics = [Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
     except NoGraphics as fault:
         diagnostics = [Diagnostic(code=Code.NO_GRAPHICS, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
     common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)

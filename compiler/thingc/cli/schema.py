@@ -44,14 +44,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Writes the schemas; documents that are wrong are no fault here, they get the schema of their sound rest."""
     report = Report()
-    try:
-        options = common.options_of(arguments)
-        chosen = _workspaces(arguments.place, report)
-        if arguments.watch and len(chosen) > 1:
-            raise common.WrongCommandLine("--watch looks at one workspace", "start one for each")
-    except common.WrongCommandLine as fault:
-        common.print_text([fault.diagnostic], stream=sys.stderr, debug=arguments.debug)
-        return common.USAGE
+    options = common.options_of(arguments)
+    chosen = _workspaces(arguments.place, report)
+    if arguments.watch and len(chosen) > 1:
+        raise common.WrongCommandLine("--watch looks at one workspace", "start one for each")
     for workspace, only in chosen:
         if arguments.watch:
             _watch(workspace, only, arguments, options, report)

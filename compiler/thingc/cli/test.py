@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from thingc import pipeline
 from thingc.brief import counted
 from thingc.cli import common
-from thingc.diagnostics import Code, Diagnostic, Severity, Stage, shown_path
+from thingc.diagnostics import Diagnostic, Severity, Stage, shown_path
 from thingc.environment import Environment, attempted
 from thingc.pipeline import UnknownChoice
 from thingc.typos import did_you_mean
@@ -53,10 +53,8 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         common.require_document(arguments.document)
         diagnostics, name = attempted(arguments.document, common.options_of(arguments), partial(_run, arguments, results))
-    except UnknownChoice as fault:
-        diagnostics = [Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
-    except common.WrongCommandLine as fault:
-        diagnostics = [fault.diagnostic]
+    except (UnknownChoice, common.WrongCommandLine) as fault:
+        diagnostics = [common.of_exception(fault)]
     _tell(arguments, name, results, diagnostics)
     return common.exit_code(diagnostics)
 

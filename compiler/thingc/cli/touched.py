@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from collections.abc import Sequence
 
 from thingc.cli import common
@@ -37,15 +36,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0, whether anything is touched or not; 2 where git cannot say what has changed."""
-    try:
-        if arguments.null and arguments.format == "json":
-            raise common.WrongCommandLine("-0 and --format json are two forms of one answer", "leave one of them out")
-        paths = documents(
-            arguments.files, arguments.since, everything=arguments.all, roots=arguments.roots, store=arguments.store
-        )
-    except common.WrongCommandLine as fault:
-        common.print_found([fault.diagnostic], arguments.format, stream=sys.stderr, debug=False)
-        return common.USAGE
+    if arguments.null and arguments.format == "json":
+        raise common.WrongCommandLine("-0 and --format json are two forms of one answer", "leave one of them out")
+    paths = documents(arguments.files, arguments.since, everything=arguments.all, roots=arguments.roots, store=arguments.store)
     shown = [shown_path(path) for path in paths]
     if arguments.format == "json":
         common.print_json([], documents=shown)

@@ -18,7 +18,7 @@ from urllib.parse import quote
 from thingc import pipeline
 from thingc.building import Wish
 from thingc.cli import common
-from thingc.cli.watch import Lines, hopeless, refused, until_interrupted
+from thingc.cli.watch import Lines, hopeless, until_interrupted
 from thingc.diagnostics import Code, Diagnostic, shown_path
 from thingc.emit import Page, page_of
 from thingc.emit.artifact import MANIFEST
@@ -65,27 +65,23 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 after Ctrl-C, or when a build is opened; 2 where there is nothing to show."""
-    try:
-        if os.path.isdir(arguments.document) or _is_page(arguments.document):
-            return _open_build(arguments)
-        common.require_document(arguments.document)
-        options = common.options_of(arguments)
-        before, beside, turn = None, None, threading.Lock()
-        if arguments.against is not None:
-            common.require_document(arguments.against)
-            plain = replace(options, parameters={}, choices={})
-            if not os.path.samefile(arguments.against, arguments.document):
-                beside = _Beside(arguments, plain, turn)
-            else:
-                before, diagnostics = attempted(arguments.against, plain, _page)
-                if before is None:
-                    common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-                    return common.exit_code(diagnostics)
-        live = Live(arguments.document, options, partial(_wish, arguments), refused, writes=False, turn=turn)
-        server = _server(arguments)
-    except common.WrongCommandLine as fault:
-        common.print_text([fault.diagnostic], stream=sys.stderr, debug=arguments.debug)
-        return common.USAGE
+    if os.path.isdir(arguments.document) or _is_page(arguments.document):
+        return _open_build(arguments)
+    common.require_document(arguments.document)
+    options = common.options_of(arguments)
+    before, beside, turn = None, None, threading.Lock()
+    if arguments.against is not None:
+        common.require_document(arguments.against)
+        plain = replace(options, parameters={}, choices={})
+        if not os.path.samefile(arguments.against, arguments.document):
+            beside = _Beside(arguments, plain, turn)
+        else:
+            before, diagnostics = attempted(arguments.against, plain, _page)
+            if before is None:
+                common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+                return common.exit_code(diagnostics)
+    live = Live(arguments.document, options, partial(_wish, arguments), common.of_exception, writes=False, turn=turn)
+    server = _server(arguments)
     if before is not None:
         server.tell_against(before)
     lines = Lines(arguments, "showing")
@@ -117,7 +113,7 @@ def _shown(live: Live, made: Round) -> tuple[Round, Page | None, list[dict[str, 
         try:
             page = page_of(pipeline.request_of(environment, made.built.compilation))
         except Exception as fault:  # the next save may mend it
-            made = replace(made, good=False, diagnostics=(*made.diagnostics, refused(fault)))
+            made = replace(made, good=False, diagnostics=(*made.diagnostics, common.of_exception(fault)))
     return made, page, findings_of(made.diagnostics, environment.workspace)
 
 
@@ -127,7 +123,8 @@ class _Beside:
 
     def __init__(self, arguments: argparse.Namespace, options: Options, turn: threading.Lock) -> None:
         self._turn = turn
-        self._live = Live(arguments.against, options, lambda: Wish(targets=(), strict=arguments.strict), refused, writes=False, turn=turn)
+        wish = Wish(targets=(), strict=arguments.strict)
+        self._live = Live(arguments.against, options, lambda: wish, common.of_exception, writes=False, turn=turn)
         self._lines = Lines(arguments, of=shown_path(arguments.against))
         self._stop = threading.Event()
 

@@ -17,10 +17,8 @@ from thingc.building import Wish
 from thingc.cli import common, interrupts
 from thingc.cli.build import answer_of, tell, wish_of
 from thingc.cli.targets import add_building, chosen_targets
-from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
+from thingc.diagnostics import Diagnostic, shown_path
 from thingc.live import Live, Round
-from thingc.output import OutputError
-from thingc.pipeline import UnknownChoice
 from thingc.printing import as_json
 from thingc.shown import json_text
 
@@ -67,17 +65,7 @@ def live_of(arguments: argparse.Namespace) -> Live:
         targets, wrong = chosen_targets(arguments)
         return wrong or wish_of(arguments, targets)
 
-    return Live(arguments.document, options, wish, refused, common.say_waiting)
-
-
-def refused(fault: Exception) -> Diagnostic:
-    """An exception that ended a round, in words."""
-    if isinstance(fault, UnknownChoice | OutputError):
-        code = fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE
-        return Diagnostic(code=code, severity=Severity.ERROR, message=fault.message, help=fault.hint)
-    if isinstance(fault, common.WrongCommandLine):
-        return fault.diagnostic
-    return common.of_exception(fault)
+    return Live(arguments.document, options, wish, common.of_exception, common.say_waiting)
 
 
 def until_interrupted(live: Live, hear: Callable[[Round], None]) -> int:

@@ -39,19 +39,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Prints the reason; exit code 2 for an occurrence that is not there."""
-    try:
-        if (arguments.occurrence is None) != arguments.losses:
-            raise common.WrongCommandLine(
-                "`why` wants an occurrence, or --losses", "write for example: thingc why assemblies/arm.yaml hand/cap"
-            )
-        common.require_document(arguments.document)
-        options = common.options_of(arguments)
-        diagnostics = attempted(arguments.document, options, partial(_answered, arguments))
-        code = common.exit_code(diagnostics)
-    except common.WrongCommandLine as fault:
-        diagnostics, code = [fault.diagnostic], common.USAGE
+    if (arguments.occurrence is None) != arguments.losses:
+        raise common.WrongCommandLine(
+            "`why` wants an occurrence, or --losses", "write for example: thingc why assemblies/arm.yaml hand/cap"
+        )
+    common.require_document(arguments.document)
+    diagnostics = attempted(arguments.document, common.options_of(arguments), partial(_answered, arguments))
     common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-    return code
+    return common.exit_code(diagnostics)
 
 
 def _answered(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
