@@ -102,8 +102,6 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.page_only:
             return _page(arguments, options)
         summary = _build(arguments, options, targets, timeout)
-    except common.WrongCommandLine as fault:
-        return _refuse(arguments, [fault.diagnostic])
     except PlanError as fault:
         return _refuse(arguments, fault.diagnostics)
     except BatchFault as fault:

@@ -74,13 +74,11 @@ def run(arguments: argparse.Namespace) -> int:
         with ExitStack() as stack:
             answer = _answer(arguments, wanted, options, stack)
     except UnknownSide as fault:
-        return _refused(arguments, common.WrongCommandLine(str(fault), fault.hint))
+        raise common.WrongCommandLine(str(fault), fault.hint) from fault
     except NotARepository as fault:
-        return _refused(arguments, common.WrongCommandLine(f"git cannot say: {fault}", "run this in a repository, or name two documents"))
+        raise common.WrongCommandLine(f"git cannot say: {fault}", "run this in a repository, or name two documents") from fault
     except NoGraphics as fault:
-        return _refused(arguments, common.WrongCommandLine(fault.message, fault.hint, Code.NO_GRAPHICS))
-    except common.WrongCommandLine as fault:
-        return _refused(arguments, fault)
+        raise common.WrongCommandLine(fault.message, fault.hint, Code.NO_GRAPHICS) from fault
     if isinstance(answer, BrokenSide):
         if arguments.format == "json":
             common.print_json(answer.diagnostics)
@@ -90,9 +88,8 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         pictures = _written(arguments, answer)
     except OSError as fault:
-        return _refused(arguments, common.WrongCommandLine(
-            f"cannot write `{fault.filename}`: {(fault.strerror or str(fault)).lower()}", "choose another file", Code.OUTPUT,
-        ))
+        message = f"cannot write `{fault.filename}`: {(fault.strerror or str(fault)).lower()}"
+        raise common.WrongCommandLine(message, "choose another file", Code.OUTPUT) from fault
     if arguments.format == "json":
         common.print_data(as_json(answer))
     elif arguments.format == "markdown":
@@ -122,12 +119,6 @@ def _written(arguments: argparse.Namespace, answer: Differences) -> Callable[[st
             with open(place(name, key), "wb") as stream:
                 stream.write(png)
     return place
-
-
-def _refused(arguments: argparse.Namespace, fault: common.WrongCommandLine) -> int:
-    form = arguments.format if arguments.format == "json" else "text"
-    common.print_found([fault.diagnostic], form, stream=sys.stderr, debug=False)
-    return common.USAGE
 
 
 def fail_on(words: Sequence[str]) -> frozenset[str]:

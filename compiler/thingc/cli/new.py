@@ -9,7 +9,7 @@ import shlex
 import sys
 
 from thingc.cli import common
-from thingc.diagnostics import Diagnostic, Report, shown_path
+from thingc.diagnostics import Report, shown_path
 from thingc.load.paths import DOCUMENT_SUFFIXES
 from thingc.load.scalars import core_value
 from thingc.output import OutputError, write_new
@@ -46,14 +46,13 @@ def run(arguments: argparse.Namespace) -> int:
         name = robot_name(arguments.place)
         files = files_of(arguments.template, name)
         folder = write_new(arguments.place, files, lambda fresh: _wire(fresh, report))
-    except common.WrongCommandLine as fault:
-        return _refuse(fault.diagnostic)
     except ValueError as fault:
         hint = f"write for example `thingc new {name}_robot`"
-        return _refuse(common.WrongCommandLine(f"a robot cannot be called so: {fault}", hint).diagnostic)
+        raise common.WrongCommandLine(f"a robot cannot be called so: {fault}", hint) from fault
     except OutputError as fault:
         fault.diagnose(report)
-        return _refuse(*report.diagnostics)
+        common.print_text(report.diagnostics, stream=sys.stderr, debug=False)
+        return common.exit_code(report.diagnostics)
     common.say(*_next_steps(arguments, folder, name))
     return 0
 
@@ -132,8 +131,3 @@ def _next_steps(arguments: argparse.Namespace, folder: str, name: str) -> list[s
         scene = f"build/{name}/mjcf/scene_{mode[1] if mode else 'default'}.xml"
         steps.insert(-2, (f"python -m mujoco.viewer --mjcf={scene}", "steps it"))
     return [*said, "", *(f"  {command:{width}}   {what}".rstrip() for command, what in steps)]
-
-
-def _refuse(*diagnostics: Diagnostic) -> int:
-    common.print_text(diagnostics, stream=sys.stderr, debug=False)
-    return common.exit_code(diagnostics)
