@@ -37,6 +37,11 @@ def dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
+def added(a: Vector, b: Vector, factor: float) -> Vector:
+    """`a + factor b`."""
+    return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
+
+
 def cross(a: Vector, b: Vector) -> Vector:
     """The vector product `a x b`."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

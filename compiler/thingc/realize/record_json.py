@@ -131,7 +131,7 @@ def record_from_json(value: Any, root: str) -> PartRecord:
         centre=vector_from_json(value["centre"]), inertia=matrix_from_json(value["inertia"]),
         box=None if box is None else (vector_from_json(box[0]), vector_from_json(box[1])),
         mounts={
-            name: MountRecord(pose=_read_pose(pose), interface=interface, tolerance=tolerance)
+            name: MountRecord(pose=pose_from_json(pose), interface=interface, tolerance=tolerance)
             for name in value["mount_order"]
             for pose, interface, tolerance in (value["mounts"][name],)
         },
@@ -186,14 +186,15 @@ def _primitive(primitive: Primitive) -> Any:
 
 def _read_primitive(value: Any) -> Primitive:
     shape, size, pose = value
-    return Primitive(shape=shape, size=tuple(size), pose=_read_pose(pose))
+    return Primitive(shape=shape, size=tuple(size), pose=pose_from_json(pose))
 
 
 def _pose(pose: Pose) -> Any:
     return [*pose.rotation[0], *pose.rotation[1], *pose.rotation[2], *pose.translation]
 
 
-def _read_pose(value: Any) -> Pose:
+def pose_from_json(value: Any) -> Pose:
+    """The rows of a rotation, then a translation: twelve numbers."""
     a, b, c, d, e, f, g, h, i, x, y, z = value
     return Pose(rotation=((a, b, c), (d, e, f), (g, h, i)), translation=(x, y, z))
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from thingc.brief import Brief
 from thingc.frozen import dataclass
 from thingc.inertia import MassProperties
-from thingc.pose import Matrix, Vector
+from thingc.pose import Matrix, Vector, added
 
 UPRIGHT: Vector = (0.0, 0.0, 1.0)
 """How a part lies on the printer where nobody says: as it is modelled."""
@@ -70,10 +70,10 @@ class Moments(Brief):
         """With a share of some other matter."""
         return Moments(
             volume=self.volume + share * other.volume,
-            first=_added(self.first, other.first, share),
+            first=added(self.first, other.first, share),
             second=(
-                _added(self.second[0], other.second[0], share), _added(self.second[1], other.second[1], share),
-                _added(self.second[2], other.second[2], share),
+                added(self.second[0], other.second[0], share), added(self.second[1], other.second[1], share),
+                added(self.second[2], other.second[2], share),
             ),
         )
 
@@ -111,7 +111,3 @@ class Unsliced:
     """Why a part cannot be cut into layers, in words that follow its name."""
 
     reason: str
-
-
-def _added(a: Vector, b: Vector, share: float) -> Vector:
-    return (a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2])

@@ -12,7 +12,7 @@ import re
 import tempfile
 from typing import Any
 
-from thingc.pose import Pose
+from thingc.realize.record_json import pose_from_json
 from thingc.realize.store.local import Store
 from thingc.realize.worker.kernel.step_order import settled, without_noise
 
@@ -103,7 +103,7 @@ def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Stor
                 colors.SetColor(shapes.AddSubShape(label, children.Value()), color, XCAFDoc_ColorType.XCAFDoc_ColorSurf)
                 children.Next()
         outer, _, own = instance["path"].rpartition("/")
-        placed = TopLoc_Location(transformation(_pose(instance["pose"])))
+        placed = TopLoc_Location(transformation(pose_from_json(instance["pose"])))
         component = shapes.AddComponent(group(outer), definitions[shared], placed)
         _name(component, own)
         if color is not None and not several:
@@ -135,11 +135,6 @@ def _read(store: Store, sha256: str) -> Any:
     shape = TopoDS_Shape()
     BinTools.Read_s(shape, io.BytesIO(store.read(sha256)))
     return shape
-
-
-def _pose(numbers: list[float]) -> Pose:
-    a, b, c, d, e, f, g, h, i, x, y, z = numbers
-    return Pose(rotation=((a, b, c), (d, e, f), (g, h, i)), translation=(x, y, z))
 
 
 def _neutral(data: bytes, name: str) -> bytes:

@@ -18,7 +18,7 @@ from OCP.gp import gp_Pnt
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopoDS import TopoDS
 
-from thingc.pose import IDENTITY, Matrix, Pose, Vector, cross, dot, rotate, transpose
+from thingc.pose import IDENTITY, Matrix, Pose, Vector, added, cross, dot, rotate, transpose
 from thingc.primitives import Primitive, PrimitiveShape
 from thingc.realize.worker.kernel import convert
 from thingc.realize.worker.kernel.measure import bounding_box, explored, integrals
@@ -101,7 +101,7 @@ def _box(planes: list[_Line], size: float) -> Primitive | None:
     if len(pairs) != 3 or any(abs(dot(a, b)) > SAME for (a, _), (b, _) in itertools.combinations(pairs, 2)):
         return None
     a = pairs[0][0]
-    b = _unit(_sum(pairs[1][0], a, -dot(pairs[1][0], a)))
+    b = _unit(added(pairs[1][0], a, -dot(pairs[1][0], a)))
     axes = (a, b, _unit(cross(a, b)))
     middles: list[float] = []
     halves: list[float] = []
@@ -122,10 +122,10 @@ def _cylinder(cylinders: list[tuple[_Line, float]], planes: list[_Line], size: f
     if side is None or not all(_parallel(normal, side[0][1]) for _, normal in planes):
         return None
     (point, axis), radius = side
-    ends = _two((dot(_sum(other, point, -1.0), axis) for other, _ in planes), size)
+    ends = _two((dot(added(other, point, -1.0), axis) for other, _ in planes), size)
     if ends is None:
         return None
-    middle = _sum(point, axis, (ends[0] + ends[1]) / 2.0)
+    middle = added(point, axis, (ends[0] + ends[1]) / 2.0)
     return _made("cylinder", (radius, (ends[1] - ends[0]) / 2.0), _shortest_turn(axis), middle)
 
 
@@ -136,10 +136,10 @@ def _capsule(cylinders: list[tuple[_Line, float]], spheres: list[tuple[Vector, f
     (point, axis), radius = side
     if any(abs(other - radius) > SAME * size or _beside(centre, point, axis) > SAME * size for centre, other in spheres):
         return None
-    ends = _two((dot(_sum(centre, point, -1.0), axis) for centre, _ in spheres), size)
+    ends = _two((dot(added(centre, point, -1.0), axis) for centre, _ in spheres), size)
     if ends is None:
         return None
-    middle = _sum(point, axis, (ends[0] + ends[1]) / 2.0)
+    middle = added(point, axis, (ends[0] + ends[1]) / 2.0)
     return _made("capsule", (radius, (ends[1] - ends[0]) / 2.0), _shortest_turn(axis), middle)
 
 
@@ -203,12 +203,7 @@ def _parallel(a: Vector, b: Vector) -> bool:
 
 def _beside(point: Vector, origin: Vector, axis: Vector) -> float:
     """The distance of a point from a line."""
-    return math.hypot(*cross(_sum(point, origin, -1.0), axis))
-
-
-def _sum(a: Vector, b: Vector, factor: float) -> Vector:
-    """a + factor b."""
-    return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
+    return math.hypot(*cross(added(point, origin, -1.0), axis))
 
 
 def _scaled(a: Vector, factor: float) -> Vector:
