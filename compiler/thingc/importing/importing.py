@@ -63,9 +63,7 @@ def import_robot(
         return None
     before = earlier(plain_name(robot.name, "robot"))
     links = [link.name for link in robot.links]
-    for name in roots:
-        if name not in links:
-            report.add(Code.COMMAND_LINE, f"--root {name}: there is no such link", None, help=did_you_mean(name, links, what="links"))
+    _check_roots(roots, links, report)
     if update and before is not None:
         roots, repair = [*(name for name in before.roots if name in links), *roots], repair or before.repair
         meshes = meshes and before.with_meshes
@@ -97,6 +95,13 @@ def import_robot(
     )
     asked = {"roots": roots, "repair": repair, "meshes": meshes}
     return replace(imported, files={**imported.files, RECORD: _record(imported, written, asked, path, data)})
+
+
+def _check_roots(roots: Sequence[str], links: Sequence[str], report: Report) -> None:
+    """Say of each root that is asked for and is no link that there is none."""
+    for name in roots:
+        if name not in links:
+            report.add(Code.COMMAND_LINE, f"--root {name}: there is no such link", None, help=did_you_mean(name, links, what="links"))
 
 
 def _content(path: str, report: Report) -> bytes | None:
