@@ -174,6 +174,7 @@ def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet:
     """Where a name goes: the nearest place around the origin that nothing has taken yet and that is in the picture; where there is
     none, the one that covers least."""
     best: tuple[float, Box] | None = None
+    others = np.array(taken)
     for ring in range(1, 12):
         for turn in range(16):
             angle = math.radians(-30.0 + 22.5 * turn)
@@ -181,7 +182,7 @@ def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet:
             middle = origin + direction * (10.0 * scale * ring + np.abs(direction) * size / 2.0)
             box = (*(middle - np.array(size) / 2.0).tolist(), *(middle + np.array(size) / 2.0).tolist())
             outside = max(0.0, -box[0], -box[1], box[2] - sheet[0], box[3] - sheet[1])
-            covered = sum(_common(box, other) for other in taken) + 1e3 * outside
+            covered = _shared(box, others) + 1e3 * outside
             if covered == 0.0:
                 return box
             if best is None or covered < best[0]:
@@ -190,6 +191,8 @@ def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet:
     return best[1]
 
 
-def _common(a: Box, b: Box) -> float:
-    """The area that two boxes share."""
-    return max(0.0, min(a[2], b[2]) - max(a[0], b[0])) * max(0.0, min(a[3], b[3]) - max(a[1], b[1]))
+def _shared(box: Box, others: Array) -> float:
+    """The area that a box shares with others (n, 4), summed."""
+    across = np.minimum(box[2], others[:, 2]) - np.maximum(box[0], others[:, 0])
+    down = np.minimum(box[3], others[:, 3]) - np.maximum(box[1], others[:, 1])
+    return float(sum((across * down)[(across > 0.0) & (down > 0.0)].tolist()))
