@@ -133,13 +133,13 @@ def test_distances_of_random_primitives_are_mujocos(tmp_path: Path) -> None:
     assert apart > 10 and together > 5
 
 
-def test_two_hundred_positions_of_the_arm_take_seconds(root: Path, rig: Workspace) -> None:
+def test_fifty_positions_of_the_arm_take_seconds(root: Path, rig: Workspace) -> None:
     shutil.copytree(root / "assemblies", rig.folder / "assemblies")
     shutil.copytree(root / "parts", rig.folder / "parts", dirs_exist_ok=True)
     document = rig.folder / "assemblies" / "arm.yaml"
     text = document.read_text().partition("\ntests:")[0]
-    document.write_text(f"{text}\ntests:\n  sweep: {{no_collision: {{joints: {{'*': all}}, samples: 200}}}}\n")
+    document.write_text(f"{text}\ntests:\n  sweep: {{no_collision: {{joints: {{'*': all}}, samples: 50}}}}\n")
     started = time.process_time()  # of this process alone, whatever else the machine does
     code, out, _ = rig.run(str(document))
-    assert time.process_time() - started < 30
-    assert code == 1 and "TC655" in out and "200 positions" in out
+    assert time.process_time() - started < 8
+    assert code == 1 and "TC655" in out and "50 positions" in out
