@@ -213,6 +213,19 @@ def modules() -> list[Path]:
     return sorted(path for path in PACKAGE.rglob("*.py") if path.parent == begun or begun not in path.parents)
 
 
+@cache
+def tree(path: Path) -> ast.Module:
+    """A module as Python reads it."""
+    return ast.parse(path.read_text())
+
+
+@pytest.fixture(scope="module", autouse=True)
+def read_once() -> Iterator[None]:
+    """Trees are kept for all tests here, and no longer: they take much room."""
+    yield
+    tree.cache_clear()
+
+
 def room_of(path: Path) -> str:
     first = path.relative_to(PACKAGE).parts[0]
     return first.removesuffix(".py")
@@ -222,7 +235,7 @@ def room_of(path: Path) -> str:
 def imported(path: Path) -> frozenset[str]:
     """Every module that a file names in an import, wherever it stands."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -246,7 +259,7 @@ def test_satellites_use_the_door(satellite: str) -> None:
     below = BASE | {"printing", "archives", "csvcell", "webpage", "watching", "line_process", satellite}
     seen: dict[str, set[str]] = {}
     for path in (PACKAGE / satellite).rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(tree(path)):
             for module, name in named_in(node):
                 if module.split(".")[0] not in below:
                     seen.setdefault(module, set()).add("*" if module in TYPES else name)
@@ -291,7 +304,7 @@ def test_optional_dependencies_stay_optional() -> None:
     wanted = optional | {f"thingc.{name}" for name in OF_EXTRAS}
     at_once = {
         path.relative_to(PACKAGE).with_suffix("").as_posix().replace("/", ".") for path in modules()
-        for node in at_run_time(ast.parse(path.read_text()), called=False)
+        for node in at_run_time(tree(path), called=False)
         for name in ([alias.name for alias in node.names] if isinstance(node, ast.Import) else [getattr(node, "module", None) or ""])
         if name in wanted or name.split(".")[0] in wanted
     }
@@ -327,7 +340,7 @@ def test_tables_by_closed_sets_are_whole() -> None:
     asked, missing = set(), {}
     for path in modules():
         name = ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__")
-        for node in ast.parse(path.read_text()).body:
+        for node in tree(path).body:
             table = re.match(r"(\w+): (?:dict|Mapping)\[([A-Z]\w+), ", ast.unparse(node)) if isinstance(node, ast.AnnAssign) else None
             if table is None or table[2] in ("Any", "Code", "Path"):
                 continue
@@ -345,7 +358,7 @@ def test_no_module_needs_itself() -> None:
     names = {".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path for path in modules()}
     graph = networkx.DiGraph()
     for name, path in names.items():
-        for node in at_run_time(ast.parse(path.read_text())):
+        for node in at_run_time(tree(path)):
             if isinstance(node, ast.ImportFrom):
                 wanted = {f"{node.module}.{alias.name}" for alias in node.names}
                 graph.add_edges_from((name, one if one in names else node.module) for one in wanted)
@@ -375,7 +388,7 @@ def test_the_path_of_check_is_light(path: Path) -> None:
 def test_every_public_name_has_a_docstring() -> None:
     missing = []
     for path in modules():
-        for node in ast.parse(path.read_text()).body:
+        for node in tree(path).body:
             if not isinstance(node, ast.FunctionDef | ast.ClassDef) or node.name.startswith("_"):
                 continue
             if ast.get_docstring(node) is None:
@@ -395,7 +408,7 @@ def test_a_class_name_means_one_class() -> None:
     """`modes` is read beside a simulation, without the compiler: it has joints, links and modes of its own."""
     places: dict[str, set[str]] = {}
     for path in modules():
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(tree(path)):
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_") and room_of(path) != "modes":
                 places.setdefault(node.name, set()).add(path.relative_to(PACKAGE).as_posix())
     assert places and {name: sorted(files) for name, files in places.items() if len(files) > 1} == {}
@@ -428,7 +441,7 @@ def test_warnings_of_documents_can_be_allowed() -> None:
     passes = {"load", "spec", "checks", "resolve", "graph", "robot", "emit", "testing"}
     warned: dict[str, bool] = {}
     for path in modules():
-        for node in ast.walk(ast.parse(path.read_text())) if room_of(path) in passes else ():
+        for node in ast.walk(tree(path)) if room_of(path) in passes else ():
             if not isinstance(node, ast.Call) or not node.args:
                 continue
             code = node.args[0]
@@ -447,7 +460,7 @@ def test_what_commands_print_goes_through_one_place() -> None:
     """`common.say` and the forms of diagnostics show what documents hold as text; a plain `print` would hand on escape sequences."""
     plain = [
         f"{path.name}:{node.lineno}" for path in (PACKAGE / "cli").glob("*.py") if path.name != "common.py"
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in ast.walk(tree(path))
         if isinstance(node, ast.Call) and (
             isinstance(node.func, ast.Name) and node.func.id == "print"
             or isinstance(node.func, ast.Attribute) and node.func.attr == "write" and "sys.std" in ast.unparse(node.func)
