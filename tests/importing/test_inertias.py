@@ -107,6 +107,14 @@ def test_what_stands_still_may_weigh_nothing_but_not_just_anything(tmp_path: Pat
     assert import_robot(str(path), Report()) is not None
 
 
+def test_products_that_are_rounding_are_not_written(tmp_path: Path) -> None:
+    """Of 0.01 kg m^2, below 1e-17; those that are small and meant are."""
+    links = LINK.format(name="arm", mass=1, ixx=0.01).replace('ixy="0" ixz="0"', 'ixy="-4e-18" ixz="-4e-12"')
+    imported = import_robot(str(written(tmp_path, links, "")), Report())
+    assert imported is not None
+    assert "inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2, ixz: -4e-12 kg*m^2}" in imported.files["robot.yaml"].decode()
+
+
 def test_the_nearest_is_nearest() -> None:
     """No other inertia that a solid has is nearer, of a thousand beside it; one that is sound stays."""
     random = numpy.random.default_rng(3)

@@ -42,6 +42,16 @@ def test_macros_includes_and_packages(bot: Path) -> None:
     assert imported is not None and [link.name for link in imported.robot.links] == ["base", "left_arm"]
 
 
+def test_an_argument_that_only_yaml_uses(bot: Path) -> None:
+    """Which nobody reads but xacro: then any is passed on."""
+    (bot.parent / "side.yaml").write_text("left: $(arg side)\n")
+    assert [d.message for d in read(bot, side="port")[1]] == ["--arg side: the file has no such argument"]
+    text = bot.read_text().replace("0.5 * 2", "1.0 if xacro.load_yaml('side.yaml')['left'] == 'port' else 2.0")
+    bot.write_text(text)
+    imported, said = read(bot, side="port")
+    assert imported is not None and said == []
+
+
 @pytest.mark.parametrize(("file", "old", "new", "words", "line"), [
     ("arm.xacro", '"${mass}"', '"${mas}"', "name 'mas' is not defined", 5),
     ("arm.xacro", 'link="base"', 'link="bse"', "the parent of joint `left_shoulder` is the link `bse`", 9),

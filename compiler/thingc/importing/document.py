@@ -25,6 +25,8 @@ from thingc.layout import format_document
 from thingc.pose import MATE, NO_POSE, Pose, Vector, along, shifted
 
 _ALIGNED = 1e-12
+ROUNDED = 1e-15
+"""Products of inertia below it, of the largest moment, are rounding of whoever worked them out."""
 FACING = ("planar", "ball")
 """Kinds of joints whose mounts face each other: they have no one axis."""
 FRICTION = ("slide", "torsion", "roll")
@@ -118,7 +120,9 @@ class _Document(Words):
         i = of.inertia
         if any(map(any, i)):
             products = {"ixy": i[0][1], "ixz": i[0][2], "iyz": i[1][2]}
-            moments = {"ixx": i[0][0], "iyy": i[1][1], "izz": i[2][2], **{key: value for key, value in products.items() if value}}
+            moments = {"ixx": i[0][0], "iyy": i[1][1], "izz": i[2][2]}
+            least = ROUNDED * max(map(abs, moments.values()))
+            moments |= {key: value for key, value in products.items() if abs(value) > least}
             said = {key: quantity(value, "kg*m^2") for key, value in moments.items()}
             yield from _mapping("inertia", {"value": f"{{{_entries(said)}}}", "source": "repaired"} if mended else said)
 

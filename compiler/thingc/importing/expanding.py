@@ -52,8 +52,11 @@ def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str
 
 
 def _are_known(arguments: Mapping[str, str], files: Sequence[str], report: Report) -> bool:
-    """Whether the files have each of the arguments; xacro passes over others, which are reported."""
+    """Whether the files have each of the arguments; xacro passes over others, which are reported. What YAML uses that is loaded, nobody
+    knows."""
     texts = [Path(file).read_text(encoding="utf-8", errors="replace") for file in files]
+    if any("load_yaml" in text for text in texts):
+        return True
     known = {name for text in texts for pattern in _ARGUMENTS for name in pattern.findall(text)}
     for name in (one for one in arguments if one not in known):
         help = did_you_mean(name, sorted(known), what="arguments") or "leave it out"
