@@ -10,6 +10,8 @@ from thingc.frozen import dataclass
 from thingc.inertia import MassProperties
 from thingc.pose import NO_POSE, Matrix, Pose, Vector, dot, transpose
 
+FARTHEST = 1e6
+"""Metres: of what reaches much further no inertia can be worked out."""
 PrimitiveShape = Literal["box", "cylinder", "capsule", "sphere", "ellipsoid", "plane"]
 
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 from thingc.diagnostics import Code, Report
 from thingc.files import beginning
 from thingc.frozen import dataclass
+from thingc.importing.bounds import refuse_endless
 from thingc.importing.document import Draft, document_of
 from thingc.importing.expanding import expanded
 from thingc.importing.inertias import Repair, Repaired, repaired, warn_of_mirror_pairs
@@ -61,6 +62,7 @@ def import_robot(
     robot = None if data is None else _read(path, data, arguments or {}, places, report)
     if data is None or robot is None:
         return None
+    refuse_endless(robot, report)
     before = earlier(plain_name(robot.name, "robot"))
     links = [link.name for link in robot.links]
     _check_roots(roots, links, report)

@@ -16,6 +16,7 @@ from thingc.importing.model import SourceLoss, SourceRobot, SourceShape
 from thingc.importing.naming import distinct
 from thingc.importing.packages import NotFound, Packages
 from thingc.inertia import MassProperties
+from thingc.meshes import BadMesh, bounded, measured, mesh_file
 
 READ = (".stl", ".obj", ".dae", ".ply", ".glb")
 FOLDER = "meshes"
@@ -30,7 +31,6 @@ def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | No
     is in the store then, where the first build finds it."""
 
     def matter(shape: SourceShape) -> MassProperties | None:
-        from thingc.meshes import BadMesh, measured, mesh_file
         from thingc.realize.store.shared import opened
 
         try:
@@ -103,6 +103,9 @@ def gathered(
                 raise NotFound(f"`{uri}` is no mesh that is read: {', '.join(f'`{one}`' for one in READ)}", "`--no-meshes` leaves it out")
             with open(packages.find(uri), "rb") as stream:
                 contents[uri] = stream.read()
+            bounded(os.path.splitext(uri)[1].lower(), contents[uri])
+        except BadMesh as fault:
+            report.add(Code.SOURCE_FILE, f"`{uri}` {fault}", shape.where, help="export it anew, or leave all meshes out with `--no-meshes`")
         except NotFound as fault:
             report.add(Code.SOURCE_FILE, str(fault), shape.where, help=fault.help)
         except OSError as fault:

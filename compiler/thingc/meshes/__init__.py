@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from thingc.meshes.files import LARGEST, MeshFile, mesh_file
+from thingc.meshes.files import LARGEST, MeshFile, bounded, mesh_file
 from thingc.meshes.kept import measured, mesh_records
 from thingc.meshes.record import BadMesh, MeshPiece, MeshRecord
 
-__all__ = ["LARGEST", "BadMesh", "MeshFile", "MeshPiece", "MeshRecord", "measured", "mesh_file", "mesh_records"]
+__all__ = ["LARGEST", "BadMesh", "MeshFile", "MeshPiece", "MeshRecord", "bounded", "measured", "mesh_file", "mesh_records"]

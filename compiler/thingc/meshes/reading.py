@@ -14,18 +14,14 @@ import numpy as np
 import trimesh
 
 from thingc.inertia import MassProperties, symmetric
-from thingc.meshes.files import LARGEST, MeshFile
+from thingc.meshes.files import LARGEST, MOST, MeshFile, bounded, is_text
 from thingc.meshes.record import BadMesh, MeshPiece, MeshRecord
+from thingc.primitives import FARTHEST
 from thingc.realize.record import Mesh
 from thingc.realize.store.local import Store
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-MOST = 5_000_000
-"""Triangles of a mesh file."""
-FARTHEST = 1e6
-"""Metres: of what reaches much further no inertia can be worked out."""
 
 MUJOCO_MOST = 200_000
 """Triangles of an STL file that MuJoCo reads."""
@@ -45,8 +41,6 @@ _MATERIALS = re.compile(rb"<bind_material\b.*?</bind_material>", re.DOTALL)
 """Of COLLADA, in effects a colour that is an image and what leads to images, and what materials a geometry has."""
 _FACE, _NEXT = (re.compile(rb"^[ \t]*%s[ \t]" % word, re.MULTILINE) for word in (b"f", b"[og]"))
 """Of an OBJ file, a line of a face, and one with which an object or a group begins."""
-_HEAD, _TRIANGLE = 84, 50
-"""Bytes of a binary STL file: before its triangles, and of each."""
 
 
 class _Beside(trimesh.resolvers.Resolver):
@@ -82,7 +76,7 @@ def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
         raise BadMesh(f"is larger than {LARGEST // 1_000_000} MB")
     if hashlib.sha256(data).hexdigest() != file.sha256:
         raise BadMesh("changes while it is read")
-    _bounded(file.suffix, data)
+    bounded(file.suffix, data)
     colored = [(color, _placed(file, data, corners)) for color, corners in _triangles(file, data)]
     count = sum(len(corners) for _, corners in colored)
     if count == 0:
@@ -114,27 +108,6 @@ def _in_order(several: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     together = np.concatenate(several)
     order: NDArray[np.int64] = np.lexsort(together.reshape(len(together), 9).T[::-1])
     return together[order]
-
-
-def _bounded(suffix: str, data: bytes) -> None:
-    """Raises `BadMesh` where a file says, before anybody makes room for them, that it has too many triangles, or is cut off."""
-    told: int | None = None
-    if suffix == ".stl" and not _is_text(data):
-        if len(data) < _HEAD:
-            raise BadMesh(f"is cut off: it has {len(data)} bytes, and a binary STL file begins with {_HEAD}")
-        told, there = int.from_bytes(data[80:84], "little"), (len(data) - _HEAD) / _TRIANGLE
-        if told != there:
-            raise BadMesh(f"says that it has {told} triangles, and there are bytes for {there:.6g}")
-    elif suffix == ".ply" and (match := re.search(rb"^element face (\d+)", data[:10_000], re.MULTILINE)):
-        told = int(match[1])
-    elif suffix == ".obj":
-        told = data.count(b"\nf ")
-    if told is not None and told > MOST:
-        raise BadMesh(f"has {told} triangles, and {MOST} at most are read")
-
-
-def _is_text(stl: bytes) -> bool:
-    return b"\0" not in stl[:_HEAD] and stl.lstrip()[:5].lower() == b"solid"
 
 
 def _triangles(file: MeshFile, data: bytes) -> Iterator[tuple[str | None, NDArray[np.float64]]]:
@@ -279,7 +252,7 @@ def _for_mujoco(file: MeshFile, data: bytes, count: int) -> bool:
         return False
     if file.suffix == ".obj":
         return _has_one_object(data)
-    return file.suffix == ".stl" and not _is_text(data) and count <= MUJOCO_MOST
+    return file.suffix == ".stl" and not is_text(data) and count <= MUJOCO_MOST
 
 
 def _has_one_object(obj: bytes) -> bool:

@@ -11,7 +11,7 @@ from thingc.diagnostics import Code
 from thingc.load.paths import MESH_SUFFIXES, SUFFIXES_WITH_UNIT, libraries, named
 from thingc.meshes import LARGEST, MeshFile, mesh_file
 from thingc.pose import NO_POSE, Pose, Vector
-from thingc.primitives import Primitive
+from thingc.primitives import FARTHEST, Primitive
 from thingc.realize.record import FILE_UNIT
 from thingc.resolve.layers import Layers
 from thingc.resolve.link_definition import LinkDefinition, ListedShape, link_of
@@ -101,15 +101,16 @@ def primitive(scope: Scope, spec: ShapeSpec | VolumeSpec, path: Path, pose: Pose
     at: Path = (*path, spec.kind)
     written = getattr(spec, spec.kind)
     sides: list[float | None]
+    length = partial(scope.number, most=FARTHEST)
     match spec.kind:
         case "box" | "ellipsoid":
-            sides = [scope.number(side, (*at, k), LENGTH, f"a length of the {spec.kind}", above=0.0) for k, side in enumerate(written)]
+            sides = [length(side, (*at, k), LENGTH, f"a length of the {spec.kind}", above=0.0) for k, side in enumerate(written)]
         case "plane":
-            sides = [scope.number(side, (*at, k), LENGTH, "a length of the plane", least=0.0) for k, side in enumerate(written)]
+            sides = [length(side, (*at, k), LENGTH, "a length of the plane", least=0.0) for k, side in enumerate(written)]
         case "sphere":
-            sides = [scope.number(written.radius, (*at, "radius"), LENGTH, "`radius`", above=0.0)]
+            sides = [length(written.radius, (*at, "radius"), LENGTH, "`radius`", above=0.0)]
         case "cylinder" | "capsule":
-            sides = [scope.number(getattr(written, key), (*at, key), LENGTH, f"`{key}`", above=0.0) for key in ("radius", "length")]
+            sides = [length(getattr(written, key), (*at, key), LENGTH, f"`{key}`", above=0.0) for key in ("radius", "length")]
         case "mesh":
             return None
         case _:
