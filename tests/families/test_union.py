@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 import thingc
+from thingc.families.specs import KeptSpec
+from thingc.families.texts import TextTemplate
 from thingc.output import OutputError
 from thingc.patching import differing
 from thingc.variants import apply
@@ -51,7 +53,7 @@ def levers(tmp_path_factory: pytest.TempPathFactory, root: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_each_moves_as_its_own_model(levers: Path, shared_store: str) -> None:
+def test_each_moves_as_its_own_model(levers: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
     many: list[dict[str, Any]] = [
         {"length": 0.08}, {"length": "95 mm"}, {"length": 0.08, "joints.hinge.dynamics.damping": 2e-5}, {"length": 0.095}, {"length": 9.0},
     ]
@@ -67,6 +69,14 @@ def test_each_moves_as_its_own_model(levers: Path, shared_store: str) -> None:
         found = models.forms.of(read[0][1]).plan_for(read[0][1])
         assert found is not None and found[0].exchange is not None
         assert all(found[0].outputs(one.values) is not None for _, one in read)
+        assert isinstance(found[0].made, TextTemplate) and models._specs[found[0].made] is not None  # for which no text is read
+        with monkeypatch.context() as wrong:
+            wrong.setattr(KeptSpec, "model", lambda *_: own[0])
+            models._specs.clear()
+            models._kept.clear()
+            for (_, one), model in zip(read, family.models(lengths), strict=True):
+                assert isinstance(model, mujoco.MjModel) and differing(model, models._compiled(one)) == []
+            assert set(models._specs.values()) == {None}
         evaluation = family._evaluation
         assert [one.results for one in family.evaluate(lengths)] == [evaluation._measured(one)[0] for _, one in read]
         results = evaluation.forms.of(read[0][1]).plan_for(read[0][1])

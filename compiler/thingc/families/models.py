@@ -7,11 +7,13 @@ from collections import OrderedDict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 from thingc import pipeline
 from thingc.diagnostics import Diagnostic, Report
 from thingc.emit import model_sources
 from thingc.families.results import NoModel
+from thingc.families.specs import KeptSpec, NotInSpec
 from thingc.families.texts import TextTemplate, plain_text
 from thingc.families.union import ModelSource
 from thingc.patching import TOGETHER, Arrays, NotInArrays, differing
@@ -52,6 +54,7 @@ class ModelsOfMode:
         self._files: mujoco.MjVfs | None = None
         self._held: dict[str, Stored] = {}
         self._made = 0
+        self._specs: WeakKeyDictionary[TextTemplate, KeptSpec | None] = WeakKeyDictionary()
         self._kept: OrderedDict[tuple[Read, bool], mujoco.MjModel] = OrderedDict()
 
     def each(self, many: Iterable[Item], *, share: bool) -> Iterator[mujoco.MjModel | NoModel]:
@@ -153,10 +156,30 @@ class ModelsOfMode:
 
     def _by_text(self, plan: NumericPlan[Any], template: TextTemplate, read: Read, outputs: tuple[float, ...]) -> mujoco.MjModel:
         exchanged = plan.exchanged(read.values)
-        if exchanged is None:
-            return self._load(template.text(outputs))
-        self._mount(exchanged.assets)
-        return self._load(template.text(outputs, exchanged.names))
+        meshes = () if exchanged is None else exchanged.names
+        if exchanged is not None:
+            self._mount(exchanged.assets)
+        spec = self._specs.get(template)
+        if spec is not None:
+            try:
+                return spec.model(outputs, meshes, self._files)
+            except ValueError:  # whatever is wrong is said of the text
+                self._specs[template] = None
+        text = template.text(outputs, meshes)
+        model = self._load(text)
+        if template not in self._specs:
+            self._specs[template] = self._kept_spec(template, text, outputs, meshes, model)
+        return model
+
+    def _kept_spec(
+        self, template: TextTemplate, text: str, outputs: tuple[float, ...], meshes: Sequence[str], model: mujoco.MjModel,
+    ) -> KeptSpec | None:
+        """A spec that gives the `model` of the text; None where there is none."""
+        try:
+            spec = KeptSpec(template, self._asked(text), meshes, self._files)
+            return None if differing(spec.model(outputs, meshes, self._files), model) else spec
+        except (NotInSpec, ValueError):
+            return None
 
     def _together(
         self, waiting: Sequence[tuple[Item, NumericPlan[Any], tuple[float, ...]]], share: bool,
@@ -266,7 +289,9 @@ class ModelsOfMode:
     def _load(self, text: str) -> mujoco.MjModel:
         import mujoco
 
+        return mujoco.MjModel.from_xml_string(self._asked(text), vfs=self._files)
+
+    def _asked(self, text: str) -> str:
         # MuJoCo has most meshes from before: threads for them cost more than they save.
         asked = 'usethread="false"' if self.visual else 'usethread="false" discardvisual="true"'
-        text = text.replace("<compiler ", f"<compiler {asked} ", 1)
-        return mujoco.MjModel.from_xml_string(text, vfs=self._files)
+        return text.replace("<compiler ", f"<compiler {asked} ", 1)

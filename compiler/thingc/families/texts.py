@@ -17,13 +17,15 @@ def plain_text(rehearsal: Rehearsal) -> str:
 
 class TextTemplate:
     """The text of a model with gaps. `outputs` are the numbers for them, in the order in which `text` takes their values; `why` it is not
-    `Arrays`. Where parts are exchanged there are gaps for the names of their `meshes`, too, which change from model to model."""
+    `Arrays`. Where parts are exchanged there are gaps for the names of their `meshes`, too, which change from model to model. `tokened` is
+    the text with a word in every gap, and `places` says which of the values it is for."""
 
     def __init__(self, rehearsal: Rehearsal, why: str = "", meshes: Sequence[str] = ()) -> None:
         tape = rehearsal.tape
         self.why = why
         self.outputs = [Traced(tape, line, tape.values[line]) for line in tape.written.values()]
-        places = {word: k for k, word in enumerate((*tape.written, *meshes))}
+        self.tokened = rehearsal.made.text
+        self.places = places = {word: k for k, word in enumerate((*tape.written, *meshes))}
         words = [re.escape(token) for token in tape.written]
         words += [rf'(?<="){re.escape(name)}(?=(?:\.obj)?")' for name in meshes]
         pieces = re.split(f"({'|'.join(words)})", rehearsal.made.text) if words else [rehearsal.made.text]
