@@ -78,9 +78,16 @@ def test_what_is_said_is_the_same(heap: Path, capsys: pytest.CaptureFixture[str]
     monkeypatch.setattr(check, "MANY", 0)
     apart = Said(heap, capsys, monkeypatch)
     assert apart.text == at_once.text and apart.code == 0
-    *each, together = apart.given
-    assert [len(one) for one in each] == [1] * len(together)
-    assert not {*together} & {one for (one,) in each}, "hulls, and of what is only drawn a tetrahedron"
+    *each, boxes, hulls = apart.given
+    assert [len(one) for one in each] == [1] * len(hulls)
+    assert max(boxes) < 700 and not {*hulls} & {one for (one,) in each}, "and of what is only drawn a tetrahedron"
+
+
+def test_what_is_not_near_is_seen_by_boxes(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    heap.write_text(DOCUMENT.replace("wrist: {xyz: 10 -5 5 mm}", "wrist: {xyz: 10 200 5 mm}"))
+    monkeypatch.setattr(check, "MANY", 0)
+    apart = Said(heap, capsys, monkeypatch)
+    assert apart.code == 0 and "TC611" not in apart.text and max(apart.given[-1]) < 700
 
 
 def test_what_is_wrong_is_found_where_it_is(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 from thingc.diagnostics import Code, Note, Report, Severity
 from thingc.emit.geometry import Geometry, MeshAsset
 from thingc.emit.mjcf import elements, start
-from thingc.emit.mjcf.known import Known, about_meshes, mesh_bytes, mujoco_version
+from thingc.emit.mjcf.known import Known, about_meshes, box_bytes, mesh_bytes, mujoco_version
 from thingc.emit.xml import Element, RawValue, Written, write
 from thingc.frozen import dataclass
 from thingc.memo import Memo
@@ -77,9 +77,9 @@ def check(
     settled: set[str] = set()
     touching = {shape.mesh for one in geometry.shapes for shape in one.collision if shape.mesh is not None}
     whole = any(about_meshes(one.root) for one in waiting)
-    hulls = {} if whole or not waiting else _one_by_one(known, touching if alike else ())
+    instead = [] if whole or not waiting else _one_by_one(known, touching if alike else ())
     looked = {one.mode for one in alike.values()}
-    for candidate, verdict, files in _verdicts(waiting, known, looked, touching, settled, hulls):
+    for candidate, verdict, files in _verdicts(waiting, known, looked, touching, settled, instead):
         if verdict.error is not None:
             _explain(candidate, files, report, scene_error=verdict.error)
             continue
@@ -102,39 +102,47 @@ def check(
 
 def _verdicts(
     candidates: Sequence[Candidate], known: Known, looked: Collection[str], touching: Collection[str], settled: Collection[str],
-    hulls: Mapping[str, bytes],
+    instead: Sequence[Mapping[str, bytes]],
 ) -> Iterator[tuple[Candidate, Verdict, Any]]:
     """What MuJoCo says of each scene, which holds all that the model in it does, and the files that it has read. Modes that are `looked` at
-    need the true meshes of what is `touching`, or their `hulls`, and come first; of the others those that are `settled` by then are left
-    out. One after the other, for it keeps what it reads among the files, so that two at once are given each other's models, or end the
-    process. It keeps the meshes of the first, too, and needs threads for these alone; and the textures, which are the same in all scenes,
-    it need not paint again."""
-    first = True
+    need the true meshes of what is `touching`, and come first; of the others those that are `settled` by then are left out. As long as
+    nothing is said, what stands `instead` of the true meshes will do (see `_one_by_one`). One after the other, for it keeps what it reads
+    among the files, so that two at once are given each other's models, or end the process. It keeps the meshes of the first, too, and needs
+    threads for these alone; and the textures, which are the same in all scenes, it need not paint again."""
+    first, standing = True, [*instead, {}]
     for true in (touching, ()):
         batch = [one for one in candidates if (one.mode in looked) is (true is touching) and one.mode not in settled]
         if not batch:
             continue
-        files = in_memory(known.data([one.root for one in batch], true, hulls))
+        files = in_memory(known.data([one.root for one in batch], true, standing[0]))
         for candidate in batch:
             model, scene = candidate.model.text, candidate.scene.text
             files[candidate.file] = (model if first else _without_threads(model)).encode()
             verdict = attempt(scene if first else _unpainted(scene), files)
-            if hulls and (verdict.error is not None or verdict.warnings):  # it is the files themselves that have to be spoken of
-                hulls, files = {}, in_memory(known.data([one.root for one in batch], true))
+            while len(standing) > 1 and not _will_do(verdict, candidate.robot, boxes=len(standing) > 2):
+                del standing[0]
+                files = in_memory(known.data([one.root for one in batch], true, standing[0]))
                 files[candidate.file] = model.encode()
                 verdict = attempt(scene, files)
             yield candidate, verdict, files
             first = False
 
 
-def _one_by_one(known: Known, touching: Collection[str]) -> dict[str, bytes]:
-    """Where meshes are too many for once, have MuJoCo take each by itself; and what it touches those of `touching` (names of meshes) as, by
-    file: convex hulls, in the numbers of the files. What anything is said against is left to be read with the model."""
+def _will_do(verdict: Verdict, robot: Robot, *, boxes: bool) -> bool:
+    """Whether nothing is said of a scene that has others in the place of its meshes; if these are boxes, nothing may be in another."""
+    return verdict.error is None and not verdict.warnings and not (boxes and start.look(verdict.model, robot).inside)
+
+
+def _one_by_one(known: Known, touching: Collection[str]) -> list[Mapping[str, bytes]]:
+    """Where meshes are too many for once, have MuJoCo take each by itself; and what may stand for those of `touching` (names of meshes), by
+    file: boxes around them, of which those that are not in each other hold nothing that is, then the convex hulls that MuJoCo touches. What
+    anything is said against is left to be read with the model."""
     waiting = known.unread(touching)
     if sum(mesh.stored.size for mesh in waiting) <= MANY:
-        return {}
+        return []
     import mujoco
 
+    boxes: dict[str, bytes] = {}
     hulls: dict[str, bytes] = {}
     for mesh in waiting:
         felt = mesh.name in touching
@@ -146,8 +154,9 @@ def _one_by_one(known: Known, touching: Collection[str]) -> dict[str, bytes]:
         if verdict.error is None and not verdict.warnings:
             known.accept_mesh(mesh)
             if felt:
-                hulls[mesh.file] = mesh_bytes(mesh.file, *_hull(verdict.model, mesh))
-    return hulls
+                corners, sides = _hull(verdict.model, mesh)
+                boxes[mesh.file], hulls[mesh.file] = box_bytes(mesh.file, corners), mesh_bytes(mesh.file, corners, sides)
+    return [boxes, hulls]
 
 
 def _hull(model: Any, mesh: MeshAsset) -> tuple[list[list[float]], list[list[int]]]:

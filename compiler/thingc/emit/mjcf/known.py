@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import itertools
 import json
 import os
 import re
@@ -30,6 +31,10 @@ HARMLESS = frozenset({"condim", "friction", "gap", "group", "margin", "priority"
 
 _CORNERS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _SIDES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
+_BOX_SIDES = (
+    (0, 1, 3), (0, 3, 2), (4, 7, 5), (4, 6, 7), (0, 4, 5), (0, 5, 1), (2, 7, 6), (2, 3, 7), (0, 2, 6), (0, 6, 4), (1, 7, 3), (1, 5, 7),
+)
+"""Of corners whose z changes first, then y, then x."""
 
 
 class Known:
@@ -80,17 +85,17 @@ class Known:
         self.store.note_json(START, self._key((key,)), True)
 
     def data(
-        self, models: Iterable[Element], true: Collection[str] = (), hulls: Mapping[str, bytes] = MappingProxyType({}),
+        self, models: Iterable[Element], true: Collection[str] = (), instead: Mapping[str, bytes] = MappingProxyType({}),
     ) -> dict[str, bytes]:
         """What MuJoCo shall read as each file: where it is not known, or has to be `true` (names of meshes), its bytes, or those of
-        `hulls`, else a tetrahedron.
+        `instead`, else a tetrahedron.
 
         All bytes are the files' own when the documents may change what MuJoCo makes of meshes.
         """
         whole = any(about_meshes(model) for model in models)
         files = {mesh.file for mesh in (self._meshes if whole else self.unread(true))}
         return {
-            mesh.file: tetrahedron(mesh.file) if mesh.file not in files else hulls.get(mesh.file) or self.store.read(mesh.stored.sha256)
+            mesh.file: tetrahedron(mesh.file) if mesh.file not in files else instead.get(mesh.file) or self.store.read(mesh.stored.sha256)
             for mesh in self._meshes
         }
 
@@ -136,6 +141,12 @@ def about_meshes(model: Element) -> bool:
 def tetrahedron(file: str) -> bytes:
     """A mesh that MuJoCo takes as any file of this name, and quickly."""
     return mesh_bytes(file, _CORNERS, _SIDES)
+
+
+def box_bytes(file: str, points: Sequence[Sequence[float]]) -> bytes:
+    """What a file of this name holds that is the box around points [n x 3]."""
+    low, high = (tuple(map(side, zip(*points, strict=True))) for side in (min, max))
+    return mesh_bytes(file, [*itertools.product(*zip(low, high, strict=True))], _BOX_SIDES)
 
 
 def mesh_bytes(file: str, corners: Sequence[Sequence[float]], sides: Sequence[Sequence[int]]) -> bytes:
