@@ -35,7 +35,7 @@ class Deflated:
 
 def zipped(entries: Mapping[str, bytes | Deflated]) -> bytes:
     """A zip file with these entries, sorted by name, the same bytes every time (layout: PKWARE APPNOTE.TXT 6.3)."""
-    body, directory = bytearray(), bytearray()
+    parts, directory, at = list[bytes](), bytearray(), 0  # joined once: meshes are large
     for name in sorted(entries):
         content, encoded = entries[name], name.encode()
         entry = deflate(content) if isinstance(content, bytes) else content
@@ -44,11 +44,12 @@ def zipped(entries: Mapping[str, bytes | Deflated]) -> bytes:
             "<HHHHHIIIHH", _VERSION, flags, _DEFLATED, TIME, DATE, entry.crc, len(entry.data), entry.size, len(encoded), 0
         )
         directory += b"PK\x01\x02" + struct.pack("<H", _UNIX | _VERSION) + common
-        directory += struct.pack("<HHHII", 0, 0, 0, _MODE, len(body)) + encoded
-        body += b"PK\x03\x04" + common + encoded + entry.data
+        directory += struct.pack("<HHHII", 0, 0, 0, _MODE, at) + encoded
+        parts += [b"PK\x03\x04" + common + encoded, entry.data]
+        at += _HEADER + len(encoded) + len(entry.data)
     count = len(entries)
-    end = b"PK\x05\x06" + struct.pack("<HHHHIIH", 0, 0, count, count, len(directory), len(body), 0)
-    return bytes(body + directory + end)
+    end = b"PK\x05\x06" + struct.pack("<HHHHIIH", 0, 0, count, count, len(directory), at, 0)
+    return b"".join([*parts, directory, end])
 
 
 def entries(archive: bytes) -> dict[str, Deflated]:
