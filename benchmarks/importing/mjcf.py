@@ -27,7 +27,6 @@ import thingc
 from importing.as_original import Pair, in_files
 from thingc.diagnostics import Report, Severity
 from thingc.importing import Imported, import_robot
-from thingc.importing.losses import Losses
 from thingc.importing.mjcf.flat import Flat
 from thingc.importing.mjcf.original import Original
 from thingc.importing.xml_source import read_xml
@@ -122,7 +121,7 @@ def read(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel) -> Original:
     """What a file has; what it gives no name has the one that the import has made up."""
     root = read_xml(str(file), file.read_bytes(), Report())
     assert root is not None
-    return Original(Flat(root=root, text="", lines=(), files={}, meshes={}, included=(), losses=Losses()), spec, theirs)
+    return Original(Flat(root=root, text="", lines=(), files={}, meshes={}, included=(), losses=()), spec, theirs)
 
 
 if __name__ == "__main__":
