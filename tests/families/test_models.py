@@ -6,6 +6,7 @@ import math
 import random
 import textwrap
 from collections.abc import Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -134,7 +135,7 @@ def test_what_a_borrower_writes_into_a_model_is_in_nobody_else_s(workspace: Path
     """Of numbers, which are written into the arrays of the model that is lent, and of what is compiled and kept."""
     with thingc.family(workspace / "everything.yaml", verify=1) as family:
         honest = family.model(one, visual=False)
-        for lent in (*(next(family.models([one], share=True)) for _ in range(5)), *family.models([one] * 5, share=True)):
+        for lent in chain((next(family.models([one], share=True)) for _ in range(5)), family.models([one] * 5, share=True)):
             assert isinstance(lent, mujoco.MjModel)
             lent.opt.timestep, lent.opt.gravity[:], lent.body_mass[:], lent.dof_damping[:], lent.body_pos[:] = 0.5, 7.0, 77.0, 7.0, 7.0
         assert all(form.refused is None for form in family._of(None, False).forms.kept.values())  # no plan is to blame

@@ -20,6 +20,8 @@ class SyntaxFault:
     note: tuple[str, int] | None = None
 
 
+_LONGEST_KEY = 200
+"""Characters of a key without its colon, with what is before it: looking for more takes long where a text has millions."""
 _NO_SPACE = re.compile(r"\s*(?:-\s+)*(?P<key>[A-Za-z_][\w.*$-]*):(?P<value>[^\s:#].*)")
 
 
@@ -191,7 +193,8 @@ def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
             message=f"the `{opened}` opened here is not closed with `{closing}`", start=began, end=began + 1,
             help=f"add `{closing}`", note=("it meets this first", min(at, max(0, len(source.text) - 1))),
         )
-    key = re.search(r"([\w.$*-]+) +$", source.text[began:at]) if rest in "{[" else None
+    before = source.text[max(began, at - _LONGEST_KEY) : at]
+    key = re.search(r"[{\[,]\s*([\w.$*-]+) +$", before) if rest in "{[" else None
     help = "text with `,`, `:` or quotes inside needs quotes around it"
     if key is not None:
         help = f"a `:` and a space come after a key: `{key[1]}: {rest}`"
