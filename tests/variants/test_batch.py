@@ -6,6 +6,7 @@ import concurrent.futures
 import csv
 import json
 import math
+import os
 import shlex
 import subprocess
 import sys
@@ -401,6 +402,19 @@ def test_a_folder_with_unexpected_files_is_left_as_it_is(tmp_path: Path, shared_
         batch(here, shared_store)
     assert fault.value.diagnostic.code is Code.UNEXPECTED and place.replace("ID", some) in fault.value.diagnostic.message
     assert tree(Path(summary.folder)) == before
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is unreadable to root")
+def test_a_folder_that_cannot_be_read_may_hold_anything(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path)
+    inner = Path(batch(here, shared_store).folder) / "assets"
+    inner.chmod(0)
+    try:
+        with pytest.raises(BatchFault, match="assets"):
+            batch(here, shared_store)
+    finally:
+        inner.chmod(0o700)
+    assert any(inner.iterdir())
 
 
 def test_the_folder_of_another_document_is_left_as_it_is(tmp_path: Path, shared_store: str) -> None:

@@ -234,7 +234,7 @@ def unexpected_files(folder: str, assembly: str) -> list[str]:
         (places.VARIANTS, _VARIANT), (places.CHUNKS, _CHUNK), (places.ASSETS, _ASSET), (places.PICTURES, _PICTURE),
     ):
         place = os.path.join(folder, inner)
-        for name in listing(place):
+        for name in os.listdir(place) if os.path.isdir(place) else ():  # one that cannot be read may hold anything
             if name.startswith(places.NEW):
                 continue
             path = f"{inner}/{name}"
