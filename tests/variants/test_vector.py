@@ -127,6 +127,8 @@ def test_one_world_by_itself_is_an_environment(family: thingc.RobotFamily, some:
     made = gymnasium.make(ENVIRONMENT, family=family, mode="flying")
     made.reset(seed=1, options={"variant": 1})
     assert made.unwrapped.settings == learning._choices(family, None).many[1]  # type: ignore[attr-defined]
+    chance = one.np_random
+    assert one.np_random_seed == -1 and one.np_random is chance  # who asks after the seed gets no other chance
     with pytest.raises(FamilyError, match="`reset` has no option `reset_mask`"):
         one.reset(options={"reset_mask": [True]})
     with pytest.raises(FamilyError, match=r"expected actions of shape \(\d+,\), found"):

@@ -371,7 +371,7 @@ class FamilyEnv(gymnasium.Env[Array, Array]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Begin an episode: of `options["variant"]` (its place; of a document of variants its id or name, too), else of a drawn one."""
         observations, infos = self._world.reset(seed=seed, options=known_options(options, ("variant",)))
-        self._np_random = self._world.sources[0]
+        self.np_random = self._world.sources[0]
         return observations[0], _first(infos)
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
