@@ -117,6 +117,10 @@ def principal_axes(a: Matrix) -> tuple[Vector, Matrix]:
 
 LEAST_MOMENT = 1e-14
 """Principal moments [kg m^2] below it MuJoCo does not take for those of a body (mjEPS, in the reader of `fullinertia`)."""
+HEAVIEST = 1e12
+"""Masses [kg] beyond it are not read: products and sums of larger ones come to no number that is finite."""
+LARGEST_MOMENT, DENSEST = 1e24, 1e12
+"""Of moments and products of inertia [kg m^2] and of densities [kg/m^3] the same."""
 LEAST_MASS = 1e-15
 """Masses [kg] up to it MuJoCo does not take for those of a body that moves (mjMINVAL)."""
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from thingc.diagnostics import Code, Note
+from thingc.inertia import DENSEST
 from thingc.resolve.layers import Layers
 from thingc.resolve.model import Material, Process
 from thingc.resolve.scope import Scope
@@ -100,7 +101,7 @@ def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Materia
     density = base_density
     wrong = wrong or scope.doubts.touch(path)
     if spec.density is not None:
-        density = scope.number(spec.density, (*path, "density"), DENSITY, f"the density of `{name}`", above=0.0)
+        density = scope.number(spec.density, (*path, "density"), DENSITY, f"the density of `{name}`", above=0.0, most=DENSEST)
         wrong = density is None
     slide, torsion, roll = friction(scope, spec.friction, (*path, "friction"))
     made = process(scope, Layers(((spec.process, (*path, "process")),))) if spec.process is not None else None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from thingc.diagnostics import Code
+from thingc.inertia import HEAVIEST, LARGEST_MOMENT
 from thingc.pose import NO_POSE, Vector
 from thingc.resolve.layers import Layers
 from thingc.resolve.materials import process
@@ -58,7 +59,7 @@ def _mass(scope: Scope, layers: Layers) -> StatedValue | None:
         return None
     raw, path = said
     source, at = (raw.source, (*path, "value")) if isinstance(raw, StatedMass) else ("stated", path)
-    value = scope.number(raw.value if isinstance(raw, StatedMass) else raw, at, MASS, "the mass", above=0.0)
+    value = scope.number(raw.value if isinstance(raw, StatedMass) else raw, at, MASS, "the mass", above=0.0, most=HEAVIEST)
     # Of a wrong one a stand-in stays, so that no later pass says that there is none.
     return StatedValue(value=(1.0 if value is None else value,), source=source, origin=scope.origin(path), stand_in=value is None)
 
@@ -80,7 +81,9 @@ def _inertia(scope: Scope, layers: Layers) -> StatedValue | None:
     raw, path = said
     source, at = (raw.source, (*path, "value")) if isinstance(raw, StatedInertia) else ("stated", path)
     matrix: InertiaMatrix = raw.value if isinstance(raw, StatedInertia) else raw
-    values = [scope.number(getattr(matrix, key), (*at, key), INERTIA, f"`{key}`") for key in _MOMENTS]
+    values = [
+        scope.number(getattr(matrix, key), (*at, key), INERTIA, f"`{key}`", least=-LARGEST_MOMENT, most=LARGEST_MOMENT) for key in _MOMENTS
+    ]
     sound = tuple(value for value in values if value is not None)
     return StatedValue(value=sound, source=source, origin=scope.origin(path)) if len(sound) == len(_MOMENTS) else None
 

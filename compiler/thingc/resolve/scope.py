@@ -11,6 +11,7 @@ from thingc.diagnostics import MAX_FAULTS, Code, Note, Report
 from thingc.expressions import Expression, ExpressionError, ExpressionValue, evaluate, expression_hint, kind_of, words_of
 from thingc.frozen import dataclass
 from thingc.pose import Matrix, Pose, Vector, placed, rotation_of
+from thingc.primitives import FARTHEST
 from thingc.source import Document, Origin, Path, ScalarNode, Span, dotted, node_at, walk
 from thingc.spec.assembly import TurnSpec
 from thingc.spec.doubts import NO_DOUBTS, Doubts
@@ -175,8 +176,9 @@ class Scope:
         return int(value)
 
     def vector(self, raw: Any, path: Path, dimension: Dimension, what: str) -> Vector | None:
-        """Three SI values of one dimension; None where one was wrong (reported)."""
-        x, y, z = (self.number(part, (*path, index), dimension, what) for index, part in enumerate(raw))
+        """Three SI values of one dimension, lengths up to `FARTHEST`; None where one was wrong (reported)."""
+        least, most = (-FARTHEST, FARTHEST) if dimension == LENGTH else (None, None)
+        x, y, z = (self.number(part, (*path, index), dimension, what, least=least, most=most) for index, part in enumerate(raw))
         return None if x is None or y is None or z is None else (x, y, z)
 
     def pose(self, spec: PoseSpec, path: Path) -> Pose | None:
