@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 from thingc.frozen import dataclass
+from thingc.summing import plain_sum
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -114,7 +115,7 @@ class Pose:
             (wz * scale, xz * scale, yz * scale, half),
         )
         q = rows[largest]
-        norm = math.sqrt(sum(component * component for component in q))
+        norm = math.sqrt(plain_sum(component * component for component in q))
         sign = next((math.copysign(1.0, c) for c in q if c != 0.0), 1.0)
         w, x, y, z = ((sign * component / norm) + 0.0 for component in q)
         return (w, x, y, z)

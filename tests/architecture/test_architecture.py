@@ -24,7 +24,7 @@ PACKAGE = ROOT / "compiler" / "thingc"
 BASE = {
     "frozen", "brief", "shown", "source", "typos", "diagnostics", "units", "expressions", "pose", "inertia", "mirror", "primitives",
     "sensing",
-    "memo", "packaging", "exports", "file_names", "files", "heading", "circles",
+    "memo", "packaging", "exports", "file_names", "files", "heading", "circles", "summing",
     "installed", "workspace",
 }
 # What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
@@ -33,7 +33,7 @@ ROOMS: dict[str, set[str]] = {
     "diagnostics": {"brief", "shown", "source", "typos"},
     "printing": {"brief", "shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "typos"},
     "expressions": {"frozen", "diagnostics", "typos", "units"},
-    "pose": {"frozen"}, "inertia": {"frozen", "brief", "pose"}, "mirror": {"pose"},
+    "summing": set(), "pose": {"frozen", "summing"}, "inertia": {"frozen", "brief", "pose"}, "mirror": {"pose"},
     "primitives": {"frozen", "brief", "pose", "inertia"}, "sensing": {"frozen", "brief", "source", "units", "primitives"},
     "memo": set(), "file_names": set(), "files": set(), "heading": set(), "circles": set(), "installed": set(),
     "later": set(), "exports": set(), "packaging": {"frozen"},
@@ -53,11 +53,11 @@ ROOMS: dict[str, set[str]] = {
     "robot": BASE | {"resolve", "realize", "joints", "graph"},
     "solids": BASE | {"realize", "graph"},
     "statics": BASE | {"joints", "graph", "robot"},
-    "drawing": {"frozen"},
+    "drawing": {"frozen", "summing"},
     "emit": BASE | {"later", "gaps", "archives", "csvcell", "webpage", "resolve", "realize", "joints", "graph", "robot", "statics",
         "drawing"},
-    "modes": {"brief", "diagnostics", "typos"},  # read at run time, next to a simulation
-    "render": {"frozen", "pose"},
+    "modes": {"brief", "diagnostics", "summing", "typos"},  # read at run time, next to a simulation
+    "render": {"frozen", "pose", "summing"},
     "reporting": {"frozen", "shown", "source", "diagnostics"},
     "templates": set(),
     "importing": BASE | {"load", "layout", "realize", "meshes"},
@@ -412,6 +412,24 @@ def test_a_class_name_means_one_class() -> None:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_") and room_of(path) != "modes":
                 places.setdefault(node.name, set()).add(path.relative_to(PACKAGE).as_posix())
     assert places and {name: sorted(files) for name, files in places.items() if len(files) > 1} == {}
+
+
+NUMBERS = {
+    "pose", "inertia", "mirror", "primitives", "joints", "resolve", "checks", "graph", "robot", "statics", "solids", "modes", "drawing",
+}
+"""Rooms that reckon with floats."""
+
+
+def test_sums_of_floats_are_the_same_in_every_python() -> None:
+    """`sum` is, of floats, another function from Python 3.12 on: where numbers are reckoned with it counts, or adds to a start."""
+    others = []
+    for path in (one for one in modules() if room_of(one) in NUMBERS):
+        for node in ast.walk(tree(path)):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "sum" and len(node.args) == 1:
+                of = node.args[0].elt if isinstance(node.args[0], ast.GeneratorExp) else node.args[0]
+                if not (isinstance(of, ast.Constant) and type(of.value) is int):
+                    others.append(f"{path.relative_to(PACKAGE)}:{node.lineno}")
+    assert not others, "thingc.summing.plain_sum"
 
 
 def test_modules_stay_readable() -> None:

@@ -14,6 +14,7 @@ from thingc.frozen import dataclass
 from thingc.spec.base import Model
 from thingc.spec.fields import MassField
 from thingc.spec.named import ComponentField
+from thingc.summing import plain_sum
 from thingc.units import MASS
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def read(written: MassTest, reader: Reader) -> MassCheck:
 def run(case: Case, check: MassCheck) -> Outcome:
     """The sum of the masses [kg]."""
     occurrences = case.robot.assembly.occurrences
-    value = sum(occurrences[index].properties.mass for index in case.components(check.of))
+    value = plain_sum(occurrences[index].properties.mass for index in case.components(check.of))
     return bounded("mass", "the mass", value, check.minimum, check.maximum, MASS, Code.TEST_MASS)
 
 

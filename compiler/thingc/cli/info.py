@@ -13,6 +13,7 @@ from thingc.environment import attempted
 from thingc.graph.types import Assembly, Occurrence
 from thingc.pipeline import compile
 from thingc.robot.types import Robot
+from thingc.summing import plain_sum
 
 if TYPE_CHECKING:
     from thingc.emit.graphs import Loop
@@ -174,7 +175,7 @@ def _shares(assembly: Assembly) -> str:
     mass: dict[str, float] = {}
     for o in assembly.occurrences:
         mass[o.mass_source] = mass.get(o.mass_source, 0.0) + o.properties.mass
-    whole = sum(mass.values()) or 1.0
+    whole = plain_sum(mass.values()) or 1.0
     return ", ".join(f"{source} {_grams(m)} ({100.0 * m / whole:.1f} %)" for source, m in sorted(mass.items()) if m)
 
 

@@ -31,6 +31,7 @@ from thingc.resolve.plausible import (
     unit_meant,
 )
 from thingc.source import Origin
+from thingc.summing import plain_sum
 
 TURNS = 2.0
 """A hinge that stops beyond so many turns is rarely one: what turns without end is `continuous`."""
@@ -65,16 +66,16 @@ def check_plausible(tree: Tree, assembly: Assembly, findings: Findings) -> None:
     _check_stated(occurrences, findings)
     odd = _check_sizes(occurrences, findings)
     if not odd and not findings.has_said(Code.DENSITY) and any(mate.joints for mate in mates):
-        _check_mass(tree.top, sum(link.properties.mass for link in links), findings)
+        _check_mass(tree.top, plain_sum(link.properties.mass for link in links), findings)
     _check_actuators(tree, occurrences, mates, {mount.occurrence for mount in assembly.exported if "/" not in mount.path}, findings)
     _check_mounts(tree, mates, findings)
     if tree.top.assembly is not None:
-        check_modes(tree.top.assembly, modes, assembly.adhesions, sum(link.properties.mass for link in links), findings)
+        check_modes(tree.top.assembly, modes, assembly.adhesions, plain_sum(link.properties.mass for link in links), findings)
     sizes = {one.index: math.dist(*one.box) for one in occurrences if one.box is not None}
     if sizes and all(one.record is None or one.record.exact for one in occurrences):
         largest = max(sizes, key=lambda index: sizes[index])
         _check_offsets(tree, occurrences[largest], sizes[largest], findings)
-        reach = sum(max((sizes.get(member, 0.0) for member in link.members), default=0.0) for link in links)
+        reach = plain_sum(max((sizes.get(member, 0.0) for member in link.members), default=0.0) for link in links)
         _check_roots(modes, reach, findings)
         _check_bare_masses(occurrences, links, findings)
 
@@ -385,7 +386,7 @@ def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: Findings) 
 def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link], findings: Findings) -> None:
     """Masses without a shape, of which only the rest of the robot can tell whether they are right: by how heavy it is, and by where the
     parts of their link are. Where an offset is said to lead away from the robot, where they are is no news."""
-    whole = sum(link.properties.mass for link in links)
+    whole = plain_sum(link.properties.mass for link in links)
     for link in links:
         placed = [(occurrences[member], pose) for member, pose in zip(link.members, link.poses, strict=True)]
         boxes = [(one.box, pose) for one, pose in placed if one.box is not None]

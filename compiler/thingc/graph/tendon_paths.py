@@ -14,6 +14,7 @@ from thingc.brief import Brief
 from thingc.frozen import dataclass
 from thingc.graph.types import LinkedMount, TendonStep
 from thingc.pose import Pose, Vector, cross, dot
+from thingc.summing import plain_sum
 
 Point = tuple[float, float]
 TINY = 1e-15
@@ -66,7 +67,7 @@ def course(steps: Sequence[TendonStep], at: Mapping[str, Pose]) -> TendonCourse:
                         TendonSpan(ends=(last, around.mount), points=(ends[0], first), divisor=divisor),
                         TendonSpan(ends=(around.mount, step.mount), points=(second, ends[1]), divisor=divisor),
                     ]
-                length = sum((span.length / divisor for span in made), length)
+                length = plain_sum((length, *(span.length / divisor for span in made)))
                 spans += made
             last, around = step.mount, None
     return TendonCourse(length=length, spans=tuple(spans))

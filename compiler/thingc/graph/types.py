@@ -32,6 +32,7 @@ from thingc.resolve.model import (
 )
 from thingc.sensing import Measurement
 from thingc.source import Origin
+from thingc.summing import plain_sum
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -342,7 +343,7 @@ class LinkedTendon(Brief):
 
     def length(self, q: Mapping[str, float]) -> float:
         """How long one over joints is at `q` (every joint by path, rad or m)."""
-        return sum(factor * q[path] for path, factor in self.moves.items())
+        return plain_sum(factor * q[path] for path, factor in self.moves.items())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -168,7 +168,7 @@ def _mended(link: SourceLink, how: Repair | None, matter: Matter) -> Repaired | 
 def nearest(inertia: Matrix, mass: float) -> Matrix:
     """The nearest inertia [kg m^2] about the centre that a solid of that mass [kg] has, with a radius of gyration of 1 mm at least."""
     moments, axes = principal_axes(inertia)
-    half = sum(moments) / 2.0
+    half = (moments[0] + moments[1] + moments[2]) / 2.0
     second = [max(half - moment, mass * LEAST) for moment in moments]
     whole = math.fsum(second)
     a, b, c = (whole - one for one in second)

@@ -16,6 +16,7 @@ from thingc.lsp.positions import TextPlace
 from thingc.lsp.schema_walk import SchemaWalk, described, described_as
 from thingc.lsp.values import comes_to, parameters_of, shown
 from thingc.source import MappingNode, Path, node_at
+from thingc.summing import plain_sum
 from thingc.units import ANGLE, FORCE, MASS, TORQUE, Dimension, Quantity
 
 _CODES = {code.code: code for code in Code}
@@ -137,7 +138,7 @@ def _measured(assembly: Assembly, name: str) -> Iterator[str]:
     inside = [one for one in assembly.occurrences if one.path == path or one.path.startswith(f"{path}/")]
     if not inside:
         return
-    mass = sum(one.properties.mass for one in inside)
+    mass = plain_sum(one.properties.mass for one in inside)
     sources = dict.fromkeys(one.mass_source for one in inside if one.properties.mass)
     if mass:
         yield f"Mass {_shown(mass, MASS)} ({', '.join(sources)})" + (f", {len(inside)} parts." if len(inside) > 1 else ".")

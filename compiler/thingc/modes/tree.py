@@ -15,6 +15,7 @@ from thingc.modes.faults import ModesError
 from thingc.modes.frames import Array, cross_matrix, exponential, pose, quaternion_of
 from thingc.modes.inertias import Inertias
 from thingc.modes.state import State
+from thingc.summing import plain_sum
 from thingc.typos import did_you_mean
 
 
@@ -41,7 +42,7 @@ class Mimic(Brief):
 
     def rate(self, x: float) -> float:
         """How fast it moves by the speed of the other, where that is at `x`."""
-        return self.multiplier + sum(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
+        return self.multiplier + plain_sum(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

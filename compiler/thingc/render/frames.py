@@ -15,6 +15,7 @@ from PIL import Image, ImageDraw, ImageFont
 from thingc.frozen import dataclass
 from thingc.pose import Pose
 from thingc.render.camera import Array, Camera
+from thingc.summing import plain_sum
 
 Colour = tuple[int, int, int]
 
@@ -195,4 +196,4 @@ def _shared(box: Box, others: Array) -> float:
     """The area that a box shares with others (n, 4), summed."""
     across = np.minimum(box[2], others[:, 2]) - np.maximum(box[0], others[:, 0])
     down = np.minimum(box[3], others[:, 3]) - np.maximum(box[1], others[:, 1])
-    return float(sum((across * down)[(across > 0.0) & (down > 0.0)].tolist()))
+    return plain_sum((across * down)[(across > 0.0) & (down > 0.0)].tolist())

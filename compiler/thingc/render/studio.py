@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thingc.render.camera import Array, Camera
+from thingc.summing import plain_sum
 
 KEY, DOME = 32, 36
 """How many lamps make the soft box and the dome. One costs about 50 ms at 1280 x 960 without a graphics card."""
@@ -100,7 +101,7 @@ def lamps(camera: Camera, normal: Array, counts: tuple[int, int] = (KEY, DOME)) 
         height, turn = HORIZON + (1.0 - HORIZON) * (number + 0.5) / dome, _golden(number)
         flat = math.sqrt(1.0 - height * height)
         toward.append((np.array([flat * math.cos(turn), flat * math.sin(turn), height]) @ frame, 1.0 - KEY_SHARE))
-    lit = {share: sum(float(to @ normal) for to, own in toward if own == share) for _, share in toward}
+    lit = {share: plain_sum(float(to @ normal) for to, own in toward if own == share) for _, share in toward}
     return [(-to, share / lit[share]) for to, share in toward]
 
 

@@ -8,6 +8,7 @@ import re
 from thingc.brief import Brief
 from thingc.frozen import dataclass
 from thingc.source import Origin
+from thingc.summing import plain_sum
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,13 +99,13 @@ class Mimic(Brief):
         """(m, c): near `x` q is m q(joint) + c."""
         if not self.higher:
             return self.multiplier, self.offset
-        slope = self.multiplier + sum(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
+        slope = self.multiplier + plain_sum(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
         return slope, self.at(x) - slope * x
 
     def at(self, x: float) -> float:
         """q where q(joint) is `x`; infinite beyond what a number can be."""
         linear = self.multiplier * x + self.offset
         try:
-            return linear if not self.higher else linear + sum(c * x**k for k, c in enumerate(self.higher, start=2))
+            return linear if not self.higher else linear + plain_sum(c * x**k for k, c in enumerate(self.higher, start=2))
         except OverflowError:
             return math.inf

@@ -18,6 +18,7 @@ from thingc.robot.kinematics import placed_bodies
 from thingc.robot.loop_solver import Loops, Solution, SolverState
 from thingc.robot.tree import bodies_from, cut_closures, in_link, placing, root_pose
 from thingc.robot.types import Body, Closure, Keyframe, Unclosed, residual_words
+from thingc.summing import plain_sum
 from thingc.typos import did_you_mean
 
 MET = 1e-12
@@ -257,7 +258,7 @@ def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
 
 def _measure(loops: Loops, solution: Solution) -> float:
     """How far from closed, in one number: what the method makes small."""
-    return sum(p * p + (loops.length * w) ** 2 for p, w in solution.residuals)
+    return plain_sum(p * p + (loops.length * w) ** 2 for p, w in solution.residuals)
 
 
 def _worst(loops: Loops, solution: Solution) -> tuple[Closure, tuple[float, float]]:

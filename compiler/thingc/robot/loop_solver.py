@@ -24,6 +24,7 @@ from thingc.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, rotat
 from thingc.robot.dense import solve
 from thingc.robot.kinematics import carried, in_world
 from thingc.robot.types import Body, Closure
+from thingc.summing import plain_sum
 
 CLOSED, ALIGNED = 1e-7, 1e-6
 """A closure is closed to within this [m], and this [rad], which is less than anybody is told. Newton's method usually ends at 1e-15; but
@@ -123,7 +124,7 @@ class Loops:
         places += [at[c.child].apply(c.X_CB.translation) for c in self.closures]
         if not places:
             return 1.0
-        middle = [sum(place[k] for place in places) / len(places) for k in range(3)]
+        middle = [plain_sum(place[k] for place in places) / len(places) for k in range(3)]
         far = max(math.dist(place, middle) for place in places)
         return far if far > 0.0 else 1.0
 
@@ -419,4 +420,4 @@ def _linear(error: Sequence[float], columns: Sequence[Sequence[float]], step: Se
 
 
 def _square(values: Sequence[float]) -> float:
-    return sum(value * value for value in values)
+    return plain_sum(value * value for value in values)

@@ -22,6 +22,7 @@ from thingc.robot.cuts import spanning
 from thingc.robot.kinematics import placed_bodies
 from thingc.robot.loop_closure import closed_coordinates
 from thingc.robot.tree import bodies_from, in_link, root_pose
+from thingc.summing import plain_sum
 
 MeshVertices = Callable[[Mesh], Sequence[Vector]]
 """The vertices [m] of a mesh in the store."""
@@ -131,4 +132,4 @@ def of_points(points: Sequence[Vector], down: Vector) -> float:
 
 def of_box(box: tuple[Vector, Vector], down: Vector) -> float:
     """The same over the points of a box."""
-    return sum(min(component * low, component * high) for component, low, high in zip(down, *box, strict=True))
+    return plain_sum(min(component * low, component * high) for component, low, high in zip(down, *box, strict=True))

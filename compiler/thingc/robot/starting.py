@@ -16,6 +16,7 @@ from thingc.resolve.coordinates import Limit
 from thingc.robot.kinematics import body_poses
 from thingc.robot.standing import MeshVertices, of_box, of_points, vertices_of
 from thingc.robot.types import Robot
+from thingc.summing import plain_sum
 from thingc.units import LENGTH, Quantity
 
 Box = tuple[Vector, Vector]
@@ -186,7 +187,7 @@ def _certain(box: Box, down: Vector) -> float:
     """The lowest that is certain of a part in a box, which it touches on every side: on each side the point that it touches is no
     higher than the highest of that side."""
     highest = [max(component * low, component * high) for component, low, high in zip(down, *box, strict=True)]
-    return min(sum(highest) - highest[axis] + down[axis] * side[axis] for axis in range(3) for side in box)
+    return min(plain_sum(highest) - highest[axis] + down[axis] * side[axis] for axis in range(3) for side in box)
 
 
 def _sphere(link: Link, assembly: Assembly) -> float:

@@ -14,6 +14,7 @@ from thingc.memo import Memo
 from thingc.pose import Pose, Vector
 from thingc.primitives import Primitive
 from thingc.realize.store.local import Store
+from thingc.summing import plain_sum
 
 SHARE = 0.2
 """How much of the smaller of two parts the other may take: screws in their holes and cells in their holders take a twentieth."""
@@ -142,7 +143,7 @@ def _volume(part: Occurrence) -> float:
     """What it holds [m^3]; of a link all its shapes, also where they overlap."""
     if part.record is not None:
         return part.record.volume if part.record.exact else 0.0
-    return sum(one.solid.volume if isinstance(one.solid, Primitive) else one.volume for one in part.solids)
+    return plain_sum(one.solid.volume if isinstance(one.solid, Primitive) else one.volume for one in part.solids)
 
 
 def _is_closed(surface: Surface) -> bool:

@@ -10,6 +10,7 @@ from thingc.pose import Pose, Vector, cross
 from thingc.robot.kinematics import in_world
 from thingc.robot.tree import in_link
 from thingc.robot.types import Robot
+from thingc.summing import plain_sum
 
 LEVEL = 0.02
 """A foot that is higher above the lowest one than this part of the greatest distance of two feet does not stand on the floor."""
@@ -44,9 +45,9 @@ class Stance(NamedTuple):
 def stance(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Stance:
     """The feet of a mode at `q` (all joints by path, rad or m), its bodies at these poses in the world."""
     masses = [robot.assembly.links[body.link].properties for body in robot.bodies]
-    mass = sum(own.mass for own in masses)
+    mass = plain_sum(own.mass for own in masses)
     centres = [pose.apply(own.centre) for own, pose in zip(masses, bodies, strict=True)]
-    x, y, z = (sum(own.mass * centre[k] for own, centre in zip(masses, centres, strict=True)) / mass for k in range(3))
+    x, y, z = (plain_sum(own.mass * centre[k] for own, centre in zip(masses, centres, strict=True)) / mass for k in range(3))
     gx, gy, gz = robot.gravity
     return Stance(
         feet=tuple(_footings(robot, q, bodies)), origin=bodies[0].translation, centre=(x, y, z), weight=(mass * gx, mass * gy, mass * gz),
@@ -85,7 +86,7 @@ def outside(stance: Stance) -> float:
     Infinite where gravity does not pull towards the floor."""
     if stance.weight[2] >= -1e-9 * math.hypot(*stance.weight):
         return math.inf
-    floor = sum(foot.point[2] for foot in stance.feet) / len(stance.feet)
+    floor = plain_sum(foot.point[2] for foot in stance.feet) / len(stance.feet)
     down = (floor - stance.centre[2]) / stance.weight[2]
     x, y = stance.centre[0] + down * stance.weight[0], stance.centre[1] + down * stance.weight[1]
     corners = polygon([(foot.point[0] - x, foot.point[1] - y) for foot in stance.feet])

@@ -12,6 +12,7 @@ from typing import Any
 from thingc.diagnostics import Code, Diagnostic, Severity
 from thingc.files import listing
 from thingc.line_process import LineProcess, Lost
+from thingc.summing import plain_sum
 from thingc.variants import places
 from thingc.variants.chunks import packed
 from thingc.variants.records import Files, read
@@ -60,7 +61,7 @@ def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
     shares = [min(most // len(axes) + (number < most % len(axes)), len(set(axis))) for number, axis in enumerate(axes)]
     left = dict.fromkeys(range(len(settings)))
     for axis, share in zip(axes, shares, strict=True):
-        aside = [sum((other[k] - 0.5) ** 2 for other in axes if other is not axis) for k in range(len(settings))]
+        aside = [plain_sum((other[k] - 0.5) ** 2 for other in axes if other is not axis) for k in range(len(settings))]
         for step in range(share):
             target = step / (share - 1) if share > 1 else 0.5
             del left[min(left, key=lambda k: (aside[k] + (axis[k] - target) ** 2, k))]

@@ -19,6 +19,7 @@ from thingc.memo import Memo
 from thingc.pose import Pose
 from thingc.robot.tree import BASE
 from thingc.robot.types import CoreJoint, Robot
+from thingc.summing import plain_sum
 
 FREE_JOINT = BASE
 """The name of a free base's joint, and of that of one that turns as a ball; a planar one has `root_0`, `root_1` and `root_2`."""
@@ -265,7 +266,7 @@ class _Builder:
             return 0.0
         if drive.axis is None:
             return q[path]
-        return sum(part * q[one.path] for part, one in zip(drive.axis, self.assembly.mates[joint.mate].joints, strict=True))
+        return plain_sum(part * q[one.path] for part, one in zip(drive.axis, self.assembly.mates[joint.mate].joints, strict=True))
 
 
 def _suffixes(words: tuple[str, ...]) -> Iterator[str]:

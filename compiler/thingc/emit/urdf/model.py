@@ -25,6 +25,7 @@ from thingc.realize.record import DriveType
 from thingc.robot.tree import BASE
 from thingc.robot.types import Body, CoreJoint, Robot
 from thingc.source import Origin
+from thingc.summing import plain_sum
 
 WORLD = "world"
 """The root link of a base that does not float."""
@@ -183,7 +184,7 @@ class _Builder:
         drives = [(one, abs(one.actuator.axis[about])) for one in joints if one.actuator is not None and one.actuator.axis is not None]
         efforts = [share * self._effort(one) for one, share in drives]
         speeds = [one.limit.velocity / share for one, share in drives if share and one.limit.velocity is not None]
-        return min(UNBOUNDED, sum(efforts)), min(speeds, default=None)
+        return min(UNBOUNDED, plain_sum(efforts)), min(speeds, default=None)
 
     def _joint(
         self, path: str, kind: str, parent: str, child: str, origin: Pose, made_by: Origin, made: str | None = None,

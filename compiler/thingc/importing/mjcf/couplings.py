@@ -10,6 +10,7 @@ from thingc.importing.mjcf.drives import Actuators
 from thingc.importing.mjcf.original import SOLREF, Original, differing, floats, numbers, pose_of
 from thingc.importing.model import Following, Raw, SourceLoop
 from thingc.pose import NO_POSE, Pose, shifted
+from thingc.summing import plain_sum
 
 CONNECT, WELD, JOINT = 0, 1, 2
 BODY, SITE = 1, 6
@@ -99,6 +100,6 @@ class Couplings:
 def _shifted(coefficients: Sequence[float], by: float) -> list[float]:
     """The coefficients in q of a polynomial in q - `by`."""
     return [
-        sum(one * math.comb(power, k) * (-by) ** (power - k) for power, one in enumerate(coefficients) if power >= k)
+        plain_sum(one * math.comb(power, k) * (-by) ** (power - k) for power, one in enumerate(coefficients) if power >= k)
         for k in range(len(coefficients))
     ]

@@ -27,6 +27,7 @@ from thingc.realize.record import (
     Value,
 )
 from thingc.realize.slices import Moments, Sliced, Slicing, Unsliced
+from thingc.summing import plain_sum
 
 UNITS = {"length": "m", "angle": "rad", "mass": "kg", "ratio": "1", "number": "1"}
 """The units that the lock names for people who read it; values are SI."""
@@ -265,7 +266,7 @@ def _mount(value: Any, path: str) -> MountRecord:
     rows = (entries[:3], entries[3:6], entries[6:9])
     for i, row in enumerate(rows):
         for j, other in enumerate(rows):
-            if abs(sum(a * b for a, b in zip(row, other, strict=True)) - (i == j)) > _ORTHOGONAL:
+            if abs(plain_sum(a * b for a, b in zip(row, other, strict=True)) - (i == j)) > _ORTHOGONAL:
                 raise BadLock(f"{path}.pose", "expected a rotation (nine numbers, rows of a rotation matrix) and a place")
     return MountRecord(
         pose=Pose(rotation=rows, translation=entries[9:]),  # type: ignore[arg-type]

@@ -22,6 +22,7 @@ from thingc.pose import IDENTITY, Matrix, Pose, Vector, added, cross, dot, rotat
 from thingc.primitives import Primitive, PrimitiveShape
 from thingc.realize.worker.kernel import convert
 from thingc.realize.worker.kernel.measure import bounding_box, explored, integrals
+from thingc.summing import plain_sum
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -186,7 +187,7 @@ def _least_turned(axes: Matrix) -> tuple[Matrix, tuple[int, ...]]:
             rotations.append((transpose((x, y, _unit(cross(x, y)))), order))
     # of several that are turned as little the one with the largest entries, so that rounding does not choose
     return max(rotations, key=lambda one: (
-        round(sum(one[0][k][k] for k in range(3)), 9), [round(entry, 9) for row in one[0] for entry in row]
+        round(plain_sum(one[0][k][k] for k in range(3)), 9), [round(entry, 9) for row in one[0] for entry in row]
     ))
 
 
