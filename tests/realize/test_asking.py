@@ -104,7 +104,7 @@ def records(module_place: Any, define: Callable[..., Any]) -> dict[str, PartReco
 @pytest.mark.parametrize("number", range(len(ASKS)), ids=list(ASKS))
 def test_a_question_is_noted_at_its_line(records: dict[str, PartRecord], module_place: Any, number: int) -> None:
     text = list(ASKS)[number]
-    (warning,) = records[f"asks:part_{number}"].warnings
+    (warning,) = (one for one in records[f"asks:part_{number}"].warnings if one.asked)  # Python itself warns of some
     assert warning.asked is ASKS[text]
     assert warning.file == str(module_place.parts / "asks.py")
     assert (module_place.parts / "asks.py").read_text().splitlines()[(warning.line or 0) - 1].strip() == text

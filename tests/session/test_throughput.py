@@ -30,7 +30,7 @@ def test_the_benchmark_in_memory_says_what_it_measures(shared_store: str) -> Non
     command = [sys.executable, str(SCRIPT.with_name("memory.py")), "--count", "2", "--rounds", "1", "--store", shared_store]
     out = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout
     labels = [line[:9].strip() for line in out.splitlines()]
-    by_hand = ["template", "edited", "patched", "copied", "kernel"]
+    by_hand = ["template", "edited", "exchanged", "patched", "copied", "kernel"]
     assert labels == ["lent", "own", "results", "fields", "a mesh", "a part", "seen", *by_hand], out
 
 
