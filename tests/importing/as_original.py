@@ -64,7 +64,8 @@ class Pair:
         self.a, self.b = mujoco.MjData(self.theirs), mujoco.MjData(self.ours)
         known = {**self.words["links"], **self.words["frames"]}
         self.bodies = {k: known[name] for k, name in self.named["body"].items() if name in known}
-        self.sites = {k: self.words.get("sites", {})[name] for k, name in self.named["site"].items() if name in self.words.get("sites", {})}
+        sites = {name: word for name, word in self.words.get("sites", {}).items() if not word.endswith(".origin")}  # a body's own frame
+        self.sites = {k: sites[name] for k, name in self.named["site"].items() if name in sites}
         self.joints = {k: self.words["joints"][name] for k, name in self.named["joint"].items() if name in self.words["joints"]}
         tendons = self.words.get("tendons", {})
         self.tendons = {k: tendons[name] for k, name in self.named["tendon"].items() if name in tendons}
