@@ -275,6 +275,8 @@ def main() -> int:
         if arguments.only in "80 meshes":
             units.append(cost(importing, workspace.folder, workspace.environment).wall)
             typed += eighty.rows(thingc, workspace.folder, workspace.environment, statistics.median(units))
+    if not units:
+        raise SystemExit(f"no row is called `{arguments.only}`")
     unit = statistics.median(units)
     print(f"I = {unit:.2f} s (median of {len(units)}), {os.cpu_count()} cores, Python {sys.version.split()[0]}")
     print(f"{'':32} {'seconds':>8} {'ratio':>8} {'must':>6} {'MB':>6}")
