@@ -98,3 +98,19 @@ def test_what_is_wrong_is_found_where_it_is(heap: Path, capsys: pytest.CaptureFi
     apart = Said(heap, capsys, monkeypatch)
     assert apart.text == at_once.text
     assert {*apart.given[-1][1:]} == {*at_once.given[0]}, "what touches is read as it is, once more"
+
+
+def test_a_model_may_be_looked_at_again(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Contacts, which drives are tried without, are there once more."""
+    seen: list[int] = []
+    true = check.start.look
+
+    def twice(model: Any, robot: Any) -> Any:
+        found = [true(model, robot) for _ in range(2)]
+        seen.extend(len(one.inside) for one in found)
+        return found[0]
+
+    monkeypatch.setattr(check.start, "look", twice)
+    Said(heap, capsys, monkeypatch)
+    first, *others = seen
+    assert first > 0 and others == [first]

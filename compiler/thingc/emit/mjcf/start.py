@@ -148,6 +148,7 @@ def look(model: Any, robot: Robot) -> Start:
     inside: tuple[Inside, ...] = ()
     worst: dict[str, Gains] = {}
     drives = {name: path for path, name in robot.assembly.drives.items()}
+    options = model.opt.jacobian, model.opt.disableflags  # who asked may look at the model again
     try:
         _pose(model, data, start)
         mujoco.mj_kinematics(model, data)
@@ -166,6 +167,8 @@ def look(model: Any, robot: Robot) -> Start:
                     worst[path] = gains
     except mujoco.FatalError:
         pass
+    finally:
+        model.opt.jacobian, model.opt.disableflags = options
     return Start(robot=robot, inside=inside, gains=worst)
 
 
