@@ -7,6 +7,7 @@ document's own folder.
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import field
@@ -33,6 +34,8 @@ DEFAULT_PARTS = ("parts",)
 DEFAULT_PACKAGES = ("thingc_stock", "bd_warehouse")
 DEFAULT_BUILD = "build"
 DEFAULT_TIMEOUT = 120.0
+LONGEST = 1e6
+"""The longest time [s] that anybody may allow, ten days and more: systems cannot wait for any number of seconds."""
 MESH_URIS = ("relative", "package", "absolute")
 """How URDF files may name their meshes: relative to the file, in the robot's ROS package, or on this machine; the first unless written."""
 
@@ -302,7 +305,7 @@ def _plain_value(table: dict[str, Any], key: str, dimension: Dimension, default:
     if not isinstance(text, str):
         raise TypeError
     value = checked(parse_quantity(text), (dimension,), text).value
-    if value <= 0.0:
+    if not 0.0 < value <= (LONGEST if dimension == TIME else math.inf):
         raise ValueError
     return value
 
@@ -384,6 +387,9 @@ def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
             return default
         if said.value <= 0.0:
             report.add(Code.BAD_QUANTITY, f"expected a value above 0, found `{said}`", document.span(path))
+            return default
+        if said.dimension == TIME and said.value > LONGEST:
+            report.add(Code.BAD_QUANTITY, f"expected a time of at most {LONGEST:.0f} s, found `{said}`", document.span(path))
             return default
         return said.value
 

@@ -467,7 +467,8 @@ def test_resume_does_not_mind_what_else_was_built_in_the_workspace(tmp_path: Pat
 @pytest.mark.parametrize(("given", "words"), [
     ({"limit": 0}, "expected `limit` to be a whole number of at least 1, found `0`"),
     ({"jobs": -1}, "expected `jobs` to be a whole number of at least 0, found `-1`"),
-    ({"timeout": float("nan")}, "expected `timeout` to be a number of seconds, found `nan`"),
+    ({"timeout": float("nan")}, "expected `timeout` to be some seconds, at most 1000000, found `nan`"),
+    ({"timeout": 1e10}, "expected `timeout` to be some seconds, at most 1000000, found `10000000000.0`"),
     ({"verify": "all"}, "expected `verify` to be a whole number of at least 0, found `all`"),
     ({"pictures": "all"}, "expected `pictures` to be a whole number of at least 0, found `all`"),
     ({"layout": "zipped"}, "there is no layout `zipped`: `folders`, `packed`"),

@@ -169,13 +169,15 @@ def refuse_modules_of_others() -> None:
 def time_of(option: str, text: str) -> float:
     """The time [s] that an option states. Raises `WrongCommandLine`."""
     from thingc.units import TIME, UnitError, parse_quantity
+    from thingc.workspace import LONGEST
 
     try:
         quantity = parse_quantity(text)
     except UnitError as fault:
         raise WrongCommandLine(f"{option}: {fault}", f"write for example {option} '30 s'") from fault
-    if quantity.dimension != TIME or quantity.value <= 0.0:
-        raise WrongCommandLine(f"{option}: expected a time above 0, found `{text}`", "write for example '30 s'")
+    if quantity.dimension != TIME or not 0.0 < quantity.value <= LONGEST:
+        bounds = "above 0" if quantity.value <= LONGEST else f"of at most {LONGEST:.0f} s"
+        raise WrongCommandLine(f"{option}: expected a time {bounds}, found `{text}`", "write for example '30 s'")
     return quantity.value
 
 

@@ -15,6 +15,7 @@ from thingc.variants.arguments import is_number, is_whole
 from thingc.variants.executors import Carrier
 from thingc.variants.folder import FOLDERS, PACKED, BatchFault
 from thingc.variants.planning import Plan
+from thingc.workspace import LONGEST
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,8 +35,8 @@ def check(jobs: int, limit: int | None, timeout: float, verify: int, pictures: i
     for name, value, least in wholes:
         if not is_whole(value, least):
             raise BatchFault(Code.COMMAND_LINE, f"expected `{name}` to be a whole number of at least {least}, found `{value}`")
-    if not is_number(timeout) or timeout <= 0.0:
-        raise BatchFault(Code.COMMAND_LINE, f"expected `timeout` to be a number of seconds, found `{timeout}`")
+    if not is_number(timeout) or not 0.0 < timeout <= LONGEST:
+        raise BatchFault(Code.COMMAND_LINE, f"expected `timeout` to be some seconds, at most {LONGEST:.0f}, found `{timeout}`")
     if layout not in (None, FOLDERS, PACKED):
         raise BatchFault(Code.COMMAND_LINE, f"there is no layout `{layout}`", f"`{FOLDERS}`, `{PACKED}`, or None for either")
 
