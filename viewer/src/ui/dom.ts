@@ -19,7 +19,8 @@ export function make<K extends keyof HTMLElementTagNameMap>(tag: K, more: More =
 
 /** A name that a narrow column breaks where a word of it ends: `magnet_driver`, `YawPitchBracket`. */
 export function breakable(name: string): Child[] {
-  return name.split(/(?<=_)|(?<=[a-z])(?=[A-Z])/).flatMap((word, k) => (k === 0 ? [word] : [make("wbr"), word]));
+  const words = name.replace(/_|[a-z](?=[A-Z])/g, "$&\n").split("\n"); // browsers that know no lookbehind could not read the page at all
+  return words.flatMap((word, k) => (k === 0 ? [word] : [make("wbr"), word]));
 }
 
 /** One of several words, as buttons; `chosen` is asked again by the returned function. */
