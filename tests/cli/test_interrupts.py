@@ -33,6 +33,22 @@ sys.argv = ["thingc", "build", "robot.yaml"]
 entry()
 """
 
+MADE_ANOTHER = """\
+import signal, sys
+import thingc.building
+from thingc.__main__ import entry
+
+def build(environment, wish):
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:  # as MuJoCo does where it looks for `callable`
+        raise RuntimeError("cannot find `callable`")
+
+thingc.building.build = build
+sys.argv = ["thingc", "build", "robot.yaml"]
+entry()
+"""
+
 PROCESSES = """\
 import sys
 
@@ -89,6 +105,11 @@ def test_while_modules_are_imported(module: str, number: signal.Signals, here: P
     done = run(here, shared_store, ["-c", AT_AN_IMPORT.format(module=module, name=number.name)])
     assert (done.returncode, done.stdout, done.stderr) in [(130, "", SAID), (130, "", "")], "early there is no command to speak of yet"
     assert not (here / "build").exists() or list((here / "build").iterdir()) == []
+
+
+def test_what_code_in_c_makes_of_it(here: Path, shared_store: str) -> None:
+    done = run(here, shared_store, ["-c", MADE_ANOTHER])
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", SAID)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="glfw is told its library on Linux")

@@ -230,13 +230,12 @@ def test_physx_takes_no_turns_that_follow_without_limits(tmp_path: Path) -> None
 
 def test_what_no_float_holds_is_a_loss(tmp_path: Path) -> None:
     document = MIMICS.replace("  joints:", "  rest:").replace("joints.b", "rest.b").replace("effort: 7 N*m}", "velocity: 1e38 rad/s}")
-    document = document.replace("kp: 1 N*m/rad", "kp: 1 N*m/rad, kv: 1e39 N*m*s/rad").replace("mass: 1 kg", "mass: 1e200 kg", 1)
+    document = document.replace("kp: 1 N*m/rad", "kp: 1 N*m/rad, kv: 1e39 N*m*s/rad")
     made = Compiled(tmp_path, document, "usd")
     infinite = [loss[:3] for loss in made.losses(None) if "infinite" in loss[1]]
     end = "it is infinite here, where numbers go up to 3.4e+38"
     assert infinite == [
         ("a", f"its kv of 1e+39 N m s/rad: {end}", "approximated"), ("d", f"its velocity limit of 1e+38 rad/s: {end}", "approximated"),
-        ("rest", f"its mass of 1e+200 kg: {end}", "approximated"),
     ]
 
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from sys import UnraisableHookArgs
     from types import FrameType
+    from typing import NoReturn
 
 INTERRUPTED = 130
 """The exit code of who was interrupted (128 and the number of SIGINT)."""
@@ -68,10 +69,15 @@ def held() -> Iterator[None]:
         _held = False
     if _late:
         _late = False
-        raise KeyboardInterrupt
+        _raise()
 
 
-_held = _late = False
+def has_come() -> bool:
+    """Whether an interrupt has been raised: another exception after that may be what code in C or Rust has made of it."""
+    return _come
+
+
+_held = _late = _come = False
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
@@ -80,11 +86,18 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     global _late
     if _held:
         _late = True
-        return None
+        return
     while frame is not None:
         if frame.f_code.co_filename == IMPORTING:
-            return _come_again()
+            _come_again()
+            return
         frame = frame.f_back
+    _raise()
+
+
+def _raise() -> NoReturn:
+    global _come
+    _come = True
     raise KeyboardInterrupt
 
 

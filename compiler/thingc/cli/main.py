@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from thingc.cli.interrupts import INTERRUPTED
+from thingc.cli.interrupts import INTERRUPTED, has_come
 
 COMMANDS = {
     "new": "make a workspace that builds at once, with a robot to change",
@@ -160,13 +160,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except KeyboardInterrupt:
-        from thingc.cli import common
-
-        common.say("interrupted; what was written is whole", stream=sys.stderr)
-        return INTERRUPTED
+        return _interrupted()
     except Exception as fault:
         from thingc.cli import common
 
+        if has_come():
+            return _interrupted()
         diagnostic, debug = common.of_exception(fault), getattr(options, "debug", False)
         try:
             common.print_found([diagnostic], _form(getattr(options, "format", "text")), stream=sys.stderr, debug=debug)
@@ -175,6 +174,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             common.print_text([diagnostic], stream=sys.stderr, debug=debug)
         return common.exit_code([diagnostic])
     return code
+
+
+def _interrupted() -> int:
+    """Say that an interrupt has ended the command."""
+    from thingc.cli import common
+
+    common.say("interrupted; what was written is whole", stream=sys.stderr)
+    return INTERRUPTED
 
 
 def _document_meant() -> str:
