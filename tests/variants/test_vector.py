@@ -126,7 +126,8 @@ def test_one_world_by_itself_is_an_environment(family: thingc.RobotFamily, some:
             one.step(action)
     made = gymnasium.make(ENVIRONMENT, family=family, mode="flying")
     made.reset(seed=1, options={"variant": 1})
-    assert made.unwrapped.settings == learning._choices(family, None).many[1]  # type: ignore[attr-defined]
+    first, second, *_ = (built.model("flying").body_mass.tolist() for built in load(some))
+    assert made.unwrapped.model.body_mass.tolist() == second != first  # type: ignore[attr-defined]
     chance = one.np_random
     assert one.np_random_seed == -1 and one.np_random is chance  # who asks after the seed gets no other chance
     with pytest.raises(FamilyError, match="`reset` has no option `reset_mask`"):
