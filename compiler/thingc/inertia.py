@@ -90,7 +90,8 @@ def principal_axes(a: Matrix) -> tuple[Vector, Matrix]:
     in the order of the axes that they are near: of a diagonal matrix R is the identity.
 
     Cyclic Jacobi rotations (Golub and Van Loan, "Matrix Computations", section 8.5): exact to rounding even where
-    the closed formula loses digits (equal moments).
+    the closed formula loses digits (equal moments). `math.hypot` differs between Pythons where a root is next to half way between two
+    floats. That of round numbers may be; here are quotients of sums, and with `summing.hypot` a family evaluates half as many variants.
     """
     m = [list(row) for row in symmetric(a)]
     v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]

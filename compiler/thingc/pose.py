@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from thingc.frozen import dataclass
-from thingc.summing import plain_sum
+from thingc.summing import hypot, plain_sum
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -137,7 +137,7 @@ def turn_of(quaternion: Quaternion) -> Vector:
 
 def quaternion_of(turn: Vector) -> Quaternion:
     """The unit quaternion (w, x, y, z) of a rotation vector [rad]."""
-    angle = math.hypot(*turn)
+    angle = hypot(*turn)
     if angle == 0.0:
         return (1.0, 0.0, 0.0, 0.0)
     scale = math.sin(angle / 2.0) / angle

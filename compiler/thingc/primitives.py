@@ -9,6 +9,7 @@ from thingc.brief import Brief
 from thingc.frozen import dataclass
 from thingc.inertia import MassProperties
 from thingc.pose import NO_POSE, Matrix, Pose, Vector, dot, transpose
+from thingc.summing import hypot
 
 FARTHEST = 1e6
 """Metres: of what reaches much further no inertia can be worked out."""
@@ -91,12 +92,12 @@ class Primitive(Brief):
             case "sphere":
                 return middle - size[0]
             case "ellipsoid":
-                return middle - math.hypot(x * size[0], y * size[1], z * size[2])
+                return middle - hypot(x * size[0], y * size[1], z * size[2])
             case "plane":
                 return middle - (abs(x) * size[0] + abs(y) * size[1] if all(size[:2]) else math.inf)
             case "cylinder" | "capsule":
                 along = abs(z) * size[1]
-                return middle - along - (size[0] if self.shape == "capsule" else size[0] * math.hypot(x, y))
+                return middle - along - (size[0] if self.shape == "capsule" else size[0] * hypot(x, y))
             case _:
                 assert_never(self.shape)
 

@@ -1,11 +1,15 @@
-"""Sums of floats."""
+"""Sums of floats, and lengths of vectors."""
 
 from __future__ import annotations
 
-from hypothesis import given
+import math
+from decimal import Context, Decimal
+
+import pytest
+from hypothesis import example, given
 from hypothesis import strategies as st
 
-from thingc.summing import plain_sum
+from thingc.summing import dist, hypot, plain_sum
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -23,3 +27,27 @@ def test_it_adds_from_left_to_right(values: list[float]) -> None:
     for one in values:
         by_hand = by_hand + one
     assert repr(float(plain_sum(iter(values)))) == repr(by_hand)
+
+
+def test_lengths_are_the_nearest_floats() -> None:
+    """Of the first two `math.hypot` has another last digit in Python 3.12, of the third in 3.11."""
+    assert hypot(0.075, 0.18) == 0.195 and hypot(0.15, 0.36) == 0.39 and hypot(1.004, 0.753) == 1.255
+    assert dist((0.1, 0.0, 0.2), (0.025, 0.0, 0.02)) == hypot(0.1 - 0.025, 0.2 - 0.02)
+    assert hypot() == 0.0 and hypot(-0.0) == 0.0 and hypot(-3, 4) == 5.0
+
+
+@given(st.lists(FLOATS, min_size=1, max_size=4))
+@example([5e-324, 5e-324])
+@example([1.5e308, 1.5e308])
+def test_a_length_is_rounded_once(values: list[float]) -> None:
+    """Against decimals of so many digits that none of a square is lost."""
+    wide = Context(prec=2400)
+    square = Decimal(0)
+    for one in values:
+        square = wide.add(square, wide.multiply(Decimal(one), Decimal(one)))
+    assert hypot(*values) == float(wide.sqrt(square))
+
+
+@pytest.mark.parametrize("values", [(math.inf, 1.0), (math.nan, math.inf), (math.nan, 1.0), (1.7e308, 1.7e308)])
+def test_what_no_float_is_near_to(values: tuple[float, ...]) -> None:
+    assert repr(hypot(*values)) == repr(math.hypot(*values))

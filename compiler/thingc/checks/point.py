@@ -16,6 +16,7 @@ from thingc.pose import Vector
 from thingc.spec.base import Model
 from thingc.spec.fields import AngleField, LengthField, NumberField, Vector3Length, fault
 from thingc.spec.named import ModeNames, ShownMountField
+from thingc.summing import hypot
 from thingc.units import ANGLE, LENGTH, NUMBER, Quantity
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def read(written: PointTest, reader: Reader) -> PointCheck | None:
         x, y, z = (
             reader.number(value, ("direction", index), NUMBER, "a part of `direction`") for index, value in enumerate(written.direction)
         )
-        length = math.hypot(x, y, z)
+        length = hypot(x, y, z)
         if length == 0.0:
             reader.error(Code.OUT_OF_RANGE, "`direction` has no length: it points nowhere", "direction",
                          help="write for example `direction: [0, 0, -1]`")

@@ -11,6 +11,7 @@ from thingc.render.frames import Frame, JointAxis, Mark
 from thingc.robot import in_link
 from thingc.robot.kinematics import carried
 from thingc.robot.types import Robot
+from thingc.summing import hypot
 from thingc.typos import did_you_mean
 
 ROOT_SIZE = 1.6
@@ -85,7 +86,7 @@ def _along(axis: Vector) -> Pose:
     if axis == (0.0, 0.0, 1.0):
         return NO_POSE
     across = cross((0.0, 0.0, 1.0), axis)
-    size = math.hypot(*across)
+    size = hypot(*across)
     if size == 0.0:
         return turned_x(math.pi)
     return Pose(rotation=turned_about((across[0] / size, across[1] / size, across[2] / size), math.atan2(size, axis[2])))

@@ -3,7 +3,6 @@ changes that caused it."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 
 from thingc.diff.change import Change, How, Told, What
@@ -13,6 +12,7 @@ from thingc.diff.stated import Changes, above_of
 from thingc.inertia import MassProperties
 from thingc.pose import Pose, rpy_of
 from thingc.source import Span
+from thingc.summing import hypot
 
 Farthest = Callable[[str, str], float | None]
 """The largest distance [m] of two surfaces, by the SHA-256 of their meshes; None where they cannot be had."""
@@ -370,7 +370,7 @@ def _reach(robot: Portrait) -> float:
     assert base is not None
     back = base.inverse()
     return max(
-        math.hypot(*(back @ place).translation)
+        hypot(*(back @ place).translation)
         for occurrence in robot.occurrences.values() if occurrence.place is not None
         for place in (occurrence.place, *(occurrence.place @ mount for mount in occurrence.mounts.values()))
     )

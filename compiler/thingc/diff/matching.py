@@ -17,6 +17,7 @@ from typing import Any
 
 from thingc.diff.portrait import ComponentNode, Portrait
 from thingc.frozen import dataclass
+from thingc.summing import dist
 
 RESIDUE = 30
 """Components that may be left for an isomorphism to be looked for."""
@@ -259,7 +260,7 @@ class _Matching:
 
     def _distance(self, old: str, new: str) -> float:
         a, b = self.old.nodes[old].place, self.new.nodes[new].place
-        return math.dist(a.translation, b.translation) if a is not None and b is not None else math.inf
+        return dist(a.translation, b.translation) if a is not None and b is not None else math.inf
 
 
 def _definition(node: ComponentNode) -> Hashable:

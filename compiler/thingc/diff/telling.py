@@ -12,6 +12,7 @@ from thingc.diff.change import PERHAPS, Change, How, Told, What
 from thingc.diff.comparing import Comparison
 from thingc.frozen import dataclass
 from thingc.shown import shown, some
+from thingc.summing import dist
 from thingc.units import ANGLE, LENGTH, MASS, Dimension, Quantity
 
 MOVED = ": moved"
@@ -200,7 +201,7 @@ def _distance(change: Change) -> float:
     """How far [m] something has moved."""
     places = [value[0] if isinstance(value, tuple) and isinstance(value[0], tuple) else value for value in (change.old, change.new)]
     old, new = ([x for x in place if isinstance(x, float)] if isinstance(place, tuple) else [] for place in places)
-    return math.dist(old, new) if len(old) == len(new) else 0.0
+    return dist(old, new) if len(old) == len(new) else 0.0
 
 
 def _words(change: Change) -> str:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
 from thingc.graph.types import Assembly, JointEdge, Mate
 from thingc.joints import moved, within_turn
 from thingc.pose import NO_POSE, Pose
+from thingc.summing import hypot
 
 
 def joints_of(assembly: Assembly) -> tuple[JointEdge, ...]:
@@ -86,7 +86,7 @@ def in_cones(balls: Iterable[tuple[JointEdge, ...]], q: Mapping[str, float]) -> 
     angles: dict[str, float] = {}
     for ball in balls:
         x, y, z = within_turn((q[ball[0].path], q[ball[1].path], q[ball[2].path]))
-        cone, angle = ball[0].limit.cone, math.hypot(x, y, z)
+        cone, angle = ball[0].limit.cone, hypot(x, y, z)
         scale = cone / angle if cone is not None and angle > cone else 1.0
         angles.update({ball[0].path: scale * x, ball[1].path: scale * y, ball[2].path: scale * z})
     return angles

@@ -23,6 +23,7 @@ from thingc.graph.types import (
 from thingc.graph.unroll import Instance, Tree
 from thingc.resolve.model import AssemblyDefinition, Mode, NamedPose, RawAttribute, RawElement, Reference
 from thingc.resolve.raw_fixed import NAMING
+from thingc.summing import hypot
 from thingc.typos import did_you_mean
 
 _ROUNDING = 1e-9
@@ -247,7 +248,7 @@ def check_poses(
 def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: Findings) -> None:
     """A pose keeps a ball within its cone; one that it does not set is at 0, which is."""
     joint, cone = ball[0], ball[0].limit.cone
-    angle = math.hypot(*(pose.values.get(one.path, 0.0) for one in ball))
+    angle = hypot(*(pose.values.get(one.path, 0.0) for one in ball))
     if cone is not None and angle > cone * (1.0 + _ROUNDING):
         name = joint.name.joint
         findings.error(

@@ -31,7 +31,7 @@ from thingc.resolve.plausible import (
     unit_meant,
 )
 from thingc.source import Origin
-from thingc.summing import plain_sum
+from thingc.summing import dist, hypot, plain_sum
 
 TURNS = 2.0
 """A hinge that stops beyond so many turns is rarely one: what turns without end is `continuous`."""
@@ -71,7 +71,7 @@ def check_plausible(tree: Tree, assembly: Assembly, findings: Findings) -> None:
     _check_mounts(tree, mates, findings)
     if tree.top.assembly is not None:
         check_modes(tree.top.assembly, modes, assembly.adhesions, plain_sum(link.properties.mass for link in links), findings)
-    sizes = {one.index: math.dist(*one.box) for one in occurrences if one.box is not None}
+    sizes = {one.index: dist(*one.box) for one in occurrences if one.box is not None}
     if sizes and all(one.record is None or one.record.exact for one in occurrences):
         largest = max(sizes, key=lambda index: sizes[index])
         _check_offsets(tree, occurrences[largest], sizes[largest], findings)
@@ -126,9 +126,9 @@ def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None
     if one.box is None or one.record is not None and not one.record.exact or mass <= 0.0:
         return None
     (low, high), centre, inertia = one.box, one.properties.centre, one.properties.inertia
-    size = math.dist(low, high)
+    size = dist(low, high)
     across = f"and it measures {length_words(size, 3)} across"
-    away = math.hypot(*(max(least - at, at - most, 0.0) for least, at, most in zip(low, centre, high, strict=True)))
+    away = hypot(*(max(least - at, at - most, 0.0) for least, at, most in zip(low, centre, high, strict=True)))
     if away > size:
         what = f"the centre of mass of `{one.component.name}` is {length_words(away, 3)} outside of it, {across}"
         return one.overrides.com, what, "mind the unit (`mm`, `m`; a Thing's `centre()` is in mm), and that it is in the component's axes"
@@ -352,7 +352,7 @@ def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
 
 def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
     """How far a joint is moved at q = 0, and how far it goes: of a screw whose lead is beyond `bound` [m] no more than that."""
-    per_unit, turns = (math.hypot(*joint.twist.linear), joint.twist.turns) if joint.twist is not None else (0.0, False)
+    per_unit, turns = (hypot(*joint.twist.linear), joint.twist.turns) if joint.twist is not None else (0.0, False)
     moved = max(abs(joint.gap), abs(joint.offset) * per_unit)
     yield _Offset(words=f"joint `{joint.name}` is moved by", length=moved, path=joint.name, origin=joint.origin)
     lead = math.tau * per_unit if turns else 0.0
@@ -409,7 +409,7 @@ def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector
     """A mass without a shape, `at` a point of its link, that is far from the boxes around the parts of the link."""
     corners = [corner for box, pose in boxes for corner in pose.around(box)]
     sides = [(min(side), max(side)) for side in zip(*corners, strict=True)]
-    away = math.hypot(*(max(low - x, x - high, 0.0) for x, (low, high) in zip(at, sides, strict=True)))
+    away = hypot(*(max(low - x, x - high, 0.0) for x, (low, high) in zip(at, sides, strict=True)))
     size = max(high - low for low, high in sides)
     if away > size:
         placement = one.component.placement
@@ -422,4 +422,4 @@ def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector
 
 def _length(pose: Pose) -> float:
     offset: Vector = pose.translation
-    return math.hypot(*offset)
+    return hypot(*offset)

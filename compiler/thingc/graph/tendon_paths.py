@@ -14,7 +14,7 @@ from thingc.brief import Brief
 from thingc.frozen import dataclass
 from thingc.graph.types import LinkedMount, TendonStep
 from thingc.pose import Pose, Vector, cross, dot
-from thingc.summing import plain_sum
+from thingc.summing import dist, hypot, plain_sum
 
 Point = tuple[float, float]
 TINY = 1e-15
@@ -32,7 +32,7 @@ class TendonSpan(Brief):
     @property
     def length(self) -> float:
         """How long it is [m], before it is divided."""
-        return math.dist(*self.points)
+        return dist(*self.points)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,10 +105,10 @@ def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector
 
     low = high = 0.0
     if step.shape == "cylinder":  # a helix: it rises as far in each length of its projection
-        before, after = math.dist(flat(p), a), math.dist(flat(q), b)
+        before, after = dist(flat(p), a), dist(flat(q), b)
         slope = (q[2] - p[2]) / (before + curve + after)
         low, high = p[2] + slope * before, p[2] + slope * (before + curve)
-        curve = math.hypot(curve, high - low)
+        curve = hypot(curve, high - low)
     return curve, shape.apply(solid(a, low)), shape.apply(solid(b, high))
 
 
@@ -162,7 +162,7 @@ def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
 
 
 def _scaled(v: Point, length: float) -> Point:
-    size = math.hypot(*v)
+    size = hypot(*v)
     return v if size < TINY else (v[0] * length / size, v[1] * length / size)
 
 

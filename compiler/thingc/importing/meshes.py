@@ -17,6 +17,7 @@ from thingc.importing.naming import distinct
 from thingc.importing.packages import NotFound, Packages
 from thingc.inertia import MassProperties
 from thingc.meshes import BadMesh, bounded, measured, mesh_file
+from thingc.summing import dist
 
 READ = (".stl", ".obj", ".dae", ".ply", ".glb")
 FOLDER = "meshes"
@@ -46,7 +47,7 @@ def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | No
 def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping[str, str], report: Report) -> None:
     """A warning for the first mesh that is so much larger than every step from a joint to the next that its numbers will be millimetres.
     `files` are the meshes by their paths, and `paths` these by what the source calls them."""
-    reach = max((math.dist(one.pose.translation, (0.0, 0.0, 0.0)) for one in robot.hangings), default=0.0)
+    reach = max((dist(one.pose.translation, (0.0, 0.0, 0.0)) for one in robot.hangings), default=0.0)
     for shape in (shape for link in robot.links for shape in link.shapes if shape.mesh in paths):
         size = _corner(files.get(paths[shape.mesh or ""], b""), paths[shape.mesh or ""]) * max(map(abs, shape.size))
         if size > LARGE and size > SUSPECT * reach > 0.0:

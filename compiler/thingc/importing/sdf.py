@@ -6,7 +6,6 @@ Poses are stated in frames of the model (`relative_to`), in any order; where eve
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import replace
 
@@ -33,6 +32,7 @@ from thingc.importing.values import ChildValues
 from thingc.importing.xml_source import SourceElement, read_robot
 from thingc.inertia import MassProperties
 from thingc.pose import IDENTITY, NO_POSE, Pose, Vector, along, rotate
+from thingc.summing import hypot
 from thingc.typos import did_you_mean
 
 KINDS: dict[str, Kind | None] = {
@@ -282,7 +282,7 @@ class _Sdf:
         """A unit vector in the frame of the child link."""
         xyz = self.values.one(axis, "xyz")
         x, y, z = self.values.vector(axis, "xyz", (0.0, 0.0, 1.0))
-        length = math.hypot(x, y, z)
+        length = hypot(x, y, z)
         if length == 0.0:
             self.values.fault(xyz or axis, None, "the axis of this joint is 0 0 0, which is no direction", "write for example 0 0 1")
             return (0.0, 0.0, 1.0)

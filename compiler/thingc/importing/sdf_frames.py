@@ -14,6 +14,7 @@ from thingc.frozen import dataclass
 from thingc.importing.values import ChildValues
 from thingc.importing.xml_source import SourceElement
 from thingc.pose import NO_POSE, Pose, placed, rotation_of
+from thingc.summing import hypot
 from thingc.typos import did_you_mean
 
 WORLD = "world"
@@ -119,7 +120,7 @@ class Frames:
             return NO_POSE
         x, y, z, *turn = numbers
         if quaternion:
-            length = math.hypot(*turn)
+            length = hypot(*turn)
             if length == 0.0:
                 self.values.fault(pose, None, "the quaternion of this pose is 0 0 0 0, which is no rotation", "write 0 0 0 1")
                 return NO_POSE

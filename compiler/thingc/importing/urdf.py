@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -30,6 +29,7 @@ from thingc.importing.values import Values
 from thingc.importing.xml_source import SourceElement, read_robot
 from thingc.inertia import MassProperties
 from thingc.pose import NO_POSE, Vector
+from thingc.summing import hypot
 from thingc.typos import did_you_mean
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -246,7 +246,7 @@ class _Urdf:
     def _axis(self, element: SourceElement) -> Vector:
         axis = self.values.one(element, "axis")
         x, y, z = (1.0, 0.0, 0.0) if axis is None else self.values.vector(axis, "xyz", (1.0, 0.0, 0.0))
-        length = math.hypot(x, y, z)
+        length = hypot(x, y, z)
         if axis is not None and length == 0.0:
             self.values.fault(axis, "xyz", "the axis of this joint is 0 0 0, which is no direction", "write for example 0 0 1")
             return (1.0, 0.0, 0.0)

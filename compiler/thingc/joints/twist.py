@@ -14,7 +14,7 @@ from typing import Literal
 from thingc.frozen import dataclass
 from thingc.joints.dimensions import dimensions_of
 from thingc.pose import IDENTITY, NO_POSE, Pose, Vector, cross, dot, rotate, turned_about, turned_x, turned_y, turned_z
-from thingc.summing import plain_sum
+from thingc.summing import hypot, plain_sum
 from thingc.units import ANGLE, LENGTH, Dimension
 
 NONE: Vector = (0.0, 0.0, 0.0)
@@ -102,7 +102,7 @@ def moved(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = Fa
     or `at_once`, turns about axes through one point by the rotation vector that their angles make together."""
     if at_once:
         vector = rotation_vector(twists, q)
-        angle = math.hypot(*vector)
+        angle = hypot(*vector)
         if angle == 0.0:
             return NO_POSE
         x, y, z = vector
@@ -129,7 +129,7 @@ def velocities(twists: tuple[Twist, ...], q: tuple[float, ...], pose: Pose, *, a
 
 def within_turn(vector: Vector) -> Vector:
     """The rotation vector [rad] of the same turn that is no longer than pi."""
-    angle = math.hypot(*vector)
+    angle = hypot(*vector)
     if angle <= math.pi:
         return vector
     scale = math.remainder(angle, math.tau) / angle
@@ -146,7 +146,7 @@ def _right_jacobian(w: Vector, v: Vector) -> Vector:
     """How fast what is turned by the rotation vector w turns, in its own axes, while w changes by v: `v - b w x v + c w x (w x v)` with
     b = (1 - cos a) / a^2, c = (a - sin a) / a^3, a = |w| (Chirikjian, Stochastic Models, Information Theory, and Lie Groups 2, 2012,
     section 10.3.3); near 0 by their series."""
-    a = math.hypot(*w)
+    a = hypot(*w)
     if a < 1e-2:
         b, c = 0.5 - a * a / 24.0 + a**4 / 720.0, 1.0 / 6.0 - a * a / 120.0 + a**4 / 5040.0
     else:

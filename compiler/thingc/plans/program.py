@@ -9,6 +9,7 @@ from typing import Any
 from thingc.inertia import principal_axes
 from thingc.plans.tape import Const, Ref, Tape, Traced
 from thingc.pose import quarter_exact
+from thingc.summing import root_of_squares
 
 Run = Callable[..., "tuple[float, ...] | None"]
 """Values of the variables -> those of the outputs; None where a guard does not hold."""
@@ -21,7 +22,7 @@ def compiled(tape: Tape, outputs: Sequence[Any]) -> Run:
     their order, so that what it gives is what they would give, to the last bit; it gives None where a pass would have decided otherwise,
     or could not have gone on."""
     names: dict[str, Any] = {"math": math, "inf": math.inf, "nan": math.nan}
-    names |= {"quarter_exact": quarter_exact, "principal_axes": _axes}
+    names |= {"fsum": math.fsum, "root_of_squares": root_of_squares, "quarter_exact": quarter_exact, "principal_axes": _axes}
     guards = list(dict.fromkeys((operation, arguments, outcome, at) for at, operation, arguments, outcome in tape.guards))
     seen: set[Any] = set()
     needed = _needed(tape, [*(Ref(one.line) for one in outputs if isinstance(one, Traced)), *(a for _, args, _, _ in guards for a in args)])
@@ -70,11 +71,8 @@ def _code(operation: str, arguments: Sequence[Ref | Const]) -> str:
         return f"-{words[0]}" if len(words) == 1 else f"({words[0]} {operation} {words[1]})"
     if operation == "item":
         return f"{words[0]}[{words[1]}]"
-    if operation == "math.fsum":
-        return f"math.fsum(({', '.join(words)},))"
-    if operation == "math.dist":
-        half = len(words) // 2
-        return f"math.dist(({', '.join(words[:half])},), ({', '.join(words[half:])},))"
+    if operation in ("fsum", "root_of_squares"):
+        return f"{operation}(({', '.join(words)},))"
     return f"{operation}({', '.join(words)})"
 
 

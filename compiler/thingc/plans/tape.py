@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from thingc import inertia, pose
+from thingc import inertia, pose, summing
 from thingc.gaps import Gap
 
 Number = Any
@@ -28,7 +28,8 @@ _EXPONENTS = range(-920, -865)
 
 _ELEMENTARY = ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "hypot", "copysign", "radians", "degrees", "remainder", "fmod")
 """Functions of `math` of one result, worked out as they are."""
-_SUM, _DISTANCE = math.fsum, math.dist
+_OF_MANY = ((math, "fsum"), (summing, "root_of_squares"))
+"""Functions of some numbers, of one result."""
 
 WHOLE = ((pose, "quarter_exact"), (inertia, "principal_axes"))
 """Functions of ours that are one line of a tape, because what they decide on the way is nobody's business: the module, and their name."""
@@ -249,7 +250,8 @@ def tracing(*others: tuple[Any, str, Any]) -> Iterator[None]:
     what they always do, also to other threads. `others` stand in for more: a module, the name, and what it is meanwhile."""
     stand_ins = (
         *((math, name, _elementary(name)) for name in _ELEMENTARY), *((math, name, _test(name)) for name in ("isfinite", "isnan", "isinf")),
-        (math, "fsum", _fsum), (math, "dist", _dist), *((builtins, name, _extreme(name)) for name in ("min", "max")),
+        *((builtins, name, _extreme(name)) for name in ("min", "max")),
+        *((module, name, _of_many(module, name)) for module, name in _OF_MANY),
         *((module, name, _whole(module, name)) for module, name in WHOLE), *others,
     )
     known: list[tuple[Any, str, Any]] = []
@@ -281,18 +283,16 @@ def _elementary(name: str) -> Callable[..., Any]:
     return traced
 
 
-def _fsum(values: Iterable[Number]) -> Any:
-    listed = list(values)
-    tape = _tape_of(listed)
-    return _SUM(listed) if tape is None else tape.apply("math.fsum", listed, _SUM(map(value_of, listed)))
+def _of_many(module: Any, name: str) -> Callable[..., Any]:
+    """A function of some numbers that may be traced: one operation on the tape."""
+    function = getattr(module, name)
 
+    def traced(values: Iterable[Number]) -> Any:
+        listed = list(values)
+        tape = _tape_of(listed)
+        return function(listed) if tape is None else tape.apply(name, listed, function(map(value_of, listed)))
 
-def _dist(p: Iterable[Number], q: Iterable[Number]) -> Any:
-    points = [*p, *q]
-    tape = _tape_of(points)
-    half = len(points) // 2
-    value = _DISTANCE(*(tuple(map(value_of, side)) for side in (points[:half], points[half:])))
-    return value if tape is None else tape.apply("math.dist", points, value)
+    return traced
 
 
 def _extreme(name: str) -> Callable[..., Any]:

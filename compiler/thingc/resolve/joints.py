@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, get_args
@@ -22,6 +21,7 @@ from thingc.resolve.table import Table
 from thingc.source import MappingNode, Node, Path, ScalarNode, SequenceNode, node_at
 from thingc.spec.assembly import JointSpec
 from thingc.spec.drives import DriveSpec
+from thingc.summing import hypot
 from thingc.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 
 _ENDLESS = "; a joint that turns without end is `continuous`"
@@ -211,7 +211,7 @@ def _drives_of_ball(table: Table, item: Unrolled[JointSpec]) -> dict[int, Drive]
 def _direction(scope: Scope, written: Sequence[Any], place: Path, what: str, code: Code) -> Vector | None:
     """The unit vector along what is written; None where that is wrong (reported, an axis of 0 by `code`)."""
     axis = scope.vector(written, place, NUMBER, what)
-    size = 0.0 if axis is None else math.hypot(*axis)
+    size = 0.0 if axis is None else hypot(*axis)
     if axis is None or size > 0.0:
         return None if axis is None else (axis[0] / size, axis[1] / size, axis[2] / size)
     scope.error(code, f"{what} is 0 long: it has no direction", place, help="write for example `[1, 0, 0]`")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from thingc.diagnostics import Code
 from thingc.inertia import HEAVIEST, LARGEST_MOMENT
 from thingc.pose import NO_POSE, Vector
@@ -16,6 +14,7 @@ from thingc.resolve.scope import Scope
 from thingc.resolve.table import Node
 from thingc.source import Path
 from thingc.spec.stated_masses import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
+from thingc.summing import hypot
 from thingc.typos import did_you_mean
 from thingc.units import INERTIA, LENGTH, MASS, NUMBER
 
@@ -96,7 +95,7 @@ def _up(scope: Scope, layers: Layers) -> Vector | None:
     x, y, z = (scope.number(part, (*path, index), NUMBER, "a part of `up`") for index, part in enumerate(raw))
     if x is None or y is None or z is None:
         return None
-    length = math.hypot(x, y, z)
+    length = hypot(x, y, z)
     if not length > 0.0:
         scope.error(Code.OUT_OF_RANGE, "`up` must have a direction, found `0 0 0`", path, help="write for example `up: [0, 0, 1]`")
         return None

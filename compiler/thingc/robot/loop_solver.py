@@ -24,7 +24,7 @@ from thingc.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, rotat
 from thingc.robot.dense import solve
 from thingc.robot.kinematics import carried, in_world
 from thingc.robot.types import Body, Closure
-from thingc.summing import plain_sum
+from thingc.summing import dist, hypot, plain_sum
 
 CLOSED, ALIGNED = 1e-7, 1e-6
 """A closure is closed to within this [m], and this [rad], which is less than anybody is told. Newton's method usually ends at 1e-15; but
@@ -125,7 +125,7 @@ class Loops:
         if not places:
             return 1.0
         middle = [plain_sum(place[k] for place in places) / len(places) for k in range(3)]
-        far = max(math.dist(place, middle) for place in places)
+        far = max(dist(place, middle) for place in places)
         return far if far > 0.0 else 1.0
 
     def _placed(self, state: SolverState) -> dict[int, Pose]:
@@ -147,7 +147,7 @@ class Loops:
 
     def residuals(self, state: SolverState) -> tuple[tuple[float, float], ...]:
         """|p| [m] and |w| [rad] of every closure."""
-        return tuple((math.hypot(*p), math.hypot(*w)) for p, w in self._errors(state))
+        return tuple((hypot(*p), hypot(*w)) for p, w in self._errors(state))
 
     def closed(self, state: SolverState) -> bool:
         """Whether all are closed."""
@@ -393,7 +393,7 @@ def rotation_vector(r: Matrix) -> Vector:
 
 def _turn(v: Vector) -> Matrix:
     """exp of a rotation vector [rad]."""
-    angle = math.hypot(*v)
+    angle = hypot(*v)
     if angle == 0.0:
         return IDENTITY
     x, y, z = v

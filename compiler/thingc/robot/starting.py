@@ -16,7 +16,7 @@ from thingc.resolve.coordinates import Limit
 from thingc.robot.kinematics import body_poses
 from thingc.robot.standing import MeshVertices, of_box, of_points, vertices_of
 from thingc.robot.types import Robot
-from thingc.summing import plain_sum
+from thingc.summing import hypot, plain_sum
 from thingc.units import LENGTH, Quantity
 
 Box = tuple[Vector, Vector]
@@ -196,6 +196,6 @@ def _sphere(link: Link, assembly: Assembly) -> float:
     for member, pose in zip(link.members, link.poses, strict=True):
         box = assembly.occurrences[member].box
         if box is not None:
-            corner = math.hypot(*(max(abs(low), abs(high)) for low, high in zip(*box, strict=True)))
-            reach = max(reach, math.hypot(*pose.translation) + corner)
+            corner = hypot(*(max(abs(low), abs(high)) for low, high in zip(*box, strict=True)))
+            reach = max(reach, hypot(*pose.translation) + corner)
     return reach

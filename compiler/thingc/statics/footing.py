@@ -10,7 +10,7 @@ from thingc.pose import Pose, Vector, cross
 from thingc.robot.kinematics import in_world
 from thingc.robot.tree import in_link
 from thingc.robot.types import Robot
-from thingc.summing import plain_sum
+from thingc.summing import dist, hypot, plain_sum
 
 LEVEL = 0.02
 """A foot that is higher above the lowest one than this part of the greatest distance of two feet does not stand on the floor."""
@@ -77,14 +77,14 @@ def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> l
 def lifted(feet: Sequence[Footing]) -> dict[str, float]:
     """How high [m] those feet are above the lowest one that are too high to stand on the same floor, by path."""
     lowest = min((foot.point[2] for foot in feet), default=0.0)
-    widest = max((math.dist(a.point, b.point) for a in feet for b in feet), default=0.0)
+    widest = max((dist(a.point, b.point) for a in feet for b in feet), default=0.0)
     return {foot.path: foot.point[2] - lowest for foot in feet if foot.point[2] - lowest > LEVEL * widest}
 
 
 def outside(stance: Stance) -> float:
     """How far [m] along the floor the centre of mass, projected on it along gravity, is outside of the polygon of the feet: 0 within.
     Infinite where gravity does not pull towards the floor."""
-    if stance.weight[2] >= -1e-9 * math.hypot(*stance.weight):
+    if stance.weight[2] >= -1e-9 * hypot(*stance.weight):
         return math.inf
     floor = plain_sum(foot.point[2] for foot in stance.feet) / len(stance.feet)
     down = (floor - stance.centre[2]) / stance.weight[2]
@@ -124,7 +124,7 @@ def _from_origin(a: Point, b: Point) -> float:
     along = (b[0] - a[0], b[1] - a[1])
     length = along[0] ** 2 + along[1] ** 2
     part = 0.0 if length == 0.0 else min(max(-(a[0] * along[0] + a[1] * along[1]) / length, 0.0), 1.0)
-    return math.hypot(a[0] + part * along[0], a[1] + part * along[1])
+    return hypot(a[0] + part * along[0], a[1] + part * along[1])
 
 
 def _less(a: Vector, b: Vector) -> Vector:

@@ -28,6 +28,7 @@ from thingc.robot.loop_solver import Loops, SolverState
 from thingc.robot.types import Robot
 from thingc.statics.footing import Stance, outside, stance
 from thingc.statics.types import DriveTransmission, Efforts, Fall, answer
+from thingc.summing import hypot
 
 Array = NDArray[np.float64]
 
@@ -112,7 +113,7 @@ def _fall(robot: Robot, stands: Stance) -> Fall | None:
         return None
     far = outside(stands)
     if math.isinf(far):
-        return Fall("pulls" if stands.weight[2] > 1e-9 * math.hypot(*stands.weight) else "slides", far)
+        return Fall("pulls" if stands.weight[2] > 1e-9 * hypot(*stands.weight) else "slides", far)
     return Fall("tips" if far > 0.0 else "slides", far)
 
 

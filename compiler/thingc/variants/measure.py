@@ -22,6 +22,7 @@ from thingc.pose import Pose, Vector
 from thingc.robot import in_link, placed_bodies
 from thingc.robot.types import Robot
 from thingc.statics import lifted, stance, static_efforts
+from thingc.summing import dist
 from thingc.typos import did_you_mean
 
 Results = dict[str, float | None]
@@ -68,7 +69,7 @@ def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None) -> Re
     if ends:
         (a, b), (c, d) = ends
         points = [(occurrences[a] @ _frame(assembly, a, b)).translation, (occurrences[c] @ _frame(assembly, c, d)).translation]
-        results["reach"] = math.dist(*points)
+        results["reach"] = dist(*points)
     if not robot.closures and not lifted(stance(robot, q, bodies).feet):
         held = static_efforts(robot, q, bodies)
         results["torque_margin"] = held.least_margin if held.fall is None else None
@@ -101,7 +102,7 @@ def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
             continue
         here = within[mate.parent].apply(mate.X_PJ.translation)
         there = within[before.child].apply(before.X_JC.inverse().translation)
-        distances[f"length.{mate.name.replace('/', '.')}"] = math.dist(here, there)
+        distances[f"length.{mate.name.replace('/', '.')}"] = dist(here, there)
     return distances
 
 

@@ -19,6 +19,7 @@ from thingc.emit.mjcf.poses import pose_attributes
 from thingc.emit.xml import Element, numbers
 from thingc.pose import NO_POSE, Pose, shifted
 from thingc.robot.types import Closure, Robot, residual_words
+from thingc.summing import dist
 
 STIFFNESS = "0.999 0.9999 0.001"
 """`solimp` of a closure. MuJoCo's equalities give way; its own 0.9 lets a held foot sag by a part of a millimetre."""
@@ -136,14 +137,14 @@ def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tup
     for body in robot.bodies:
         X_WL.append(NO_POSE if body.parent is None else X_WL[body.parent] @ body.X_PL)
     (_, on_parent), (_, on_child) = points
-    return math.dist((X_WL[closure.parent] @ on_parent).translation, (X_WL[closure.child] @ on_child).translation)
+    return dist((X_WL[closure.parent] @ on_parent).translation, (X_WL[closure.child] @ on_child).translation)
 
 
 def _lever(robot: Robot, closure: Closure) -> float:
     """How far apart [m] the two points are: as far as the child's centre of mass is from the axis, so that neither shifts nor
     turns of it weigh much more than the other; one digit, and never nothing."""
     centre = robot.assembly.links[robot.bodies[closure.child].link].properties.centre
-    far = math.dist(centre, closure.X_CB.translation)
+    far = dist(centre, closure.X_CB.translation)
     return float(f"{far:.1g}") if far > 1e-3 else 1e-3
 
 

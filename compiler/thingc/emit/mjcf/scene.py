@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 from thingc.emit.extent import Box, bounds, placements
@@ -10,6 +9,7 @@ from thingc.emit.xml import Element, Written, number, numbers, write
 from thingc.memo import Memo
 from thingc.robot.types import Robot
 from thingc.source import Origin
+from thingc.summing import dist
 
 FLOOR = "floor"
 
@@ -49,7 +49,7 @@ def _scene(
     if box is not None:
         low, high = box
         centre = [round((low[k] + high[k]) / 2.0, 3) for k in range(3)]
-        extent = float(f"{max(math.dist(low, high), 1e-3):.3g}")
+        extent = float(f"{max(dist(low, high), 1e-3):.3g}")
         root.add("statistic", {"center": numbers(centre), "extent": number(extent)})
     visual = root.add("visual")
     visual.add("headlight", {"diffuse": "0.6 0.6 0.6", "ambient": "0.3 0.3 0.3", "specular": "0 0 0"})

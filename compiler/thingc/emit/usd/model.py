@@ -14,7 +14,6 @@ to the child, which Newton insists on; those that close it are excluded from it.
 
 from __future__ import annotations
 
-import math
 from typing import assert_never
 
 from thingc.diagnostics import Report
@@ -35,6 +34,7 @@ from thingc.pose import IDENTITY, Matrix, Pose, Vector
 from thingc.resolve.model import Material
 from thingc.robot.kinematics import placed_bodies
 from thingc.robot.types import Robot
+from thingc.summing import hypot
 
 SCENE, MATERIALS, JOINTS = "scene", "materials", "joints"
 """What stands beside the links, so that none of them can be called so."""
@@ -109,7 +109,7 @@ class _Builder:
     def _scene(self) -> None:
         """Gravity [m/s^2]."""
         scene = self.root.add("PhysicsScene", SCENE)
-        size = math.hypot(*self.robot.gravity)
+        size = hypot(*self.robot.gravity)
         scene.say("vector3f physics:gravityDirection", several(g / size for g in self.robot.gravity) if size else "(0, 0, -1)")
         scene.say("float physics:gravityMagnitude", size)
 

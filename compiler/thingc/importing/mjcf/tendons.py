@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
@@ -10,6 +9,7 @@ from thingc.importing.mjcf.original import SOLIMP, SOLREF, Original, differing, 
 from thingc.importing.mjcf.shapes import GREY
 from thingc.importing.model import Ends, Raw, SourceAround, SourceDrive, SourceStep, SourceTendon
 from thingc.pose import Pose
+from thingc.summing import hypot
 
 JOINT, PULLEY, SITE, SPHERE, CYLINDER = 1, 2, 3, 4, 5
 HINGE = 3
@@ -65,7 +65,7 @@ class Tendons:
             return "its side site is on another link than what it goes around"
         shape = self._fixed(body) @ pose_of(model.geom_pos[thing], model.geom_quat[thing])
         x, y, z = (shape.inverse() @ self._fixed(on) @ place).translation
-        inside = math.hypot(x, y, z if kind == SPHERE else 0.0) <= float(model.geom_size[thing][0])
+        inside = hypot(x, y, z if kind == SPHERE else 0.0) <= float(model.geom_size[thing][0])
         return "it goes through a shape on the inside, and that of a document goes around it" if inside else ""
 
     def _fixed(self, body: int) -> Pose:

@@ -27,7 +27,7 @@ from thingc.realize.record import (
     Value,
 )
 from thingc.realize.slices import Moments, Sliced, Slicing, Unsliced
-from thingc.summing import plain_sum
+from thingc.summing import hypot, plain_sum
 
 UNITS = {"length": "m", "angle": "rad", "mass": "kg", "ratio": "1", "number": "1"}
 """The units that the lock names for people who read it; values are SI."""
@@ -248,7 +248,7 @@ def _matter(value: Any, path: str) -> Moments:
 
 def _direction(value: Any, path: str) -> Vector:
     x, y, z = numbers(value, 3, path)
-    if abs(math.hypot(x, y, z) - 1.0) > _ORTHOGONAL:
+    if abs(hypot(x, y, z) - 1.0) > _ORTHOGONAL:
         raise BadLock(path, "expected a direction: three numbers whose squares add up to 1")
     return x, y, z
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from thingc.mirror import Mirror
 from thingc.pose import Pose
 from thingc.realize.worker.kernel.measure import bounding_box, explored
+from thingc.summing import dist
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,7 +28,7 @@ class SolidMirror(Mirror):
     def keeps(self, pose: Pose) -> bool:
         """Whether the image of a mount is at the same place and looks the same way."""
         image = self.mount(pose)
-        return math.dist(image.translation, pose.translation) <= SAME_PLACE and all(
+        return dist(image.translation, pose.translation) <= SAME_PLACE and all(
             abs(new[2] - old[2]) <= SAME_PLACE for new, old in zip(image.rotation, pose.rotation, strict=True)
         )
 
@@ -44,7 +44,7 @@ class SolidMirror(Mirror):
     def is_image_of_itself(self, solid: TopoDS_Shape) -> bool:
         """Whether a solid is unchanged: each face has an image of its area, centroid and second moments among the faces. A thread
         has not: its faces wind the other way, which the products of moments tell."""
-        size = math.dist(*bounding_box(solid))
+        size = dist(*bounding_box(solid))
         faces = _integrals(solid, size)
         x, y, z = self.signs
         images = faces * np.array([1.0, x, y, z, 1.0, 1.0, 1.0, x * y, x * z, y * z])

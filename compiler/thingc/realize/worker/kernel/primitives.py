@@ -9,7 +9,6 @@ capsule. A solid of the same volume and area as the primitive fills it.
 from __future__ import annotations
 
 import itertools
-import math
 from typing import TYPE_CHECKING
 
 from OCP.BRepAdaptor import BRepAdaptor_Surface
@@ -22,7 +21,7 @@ from thingc.pose import IDENTITY, Matrix, Pose, Vector, added, cross, dot, rotat
 from thingc.primitives import Primitive, PrimitiveShape
 from thingc.realize.worker.kernel import convert
 from thingc.realize.worker.kernel.measure import bounding_box, explored, integrals
-from thingc.summing import plain_sum
+from thingc.summing import dist, hypot, plain_sum
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -65,7 +64,7 @@ def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
             return None
     if not planes and not spheres:
         return None
-    size = math.dist(*bounding_box(solid))
+    size = dist(*bounding_box(solid))
     match bool(planes), bool(cylinders), bool(spheres):
         case True, False, False:
             primitive = _box(planes, size)
@@ -146,7 +145,7 @@ def _capsule(cylinders: list[tuple[_Line, float]], spheres: list[tuple[Vector, f
 
 def _sphere(spheres: list[tuple[Vector, float]], size: float) -> Primitive | None:
     centre, radius = spheres[0]
-    if any(abs(other - radius) > SAME * size or math.dist(where, centre) > SAME * size for where, other in spheres):
+    if any(abs(other - radius) > SAME * size or dist(where, centre) > SAME * size for where, other in spheres):
         return None
     return _made("sphere", (radius,), IDENTITY, centre)
 
@@ -199,12 +198,12 @@ def _shortest_turn(axis: Vector) -> Matrix:
 
 
 def _parallel(a: Vector, b: Vector) -> bool:
-    return math.hypot(*cross(a, b)) <= SAME
+    return hypot(*cross(a, b)) <= SAME
 
 
 def _beside(point: Vector, origin: Vector, axis: Vector) -> float:
     """The distance of a point from a line."""
-    return math.hypot(*cross(added(point, origin, -1.0), axis))
+    return hypot(*cross(added(point, origin, -1.0), axis))
 
 
 def _scaled(a: Vector, factor: float) -> Vector:
@@ -213,9 +212,9 @@ def _scaled(a: Vector, factor: float) -> Vector:
 
 def _unit(a: Vector) -> Vector:
     """Of length 1, without the rounding of rotations: exactly an axis where it is one."""
-    length = math.hypot(*a)
+    length = hypot(*a)
     x, y, z = (0.0 if abs(component) <= ROUNDING * length else component for component in a)
-    return _scaled((x, y, z), 1.0 / math.hypot(x, y, z))
+    return _scaled((x, y, z), 1.0 / hypot(x, y, z))
 
 
 def _line(axis: gp_Ax1) -> _Line:
