@@ -24,7 +24,7 @@ PACKAGE = ROOT / "compiler" / "thingc"
 BASE = {
     "frozen", "brief", "shown", "source", "typos", "diagnostics", "units", "expressions", "pose", "inertia", "mirror", "primitives",
     "sensing",
-    "memo", "packaging", "exports", "file_names", "files", "heading", "circles", "summing",
+    "memo", "packaging", "exports", "file_names", "files", "heading", "circles", "summing", "syntax",
     "installed", "workspace",
 }
 # What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
@@ -33,7 +33,7 @@ ROOMS: dict[str, set[str]] = {
     "diagnostics": {"brief", "shown", "source", "typos"},
     "printing": {"brief", "shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "typos"},
     "expressions": {"frozen", "diagnostics", "typos", "units"},
-    "summing": set(), "pose": {"frozen", "summing"}, "inertia": {"frozen", "brief", "pose"}, "mirror": {"pose"},
+    "summing": set(), "syntax": set(), "pose": {"frozen", "summing"}, "inertia": {"frozen", "brief", "pose"}, "mirror": {"pose"},
     "primitives": {"frozen", "brief", "pose", "inertia", "summing"}, "sensing": {"frozen", "brief", "source", "units", "primitives"},
     "memo": set(), "file_names": set(), "files": set(), "heading": set(), "circles": set(), "installed": set(),
     "later": set(), "exports": set(), "packaging": {"frozen"},

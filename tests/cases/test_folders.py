@@ -7,6 +7,7 @@ import io
 import json
 import os
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -310,6 +311,16 @@ def test_part_files_that_python_cannot_read(folder: Path, capsys: pytest.Capture
     exit_code, lines = said(capsys, "parts", "--format", "json")
     assert exit_code == 1 and Code.PART_UNREADABLE.code in "\n".join(lines) and words in "\n".join(lines)
     assert Code.PART_UNREADABLE.code in said(capsys, "lock")[1][0]
+
+
+def test_what_python_warns_of_in_a_part_file_is_not_printed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """From Python 3.12 on it prints such a warning, with the line of a file that it was not told."""
+    (folder / "parts" / "odd.py").write_text('from build123d import Box\n\n\ndef odd():\n    """A \\d box."""\n    return Box(9, 9, 9)\n')
+    (folder / "odd.yaml").write_text("thingc: assembly/1\nname: odd\ncomponents: {a: {part: odd:odd, mass: 1 g}}\n")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", ".*invalid escape sequence")
+        assert said(capsys, "check", "odd.yaml") == (0, ["odd.yaml: ok"])
+        assert said(capsys, "parts")[0] == 0
 
 
 # --- what a person has done to a build folder ----------------------------------------------------------------------

@@ -23,6 +23,7 @@ from thingc.load.paths import DOCUMENT_SUFFIXES
 from thingc.load.scalars import core_value
 from thingc.realize.record import PartRecord, PartSchema
 from thingc.source import Document, MappingNode, SequenceNode, node_at
+from thingc.syntax import syntax_tree
 from thingc.typos import did_you_mean, meant, nearest
 from thingc.units import shortened
 
@@ -119,7 +120,7 @@ def _new_part(arguments: argparse.Namespace, documents: Documents | None, refere
 
     told, _, given = reference.partition(":")
     module, name = _identifier(told), _class_name(given)
-    if keyword.iskeyword(name) or name in _bound(ast.parse(new_part("_", None))):
+    if keyword.iskeyword(name) or name in _bound(syntax_tree(new_part("_", None))):
         raise common.WrongCommandLine(f"`{name}` is no name for a class of parts: it means something else there", "choose another name")
     component = arguments.component or _snake(name)
     placed = None if documents is None else _place(arguments, documents.root, component, "bottom")
@@ -416,14 +417,14 @@ def _appended(path: str, name: str, text: str) -> str:
     with open(path, encoding="utf-8") as stream:
         before = stream.read()
     try:
-        module = ast.parse(before)
+        module = syntax_tree(before)
     except SyntaxError as fault:
         raise common.WrongCommandLine(f"`{shown_path(path)}` cannot be read as Python: {fault.msg}", f"mend line {fault.lineno}") from fault
     bound = _bound(module)
     if name in bound:
         raise common.WrongCommandLine(f"`{shown_path(path)}` has a `{name}` already", "choose another name")
     missing = []
-    for node in ast.parse(text).body:
+    for node in syntax_tree(text).body:
         if isinstance(node, ast.ImportFrom) and f"{node.module}.*" not in bound:
             names = [alias.name for alias in node.names if alias.name not in bound]
             missing += [f"from {node.module} import {', '.join(names)}\n"] if names else []

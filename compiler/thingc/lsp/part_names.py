@@ -13,6 +13,7 @@ from functools import lru_cache
 
 from thingc.frozen import dataclass
 from thingc.source import Span
+from thingc.syntax import syntax_tree
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,7 +274,7 @@ class PartNames:
 def _module_of(file: str, dotted: str, text: str) -> _Module | None:
     """A module out of its text; None where that is no Python."""
     try:
-        return _Module(file, dotted, re.split(r"\r\n|\r|\n", text), ast.parse(text))
+        return _Module(file, dotted, re.split(r"\r\n|\r|\n", text), syntax_tree(text))
     except (SyntaxError, ValueError, RecursionError):
         return None
 

@@ -5,7 +5,6 @@ What an edit does is not trusted: the texts are made, read and looked up again, 
 
 from __future__ import annotations
 
-import ast
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -20,6 +19,7 @@ from thingc.lsp.sight import Sight, mentioned
 from thingc.resolve import RESERVED
 from thingc.shown import shown
 from thingc.source import MappingNode, Node, ScalarNode, SequenceNode, Span, node_at
+from thingc.syntax import syntax_tree
 from thingc.units import shortened
 
 WORDS = {"export": "exported mount", "part mount": "mount of a part", "part parameter": "parameter of a part"}
@@ -159,7 +159,7 @@ def _compare(before: Sight, after: Sight, name: Name, new: str, spans: set[Span]
     for path in {span.file for span in spans}:
         if path.endswith(".py"):
             try:
-                ast.parse(after.read(path) or "")
+                syntax_tree(after.read(path) or "")
             except SyntaxError:
                 raise RequestRefused(f"`{before.relative(path)}` would be no Python with `{new}` in it") from None
             continue

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from thingc.files import listing
 from thingc.realize.key.module_key import ModuleSources
 from thingc.realize.record import PartFailure
+from thingc.syntax import syntax_tree
 
 
 def classes_in_reach(sources: ModuleSources, packages: Sequence[str]) -> list[str]:
@@ -44,7 +45,7 @@ def classes_installed(module: str, file: str) -> list[str]:
     """`module:Class` of every public class in the file of such a module, in order; none where that is no Python."""
     try:
         with open(file, "rb") as stream:
-            body = ast.parse(stream.read(), file).body
+            body = syntax_tree(stream.read()).body
     except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
         return []
     return [f"{module}:{node.name}" for node in body if isinstance(node, ast.ClassDef) and not node.name.startswith("_")]
@@ -59,7 +60,7 @@ def not_python(sources: ModuleSources, packages: Sequence[str]) -> list[PartFail
             continue
         try:
             with open(source.module.file, "rb") as stream:
-                ast.parse(stream.read(), source.module.file)
+                syntax_tree(stream.read())
         except (SyntaxError, ValueError, RecursionError, MemoryError) as fault:
             words, line = (fault.msg, fault.lineno) if isinstance(fault, SyntaxError) else (str(fault) or "too deeply nested", None)
             failures.append(PartFailure(

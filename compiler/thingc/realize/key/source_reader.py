@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import ast
 import hashlib
-import os
 import re
 from collections.abc import Sequence
 from typing import Any
 
 from thingc.realize.key.modules import MAX_NAME
+from thingc.syntax import syntax_tree
 
 TELLING = frozenset({
     "__doc__", "f_lineno", "tb_lineno", "co_firstlineno", "co_lines", "co_positions", "co_linetable", "co_lnotab", "co_consts",
@@ -28,9 +28,6 @@ LOOKING = re.compile(
 )
 """Words by which code looks at functions that it does not call, or has others run them in another way."""
 
-NOWHERE = os.devnull
-"""The file that Python is told: it looks for the faulty line in it, and by default that is a file `<unknown>` of the working folder."""
-
 _IMPLIED = ("ctx", "kind")
 """Fields of nodes that tell nothing: what a name is used for shows where it stands, and `u"x"` is `"x"`."""
 _END, _LEFT = object(), object()
@@ -42,7 +39,7 @@ PLAIN = frozenset({"classmethod", "property", "staticmethod"})
 def read(source: bytes) -> dict[str, Any]:
     """The facts of a source file, as JSON (see `module_key.Facts`)."""
     try:
-        tree = ast.parse(source, NOWHERE)
+        tree = syntax_tree(source)
         tree.body = [statement for statement in tree.body if not _is_main_guard(statement)]
         return _facts(tree, source)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
