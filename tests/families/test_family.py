@@ -52,6 +52,54 @@ def test_rules_reach_and_errors_of_a_document_of_variants(many: thingc.RobotFami
     assert all(one.sound for one in many.evaluate(many.variants))
 
 
+FOLLOWING = """\
+thingc: assembly/1
+name: crane
+parameters:
+  arm: {value: 300 mm, min: 100 mm, max: 900 mm}
+  rope: {value: =2 * arm, min: 0 mm, max: 2 m}
+  braced: false
+  load: 1 kg
+components:
+  base: {frame: true, mass: 2 kg}
+  hook: {frame: true, mass: =load, com: [=rope, 0, 0], inertia: {ixx: 0.1 kg*m^2, iyy: 0.1 kg*m^2, izz: 0.1 kg*m^2}}
+joints:
+  turn: {type: revolute, parent: base.origin, child: hook.origin, limit: {lower: -1 rad, upper: =rope * 1 rad/m}}
+modes: {standing: {root: base}}
+"""
+
+
+@pytest.mark.parametrize(("settings", "numbers", "broken"), [
+    ({}, {}, None),
+    ({"arm": 0.2}, {"arm": 0.2, "rope": 0.4, "joints.turn.limit.upper": 0.4}, None),
+    ({"arm": "=100 mm * 4"}, {"arm": 0.4, "rope": 0.8, "joints.turn.limit.upper": 0.8}, "rope < 700 mm"),
+    ({"arm": 0.5, "rope": "=arm + 100 mm"}, {"arm": 0.5, "rope": 0.6}, None),
+    ({"load": "=load_of"}, {}, None),
+    ({"load": "=arm * 1 kg/m"}, {"load": 0.3}, "load >= 500 g"),
+    ({"br*": True, "load": "1 kg"}, {"braced": 1.0, "load": 1.0}, None),
+    ({"joints.turn.limit.upper": "=2 * rope / 1 m * 1 rad", "arm": "=0.1 m"},
+     {"joints.turn.limit.upper": 0.4, "arm": 0.1, "rope": 0.2}, None),
+])
+def test_rules_and_numbers_see_what_settings_come_to(
+    tmp_path: Path, settings: dict[str, object], numbers: dict[str, float], broken: str | None,
+) -> None:
+    """Expressions and flags, and parameters that follow from what is set: worked out by hand."""
+    (tmp_path / "crane.yaml").write_text(FOLLOWING)
+    (tmp_path / "cranes.yaml").write_text(
+        "thingc: variants/1\nassembly: crane.yaml\nname: cranes\nparameters: {arm: [200 mm, 300 mm], braced: [true, false],\n"
+        "  joints.turn.limit.upper: [1 rad, 2 rad]}\nkeep: [rope < 700 mm, load >= 500 g]\n"
+    )
+    with thingc.family(tmp_path / "cranes.yaml") as cranes:
+        found = cranes.evaluate(settings)
+        assert found.broken == broken and [one.message for one in found.problems] == (
+            ["unknown name `load_of` in `=load_of`"] if settings.get("load") == "=load_of" else []
+        )
+        assert cranes.numbers(settings) == pytest.approx(numbers, abs=1e-12)
+    with thingc.family(tmp_path / "crane.yaml") as crane:
+        of_parameters = {name: number for name, number in numbers.items() if "." not in name or name in settings}
+        assert crane.numbers(settings) == pytest.approx(of_parameters, abs=1e-12)
+
+
 def test_a_result_that_is_not_there_says_why(everything: thingc.RobotFamily) -> None:
     with pytest.raises(KeyError, match="there is no result `mas`: did you mean `mass`"):
         everything.evaluate({})["mas"]

@@ -24,6 +24,17 @@ from thingc.variants import FamilyError, UnknownVariant, load
 from thingc.variants.learning import make_env
 from variants.families import documents
 
+CRANE = """\
+thingc: assembly/1
+name: crane
+parameters: {arm: {value: 300 mm, min: 100 mm, max: 900 mm}, rope: {value: =2 * arm, min: 0 mm, max: 2 m}, braced: false}
+components:
+  base: {frame: true, mass: 2 kg}
+  hook: {frame: true, mass: 1 kg, com: [=rope, 0, 0], inertia: {ixx: 0.1 kg*m^2, iyy: 0.1 kg*m^2, izz: 0.1 kg*m^2}}
+joints: {turn: {type: revolute, parent: base.origin, child: hook.origin, limit: {lower: -1 rad, upper: 1 rad}}}
+modes: {standing: {root: base}}
+"""
+
 
 @pytest.fixture(scope="module")
 def family(tmp_path_factory: pytest.TempPathFactory) -> Iterator[thingc.RobotFamily]:
@@ -184,6 +195,16 @@ def test_settings_are_listed_or_drawn(family: thingc.RobotFamily) -> None:
     assert [id(data) for data in drawn.data] == states  # no new memory for another robot
 
 
+def test_an_observation_ends_with_what_settings_come_to(tmp_path: Path) -> None:
+    """Flags, expressions, and what follows from a parameter that is set: from their bounds, by hand."""
+    (tmp_path / "crane.yaml").write_text(CRANE)
+    many = [{"arm": 0.2}, {"arm": "=100 mm * 4", "braced": True}, {"rope": "=arm + 100 mm"}, {}]
+    with thingc.family(tmp_path / "crane.yaml") as crane:
+        worlds = make_vec_env(crane, 1, settings=many, descriptor=("arm", "rope", "braced"))
+        seen = [worlds.reset(options={"variant": place})[0][0, -3:].tolist() for place in range(4)]
+    assert seen == [pytest.approx(row) for row in ([-0.75, -0.6, -1.0], [-0.25, -0.2, 1.0], [-0.5, -0.6, -1.0], [-0.5, -0.4, -1.0])]
+
+
 def test_worlds_of_equal_settings_share_a_model_and_no_state(family: thingc.RobotFamily) -> None:
     worlds = make_vec_env(family, 3, settings=[{"length": 0.25}], mode="hanging")
     worlds.reset(seed=1)
@@ -234,6 +255,7 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: P
         ({"settings": 5}, FamilyError, "expected settings as a mapping from names to numbers or texts, found `5`"),
         ({"descriptor": "lenght"}, UnknownVariant, "`pendulum` has nothing to set called `lenght`: did you mean `length`"),
         ({"reward": 5}, FamilyError, "expected `reward` to be a function of a `Step`, found `5`"),
+        ({"reward": None}, FamilyError, "expected `reward` to be a function of a `Step`, found `None`"),
         ({"terminated": True}, FamilyError, "expected `terminated` to be a function of a `Step`, found `True`"),
         ({"noise": -0.1}, FamilyError, "expected `noise` to be a number of at least 0, found -0.1"),
         ({"noise": "much"}, FamilyError, "expected `noise` to be a number of at least 0, found much"),

@@ -145,8 +145,8 @@ class Evaluation:
 
     def _broken(self, read: Read, results: Results) -> tuple[str | None, tuple[Diagnostic, ...]]:
         """The first rule that is not kept, and what is wrong with rules."""
-        given: dict[str, ExpressionValue] = {**self.reader.quantities(read)}
-        given.update((name, text) for name, text in read.texts if name in self.reader.parameters)
+        has_texts = any(name in self.reader.parameters for name, _ in read.texts)  # flags and expressions
+        given: Mapping[str, ExpressionValue] = self.reader.values(read) if has_texts else self.reader.quantities(read)
         undecided: list[Diagnostic] = []
         for rule, wrong in unkept(self.rules, self.values(given), results, self.mode):
             if wrong is None:

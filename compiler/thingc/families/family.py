@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, overload
 from thingc.api import CompileError
 from thingc.diagnostics import Diagnostic, Report
 from thingc.environment import Options
-from thingc.expressions import Expression, ExpressionError, ExpressionValue, evaluate
+from thingc.expressions import Expression, ExpressionError, ExpressionValue, evaluate, plain
 from thingc.families.batching import Batches, batched
 from thingc.families.evaluation import Evaluation
 from thingc.families.models import ModelsOfMode
@@ -194,9 +194,16 @@ class RobotFamily:
         return of_parameters(self._spec, self._reader.parameters, self._bound)
 
     def numbers(self, settings: Mapping[str, Any] | Variant) -> dict[str, float]:
-        """The numbers [SI] of settings, by name, with those that hold for the whole family; not what the documents say anyway."""
+        """The numbers [SI] and flags (0 or 1) of settings, by name, with those that hold for the whole family, and those that follow from
+        them; not what the documents say anyway."""
         _, read = self._read(settings)
-        return dict(zip(read.names, read.values))
+        values, own = self._reader.values(read), self._reader.parameters
+        if self._plan is not None:  # which knows what stands at its paths
+            values.update((name, value) for name, value in self._plan.values(values).items() if "." in name)
+            own = {**own, **self._plan.paths.own}
+        given = {*read.names, *dict(read.texts)}
+        said = {name: value for name, value in values.items() if name in given or value != own.get(name)}
+        return {name: float(plain(value)) for name, value in said.items() if not isinstance(value, str)}
 
     @property
     def variants(self) -> Iterator[Variant]:

@@ -11,7 +11,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from thingc.diagnostics import Code, Report
-from thingc.expressions import Expression, ExpressionError, ExpressionValue, evaluate, text_of
+from thingc.expressions import Expression, ExpressionError, ExpressionValue, evaluate, parse_expression, text_of
 from thingc.frozen import dataclass
 from thingc.resolve import AssemblyParameters, Settings, Sources
 from thingc.source import SET, MappingNode, Node
@@ -37,8 +37,8 @@ class SettingsReader:
     def __init__(
         self, sources: Sources, fixed: Mapping[str, Any] | None = None, kinds: Mapping[str, ExpressionValue] | None = None,
     ) -> None:
-        declared = AssemblyParameters(sources.documents, sources.specs, sources.workspace)
-        self.parameters: Mapping[str, ExpressionValue] = declared.values
+        self._declared = AssemblyParameters(sources.documents, sources.specs, sources.workspace)
+        self.parameters: Mapping[str, ExpressionValue] = self._declared.values
         self.fixed = dict(fixed or {})
         self._documents = sources.documents
         self._kinds: dict[str, ExpressionValue | None] = dict(kinds or {})
@@ -153,6 +153,13 @@ class SettingsReader:
             quantities[name] = Quantity(value, kind.dimension)
         return quantities
 
+    def values(self, read: Read) -> dict[str, ExpressionValue]:
+        """What every parameter comes to, those too that follow from others, and what is set by path: numbers, flags and expressions."""
+        settings = self.settings(read)
+        values = {**self._declared.given(settings.parameters), **self.quantities(read)}
+        stated = {path: _stated(text, values) for path, text in read.texts if path in settings.choices}
+        return {**values, **{path: value for path, value in stated.items() if value is not None}}
+
     def settings(self, read: Read, units: Mapping[str, str] | None = None) -> Settings:
         """As `thingc build -p` and `--set` take them: the same number to the last bit, in a unit of its own or in SI."""
         units = units or {}
@@ -176,6 +183,16 @@ def _text(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return value if isinstance(value, str) else repr(value)
+
+
+def _stated(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
+    """What a text comes to that is a flag or an expression; None of another one, and where it comes to nothing."""
+    if text in ("true", "false"):
+        return text == "true"
+    try:
+        return evaluate(parse_expression(text), names) if text.startswith("=") else None
+    except ExpressionError:
+        return None
 
 
 def _matching(node: Node | None, words: Sequence[str], before: tuple[str, ...] = ()) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from thingc.circles import MAX_CIRCLE, circle_words
@@ -153,6 +154,13 @@ class AssemblyParameters:
         self._context = Context(documents=documents, specs=specs, workspace=workspace, schemas={}, report=Report())
         self.name = spec.name
         self.values = declared(self._context, documents.root, spec).values
+
+    def given(self, texts: Mapping[str, str]) -> dict[str, ExpressionValue]:
+        """The values of all where some are set by texts, as `-p` takes them; without those that are wrong."""
+        root, context = self._context.documents.root, replace(self._context, report=Report())
+        sound = from_command_line(context, root, self._spec, texts)
+        values, _ = worked_out(root, self._spec, sound, Report(), context.doubts(root))
+        return {name: value for name, value in values.items() if name in sound or name not in texts}
 
     def fitting(self, name: str, value: ExpressionValue, complain: Complain) -> ExpressionValue | None:
         """A value for a parameter; None where it does not fit (said by `complain`), or where the assembly's own is wrong."""

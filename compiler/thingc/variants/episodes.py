@@ -50,7 +50,7 @@ def rules(reward: Reward | str, terminated: Terminated | None, frame_skip: int, 
             raise UnknownVariant(f"there is no task `{reward}`: {did_you_mean(reward, TASKS, what='tasks')}")
         reward = TASKS[reward]
     for name, called in (("reward", reward), ("terminated", terminated)):
-        if called is not None and not callable(called):
+        if not callable(called) and (called is not None or name == "reward"):
             raise FamilyError(f"expected `{name}` to be a function of a `Step`, found `{called}`")
     at_least(1, frame_skip=frame_skip, max_steps=max_steps)
     if not is_number(noise) or not 0.0 <= noise < math.inf:
