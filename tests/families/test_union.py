@@ -15,6 +15,7 @@ from thingc.families.specs import KeptSpec
 from thingc.families.texts import TextTemplate
 from thingc.output import OutputError
 from thingc.patching import differing
+from thingc.realize import StoreUnusable
 from thingc.variants import apply
 
 LEVERS = """\
@@ -131,5 +132,8 @@ def test_a_store_that_is_deleted_meanwhile_is_said(levers: Path, tmp_path: Path)
         with pytest.raises(OutputError, match="no longer has the meshes of parts") as fault:
             family.write({}, tmp_path / "second")
         assert fault.value.hint == "make the family anew: what is not there is modelled again" and not (tmp_path / "second").exists()
+        for asked in (lambda: family.model({}), lambda: list(family.models([{}])), lambda: family.batched([{}])):
+            with pytest.raises(StoreUnusable, match="no longer has the meshes of parts; make the family anew"):
+                asked()
     with thingc.family(levers, store=str(tmp_path / "store")) as anew:
         assert anew.write({}, tmp_path / "second") == ()

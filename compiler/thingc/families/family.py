@@ -48,7 +48,7 @@ class RobotFamily:
 
     `verify`: of so many models and results that come without a compilation one is compared with one (0: none is; None: the first, the
     second, the fourth, the eighth ...). Not for several threads at once; after a fork, or pickled, each process has a family of its own.
-    Whatever models parts raises `StoreUnusable` where the folder of modelled parts cannot be used.
+    Whatever models parts, or takes their meshes, raises `StoreUnusable` where the folder of modelled parts cannot be used or has lost them.
     """
 
     def __init__(

@@ -23,6 +23,7 @@ from thingc.plans.planning import Form, Forms, NumericPlan
 from thingc.plans.reading import Read, SettingsReader
 from thingc.plans.rehearsal import Rehearsal, rehearse, written
 from thingc.plans.tape import Traced
+from thingc.realize import BlobMissing, StoreUnusable
 
 if TYPE_CHECKING:
     import mujoco
@@ -271,8 +272,7 @@ class ModelsOfMode:
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
         texts, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False), floor=self.floor)
         self._mount(assets)
-        store = self.session.environment.store
-        return ModelSource(text=texts[self.mode], assets={file: store.read(stored.sha256) for file, stored in assets.items()})
+        return ModelSource(text=texts[self.mode], assets={file: self._bytes(stored) for file, stored in assets.items()})
 
     def _mount(self, assets: Mapping[str, Stored]) -> None:
         import mujoco
@@ -283,8 +283,17 @@ class ModelsOfMode:
             if self._held.get(file) != stored:
                 if file in self._held:
                     del self._files[file]
-                self._files[file] = self.session.environment.store.read(stored.sha256)
+                self._files[file] = self._bytes(stored)
                 self._held[file] = stored
+
+    def _bytes(self, stored: Stored) -> bytes:
+        """A mesh. Raises `StoreUnusable` where the store has lost it since its part was modelled."""
+        store = self.session.environment.store
+        try:
+            return store.read(stored.sha256)
+        except BlobMissing as fault:
+            words = "it no longer has the meshes of parts; make the family anew: what is not there is modelled again"
+            raise StoreUnusable(store.root, words) from fault
 
     def _load(self, text: str) -> mujoco.MjModel:
         import mujoco
