@@ -18,6 +18,7 @@ import optuna
 import pytest
 
 import thingc
+from thingc.cli.main import main
 from thingc.families import Space
 from thingc.output import OutputError
 from thingc.patching import differing
@@ -197,6 +198,22 @@ def test_what_is_written_is_a_single_build(workspace: Path, many: thingc.RobotFa
     for place in ("/", "a\0b"):
         with pytest.raises(OutputError, match="is no folder that a build can be"):
             many.write(variant, place)
+
+
+def test_what_is_written_of_texts_is_a_build_with_these_words(tmp_path: Path) -> None:
+    """In units that are not the document's, also by a plan: `manifest.json` says what was asked for. A number that comes later holds."""
+    (tmp_path / "crane.yaml").write_text(FOLLOWING)
+    with thingc.family(tmp_path / "crane.yaml") as crane:
+        for count in range(20):
+            words = {"arm": f"{30 + count}.0 cm", "joints.turn.limit.lower": f"-{40 + count} deg", "components.base.mass": "1 g"}
+            assert crane.write({**words, "components.*.mass": "3000.0 g", "load": 2.5}, tmp_path / "crane", emit="mjcf") == ()
+        (form,) = crane._builds_of(("mjcf",))._forms.kept.values()
+        assert form.plans
+    settings = {**words, "components.base.mass": "3000.0 g", "components.hook.mass": "3000.0 g", "load": "2.5 kg"}
+    options = [word for name, text in settings.items() for word in ("--set" if "." in name else "-p", f"{name}={text}")]
+    assert main(["build", str(tmp_path / "crane.yaml"), *options, "--emit", "mjcf", "-o", str(tmp_path / "alone")]) == 0
+    own, other = ({path.name: path.read_bytes() for path in (tmp_path / folder).rglob("*.*")} for folder in ("crane", "alone/crane"))
+    assert other == own and b'"arm": "49.0 cm"' in own["manifest.json"]
 
 
 ADOPTED = """\

@@ -152,10 +152,10 @@ class RobotFamily:
         from thingc.output import OutputError, write_build
         from thingc.realize.store.local import BlobMissing
 
-        _, read = self._read(settings)
+        given, read = self._read(settings)
         if read.report is not None:
             return tuple(read.report.ordered())
-        own = self._reader.settings(read, self._units)
+        own = self._reader.settings(read, self._units, self._reader.as_given(given))
         named = emit if isinstance(emit, Iterable) and not isinstance(emit, str) else (emit,)
         builds = self._builds_of(tuple(map(str, named)))
         store = self._session.environment.store

@@ -160,10 +160,22 @@ class SettingsReader:
         stated = {path: _stated(text, values) for path, text in read.texts if path in settings.choices}
         return {**values, **{path: value for path, value in stated.items() if value is not None}}
 
-    def settings(self, read: Read, units: Mapping[str, str] | None = None) -> Settings:
-        """As `thingc build -p` and `--set` take them: the same number to the last bit, in a unit of its own or in SI."""
+    def as_given(self, settings: Mapping[str, Any]) -> dict[str, str]:
+        """The texts of settings by the names that they are of, where no number replaces them later."""
+        texts: dict[str, str] = {}
+        for given, value in settings.items():
+            for name in self.meant(given):
+                texts.pop(name, None)
+                if isinstance(value, str):
+                    texts[name] = value
+        return texts
+
+    def settings(self, read: Read, units: Mapping[str, str] | None = None, given: Mapping[str, str] | None = None) -> Settings:
+        """As `thingc build -p` and `--set` take them: a number in the words that it was `given` in, else the same to the last bit in a unit
+        of its own or in SI."""
         units = units or {}
-        texts = {**{name: text_of(number, units.get(name, "")) for name, number in self.quantities(read).items()}, **dict(read.texts)}
+        numbers = {name: text_of(number, units.get(name, "")) for name, number in self.quantities(read).items()}
+        texts = {**numbers, **dict(read.texts), **(given or {})}
         return Settings(
             parameters={name: text for name, text in texts.items() if "." not in name},
             choices={name: text for name, text in texts.items() if "." in name},
