@@ -60,6 +60,14 @@ def test_the_stiffest_gain_is_where_mujoco_begins_to_swing_up(integrator: str, k
     assert over.too_stiff and not under.too_stiff
 
 
+def test_steps_whose_square_is_no_number_are_not_judged() -> None:
+    model = hinge("implicitfast", 1e9, 0.0, 0.0)
+    assert seen(model).too_stiff
+    for step in (1e-300, 1e300):
+        model.opt.timestep = step
+        assert list(gains_of(model, mujoco.MjData(model))) == []
+
+
 @pytest.mark.parametrize("integrator", ["Euler", "implicit", "implicitfast"])
 def test_half_of_it_is_calm(integrator: str) -> None:
     """What the message offers."""

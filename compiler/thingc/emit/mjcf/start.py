@@ -7,6 +7,7 @@ with its true meshes, and what was found to be in order is remembered by what it
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -200,14 +201,15 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
 
     A drive acts along g, its row of the transmission's Jacobian: of a hinge the joint's own dof, of a ball an axis in its three. The
     inertia is 1 / (g M^-1 g'), with what constraints of equality (loops, joints that mimic) tie together moving together: with the
-    rows T of the constraints, W = T M^-1, it is 1 / (g (M^-1 - W' (T W')^+ W) g').
+    rows T of the constraints, W = T M^-1, it is 1 / (g (M^-1 - W' (T W')^+ W) g'). None is seen in a step whose square, which the rules
+    need, is 0 or no number.
     """
     import mujoco
     import numpy as np
 
     of_joints = {int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)}
     driven = [k for k in range(model.nu) if int(model.actuator_trntype[k]) in of_joints]
-    if not driven:
+    if not driven or not 0.0 < model.opt.timestep * model.opt.timestep < math.inf:
         return
     # MuJoCo makes room for constraints that it then leaves out because nothing in them can move.
     rows = np.asarray(data.efc_J, dtype=float)[: data.nefc * model.nv].reshape(-1, model.nv)
