@@ -176,6 +176,7 @@ def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thin
         assert isinstance(refused, NoModel) and not refused and refused.settings == given
         assert words in repr(refused) and "\n" not in repr(refused)
         assert refused.problems[0].code.code.startswith(code) and words in refused.problems[0].message, refused.problems[0].message
+    assert repr(everything.model({"joints.*.dynamics.stiffness": 5.0})).count("an angular stiffness needs a unit, found `5.0`") == 1
     for number in (5, "load", None, [("load", 0.5)]):
         words = f"settings are a mapping from names to values, found {type(number).__name__} `{number}`"
         (refused,) = everything.models([number])  # type: ignore[list-item]

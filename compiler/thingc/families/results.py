@@ -58,7 +58,7 @@ class NoModel(Brief):
         return False
 
     def __repr__(self) -> str:
-        why = "; ".join(one.message for one in self.problems if one.severity is Severity.ERROR)
+        why = "; ".join(dict.fromkeys(one.message for one in self.problems if one.severity is Severity.ERROR))
         return f"NoModel({dict(self.settings)}: {why})"
 
 
