@@ -252,6 +252,38 @@ def test_where_a_number_decides_otherwise_it_is_compiled(everything: thingc.Robo
     assert form.plan_for(everything._reader.read(many[0])) is not None and form.missed == 3
 
 
+TWINS = """\
+thingc: assembly/1
+name: twins
+parameters: {same: {value: 1 kg, max: 1 kg}, most: {value: 1 kg, max: 1 kg}}
+components:
+  base: {frame: true, mass: =most}
+  a: {frame: true, mass: 1 kg, com: 1 2 3 mm, inertia: {ixx: 0.001 kg*m^2, iyy: 0.002 kg*m^2, izz: 0.002 kg*m^2}}
+  b: {frame: true, mass: 1 kg, com: 1 2 3 mm, inertia: {ixx: 0.001 kg*m^2, iyy: 0.002 kg*m^2, izz: 0.002 kg*m^2}}
+  c: {frame: true, mass: =same, com: 1 2 3 mm, inertia: {ixx: 0.001 kg*m^2, iyy: 0.002 kg*m^2, izz: 0.002 kg*m^2}}
+defaults: {joint: {limit: {lower: -1 rad, upper: 1 rad}}}
+joints:
+  left: {type: revolute, parent: base.origin, child: a.origin}
+  right: {type: revolute, parent: base.origin, child: b.origin, drive: {kind: position, kp: 5 N*m/rad, effort: 5 N*m}}
+  back: {type: revolute, parent: base.origin, child: c.origin}
+modes: {standing: {root: base, base: fixed}}
+"""
+
+
+@pytest.mark.parametrize("more", [{}, {"components.b.mass": "1.0 kg"}, {"components.b.mass": 1.0}, {"components.b.mass": "=most"}])
+def test_numbers_are_told_from_others_of_the_same_value(tmp_path: Path, more: dict[str, Any]) -> None:
+    """A plan is made at a bound, beyond which nothing is sound, of a mass that others have as well."""
+    (tmp_path / "twins.yaml").write_text(TWINS)
+    many = [{"components.a.mass": mass, "most": 1.0, "joints.right.drive.kp": 0.0, **more} for mass in (1.5, 1.0, 1.0, 1.7, 1.8, 1.9, 1.0)]
+    with thingc.family(tmp_path / "twins.yaml", verify=0) as twins:
+        models = [model.body_mass.tolist() for model in twins.models(many)]
+        results = [one["mass"] for one in twins.evaluate(many)]
+        (form,) = twins._of(None, False).forms.kept.values()
+    assert models == [[0.0, 1.0, one["components.a.mass"], 1.0, 1.0] for one in many]
+    assert results == pytest.approx([3.0 + one["components.a.mass"] for one in many], abs=1e-12)
+    assert form.plans and form.refused is None
+
+
 def test_a_plan_that_is_wrong_is_found_and_given_up(workspace: Any) -> None:
     with thingc.family(workspace / "everything.yaml", verify=2) as family:
         many = settings(5, 5, {"load": 0.5})

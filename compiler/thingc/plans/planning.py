@@ -35,8 +35,9 @@ PAYS = 32
 """After so many settings that plans were of, another plan is made for the next that none is of: it takes as long as some compilations."""
 FORMS = 256
 """How many forms are kept, and about as many plans: when there are more, all are forgotten."""
-CHECKED = 2
-"""Settings near those that a plan is made for with which it is compared before it is used, besides these themselves."""
+SIDES = (1.0, -1.0)
+"""On either side of those that a plan is made for lie settings with which it is compared before it is used, besides these themselves: of a
+number that is at its bound one of them is sound."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -229,11 +230,11 @@ def _rehearsed(read: Read, reader: SettingsReader, rehearse: Rehearse, form: For
 def samples(read: Read, reader: SettingsReader, form: Form[Any]) -> list[Read]:
     """Settings by which a plan is judged: these, first, and some near them, for which no other part is modelled."""
     settings = [read]
-    for number in range(CHECKED):
-        source = random.Random(number)
+    for side in SIDES:
+        source = random.Random(0)
         quantities = reader.quantities(read)
         values = [
-            read.values[at] if name in form.why or name in form.modelled else _near(quantities[name], source).value
+            read.values[at] if name in form.why or name in form.modelled else _near(quantities[name], source, side).value
             for at, name in enumerate(read.names)
         ]
         settings.append(Read(names=read.names, values=tuple(values), texts=read.texts))
@@ -259,7 +260,7 @@ def _culprits(attempt: Attempt, numbers: Mapping[str, Quantity], texts: Mapping[
     return [name for name, others in alone.items() if attempt({name: numbers[name]}, others)[0] is None]
 
 
-def _near(quantity: Quantity, source: random.Random) -> Quantity:
-    """A number beside another, which is nothing in particular."""
-    share = source.uniform(-1e-3, 1e-3)
-    return Quantity(quantity.value * (1.0 + share) if quantity.value else share, quantity.dimension)
+def _near(quantity: Quantity, source: random.Random, side: float = 1.0) -> Quantity:
+    """A number beside another, which is nothing in particular; beside 0 one above it, for there is much that may not be below."""
+    share = side * source.uniform(-1e-3, 1e-3)
+    return Quantity(quantity.value * (1.0 + share) if quantity.value else abs(share), quantity.dimension)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Collection, Mapping, Sequence
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -119,7 +120,8 @@ def _names(tape: Tape, names: Sequence[str], number: Traced) -> list[str]:
 
 
 class _Setting:
-    """Numbers on a tape, put where settings go: in place of the values of parameters, and of what is put into a document by its path."""
+    """Numbers on a tape, put where settings go: in place of the values of parameters, and of what is put into a document by its path. There
+    each has a stand-in first, a number beside it that nothing else in the document is, by which its place is found again."""
 
     def __init__(self, session: Session, numbers: Mapping[str, Quantity], texts: Mapping[str, str], tape: Tape) -> None:
         assert session.sources is not None
@@ -127,13 +129,15 @@ class _Setting:
         self.traced = {
             name: Quantity(tape.variable(one.value), one.dimension) for name, one in numbers.items()  # type: ignore[arg-type]
         }
-        self.tokens = {text_of(one): name for name, one in numbers.items() if "." in name}
         self.numbers = numbers
+        self.tokens: dict[str, str] = {}
+        for name, one in numbers.items():
+            if "." in name:
+                self.tokens[text_of(_beside(one, lambda other: text_of(other) in {*self.tokens, *texts.values()}))] = name
         self.settings = Settings(
             parameters={name: text for name, text in texts.items() if "." not in name},
             choices={
-                **{name: text for name, text in texts.items() if "." in name},
-                **{name: text_of(one) for name, one in numbers.items() if "." in name},
+                **{name: text for name, text in texts.items() if "." in name}, **{name: text for text, name in self.tokens.items()},
             },
         )
         self.put: set[str] = set()
@@ -158,17 +162,41 @@ class _Setting:
         """What `resolve` does with values at paths, and then traced numbers in their place. (The document is validated anew: what was put
         into the values of its parameters is put there again.)"""
         parameters = spec.parameters
-        document, spec = substituted(context, document, spec, values)
+        named = {path: self.tokens[text] for path, text in values.items() if text in self.tokens}
+        document, spec = substituted(context, document, spec, {path: text for path, text in values.items() if path not in named})
+        there = set(_quantities(spec)) if named else set()
+        stand_ins: dict[str, Quantity] = {}
+        for path, name in named.items():
+            stand_ins[path] = _beside(self.numbers[name], there.__contains__)
+            there.add(stand_ins[path])
+        document, spec = substituted(context, document, spec, {path: text_of(one) for path, one in stand_ins.items()})
         if values:
             spec = spec.model_copy(update={"parameters": parameters})
-        for text in values.values():
-            name = self.tokens.get(text)
-            if name is not None:
-                spec, places = _replaced(spec, self.numbers[name], self.traced[name])
-                if not places:
-                    raise NotTraceable("it is no number where it is used", [name])
-                self.put.add(name)
+        for path, name in named.items():
+            spec, places = _replaced(spec, stand_ins[path], self.traced[name])
+            if not places:
+                raise NotTraceable("it is no number where it is used", [name])
+            self.put.add(name)
         return document, spec
+
+
+def _beside(number: Quantity, taken: Callable[[Quantity], bool]) -> Quantity:
+    """A number, or where that is taken the nearest one towards 0 (of next to nothing: above it) that is not."""
+    towards = 0.0 if abs(number.value) > 1e-300 else 1.0
+    while taken(number):
+        number = Quantity(math.nextafter(number.value, towards), number.dimension)
+    return number
+
+
+def _quantities(value: Any) -> Iterator[Quantity]:
+    """The numbers of a model."""
+    if isinstance(value, Quantity):
+        if type(value.value) is float:
+            yield value
+    elif isinstance(value, (BaseModel, Mapping, list, tuple)):
+        inner = vars(value).values() if isinstance(value, BaseModel) else value.values() if isinstance(value, Mapping) else value
+        for one in inner:
+            yield from _quantities(one)
 
 
 def _replaced(value: Any, old: Quantity, new: Quantity) -> tuple[Any, int]:
