@@ -40,6 +40,7 @@ from thingc.realize.worker.kernel.mirroring import SolidMirror
 from thingc.realize.worker.kernel.part_files import kernel_shape, read_part
 from thingc.realize.worker.kernel.primitives import primitive_of
 from thingc.realize.worker.kernel.simplifying import deviation, simplified
+from thingc.realize.worker.kernel.tessellating import tessellate
 from thingc.realize.worker.session import NoPart, PartSession, RequestContext, kind_of
 from thingc.units import parse_quantity
 
@@ -420,7 +421,7 @@ def written_brep(shape: TopoDS_Shape) -> bytes:
 
 
 def _triangles(shape: TopoDS_Shape, tessellation: Tessellation) -> meshing.Triangles:
-    return meshing.tessellate(shape, tessellation.linear * convert.MM, tessellation.angular)
+    return tessellate(shape, tessellation.linear * convert.MM, tessellation.angular)
 
 
 def _meshes(shape: TopoDS_Shape, tessellation: Tessellation) -> list[meshing.Triangles]:
