@@ -80,6 +80,9 @@ def _load(answers: int) -> bool:
         import_cheaply("build123d")
         for name in AHEAD:
             importlib.import_module(name)
+        from OCP.OSD import OSD_ThreadPool
+
+        OSD_ThreadPool.DefaultPool_s(1)  # children run side by side: booleans in threads take a fifth more of the processor
         from thingc.realize.key.modules import installed_roots
         from thingc.realize.worker import asking, ran
         from thingc.realize.worker.reads import wrap_importers
