@@ -228,14 +228,23 @@ class _Slicer:
     def kinds(self, filled: Region, top: Region, bottom: Region) -> _Kinds:
         """The infill of a layer in kinds."""
         within = _without(_without(filled, top), bottom)
-        wide_bottom = _both(_grown(_both(bottom, filled), AROUND, JoinType.Square), filled)
-        wide_top = _without(_both(_grown(_both(top, filled), AROUND, JoinType.Square), filled), wide_bottom)
+        wide_bottom = self.around(bottom, filled)
+        wide_top = _without(self.around(top, filled), wide_bottom)
         open_somewhere = _either(wide_bottom, wide_top)
         small = [piece for piece in within.decompose() if piece.area() <= SOLID_BELOW]
         return _Kinds(
             top=wide_top, bottom=wide_bottom, inside=_without(within, open_somewhere),
             small=_without(CrossSection.compose(small), open_somewhere) if small else NOTHING,
         )
+
+    def around(self, opening: Region, filled: Region) -> Region:
+        """What is filled solid because something is open: that, and some way around it."""
+        there = _both(opening, filled)
+        if there.is_empty():
+            return NOTHING
+        if self.opening(filled, there).is_empty():  # hairlines beside it are all that is left; to grow a whole layer takes long
+            return filled
+        return _both(_grown(there, AROUND, JoinType.Square), filled)
 
     def shells(self, inside: Region, small: Region, *lids: Region) -> Region:
         """What of the inside is solid: small pieces, and what is below or above one of these lids."""
