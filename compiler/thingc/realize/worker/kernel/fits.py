@@ -54,17 +54,19 @@ def smallest_ball(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], flo
 
 
 def _ball_of_few(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
-    """The smallest ball of a handful of points, and which of them it rests on."""
+    """The smallest ball of a handful of points, of which the last is in no ball of the others (so that the smallest one rests on it); and
+    which of them it rests on."""
     best: tuple[NDArray[np.float64], float, NDArray[np.float64]] | None = None
     dimension = points.shape[1]
-    for count in range(1, min(len(points), dimension + 1) + 1):
-        for chosen in itertools.combinations(range(len(points)), count):
-            support = points[list(chosen)]
+    *others, last = range(len(points))
+    for count in range(2, min(len(points), dimension + 1) + 1):
+        for chosen in itertools.combinations(others, count - 1):
+            support = points[[*chosen, last]]
             edges = support[1:] - support[0]
-            if count > 1 and np.linalg.matrix_rank(edges) < count - 1:
+            if np.linalg.matrix_rank(edges) < count - 1:
                 continue
             # the circumcentre in the span of the support: support[0] + edges^T x, equally far from all
-            weights = np.linalg.solve(2.0 * edges @ edges.T, (edges * edges).sum(axis=1)) if count > 1 else np.zeros(0)
+            weights = np.linalg.solve(2.0 * edges @ edges.T, (edges * edges).sum(axis=1))
             centre = support[0] + edges.T @ weights
             radius = float(np.sqrt(((support - centre) ** 2).sum(axis=1)).max())
             reach = float(np.sqrt(((points - centre) ** 2).sum(axis=1)).max())
