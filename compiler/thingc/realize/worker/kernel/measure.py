@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from OCP.Bnd import Bnd_Box
@@ -215,6 +216,14 @@ def _numbers(properties: GProp_GProps) -> list[float]:
 def _clean(value: float, size: float) -> float:
     """Zero for what is rounding: 1e-14 of the part's size."""
     return 0.0 if abs(value) <= 1e-14 * size else value
+
+
+def extent(shape: TopoDS_Shape) -> float:
+    """How far [mm] it is across a shape, about: the diagonal of a box around it that need not be tight. To find the tight one takes a
+    hundred times as long."""
+    box = Bnd_Box()
+    BRepBndLib.Add_s(shape, box, False)
+    return math.sqrt(box.SquareExtent())
 
 
 def bounding_box(shape: TopoDS_Shape) -> tuple[Vector, Vector]:

@@ -8,8 +8,7 @@ import numpy as np
 
 from thingc.mirror import Mirror
 from thingc.pose import Pose
-from thingc.realize.worker.kernel.measure import bounding_box, explored
-from thingc.summing import dist
+from thingc.realize.worker.kernel.measure import explored, extent
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -44,7 +43,7 @@ class SolidMirror(Mirror):
     def is_image_of_itself(self, solid: TopoDS_Shape) -> bool:
         """Whether a solid is unchanged: each face has an image of its area, centroid and second moments among the faces. A thread
         has not: its faces wind the other way, which the products of moments tell."""
-        size = dist(*bounding_box(solid))
+        size = extent(solid)
         faces = _integrals(solid, size)
         x, y, z = self.signs
         images = faces * np.array([1.0, x, y, z, 1.0, 1.0, 1.0, x * y, x * z, y * z])

@@ -20,7 +20,7 @@ from OCP.TopoDS import TopoDS
 from thingc.pose import IDENTITY, Matrix, Pose, Vector, added, cross, dot, rotate, transpose
 from thingc.primitives import Primitive, PrimitiveShape
 from thingc.realize.worker.kernel import convert
-from thingc.realize.worker.kernel.measure import bounding_box, explored, integrals
+from thingc.realize.worker.kernel.measure import explored, extent, integrals
 from thingc.summing import dist, hypot, plain_sum
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
             return None
     if not planes and not spheres:
         return None
-    size = dist(*bounding_box(solid))
+    size = extent(solid)
     match bool(planes), bool(cylinders), bool(spheres):
         case True, False, False:
             primitive = _box(planes, size)

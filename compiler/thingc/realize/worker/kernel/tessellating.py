@@ -185,13 +185,16 @@ def _filling(face: TopoDS_Face, rings: Sequence[NDArray[np.int64]], places: NDAr
     across = np.array([_direction(axis.Direction()) for axis in (plane.XAxis(), plane.YAxis())])
     points = np.concatenate(rings)
     flat = (places[points] - places[points[0]]) @ across.T
-    ends = np.cumsum([len(ring) for ring in rings])
-    borders = np.split(flat, ends[:-1])
-    if sum(_twice_the_area(border) for border in borders) < 0.0:
-        borders = [border[:, ::-1] for border in borders]
-    triangles = np.asarray(triangulate(borders, allow_convex=False), dtype=np.int64)
-    a, b, c = (np.concatenate(borders)[triangles[:, k]] for k in range(3))
-    areas = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    ends = np.cumsum([len(ring) for ring in rings]).tolist()
+    begins = [0, *ends[:-1]]
+    following = np.arange(1, len(points) + 1)
+    following[[end - 1 for end in ends]] = begins
+    if _across(flat, flat[following]).sum() < 0.0:
+        flat = flat[:, ::-1]
+    borders = [np.ascontiguousarray(flat[begin:end]) for begin, end in zip(begins, ends, strict=True)]
+    triangles = np.asarray(triangulate(borders, allow_convex=False), dtype=np.int64)  # what is convex at once has triangles on a line
+    a, b, c = (flat[triangles[:, k]] for k in range(3))
+    areas = _across(b - a, c - a)
     return points[triangles] if len(areas) > 0 and areas.min() > 0.0 else None
 
 
@@ -199,10 +202,9 @@ def _direction(direction: gp_Dir) -> tuple[float, float, float]:
     return direction.X(), direction.Y(), direction.Z()
 
 
-def _twice_the_area(ring: NDArray[np.float64]) -> float:
-    """Of a ring (n, 2), positive where it turns left."""
-    x, y = ring.T
-    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+def _across(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The cross products (n,) of vectors (n, 2): positive where the second is to the left of the first."""
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def joined(count: int, ones: Sequence[int], others: Sequence[int]) -> NDArray[np.int64]:
