@@ -242,9 +242,12 @@ class _Slicer:
         there = _both(opening, filled)
         if there.is_empty():
             return NOTHING
-        if self.opening(filled, there).is_empty():  # hairlines beside it are all that is left; to grow a whole layer takes long
+        beside = self.opening(filled, there)
+        if beside.is_empty():
             return filled
-        return _both(_grown(there, AROUND, JoinType.Square), filled)
+        x, y, u, v = beside.bounds()
+        near = CrossSection.square((u - x + 4.0 * AROUND, v - y + 4.0 * AROUND)).translate((x - 2.0 * AROUND, y - 2.0 * AROUND))
+        return _either(there, _both(_grown(_both(there, near), AROUND, JoinType.Square), filled))  # to grow all of a layer takes long
 
     def shells(self, inside: Region, small: Region, *lids: Region) -> Region:
         """What of the inside is solid: small pieces, and what is below or above one of these lids."""
