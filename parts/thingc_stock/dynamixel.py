@@ -25,7 +25,7 @@ FLIP = Location((0, 0, 0), (0, 180, 0))
 """Looks at a place from behind: half a turn about y."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Drawing:
     """The dimensions of a model [mm]. x is to the left, y to the top (the short end, next to the output), z to the front
     (the horn), from the output axis at half depth (`middle`). A `circle` is the diameter through the centres of holes."""

@@ -124,5 +124,5 @@ def _table(name: str) -> dict[str, dict[str, str]]:
     """A table of bd_warehouse: its first column to the others by heading."""
     with resources.files(bd_warehouse).joinpath("data", name).open(encoding="utf-8") as stream:
         rows = csv.reader(stream)
-        _, *headings = next(rows)
-        return {key: dict(zip((heading.strip() for heading in headings), values)) for key, *values in rows}
+        _, *headings = (heading.strip() for heading in next(rows))
+        return {key: dict(zip(headings, values)) for key, *values in rows}

@@ -63,7 +63,7 @@ def _ball_of_few(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], floa
         for chosen in itertools.combinations(others, count - 1):
             support = points[[*chosen, last]]
             edges = support[1:] - support[0]
-            if np.linalg.matrix_rank(edges) < count - 1:
+            if count > 2 and np.linalg.matrix_rank(edges) < count - 1:
                 continue
             # the circumcentre in the span of the support: support[0] + edges^T x, equally far from all
             weights = np.linalg.solve(2.0 * edges @ edges.T, (edges * edges).sum(axis=1))

@@ -253,12 +253,16 @@ def _rounded(shape: TopoDS_Shape) -> TopoDS_Shape:
     from OCP.TopoDS import TopoDS
 
     builder = BRep_Builder()
-    for subshape in explored(shape, TopAbs_VERTEX):
+    done: set[tuple[float, float, float]] = set()
+    for subshape in explored(shape, TopAbs_VERTEX):  # each comes as often as it is the end of an edge of a face
         corner = TopoDS.Vertex(subshape)
         at = BRep_Tool.Pnt_s(corner).Coord()
-        rounded = [round(coordinate, DECIMALS) + 0.0 for coordinate in at]
-        if any(new != old for new, old in zip(rounded, at, strict=True)):
-            builder.UpdateVertex(corner, gp_Pnt(*rounded), BRep_Tool.Tolerance_s(corner))
+        if at in done:
+            continue
+        x, y, z = (round(coordinate, DECIMALS) + 0.0 for coordinate in at)
+        if (x, y, z) != at:
+            builder.UpdateVertex(corner, gp_Pnt(x, y, z), BRep_Tool.Tolerance_s(corner))
+        done.add((x, y, z))
     return shape
 
 
