@@ -1,0 +1,140 @@
+"""Triangles of shapes: against analytic volumes, and against what the kernel alone makes of the whole shape."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from build123d import (
+    Axis,
+    Box,
+    Compound,
+    Cone,
+    Cylinder,
+    Location,
+    Plane,
+    Pos,
+    RegularPolygon,
+    Rot,
+    Shape,
+    Solid,
+    Sphere,
+    Text,
+    Torus,
+    chamfer,
+    extrude,
+    fillet,
+)
+from OCP.BRep import BRep_Tool
+from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.BRepTools import BRepTools
+from OCP.TopAbs import TopAbs_FACE
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS
+
+from thingc.realize.worker.kernel import tessellating
+from thingc.realize.worker.kernel.measure import explored, solids_of
+from thingc.realize.worker.kernel.meshing import Triangles
+from thingc.realize.worker.kernel.tessellating import tessellate
+
+LINEAR, ANGULAR = 0.1, math.radians(15.0)
+
+
+def imprinted(outer: Shape[Any], inner: Shape[Any]) -> Shape[Any]:
+    """Both as one, with what they have in common as faces of its own."""
+    fused = BRepAlgoAPI_Fuse(outer.solid().wrapped, inner.solid().wrapped)
+    fused.Build()
+    return Compound(fused.Shape())
+
+
+SHAPES: dict[str, Callable[[], Shape[Any]]] = {
+    "a plate with holes": lambda: Box(40, 30, 3).cut(
+        *(Pos(6 * x - 15, 6 * y - 9, 0) * Cylinder(1 + 0.2 * x, 9) for x in range(6) for y in range(4))
+    ),
+    "letters": lambda: Box(60, 12, 2).cut(Pos(0, 0, 0.5) * extrude(Text("Robot 80", 9), 2)),
+    "rounded": lambda: fillet(Box(20, 30, 10).edges(), 3),
+    "bevelled": lambda: chamfer(Cylinder(8, 10).edges(), 1),
+    "turned": lambda: Rot(20, 35, 50) * Pos(3, 2, 1) * Box(8, 9, 10).cut(Pos(0, 0, 2) * Sphere(4)),
+    "mirrored": lambda: Solid(Box(8, 9, 10).cut(Pos(2, 3, 0) * Cone(1, 2, 12)).solid().mirror(Plane.YZ).wrapped),
+    "a face with an island": lambda: Box(20, 20, 4).cut(Pos(0, 0, 1) * (Cylinder(7, 4) - Cylinder(4, 9))),
+    "a circle within a plane": lambda: imprinted(Box(20, 20, 4), Pos(0, 0, 1) * Cylinder(5, 2)),
+    "a hole by the rim": lambda: Cylinder(20, 3).cut(Rot(0, 0, 5) * Pos(14.99, 0, 0) * Cylinder(5, 9)),
+    "a hole that touches an edge": lambda: Box(20, 20, 3).cut(Pos(5, 0, 0) * Cylinder(5, 9)),
+    "round all over": lambda: Torus(10, 3),
+}
+
+
+def of_the_kernel(shape: Any) -> tuple[int, float, float]:
+    """How many triangles the kernel makes of all faces, their area [mm^2] and the volume [mm^3] within."""
+    BRepTools.Clean_s(shape)
+    BRepMesh_IncrementalMesh(shape, LINEAR, False, ANGULAR, False)
+    count, area, volume = 0, 0.0, 0.0
+    for subshape in explored(shape, TopAbs_FACE):
+        face, location = TopoDS.Face(subshape), TopLoc_Location()
+        mesh = BRep_Tool.Triangulation_s(face, location)
+        moved = location.Transformation()
+        places = np.array([mesh.Node(k).Transformed(moved).Coord() for k in range(1, mesh.NbNodes() + 1)])
+        a, b, c = (places[[mesh.Triangle(k).Get()[corner] - 1 for k in range(1, mesh.NbTriangles() + 1)]] for corner in range(3))
+        across = np.cross(b - a, c - a)
+        turned = (face.Orientation().name == "TopAbs_REVERSED") != moved.IsNegative()
+        count += int((np.linalg.norm(across, axis=1) > 0.0).sum())  # around a pole it has some that are flat
+        area += float(np.linalg.norm(across, axis=1).sum() / 2.0)
+        volume += float(np.einsum("ij,ij->", a, across) / 6.0) * (-1.0 if turned else 1.0)
+    return count, area, volume
+
+
+def area_of(mesh: Triangles) -> float:
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_it_is_the_surface_that_the_kernel_makes(name: str) -> None:
+    """The points on planes are those of their neighbours, so that area and volume are the kernel's, whichever way triangles lie."""
+    for solid in solids_of(SHAPES[name]().wrapped):
+        count, area, volume = of_the_kernel(solid)
+        mesh = tessellate(solid, LINEAR, ANGULAR)
+        assert mesh.closed and len(mesh.faces) == count
+        assert area_of(mesh) == pytest.approx(area, rel=1e-6) and mesh.volume == pytest.approx(volume, rel=1e-6)
+        a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+        assert np.linalg.norm(np.cross(b - a, c - a), axis=1).min() > 0.0
+
+
+def test_what_has_only_planes_is_exact_and_not_the_kernel_s(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A prism: its volume is that of a hexagon (3/2 sqrt(3) r^2) times its height, cut by nothing of the kernel."""
+
+    def refused(*_: Any) -> None:
+        raise AssertionError("the kernel was asked for triangles")
+
+    monkeypatch.setattr(tessellating, "BRepMesh_IncrementalMesh", refused)
+    prism = Location((1, 2, 3), (10, 20, 30)) * extrude(RegularPolygon(5, 6), 7)
+    mesh = tessellate(prism.wrapped, LINEAR, ANGULAR)
+    assert mesh.closed and (len(mesh.vertices), len(mesh.faces)) == (12, 20)
+    assert mesh.volume == pytest.approx(1.5 * math.sqrt(3.0) * 25.0 * 7.0, rel=1e-12)
+
+
+def test_borders_that_cross_are_left_to_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a hole is nearer to the rim than chords are to their arcs, the kernel cuts finer: all of the shape is its own."""
+    asked: list[int] = []
+
+    def noted(shape: Any, *arguments: Any) -> Any:
+        asked.append(len([*explored(shape, TopAbs_FACE)]))
+        return BRepMesh_IncrementalMesh(shape, *arguments)
+
+    monkeypatch.setattr(tessellating, "BRepMesh_IncrementalMesh", noted)
+    disc = SHAPES["a hole by the rim"]().solid().wrapped
+    mesh = tessellate(disc, LINEAR, ANGULAR)
+    assert mesh.closed and asked == [2, 4]  # the walls, and then everything
+    assert mesh.volume == pytest.approx(math.pi * (400.0 - 25.0) * 3.0, rel=0.02)
+
+
+def test_a_face_without_a_solid_is_filled_too() -> None:
+    """What `visual()` returns may be a sheet: a square with a round hole, whose edge has no other face."""
+    sheet = (Plane.XY * Box(10, 10, 1).cut(Cylinder(2, 3))).faces().sort_by(Axis.Z)[-1]
+    mesh = tessellate(sheet.wrapped, 0.01, ANGULAR)
+    assert area_of(mesh) == pytest.approx(100.0 - 4.0 * math.pi, rel=2e-3)
+    assert (np.cross(*(mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, 0]] for k in (1, 2)))[:, 2] > 0.0).all()
