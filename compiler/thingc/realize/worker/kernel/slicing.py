@@ -19,12 +19,13 @@ regions in place of paths:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from manifold3d import CrossSection, Error, JoinType, Manifold, Mesh64, OpType
 
+from thingc.frozen import dataclass
 from thingc.realize.slices import Moments, Sliced, Slicing
 from thingc.realize.store.local import Store
 from thingc.realize.worker.kernel.meshing import Triangles, read_stl
@@ -85,7 +86,7 @@ def slice_part(mesh: Triangles, how: Slicing) -> Sliced:
     vertices = np.ascontiguousarray(mesh.vertices @ turn.T)
     lengths = _Lengths(how)
     outlines, heights = _outlines(vertices, mesh.faces, lengths.layer)
-    flat = np.stack(list(_Slicer(how, lengths).layers(outlines)))
+    flat = _flat(_Slicer(how, lengths).layers(outlines), JOINED * lengths.spacing)
     total = _raised(flat, heights, lengths.layer).sum(axis=0)
     solid, joins, sparse = (_moments(sums, turn) for sums in total)
     if not solid.volume > 0.0:
@@ -176,8 +177,8 @@ class _Slicer:
         self.lengths = lengths
         self.once = _Once()
 
-    def layers(self, outlines: list[Region]) -> Iterator[NDArray[np.float64]]:
-        """For each layer the plane moments (see `_flat`) of what is laid solid, of joins, and of sparse lines at 100 % (3, 6)."""
+    def layers(self, outlines: list[Region]) -> list[_Laid]:
+        """What is laid in each layer."""
         once = self.once
         above = [*outlines[1:], NOTHING]
         below = [NOTHING, *outlines[:-1]]
@@ -198,9 +199,13 @@ class _Slicer:
         ]
         sparse = [once(_without, kind.inside, one) for kind, one in zip(kinds, solid, strict=True)]
         walls = [once(self.walls, outline, core) for outline, core in zip(outlines, cores, strict=True)]
-        for index, (kind, inside) in enumerate(zip(kinds, solid, strict=True)):
-            spanned = sparse[max(0, index - self.lengths.spanned) : index]
-            yield once(self.laid, walls[index], inside, kind, sparse[index], below[index] if index else None, *spanned)
+        return [
+            once(
+                self.laid, walls[index], inside, kind, sparse[index], below[index] if index else None,
+                *sparse[max(0, index - self.lengths.spanned) : index],
+            )
+            for index, (kind, inside) in enumerate(zip(kinds, solid, strict=True))
+        ]
 
     def core(self, outline: Region) -> Region:
         """What is left inside the walls, where at least one more line would fit."""
@@ -278,18 +283,18 @@ class _Slicer:
 
     def laid(
         self, walls: Region, inside: Region, kind: _Kinds, sparse: Region, below: Region | None, *spanned: Region,
-    ) -> NDArray[np.float64]:
-        """The moments of a layer as `layers` gives them; `below` is the outline of the layer below (None: the bed), `spanned` what is
-        sparse in those that the strands of a bridge sink into."""
+    ) -> _Laid:
+        """What is laid in a layer; `below` is the outline of the layer below (None: the bed), `spanned` what is sparse in those that the
+        strands of a bridge sink into."""
         once, lengths = self.once, self.lengths
-        bottom = once(_flat, kind.bottom)
-        solid = once(_flat, walls) + once(_flat, inside) + once(_flat, kind.top) + bottom
-        if below is not None:
-            over, bridge = once(self.overhang, walls, below), once(self.bridge, inside, *spanned)
-            solid = solid + (lengths.overhang - 1.0) * once(_flat, over)
-            solid = solid + (lengths.bridge - 1.0) * (once(_flat, bridge) + bottom)
         lines = _grown(sparse, -lengths.spacing / 2.0)  # where lines of sparse infill run
-        return np.stack([solid, JOINED * lengths.spacing * _border(lines), _flat(lines)])
+        if below is None:
+            return _Laid(solid=((1.0, walls), (1.0, inside), (1.0, kind.top), (1.0, kind.bottom)), lines=lines)
+        over, bridge = once(self.overhang, walls, below), once(self.bridge, inside, *spanned)
+        return _Laid(lines=lines, solid=(
+            (1.0, walls), (1.0, inside), (1.0, kind.top), (lengths.bridge, kind.bottom),
+            (lengths.overhang - 1.0, over), (lengths.bridge - 1.0, bridge),
+        ))
 
 
 class _Kinds:
@@ -302,6 +307,15 @@ class _Kinds:
         self.bottom = bottom
         self.inside = inside
         self.small = small
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Laid:
+    """A layer: regions that are laid `solid`, each with how much there is in proportion to what would fill it, and where `lines` of sparse
+    infill run."""
+
+    solid: tuple[tuple[float, Region], ...]
+    lines: Region
 
 
 class _Once:
@@ -363,40 +377,43 @@ _ROUNDING = 1e-12
 """Of a part's size: what is less is rounding."""
 
 
-def _edges(region: Region) -> tuple[NDArray[np.float64], ...]:
-    """The ends (n,) of all edges of a region: x, y of one, x, y of the next."""
-    rings = [np.asarray(ring, dtype=np.float64) for ring in region.to_polygons()]
-    if not rings:
-        return (np.zeros(0),) * 4
-    a = np.concatenate(rings)
-    b = np.concatenate([some for ring in rings for some in (ring[1:], ring[:1])])
-    return a[:, 0], a[:, 1], b[:, 0], b[:, 1]
+_Integrals: TypeAlias = "dict[int, NDArray[np.float64]]"
+"""Of regions, by their identity, the integrals of 1, x, y, xx, xy, yy (6,); those that are not there are zero."""
 
 
-def _flat(region: Region) -> NDArray[np.float64]:
-    """The integrals of 1, x, y, xx, xy, yy over a region, by Green's theorem along its edges (6,)."""
-    if region.is_empty():
-        return np.zeros(6)
-    x, y, u, v = _edges(region)
-    cross = x * v - u * y
-    terms = np.array([
-        cross, cross * (x + u), cross * (y + v), cross * (x * x + x * u + u * u),
-        cross * (2.0 * x * y + x * v + u * y + 2.0 * u * v), cross * (y * y + y * v + v * v),
+def _flat(layers: list[_Laid], joined: float) -> NDArray[np.float64]:
+    """For each layer the integrals of 1, x, y, xx, xy, yy over what is laid solid, over joins (a share `joined` [mm] of the border along
+    lines), and over sparse lines at 100 % (n, 3, 6)."""
+    every = [region for layer in layers for region in (layer.lines, *(region for _, region in layer.solid))]
+    over, along = _integrals(every, border=False), _integrals([layer.lines for layer in layers], border=True)
+    nothing = np.zeros(6)
+    flat = np.zeros((len(layers), 3, 6))
+    for layer, of_layer in zip(layers, flat, strict=True):
+        for factor, region in layer.solid:
+            of_layer[0] += factor * over.get(id(region), nothing)
+        of_layer[1] = joined * along.get(id(layer.lines), nothing)
+        of_layer[2] = over.get(id(layer.lines), nothing)
+    return flat
+
+
+def _integrals(regions: list[Region], *, border: bool) -> _Integrals:
+    """Over regions, by Green's theorem along their edges, or along their `border`; of all at once."""
+    whole = [region for region in {id(region): region for region in regions}.values() if not region.is_empty()]
+    if not whole:
+        return {}
+    rings = [[np.asarray(ring, dtype=np.float64) for ring in region.to_polygons()] for region in whole]
+    corners = np.concatenate([ring for some in rings for ring in some])
+    ends = np.cumsum([len(ring) for some in rings for ring in some])
+    following = np.arange(1, len(corners) + 1)
+    following[ends - 1] = [0, *ends[:-1]]
+    (x, y), (u, v) = corners.T, corners[following].T
+    weight, divisors = (np.hypot(u - x, v - y), (1, 2, 2, 3, 6, 3)) if border else (x * v - u * y, (2, 6, 6, 12, 24, 12))
+    terms = weight * np.stack([
+        np.ones(len(x)), x + u, y + v, x * x + x * u + u * u, 2.0 * x * y + x * v + u * y + 2.0 * u * v, y * y + y * v + v * v,
     ])
-    return np.asarray(terms.sum(axis=1) / (2.0, 6.0, 6.0, 12.0, 24.0, 12.0))
-
-
-def _border(region: Region) -> NDArray[np.float64]:
-    """The integrals of 1, x, y, xx, xy, yy along the border of a region (6,)."""
-    if region.is_empty():
-        return np.zeros(6)
-    x, y, u, v = _edges(region)
-    length = np.hypot(u - x, v - y)
-    terms = np.array([
-        length, length * (x + u), length * (y + v), length * (x * x + x * u + u * u),
-        length * (2.0 * x * y + x * v + u * y + 2.0 * u * v), length * (y * y + y * v + v * v),
-    ])
-    return np.asarray(terms.sum(axis=1) / (1.0, 2.0, 2.0, 3.0, 6.0, 3.0))
+    sizes = [sum(map(len, some)) for some in rings]
+    sums = np.add.reduceat(terms, np.cumsum([0, *sizes[:-1]]), axis=1).T / divisors
+    return {id(region): some for region, some in zip(whole, sums, strict=True)}
 
 
 def _raised(flat: NDArray[np.float64], middles: NDArray[np.float64], layer: float) -> NDArray[np.float64]:
