@@ -22,6 +22,8 @@ from thingc import Length, MountPoint, Range, Thing
 Size = Literal["M1.6", "M2", "M2.5", "M3", "M4", "M5", "M6", "M8"]
 """Metric sizes of coarse pitch."""
 
+TABLES = resources.files(bd_warehouse) / "data"
+
 HEAD_PLAY = 0.2
 """Room around a screw head in a counterbore, on the radius [mm]: what a 0.4 mm nozzle needs for the head to go in."""
 
@@ -122,7 +124,7 @@ def threaded_hole(mouth: Location, size: Size, depth: float) -> Hole:
 @cache
 def _table(name: str) -> dict[str, dict[str, str]]:
     """A table of bd_warehouse: its first column to the others by heading."""
-    with resources.files(bd_warehouse).joinpath("data", name).open(encoding="utf-8") as stream:
+    with (TABLES / name).open(encoding="utf-8") as stream:
         rows = csv.reader(stream)
         _, *headings = (heading.strip() for heading in next(rows))
         return {key: dict(zip(headings, values)) for key, *values in rows}

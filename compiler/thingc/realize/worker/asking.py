@@ -193,6 +193,7 @@ def builtins_for(code: types.CodeType) -> Mapping[str, Any] | None:
     return _builtins() if _names(code) else None
 
 
+@functools.cache
 def _names(code: types.CodeType) -> bool:
     return not _OF_DATES.isdisjoint(code.co_names) or any(_names(one) for one in code.co_consts if isinstance(one, types.CodeType))
 

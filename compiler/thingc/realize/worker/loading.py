@@ -31,6 +31,7 @@ def compile_ahead(file: str, sha256: str | None) -> bool:
         digest = hashlib.sha256(source).hexdigest()
         if sha256 in (digest, None) and (file, digest) not in _compiled:
             _compiled[file, digest] = ran.compiled(source, file, digest)
+            builtins_for(_compiled[file, digest])  # it remembers
             return True
     except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
         pass
