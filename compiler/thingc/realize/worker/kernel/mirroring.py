@@ -9,6 +9,7 @@ import numpy as np
 from thingc.mirror import Mirror
 from thingc.pose import Pose
 from thingc.realize.worker.kernel.measure import explored, extent
+from thingc.summing import dist
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
