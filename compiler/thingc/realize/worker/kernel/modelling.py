@@ -119,8 +119,8 @@ def model(definition: dict[str, Any], tessellations: Tessellations, around: Requ
             made = _made_of_file(definition, around) if definition["kind"] == "file" else _made_of_code(definition, session)
             if definition["mirror"] is not None:
                 made = _mirrored(made, SolidMirror(definition["mirror"]))
-            record = _record(definition["text"], made, tessellations, store)
             session.stop()
+            record = _record(definition["text"], made, tessellations, store)
             part_warnings = (*record.warnings, *_warnings(caught, session.is_own), *session.asking.found)
             answer = {"record": record_to_json(replace(record, warnings=part_warnings), around.root)}
             reads = session.reads(*(warning.file for warning in part_warnings))
