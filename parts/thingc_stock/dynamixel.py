@@ -10,6 +10,7 @@ X-540 (XM540-W270, horn HN13-N101, idler HN13-I101).
 from __future__ import annotations
 
 from abc import abstractmethod
+from functools import cached_property
 from dataclasses import dataclass
 from math import pi
 from typing import Annotated, ClassVar
@@ -171,10 +172,20 @@ class XSeries(Thing):
             self.screw_bottom_left_front, self.screw_bottom_left_rear,
             self.screw_bottom_right_front, self.screw_bottom_right_rear,
         ]
-        circle = _circle(d.horn_circle, d.horn_holes)
-        horn, behind = Pos(0, 0, self.horn_z), Pos(0, 0, self.idler_z)
-        self.screws_horn = [threaded_hole(horn * spot, d.horn_screw, d.horn_thickness) for spot in circle]
-        self.screws_idler = [threaded_hole(behind * spot * FLIP, d.horn_screw, d.idler_thickness) for spot in circle if idler]
+
+    @cached_property
+    def screws_horn(self) -> list[Hole]:
+        """The holes of the horn, from +x towards +y."""
+        d = self.drawing
+        spots = [Pos(0, 0, self.horn_z) * spot for spot in _circle(d.horn_circle, d.horn_holes)]
+        return [threaded_hole(spot, d.horn_screw, d.horn_thickness) for spot in spots]
+
+    @cached_property
+    def screws_idler(self) -> list[Hole]:
+        """The holes of the idler, from +x towards +y; none where there is no idler."""
+        d = self.drawing
+        spots = [Pos(0, 0, self.idler_z) * spot * FLIP for spot in _circle(d.horn_circle, d.horn_holes) if self.p.idler]
+        return [threaded_hole(spot, d.horn_screw, d.idler_thickness) for spot in spots]
 
     @abstractmethod
     def mass(self) -> tuple[float, str]:
@@ -215,7 +226,8 @@ class XSeries(Thing):
         return [self.case_hull(), rim, self.boss_hull(self.drawing.tip_height)]
 
     def _body_hole(self, position: tuple[float, float, float], rotation: tuple[float, float, float]) -> Hole:
-        return threaded_hole(Location(position, rotation), self.drawing.body_screw, self.drawing.body_hole_depth)
+        d = self.drawing
+        return lambda thickness: threaded_hole(Location(position, rotation), d.body_screw, d.body_hole_depth)(thickness)
 
 
 class XM430(XSeries):
