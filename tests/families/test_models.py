@@ -294,8 +294,21 @@ def test_a_plan_that_is_wrong_is_found_and_given_up(workspace: Any) -> None:
         arrays._traced[0, 0] = False
         models = list(family.models(many, visual=True))
         assert form.plans == [] and "a plan gave another `" in str(form.refused)
-        for one, model in zip(many[1:], models[1:], strict=True):  # one in two is looked at: the second, and then nothing follows the plan
+        for one, model in zip(many, models, strict=True):  # one in two is looked at: the first of these, and then nothing follows the plan
             assert differing(model, compiled(family, one, "standing")) == []
+
+
+def test_each_plan_is_looked_at_however_many_models_others_gave(workspace: Path) -> None:
+    with thingc.family(workspace / "everything.yaml") as family:
+        list(family.models(settings(8, 5, {"load": 0.5})))
+        many = settings(3, 5, {"components.crank.mass": 0.3})
+        list(family.models(many[:2]))
+        _, form = family._of(None, False).forms.kept.values()
+        form.plans[0].made._inertials[0][0] = 1.25  # the mass of a body
+        form.plans[0].made._traced[0, 0] = False
+        (model,) = family.models(many[2:])  # the second that this plan gives
+        assert form.plans == [] and "a plan gave another `" in str(form.refused)
+        assert differing(model, compiled(family, many[2], "standing")) == []
 
 
 def test_many_are_few_models_and_arrays(everything: thingc.RobotFamily) -> None:

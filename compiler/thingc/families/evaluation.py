@@ -41,7 +41,6 @@ class Evaluation:
         self.values: Any = plan.values if plan is not None else dict
         self.verify = verify
         self.forms: Forms[_Shape] = Forms()
-        self._made = 0
 
     def each(self, many: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
         """What comes of each, in order."""
@@ -52,8 +51,7 @@ class Evaluation:
                 continue
             plan, outputs = planned
             results = plan.made.of(outputs)
-            self._made += 1
-            if plan.is_due(self._made, self.verify):
+            if plan.is_due(self.verify):
                 whole = self._measured(read)
                 if whole != (results, plan.made.problems):
                     self.forms.of(read).wrong(f"a plan gave other results for {dict(zip(read.names, read.values))}")

@@ -46,8 +46,10 @@ class RobotFamily:
     They are checked as those of `thingc build -p` are, and what is wrong with them is in the answers. The documents are read once: later
     changes are not seen.
 
-    `verify`: of so many models and results that come without a compilation one is compared with one (0: none is; None: the first, the
-    second, the fourth, the eighth ...). Not for several threads at once; after a fork, or pickled, each process has a family of its own.
+    `verify`: of the models and results that are made alike without a compilation, as most are that set the same names, the first and then
+    one in so many is compared with one (0: none is; None: the first, the second, the fourth, the eighth ...).
+
+    Not for several threads at once; after a fork, or pickled, each process has a family of its own.
     Whatever models parts, or takes their meshes, raises `StoreUnusable` where the folder of modelled parts cannot be used or has lost them.
     """
 

@@ -41,8 +41,8 @@ Item = tuple[Mapping[str, Any], Read]
 
 
 class ModelsOfMode:
-    """Of one mode, with or without what is only drawn and a floor. `verify` is how many models are made by a plan for each that is compared
-    with a compilation; None: the first, the second, the fourth, the eighth ..."""
+    """Of one mode, with or without what is only drawn and a floor. Of each plan the first model and then one in `verify` is compared with a
+    compilation; None: the first, the second, the fourth, the eighth ..."""
 
     def __init__(self, session: Session, reader: SettingsReader, mode: str, *, visual: bool, floor: bool, verify: int | None) -> None:
         self.session = session
@@ -54,7 +54,6 @@ class ModelsOfMode:
         self.forms: Forms[Arrays | TextTemplate] = Forms()
         self._files: mujoco.MjVfs | None = None
         self._held: dict[str, Stored] = {}
-        self._made = 0
         self._specs: WeakKeyDictionary[TextTemplate, KeptSpec | None] = WeakKeyDictionary()
         self._kept: OrderedDict[tuple[Read, bool], mujoco.MjModel] = OrderedDict()
 
@@ -198,8 +197,7 @@ class ModelsOfMode:
                     yield self._passed(item, share)
                 return
         for index, (item, _, outputs) in enumerate(waiting):
-            self._made += 1
-            is_due = plan.is_due(self._made, self.verify)
+            is_due = plan.is_due(self.verify)
             if prepared is None:
                 model = self._by_text(plan, plan.made, item[1], outputs)
             else:

@@ -60,9 +60,9 @@ class Build:
 
 
 class Builds:
-    """Builds of one document, for the same modes (none named: all) and targets; `measured` gives their results. `verify`: of so many that
-    are made by a plan one is compared with that by every pass, which MuJoCo compiles, too (None: the first, the second, the fourth, the
-    eighth ...; 0: none)."""
+    """Builds of one document, for the same modes (none named: all) and targets; `measured` gives their results. `verify`: of each
+    plan the first and then one in so many is compared with that by every pass, which MuJoCo compiles, too (None: the first, the second, the
+    fourth, the eighth ...; 0: none)."""
 
     def __init__(
         self, session: Session, reader: SettingsReader, *, modes: Sequence[str], targets: Sequence[str], verify: int | None,
@@ -75,7 +75,6 @@ class Builds:
         self._measured = measured
         self._verify = verify
         self._forms: Forms[_Template] = Forms(PATIENCE)
-        self._made = 0
 
     def planned(self, settings: Settings) -> Build | None:
         """The build of settings by a plan; None where there is no plan that they are of: then nothing is known of them."""
@@ -91,8 +90,7 @@ class Builds:
         made = plan.made.build(outputs, settings)
         if made is None:
             return None
-        self._made += 1
-        if plan.is_due(self._made, self._verify) and not _same(made, self._passed(settings)[0]):
+        if plan.is_due(self._verify) and not _same(made, self._passed(settings)[0]):
             form.wrong(f"a plan gave other files for {dict(zip(read.names, read.values))}")
             return None
         return made

@@ -22,9 +22,6 @@ if TYPE_CHECKING:
 KEPT = 512
 """How many records of a plan are kept at hand."""
 
-FIRST = (2, 4)
-"""Which uses of an exchange are compared with compilations, however many other plans have had; the first is of what it was made for."""
-
 _PLAIN = (0.0, 1.0, -1.0)
 """Numbers that are the same in every record that a plan is of: most of those in rotations, and they decide much."""
 _MEASURED = frozenset(("volume", "area", "centre", "inertia", "box", "fits", "slices"))
@@ -145,7 +142,6 @@ class Exchange:
         stems = {text: one.stem for text, one in self._traced(rehearsed.definitions).items()}
         order = list(stems)
         self.names: list[str] = []
-        self._uses = 0
         self._named: list[tuple[int, int, str]] = []
         for file, stored in assets.items():
             if stored.sha256.startswith(TOKEN):
@@ -154,11 +150,6 @@ class Exchange:
                 self.names.append(name)
                 self._named.append((record, mesh, name.removeprefix(stems[order[record]])))
         self._kept: OrderedDict[tuple[float, ...], Exchanged | None] = OrderedDict()
-
-    def is_due(self) -> bool:
-        """Whether what comes of it now, which is counted, should be compared with a compilation."""
-        self._uses += 1
-        return self._uses in FIRST
 
     def of(self, values: Sequence[float]) -> Exchanged | None:
         """What comes of the records, of the values of the variables; None where the plan is not of these. What is not in the store is

@@ -4,8 +4,10 @@ compilations."""
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
+from dataclasses import field
 from functools import partial
+from itertools import count
 from typing import Any, Generic, Protocol, TypeVar
 
 from thingc.expressions import text_of
@@ -38,6 +40,8 @@ FORMS = 256
 SIDES = (1.0, -1.0)
 """On either side of those that a plan is made for lie settings with which it is compared before it is used, besides these themselves: of a
 number that is at its bound one of them is sound."""
+EXCHANGED = (2, 4)
+"""Which uses of a plan with an exchange are compared with compilations, however rarely others are; the first is of what it was made for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +54,7 @@ class NumericPlan(Generic[Made]):
     run: Run
     made: Made
     exchange: Exchange | None = None
+    _uses: Iterator[int] = field(default_factory=partial(count, 1), init=False, repr=False, compare=False)
 
     def outputs(self, values: Sequence[float]) -> tuple[float, ...] | None:
         """What `made` works with, of the values of all names; None where the plan is not of these."""
@@ -71,13 +76,13 @@ class NumericPlan(Generic[Made]):
         """What comes of the records of parts that are modelled by values of which there are outputs; None where none is."""
         return None if self.exchange is None else self.exchange.of([values[at] for at in self.free])
 
-    def is_due(self, count: int, verify: int | None) -> bool:
-        """Whether what the plan gives now should be compared with a compilation: as the `count`-th of those that plans gave (of which
-        one in `verify` is; None: the first, the second, the fourth, the eighth ...), or as one of the first with other parts."""
-        first = self.exchange is not None and self.exchange.is_due()
+    def is_due(self, verify: int | None) -> bool:
+        """Whether what the plan gives now, which is counted, should be compared with a compilation: the first is and then one in `verify`
+        (None: the first, the second, the fourth, the eighth ...; 0: none)."""
+        use = next(self._uses)
         if verify is None:
-            return first or count & (count - 1) == 0
-        return verify > 0 and (first or count % verify == 0)
+            return use & (use - 1) == 0
+        return verify > 0 and (use % verify == 1 % verify or (self.exchange is not None and use in EXCHANGED))
 
 
 class Form(Generic[Made]):
