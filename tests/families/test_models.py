@@ -32,7 +32,7 @@ NUMBERS: dict[str, float] = {
 
 
 UNSTATED = "components.tool.joints.close.dynamics.damping"
-"""Which no document says: a text has to say of what kind it is."""
+"""Which no document says: a number is one in SI, and a text says of what kind it is."""
 
 
 def settings(count: int, seed: int, names: Mapping[str, float] = NUMBERS) -> list[dict[str, Any]]:
@@ -121,6 +121,18 @@ def lengths_of(model: mujoco.MjModel) -> list[float]:
     return [*data.ten_length.tolist(), *model.tendon_lengthspring.ravel().tolist(), *data.ctrl.tolist()]
 
 
+def test_a_number_at_a_path_of_a_joint_that_nothing_is_said_at_is_si(workspace: Path) -> None:
+    with thingc.family(workspace / "everything.yaml", verify=0) as family:
+        many = [{UNSTATED: 0.05 + 0.01 * k, "joints.l*.dynamics.stiffness": 3.0 + k} for k in range(4)]
+        for one, model in zip(many, family.models(many, share=True, visual=True), strict=True):
+            assert isinstance(model, mujoco.MjModel), model
+            said = {UNSTATED: f"{one[UNSTATED]!r} N*m*s/rad", "joints.lift.dynamics.stiffness": f"{3.0 + many.index(one)!r} N*m/rad"}
+            assert differing(model, compiled(family, said, "standing")) == []
+        assert family.explain(UNSTATED).way == "arrays"
+        (refused,) = family.models([{"joints.lift.dynamics.damping": -1.0}])
+        assert isinstance(refused, NoModel) and "`dynamics.damping` of joint `lift` must be at least 0" in refused.problems[0].message
+
+
 def test_a_shared_model_is_lent_and_others_are_one_s_own(everything: thingc.RobotFamily) -> None:
     many = settings(3, 2)
     list(everything.models(many, mode="standing", visual=True))  # the first come by every pass
@@ -176,7 +188,7 @@ def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thin
         assert isinstance(refused, NoModel) and not refused and refused.settings == given
         assert words in repr(refused) and "\n" not in repr(refused)
         assert refused.problems[0].code.code.startswith(code) and words in refused.problems[0].message, refused.problems[0].message
-    assert repr(everything.model({"joints.*.dynamics.stiffness": 5.0})).count("an angular stiffness needs a unit, found `5.0`") == 1
+    assert repr(everything.model({"joints.*.dynamics.stiffness": "5"})).count("an angular stiffness needs a unit, found `5`") == 1
     for number in (5, "load", None, [("load", 0.5)]):
         words = f"settings are a mapping from names to values, found {type(number).__name__} `{number}`"
         (refused,) = everything.models([number])  # type: ignore[list-item]

@@ -15,7 +15,7 @@ from thingc.expressions import Expression, ExpressionError, ExpressionValue, eva
 from thingc.frozen import dataclass
 from thingc.resolve import AssemblyParameters, Settings, Sources
 from thingc.source import SET, MappingNode, Node
-from thingc.spec import stated_parameter, stated_value
+from thingc.spec import dimension_stated, stated_parameter, stated_value
 from thingc.typos import did_you_mean
 from thingc.units import NUMBER, Quantity, UnitError, parse_quantity
 
@@ -137,12 +137,15 @@ class SettingsReader:
             if kind is None and quantity.dimension != NUMBER:
                 kind = self._kinds[name] = quantity  # nothing stands there: it is what is set first
             return quantity.value if isinstance(kind, Quantity) and quantity.dimension == kind.dimension else None
-        if not isinstance(kind, Quantity) or isinstance(value, bool):
+        if isinstance(value, bool):
             return None
         try:
-            return float(value) + 0.0
+            number = float(value) + 0.0
         except (TypeError, ValueError, OverflowError):
             return None
+        if kind is None and "." in name and (dimension := dimension_stated(self._documents, name)) is not None:
+            kind = self._kinds[name] = Quantity(number, dimension)
+        return number if isinstance(kind, Quantity) else None
 
     def quantities(self, read: Read) -> dict[str, Quantity]:
         """The numbers with their dimensions."""

@@ -8,6 +8,8 @@ from thingc.expressions import Expression, ExpressionValue
 from thingc.source import Document, ScalarNode, node_at
 from thingc.spec.choices import DEFAULT_MATERIAL, KEYS, nested
 from thingc.spec.fields import any_value
+from thingc.spec.joint_values import dimension_at
+from thingc.units import Dimension
 
 if TYPE_CHECKING:
     from thingc.load import Documents
@@ -32,6 +34,13 @@ def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
         return None
     said = (_value(documents, document, ("parameters", keys[3], *inner)) for inner in ((), ("value",)))
     return next((value for value in said if value is not None and not isinstance(value, Expression)), None)
+
+
+def dimension_stated(documents: Documents, path: str) -> Dimension | None:
+    """The dimension of what may be said at a path of a joint, whether or not the document that it leads into says something there; None
+    of any other path."""
+    document, keys = _leading(documents, path)
+    return None if document is None else dimension_at(document, keys)
 
 
 def _leading(documents: Documents, path: str) -> tuple[Document | None, tuple[str, ...]]:
