@@ -13,6 +13,7 @@ import gymnasium
 import mujoco
 import numpy as np
 import pytest
+from gymnasium.error import ClosedEnvironmentError
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 
@@ -119,6 +120,9 @@ def test_gymnasium_makes_it_and_finds_nothing_wrong(tmp_path: Path) -> None:
     np.testing.assert_array_equal(observations, before)  # what was given is not written over
     worlds.close()
     worlds.close()
+    for act in (lambda: worlds.step(actions), lambda: worlds.reset(seed=2)):
+        with pytest.raises(ClosedEnvironmentError, match=re.escape("Trying to operate on `FamilyVectorEnv`, after a call to `close()`.")):
+            act()
 
 
 @pytest.mark.filterwarnings("ignore:.*A Box observation space m..imum value is.*", "ignore:.*alternative render modes.*")

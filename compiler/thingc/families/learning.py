@@ -32,6 +32,7 @@ from thingc.variants.tasks import Array, Reward, Step, Terminated
 
 try:
     import gymnasium
+    from gymnasium.error import ClosedEnvironmentError
     from gymnasium.utils import seeding
     from gymnasium.vector import AutoresetMode, VectorEnv
     from gymnasium.vector.utils import batch_space
@@ -140,7 +141,9 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None,
     ) -> tuple[Array, dict[str, Any]]:
         """Begin an episode in every world, or in those that `options["reset_mask"]` has: each with a variant that is drawn, or all with
-        `options["variant"]` (its place; of a document of variants its id or name, too). World k has the seed `seed + k`."""
+        `options["variant"]` (its place; of a document of variants its id or name, too). World k has the seed `seed + k`. Raises gymnasium's
+        `ClosedEnvironmentError` after `close`."""
+        self._open()
         options = known_options(options, ("variant", "reset_mask"))
         mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))
         if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
@@ -158,7 +161,9 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         return self._observations.copy(), infos
 
     def step(self, actions: Array) -> tuple[Array, Array, np.ndarray[Any, Any], np.ndarray[Any, Any], dict[str, Any]]:
-        """Apply an action (num_envs, nu) in every world. In the mode `NextStep` a world whose episode has ended begins anew instead."""
+        """Apply an action (num_envs, nu) in every world. In the mode `NextStep` a world whose episode has ended begins anew instead.
+        Raises gymnasium's `ClosedEnvironmentError` after `close`."""
+        self._open()
         actions = as_actions(actions, self.action_space.shape)
         if self._autoreset is AutoresetMode.DISABLED and self._ended.any():
             raise FamilyError(f"the episodes of the worlds {np.flatnonzero(self._ended).tolist()} have ended: reset them")
@@ -215,6 +220,11 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
             self.family.close()
 
     # --- how ----------------------------------------------------------------------------------------------------------------
+
+    def _open(self) -> None:
+        """Raises `ClosedEnvironmentError`, in the words of Gymnasium's own vectors, where `close` was called."""
+        if self.closed:
+            raise ClosedEnvironmentError(f"Trying to operate on `{type(self).__name__}`, after a call to `close()`.")
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         """A seed for each world (None: it goes on with its own)."""
