@@ -1,10 +1,10 @@
 """Is a model that comes without a compilation the compiled one? `python benchmarks/variants/patched.py [--count N] [DOCUMENT ...]`.
 
 Every number that stands in a document and models no part is set by its path, a few at a time, to N random values near its own (a twentieth
-off, at most); of the settings that are sound the model of `thingc.family(DOCUMENT).models` is compared with the one that MuJoCo compiles
-from the text of a compilation: every array, and every number of `opt`, `stat` and `vis`. In all modes; the arm, MInchW and the documents of
-`tests/families`, which have what these have not, unless documents are named. With `--parts` one of those numbers is one that models parts,
-with one of three values.
+off, at most), one in ten to its own, to 0 or to a bound that the document sets: where branches meet. Of the settings that are sound the
+model of `thingc.family(DOCUMENT).models` is compared with the one that MuJoCo compiles from the text of a compilation: every array, and
+every number of `opt`, `stat` and `vis`. In all modes; the arm, MInchW and the documents of `tests/families`, which have what these have
+not, unless documents are named. With `--parts` one of those numbers is one that models parts, with one of three values.
 """
 
 from __future__ import annotations
@@ -34,8 +34,10 @@ from families.documents import WORKSPACE  # noqa: E402
 
 SECTIONS = ("parameters", "components", "joints", "tendons", "poses", "modes", "simulation", "defaults")
 AT_ONCE = 4
-SHARES = (0.97, 1.01, 1.04)
+SHARES = (0.97, 1.0, 1.04)
 """Of its own value, those that a number has which models parts."""
+MEETING = 0.1
+"""How many numbers have their own value, 0 or that of a bound."""
 NESTED = {
     f"components.{leg}.joints.{joint}.{path}": value
     for leg in ("front", "rear") for joint in ("yaw", "knee", "ankle")
@@ -62,6 +64,14 @@ def numbers(family: thingc.RobotFamily) -> dict[str, float]:
     return found
 
 
+def where_branches_meet(family: thingc.RobotFamily, known: dict[str, float]) -> dict[str, list[float]]:
+    """Of each number its own value, 0, and the bounds that its document sets, if it is a parameter; SI."""
+    bounds = {name: [family._reader.kind(f"parameters.{name}.{key}") for key in ("min", "max")] for name in known if "." not in name}
+    return {
+        name: [value, 0.0, *(bound.value for bound in bounds.get(name, ()) if isinstance(bound, Quantity))] for name, value in known.items()
+    }
+
+
 def scalars(node: Node | None, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], ScalarNode]]:
     """Every scalar below a node."""
     if isinstance(node, ScalarNode):
@@ -72,16 +82,21 @@ def scalars(node: Node | None, path: tuple[str, ...]) -> Iterator[tuple[tuple[st
 
 
 def drawn(
-    known: dict[str, float], geometry: set[str], modelling: list[str], count: int, source: random.Random,
+    known: dict[str, float], meeting: dict[str, list[float]], geometry: set[str], modelling: list[str], count: int, source: random.Random,
 ) -> Iterator[list[dict[str, Any]]]:
     """Lists of settings of the same names: none of `geometry`, and one of `modelling`, if there are some."""
+    def value(name: str) -> float:
+        if source.random() < MEETING:
+            return source.choice(meeting[name])
+        return known[name] * source.uniform(0.95, 1.05) or source.uniform(-0.01, 0.01)
+
     names = [name for name in known if name not in geometry]
     while count > 0:
         chosen = source.sample(names, min(AT_ONCE, len(names)))
         more = source.sample(modelling, min(1, len(modelling)))
         many = min(count, 50)
         yield [
-            {name: known[name] * source.uniform(0.95, 1.05) or source.uniform(-0.01, 0.01) for name in chosen}
+            {name: value(name) for name in chosen}
             | {name: known[name] * source.choice(SHARES) for name in more} for _ in range(many)
         ]
         count -= many
@@ -95,13 +110,14 @@ def compared(document: str, count: int, store: str | None, visual: bool, parts: 
         known = numbers(family)
         for name, text in NESTED.items() if family.name == "minchw" else ():
             known[name] = family._reader.read({name: text}).values[0]
+        meeting = where_branches_meet(family, known)
         ways = {name: family.explain(name) for name in known}
         tally.update(f"{getattr(way, 'way', 'refused')}: numbers" for way in ways.values())
         geometry = {name for name, way in ways.items() if getattr(way, "way", "passes") in ("passes", "parts")}
         modelling = [name for name, way in ways.items() if parts and getattr(way, "way", "") == "parts"]
         for mode in family.modes:
             models = family._of(mode, visual)
-            for many in drawn(known, geometry, modelling, count // len(family.modes), source):
+            for many in drawn(known, meeting, geometry, modelling, count // len(family.modes), source):
                 read = [family._read(one) for one in many]
                 whole = [models._compiled(one) for _, one in read]
                 for settings, one, model, other in zip(many, read, models.each(read, share=True), whole, strict=True):
