@@ -125,8 +125,8 @@ class Compiled(Brief):
 def compile(
     document: str,
     *,
-    parameters: Mapping[str, str] | None = None,
-    choices: Mapping[str, str] | None = None,
+    parameters: Mapping[str, str | float] | None = None,
+    choices: Mapping[str, str | float] | None = None,
     modes: Sequence[str] = (),
     store: str | None = None,
     jobs: int = 0,
@@ -135,18 +135,26 @@ def compile(
 ) -> Compiled:
     """Compile an assembly document.
 
-    `parameters` are texts as a document would have them (`{"reach": "120 mm"}`), `choices` texts by path
-    (`{"components.foot.part": "feet:Wide"}`), `modes` the names wanted (none: all), `store` the folder of modelled parts (None: the
-    user's cache), `jobs` how many parts are modelled at once (0: one per core). `printed(part, lines)` hears of what parts print
-    when they are modelled.
+    `parameters` are texts as a document would have them (`{"reach": "120 mm"}`), or numbers in SI and flags, as `family` takes them;
+    `choices` the same by path (`{"components.foot.part": "feet:Wide"}`), `modes` the names wanted (none: all), `store` the folder of
+    modelled parts (None: the user's cache), `jobs` how many parts are modelled at once (0: one per core). `printed(part, lines)` hears of
+    what parts print when they are modelled.
     Raises `CompileError` with every diagnostic; with `strict` for warnings, too. Writes nothing but the store.
     """
-    options = Options(parameters=dict(parameters or {}), choices=dict(choices or {}), store=store, jobs=jobs, printed=printed)
-    return attempted(document, options, partial(_compiled, modes=modes, strict=strict))
+    given = {**(parameters or {}), **(choices or {})}
+    others = {name: value for name, value in given.items() if not isinstance(value, str)}
+    texts = [{name: value for name, value in (one or {}).items() if isinstance(value, str)} for one in (parameters, choices)]
+    options = Options(parameters=texts[0], choices=texts[1], store=store, jobs=jobs, printed=printed)
+    return attempted(document, options, partial(_compiled, others=others, modes=modes, strict=strict))
 
 
-def _compiled(environment: Environment, modes: Sequence[str], strict: bool) -> Compiled:
-    compilation = pipeline.compile(environment, modes)
+def _compiled(environment: Environment, others: Mapping[str, float], modes: Sequence[str], strict: bool) -> Compiled:
+    settings = None
+    if others:
+        from thingc.plans import with_values
+
+        settings = partial(with_values, pipeline.settings_of(environment.options), others, environment.report)
+    compilation = pipeline.compile(environment, modes, settings=settings)
     _stop_on_errors(compilation.report, strict)
     artifacts = pipeline.build(environment, compilation, ["mjcf"])["mjcf"]
     _stop_on_errors(compilation.report, strict)

@@ -95,11 +95,16 @@ def check(environment: Environment) -> Compilation:
     return compilation
 
 
-def compile(environment: Environment, modes: Sequence[str] = (), *, kinds: Sequence[str] = ("assembly",)) -> Compilation:
-    """Every pass up to `root`, for the modes named (none: all). `kinds` are the kinds of document that are welcome. Bad input ends in the
-    report; raises `UnknownChoice`, and `BlobMissing` where the store turns out to be damaged (see `environment.attempted`)."""
+def compile(
+    environment: Environment, modes: Sequence[str] = (), *, kinds: Sequence[str] = ("assembly",),
+    settings: Callable[[Sources], Settings] | None = None,
+) -> Compilation:
+    """Every pass up to `root`, for the modes named (none: all). `kinds` are the kinds of document that are welcome; `settings` says what is
+    set of what was read (None: what the options set). Bad input ends in the report; raises `UnknownChoice`, and
+    `BlobMissing` where the store turns out to be damaged (see `environment.attempted`)."""
     sources = read(environment, kinds, modelling=True)
-    compilation = _passes(environment, sources, settings_of(environment.options), modes, None)
+    told = settings(sources) if settings is not None and sources is not None else settings_of(environment.options)
+    compilation = _passes(environment, sources, told, modes, None)
     if compilation.assembly is not None and not compilation.report.failed:
         from thingc.robot import check_starts
 

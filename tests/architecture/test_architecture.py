@@ -84,7 +84,7 @@ ROOMS: dict[str, set[str]] = {
     "variants": BASE | {"printing", "archives", "csvcell", "webpage", "line_process", "environment", "pipeline", "stamp", "session",
         "plans", "load", "spec",
         "realize", "resolve", "graph", "robot", "statics", "emit", "output", "modes", "render", "patching"},
-    "api": BASE | {"printing", "environment", "pipeline", "realize", "graph", "robot", "emit"},
+    "api": BASE | {"printing", "environment", "pipeline", "plans", "realize", "graph", "robot", "emit"},
     "families": BASE | {"api", "environment", "pipeline", "session", "output", "load", "spec", "realize", "resolve", "emit", "testing",
         "plans", "patching", "variants", "writing"},
     "cli": BASE | {"printing", "environment", "pipeline", "dependencies", "realize", "graph", "robot", "emit", "output", "stamp", "resolve",

@@ -140,6 +140,30 @@ def test_a_document_with_errors_is_refused(tmp_path: Path) -> None:
     (tmp_path / "robot.yaml").write_text("thingc: assembly/1\nname: robot\ncomponents: {a: {fram: true}}\n")
     with pytest.raises(thingc.CompileError, match="fram"):
         thingc.family(tmp_path / "robot.yaml")
+    with pytest.raises(thingc.CompileError, match="fram"):
+        thingc.compile(str(tmp_path / "robot.yaml"), parameters={"load": 0.5})
+
+
+def test_compile_takes_numbers_and_flags_as_a_family_does(everything: thingc.RobotFamily) -> None:
+    document = everything._session.environment.document
+    numbers = thingc.compile(
+        document, modes=["standing"], parameters={"load": np.float64(0.7), "heavy": True},
+        choices={"joints.lift.limit.upper": 2, "joints.l*.dynamics.stiffness": 3.0, "components.crank.mass": "0.4 kg"},
+    )
+    texts = thingc.compile(
+        document, modes=["standing"], parameters={"load": "700 g", "heavy": "true"},
+        choices={"joints.lift.limit.upper": "2 rad", "joints.lift.dynamics.stiffness": "3 N*m/rad", "components.crank.mass": "400 g"},
+    )
+    assert numbers.modes["standing"].mjcf() == texts.modes["standing"].mjcf()
+    for given, words in (
+        ({"parameters": {"load": 30}}, "parameter `load` must be at most 20 kg, found `30 kg`"),
+        ({"parameters": {"load": True}}, "is a mass (such as 120 g), found true or false (`true`)"),
+        ({"parameters": {"load": None}}, "expected a number with a unit, found `None`"),
+        ({"parameters": {"lod": 3}}, "has no parameter `lod`"),
+        ({"choices": {"joints.x*.offset": 3}}, "nothing in the document is meant by `joints.x*.offset`"),
+    ):
+        with pytest.raises(thingc.CompileError, match=re.escape(words)):
+            thingc.compile(document, **given)  # type: ignore[arg-type]
 
 
 def test_the_space_of_variants_and_of_parameters(many: thingc.RobotFamily, everything: thingc.RobotFamily) -> None:

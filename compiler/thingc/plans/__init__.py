@@ -8,8 +8,8 @@ from thingc.exports import exported
 
 if TYPE_CHECKING:
     from thingc.plans.builds import Build, Builds
-    from thingc.plans.reading import SettingsReader
+    from thingc.plans.reading import SettingsReader, with_values
 
-__all__ = ["Build", "Builds", "SettingsReader"]
+__all__ = ["Build", "Builds", "SettingsReader", "with_values"]
 
-__getattr__ = exported(__name__, {"Build": "builds", "Builds": "builds", "SettingsReader": "reading"})
+__getattr__ = exported(__name__, {"Build": "builds", "Builds": "builds", "SettingsReader": "reading", "with_values": "reading"})

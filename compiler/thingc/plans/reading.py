@@ -16,6 +16,7 @@ from thingc.frozen import dataclass
 from thingc.resolve import AssemblyParameters, Settings, Sources
 from thingc.source import SET, MappingNode, Node
 from thingc.spec import dimension_stated, stated_parameter, stated_value
+from thingc.spec.assembly import AssemblySpec
 from thingc.typos import did_you_mean
 from thingc.units import NUMBER, Quantity, UnitError, parse_quantity
 
@@ -183,6 +184,19 @@ class SettingsReader:
             parameters={name: text for name, text in texts.items() if "." not in name},
             choices={name: text for name, text in texts.items() if "." in name},
         )
+
+
+def with_values(own: Settings, values: Mapping[str, Any], report: Report, sources: Sources) -> Settings:
+    """Settings, and what else is set by `values`, as a reader takes them; of a document that is no sound assembly only the settings. What
+    is wrong with the names of values is reported."""
+    if not isinstance(sources.specs.get(sources.documents.root.relative), AssemblySpec):
+        return own
+    reader = SettingsReader(sources)
+    read = reader.read(values)
+    if read.report is not None:
+        report.diagnostics.extend(read.report.diagnostics)
+    more = reader.settings(read)
+    return Settings(parameters={**own.parameters, **more.parameters}, choices={**own.choices, **more.choices})
 
 
 def _plain(value: Any) -> Any:
