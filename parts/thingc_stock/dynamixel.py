@@ -10,8 +10,8 @@ X-540 (XM540-W270, horn HN13-N101, idler HN13-I101).
 from __future__ import annotations
 
 from abc import abstractmethod
-from functools import cached_property
 from dataclasses import dataclass
+from functools import cached_property
 from math import pi
 from typing import Annotated, ClassVar
 
