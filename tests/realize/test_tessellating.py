@@ -32,6 +32,7 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools
+from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
@@ -51,6 +52,13 @@ def imprinted(outer: Shape[Any], inner: Shape[Any]) -> Shape[Any]:
     return Compound(fused.Shape())
 
 
+def placed_mirrored(shape: Shape[Any]) -> Shape[Any]:
+    """Its faces as they are, at a place that turns them inside out: `mirror` makes new ones."""
+    over = gp_Trsf()
+    over.SetMirror(gp_Ax2(gp_Pnt(1, 2, 3), gp_Dir(1, 0, 0)))
+    return Solid(shape.solid().wrapped.Located(TopLoc_Location(over), False))
+
+
 SHAPES: dict[str, Callable[[], Shape[Any]]] = {
     "a plate with holes": lambda: Box(40, 30, 3).cut(
         *(Pos(6 * x - 15, 6 * y - 9, 0) * Cylinder(1 + 0.2 * x, 9) for x in range(6) for y in range(4))
@@ -60,6 +68,7 @@ SHAPES: dict[str, Callable[[], Shape[Any]]] = {
     "bevelled": lambda: chamfer(Cylinder(8, 10).edges(), 1),
     "turned": lambda: Rot(20, 35, 50) * Pos(3, 2, 1) * Box(8, 9, 10).cut(Pos(0, 0, 2) * Sphere(4)),
     "mirrored": lambda: Solid(Box(8, 9, 10).cut(Pos(2, 3, 0) * Cone(1, 2, 12)).solid().mirror(Plane.YZ).wrapped),
+    "placed mirrored": lambda: placed_mirrored(Box(8, 9, 10).cut(Pos(2, 3, 0) * Cone(1, 2, 12))),
     "a face with an island": lambda: Box(20, 20, 4).cut(Pos(0, 0, 1) * (Cylinder(7, 4) - Cylinder(4, 9))),
     "a circle within a plane": lambda: imprinted(Box(20, 20, 4), Pos(0, 0, 1) * Cylinder(5, 2)),
     "a hole by the rim": lambda: Cylinder(20, 3).cut(Rot(0, 0, 5) * Pos(14.99, 0, 0) * Cylinder(5, 9)),

@@ -167,7 +167,8 @@ class _Points:
                 chain, end = chains.pop(end)
                 ring = ring + chain
             rings.append(ring)
-        return rings
+        mirrored = face.face.Location().Transformation().IsNegative()  # edges keep their order, and run round the other way
+        return [ring[::-1] for ring in rings] if mirrored else rings
 
     def _corner(self, edge: TopoDS_Edge, first: bool) -> int:
         """The point at an end of an edge."""
