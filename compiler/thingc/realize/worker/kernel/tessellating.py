@@ -35,6 +35,10 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 
+_THIN = 1e-12
+"""Of the square on its longest side: twice the area up to which the corners of a triangle are on a line."""
+
+
 def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
     """Triangles of a shape [mm], at most `linear` [mm] off its surface and `angular` [rad] between neighbours. Whatever it was
     meshed with before does not matter, and is forgotten."""
@@ -194,9 +198,43 @@ def _filling(face: TopoDS_Face, rings: Sequence[NDArray[np.int64]], places: NDAr
         flat = flat[:, ::-1]
     borders = [np.ascontiguousarray(flat[begin:end]) for begin, end in zip(begins, ends, strict=True)]
     triangles = np.asarray(triangulate(borders, allow_convex=False), dtype=np.int64)  # what is convex at once has triangles on a line
-    a, b, c = (flat[triangles[:, k]] for k in range(3))
-    areas = _across(b - a, c - a)
-    return points[triangles] if len(areas) > 0 and areas.min() > 0.0 else None
+    triangles = _flipped(triangles, flat)
+    return points[triangles] if len(triangles) > 0 and _areas(triangles, flat)[0].min() > 0.0 else None
+
+
+def _flipped(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The same triangles (n, 3) of points (m, 2), but for those whose corners are on a line, as they come about between holes in rows: such
+    a one and its neighbour at its longest side are cut the other way."""
+    areas, sides = _areas(triangles, flat)
+    thin = np.flatnonzero(areas <= _THIN * sides.max(axis=1) ** 2).tolist()
+    if not thin:
+        return triangles
+    corners = triangles.tolist()
+    of_side = {(one[k - 1], one[k]): number for number, one in enumerate(corners) for k in range(3)}
+    while thin:
+        left = []
+        for number in thin:
+            longest = int(sides[number].argmax())
+            c, a, b = (corners[number][(longest + k) % 3] for k in range(3))
+            other = of_side.get((a, c))
+            if other is None or other in thin:  # of several on a line the last is cut first
+                left.append(number)
+                continue
+            (d,) = {*corners[other]} - {a, c}
+            corners[number], corners[other] = [a, b, d], [b, c, d]
+            of_side |= {(d, a): number, (b, d): number, (b, c): other, (d, b): other, (c, d): other}
+        if len(left) == len(thin):
+            break
+        thin = left
+    return np.array(corners, dtype=np.int64)
+
+
+def _areas(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Twice the areas (n,) of triangles of points (m, 2), negative where they are turned over; and the lengths (n, 3) of their sides, each
+    from the corner of its column to the next."""
+    corners = flat[triangles]
+    along = corners[:, (1, 2, 0)] - corners
+    return _across(along[:, 0], along[:, 1]), np.hypot(along[:, :, 0], along[:, :, 1])
 
 
 def _direction(direction: gp_Dir) -> tuple[float, float, float]:
