@@ -65,9 +65,7 @@ def _ball_of_few(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], floa
             edges = support[1:] - support[0]
             if count > 2 and np.linalg.matrix_rank(edges) < count - 1:
                 continue
-            # the circumcentre in the span of the support: support[0] + edges^T x, equally far from all
-            weights = np.linalg.solve(2.0 * edges @ edges.T, (edges * edges).sum(axis=1))
-            centre = support[0] + edges.T @ weights
+            centre = support[0] + _circumcentre(edges)
             radius = float(np.sqrt(((support - centre) ** 2).sum(axis=1)).max())
             reach = float(np.sqrt(((points - centre) ** 2).sum(axis=1)).max())
             if reach <= radius * (1.0 + 1e-10) + 1e-15 and (best is None or radius < best[1]):
@@ -75,6 +73,15 @@ def _ball_of_few(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], floa
     if best is None:
         raise ArithmeticError("no ball holds the points")
     return best
+
+
+def _circumcentre(edges: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The point in the span of `edges` (k x n) that is as far from 0 as from all of their ends."""
+    squares = (edges * edges).sum(axis=1)
+    try:
+        return np.asarray(edges.T @ np.linalg.solve(2.0 * edges @ edges.T, squares))
+    except np.linalg.LinAlgError:  # of points that are almost in a plane what is off it vanishes in the products
+        return np.asarray(np.linalg.lstsq(2.0 * edges, squares)[0])
 
 
 def _smallest(fits: list[Primitive]) -> Primitive:

@@ -1,0 +1,25 @@
+"""The smallest ball of points: where they are almost in a plane."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from thingc.realize.worker.kernel.fits import smallest_ball
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-12, 1e-10, 1e-8])
+def test_the_rim_of_a_disc_that_is_a_little_uneven(off: float) -> None:
+    """Four points of a turned circle, each a little off it, have no ball of their own in double precision: the smallest ball of all is
+    still the circle's, within that."""
+    rng = np.random.default_rng(5)
+    angles = np.linspace(0.0, 2.0 * math.pi, 96, endpoint=False)
+    circle = np.stack([np.cos(angles), np.sin(angles), np.zeros(96)], axis=1)
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    for _ in range(20):
+        points = 0.02 * (circle + off * rng.normal(size=circle.shape)) @ turn
+        centre, radius = smallest_ball(points)
+        assert radius == pytest.approx(0.02, rel=1e-14 + 6.0 * off)
+        assert np.linalg.norm(points - centre, axis=1).max() <= radius
