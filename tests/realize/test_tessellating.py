@@ -33,9 +33,10 @@ from build123d import (
 from numpy.typing import NDArray
 from OCP.BRep import BRep_Tool
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools
-from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
+from OCP.gp import gp_Ax2, gp_Dir, gp_Pln, gp_Pnt, gp_Trsf
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
@@ -173,3 +174,8 @@ def test_a_face_without_a_solid_is_filled_too() -> None:
     mesh = tessellate(sheet.wrapped, 0.01, ANGULAR)
     assert area_of(mesh) == pytest.approx(100.0 - 4.0 * math.pi, rel=2e-3)
     assert (np.cross(*(mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, 0]] for k in (1, 2)))[:, 2] > 0.0).all()
+
+
+def test_a_plane_without_a_border_has_no_triangles() -> None:
+    """It goes on for ever; the kernel makes none of it either."""
+    assert len(tessellate(BRepBuilderAPI_MakeFace(gp_Pln()).Face(), LINEAR, ANGULAR).faces) == 0

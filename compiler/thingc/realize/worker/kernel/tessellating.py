@@ -94,7 +94,7 @@ def _meshed(
     places = np.array(points.places, dtype=np.float64).reshape(-1, 3)
     triangles = [joins[some] for some in triangles]
     for face, rings in zip(planes, bounds, strict=True):
-        inside = None if rings is None else _filling(face.face, [joins[ring] for ring in rings], places)
+        inside = _filling(face.face, [joins[ring] for ring in rings], places) if rings else None
         if inside is None:
             return None
         triangles.append(inside)
