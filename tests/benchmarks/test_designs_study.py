@@ -136,7 +136,7 @@ def test_a_part_that_dies_and_an_exception_are_crashes(tmp_path: Path, shared_st
     leg.write_text(text.replace("        self.sole = ", "        __import__('os').abort()\n        self.sole = "))
     verdict = verdicts.judged(design, document, Path(shared_store))
     assert verdict.outcome == "crashed" and {d.code for d in verdict.diagnostics} == {Code.PART_CRASHED}
-    verdict = verdicts.judged(replace(design, parameters={"wall": None}), document, Path(shared_store))
+    verdict = verdicts.judged(replace(design, parameters=[1]), document, Path(shared_store))
     assert verdict.outcome == "crashed" and "Traceback" in verdict.faults[0]
 
 
