@@ -26,7 +26,7 @@ FLIP = Location((0, 0, 0), (0, 180, 0))
 """Looks at a place from behind: half a turn about y."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Drawing:
     """The dimensions of a model [mm]. x is to the left, y to the top (the short end, next to the output), z to the front
     (the horn), from the output axis at half depth (`middle`). A `circle` is the diameter through the centres of holes."""
@@ -226,8 +226,7 @@ class XSeries(Thing):
         return [self.case_hull(), rim, self.boss_hull(self.drawing.tip_height)]
 
     def _body_hole(self, position: tuple[float, float, float], rotation: tuple[float, float, float]) -> Hole:
-        d = self.drawing
-        return lambda thickness: threaded_hole(Location(position, rotation), d.body_screw, d.body_hole_depth)(thickness)
+        return threaded_hole(Location(position, rotation), self.drawing.body_screw, self.drawing.body_hole_depth)
 
 
 class XM430(XSeries):

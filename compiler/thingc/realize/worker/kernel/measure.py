@@ -219,8 +219,8 @@ def _clean(value: float, size: float) -> float:
 
 
 def extent(shape: TopoDS_Shape) -> float:
-    """How far [mm] it is across a shape, about: the diagonal of a box around it that need not be tight. To find the tight one takes a
-    hundred times as long."""
+    """How far [mm] it is across a shape, about: the diagonal of a box around it that need not be tight. To find the tight one takes
+    far longer."""
     box = Bnd_Box()
     BRepBndLib.Add_s(shape, box, False)
     return math.sqrt(box.SquareExtent())

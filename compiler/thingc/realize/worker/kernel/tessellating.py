@@ -4,7 +4,7 @@ Vertices are joined along the kernel's own edges, not by distance: the two faces
 but may lie a tolerance apart.
 
 The kernel cuts the faces that are bent. What lies in a plane is filled with triangles between the points that its neighbours have on
-their common edges (manifold3d): the surface is the same, and the kernel takes ten times as long for it.
+their common edges (manifold3d): the surface is the same, and the kernel takes several times as long for it.
 """
 
 from __future__ import annotations
