@@ -180,12 +180,6 @@ def kernel(parts: Path) -> Iterator[Callable[[int], None]]:
         asked.close()
 
 
-def settled() -> float:
-    """Processor time [s] of all processes, when those that were asked for something have ended."""
-    time.sleep(ENDING)
-    return processor()
-
-
 def check(found: list[Any]) -> None:
     """All are sound."""
     assert all(one.sound for one in found)
@@ -197,8 +191,6 @@ SLOW = {
 """Of how many of the variants the slower lanes are."""
 ELSEWHERE = ("a part", "kernel")
 """Lanes whose work is done by another process."""
-ENDING = 0.3
-"""How long [s] a process whose answer has come may take to end: its processor time counts from then on."""
 
 BY_HAND = {"exchanged": 639.0, "patched": 46_000.0, "copied": 3_990.0, "kernel": 8.0}
 """A second by hand, on the machine on which the musts were set."""
@@ -229,7 +221,7 @@ def main() -> None:
             for turn in range(-1, arguments.rounds):
                 for label, make in lanes.items():
                     count = max(int(arguments.count * SLOW.get(label, 1.0)), 1 if label in ELSEWHERE else min(16, arguments.count))
-                    clock = settled if label in ELSEWHERE else time.process_time
+                    clock = processor if label in ELSEWHERE else time.process_time
                     if label == "seen":
                         make(16)  # they were forgotten for `a mesh`
                     begun = clock()

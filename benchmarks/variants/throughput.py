@@ -191,12 +191,19 @@ class ByHand(Lane):
                 mujoco.MjModel.from_xml_string(path.read_text(encoding="utf-8"), vfs=self.models.files)
 
 
+def children(process: int | str) -> list[str]:
+    """The processes that a process has started and that have not ended."""
+    with open(f"/proc/{process}/task/{process}/children", encoding="ascii") as stream:
+        return stream.read().split()
+
+
 def processor() -> float:
-    """Seconds of processor time of this process, of the worker under it, and of the worker's children that have ended."""
-    ticks = 0
-    with open(f"/proc/{os.getpid()}/task/{os.getpid()}/children", encoding="ascii") as stream:
-        running = stream.read().split()
-    for process in ("self", *running):
+    """Seconds of processor time of this process, of the worker under it, and of the worker's children: one whose answer has come takes a
+    while to end, and counts from then on, which is waited for."""
+    workers, ticks = children(os.getpid()), 0
+    while any(map(children, workers)):
+        time.sleep(0.01)
+    for process in ("self", *workers):
         with open(f"/proc/{process}/stat", encoding="ascii") as stream:
             ticks += sum(map(int, stream.read().rpartition(")")[2].split()[11:15]))
     return ticks / os.sysconf("SC_CLK_TCK")
