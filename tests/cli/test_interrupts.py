@@ -78,6 +78,24 @@ sys.argv = ["thingc", "rename", "finger.yaml", "mounts.seat", "socket"]
 entry()
 """
 
+WITH_A_LOCK = """\
+import os, signal, sys
+import thingc.output
+from thingc.__main__ import entry
+
+opened = os.open
+
+def open_(path, *words):
+    descriptor = opened(path, *words)
+    if str(path).endswith(".thingc-lock"):
+        signal.raise_signal(signal.SIGINT)
+    return descriptor
+
+os.open = open_
+sys.argv = ["thingc", "new", "rover"]
+entry()
+"""
+
 
 @pytest.fixture(autouse=True)
 def in_the_foreground() -> Iterator[None]:
@@ -124,6 +142,12 @@ def test_between_files_that_belong_together(here: Path, shared_store: str) -> No
     assert (done.returncode, done.stderr) == (130, SAID)
     assert "mounts: {socket: bone.seat}" in (here / "finger.yaml").read_text()
     assert "child: finger_$i.socket" in (here / "robot.yaml").read_text() and "finger_1.socket" in (here / "robot.yaml").read_text()
+
+
+def test_a_workspace_comes_whole_and_its_lock_goes(here: Path, shared_store: str) -> None:
+    done = run(here, shared_store, ["-c", WITH_A_LOCK])
+    assert (done.returncode, done.stderr) == (130, SAID)
+    assert (here / "rover/.vscode/settings.json").exists() and not any(path.name.startswith(".rover") for path in here.iterdir())
 
 
 def heeds(process: subprocess.Popen[str]) -> bool:

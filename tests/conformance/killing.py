@@ -101,8 +101,8 @@ def sound(store: Path) -> Iterator[str]:
 
 @dataclass
 class Killer:
-    """Kills builds at a given part of their time. How long they take is what the last one that was quicker took: the machine
-    may have other things to do."""
+    """Kills builds at a given part of their time. How long they take is nine tenths of what the last one took that got away: the machine
+    may have less and less to do beside them."""
 
     seconds: float
 
@@ -116,5 +116,5 @@ class Killer:
         if process.wait() == -signal.SIGKILL:
             return True
         assert process.returncode == 0
-        self.seconds = min(self.seconds, time.monotonic() - began)
+        self.seconds = 0.9 * min(self.seconds, time.monotonic() - began)
         return False

@@ -8,7 +8,7 @@ import re
 import shlex
 import sys
 
-from thingc.cli import common
+from thingc.cli import common, interrupts
 from thingc.diagnostics import Report, shown_path
 from thingc.load.paths import DOCUMENT_SUFFIXES
 from thingc.load.scalars import core_value
@@ -45,7 +45,8 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         name = robot_name(arguments.place)
         files = files_of(arguments.template, name)
-        folder = write_new(arguments.place, files, lambda fresh: _wire(fresh, report))
+        with interrupts.held():  # a third of a second, in which nothing would be half there, but the lock might stay
+            folder = write_new(arguments.place, files, lambda fresh: _wire(fresh, report))
     except ValueError as fault:
         hint = f"write for example `thingc new {name}_robot`"
         raise common.WrongCommandLine(f"a robot cannot be called so: {fault}", hint) from fault
