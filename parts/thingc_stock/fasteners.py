@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
-from functools import cache, cached_property
+from functools import cache
 from importlib import resources
 from math import sqrt
 from typing import Annotated, Literal
@@ -70,7 +70,7 @@ class Screw(Thing):
         """What the screw itself fills: threads as their outer cylinder, the socket closed."""
         return self._hull(self.diameter, self.head_diameter, self.head_height)
 
-    @cached_property
+    @property
     def clearance_hull(self) -> Solid:
         """What is cut away where the screw passes: the clearance hole, and above the bearing plane the head with
         `HEAD_PLAY` around it and as much height as it takes to put the whole screw in along its axis."""
