@@ -80,9 +80,7 @@ def _load(answers: int) -> bool:
         import_cheaply("build123d")
         for name in AHEAD:
             importlib.import_module(name)
-        from OCP.OSD import OSD_ThreadPool
-
-        OSD_ThreadPool.DefaultPool_s(1)  # children run side by side: booleans in threads take a fifth more of the processor
+        _stay_single()
         from thingc.realize.key.modules import installed_roots
         from thingc.realize.worker import asking, ran
         from thingc.realize.worker.reads import wrap_importers
@@ -102,6 +100,21 @@ def _load(answers: int) -> bool:
     gc.enable()
     _answer(answers, {"ready": True})
     return True
+
+
+def _stay_single() -> None:
+    """Have the kernel and manifold3d begin no threads, which takes of the processor up to a fifth more: children run side by side. The first
+    is told so; TBB, which the other is built on, counts the processors that it may use when it is first needed, and never again."""
+    from manifold3d import Manifold
+    from OCP.OSD import OSD_ThreadPool
+
+    OSD_ThreadPool.DefaultPool_s(1)
+    if sys.platform == "linux":
+        allowed = os.sched_getaffinity(0)
+        with contextlib.suppress(OSError):  # some sandboxes refuse
+            os.sched_setaffinity(0, {min(allowed)})
+            Manifold.cube().volume()
+            os.sched_setaffinity(0, allowed)
 
 
 def _answer(descriptor: int, value: Mapping[str, Any]) -> None:
