@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
-from functools import cache
+from copy import deepcopy
+from functools import cache, cached_property
 from importlib import resources
 from math import sqrt
 from typing import Annotated, Literal
@@ -74,7 +75,7 @@ class Screw(Thing):
     def clearance_hull(self) -> Solid:
         """What is cut away where the screw passes: the clearance hole, and above the bearing plane the head with
         `HEAD_PLAY` around it and as much height as it takes to put the whole screw in along its axis."""
-        return self._hull(self.clearance_diameter, self.head_diameter + 2 * HEAD_PLAY, self.head_height + self.p.length)
+        return deepcopy(self._clearance)  # the kernel adds curves to a shape that is cut away, and takes longer from time to time
 
     @property
     def tapped_hull(self) -> Solid:
@@ -99,6 +100,10 @@ class Screw(Thing):
             Solid.make_cylinder(self.head_diameter / 2, self.head_height),
             Solid.make_cylinder(self.diameter / 2, self.p.length, Plane((0, 0, -self.p.length))),
         ]
+
+    @cached_property
+    def _clearance(self) -> Solid:
+        return self._hull(self.clearance_diameter, self.head_diameter + 2 * HEAD_PLAY, self.head_height + self.p.length)
 
     def _hull(self, shank: float, head: float, above: float) -> Solid:
         """Two coaxial cylinders that meet in the bearing plane (diameters, and the height of the upper one) as one solid."""
