@@ -11,8 +11,10 @@ PASSED = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT")
 FIXED: Mapping[str, str] = {
     "PATH": os.defpath, "LC_ALL": "C.UTF-8", "PYTHONUTF8": "1", "TZ": "UTC",
     "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1",
-    # freed memory is kept for the next array: a child lives for a second, and fresh pages took a tenth of its time
-    "GLIBC_TUNABLES": "glibc.malloc.mmap_threshold=33554432:glibc.malloc.top_pad=16777216:glibc.malloc.trim_threshold=1073741824",
+    # freed memory is kept for what is asked for next: a child lives for a second, and fresh pages took a tenth of its time
+    "GLIBC_TUNABLES": ":".join(f"glibc.malloc.{name}={number}" for name, number in (
+        ("mmap_threshold", 1 << 25), ("top_pad", 1 << 24), ("trim_threshold", 1 << 30), ("tcache_count", 64),
+    )),
 }
 
 TEMPORARY = ("TMPDIR", "TEMP", "TMP")

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from thingc.realize.worker.scratch import Scratch
 
 AHEAD = (
-    "importlib.metadata", "importlib.resources.readers", "manifold3d", "numpy.ma", "thingc.realize.worker.describing",
+    "importlib.metadata", "importlib.readers", "manifold3d", "numpy.ma", "thingc.realize.worker.describing",
     "thingc.realize.worker.kernel.modelling", "thingc.realize.worker.kernel.slicing", "thingc.things.adjust",
     "thingc.things.assets", "thingc.things.inspection", "thingc.things.resolver", "thingc.workspace",
 )

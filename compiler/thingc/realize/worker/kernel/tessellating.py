@@ -198,13 +198,13 @@ def _filling(face: TopoDS_Face, rings: Sequence[NDArray[np.int64]], places: NDAr
         flat = flat[:, ::-1]
     borders = [np.ascontiguousarray(flat[begin:end]) for begin, end in zip(begins, ends, strict=True)]
     triangles = np.asarray(triangulate(borders, allow_convex=False), dtype=np.int64)  # what is convex at once has triangles on a line
-    triangles = _flipped(triangles, flat)
-    return points[triangles] if len(triangles) > 0 and _areas(triangles, flat)[0].min() > 0.0 else None
+    upright = _flipped(triangles, flat) if len(triangles) > 0 else None
+    return points[upright] if upright is not None else None
 
 
-def _flipped(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray[np.int64]:
+def _flipped(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray[np.int64] | None:
     """The same triangles (n, 3) of points (m, 2), but for those whose corners are on a line, as they come about between holes in rows: such
-    a one and its neighbour at its longest side are cut the other way."""
+    a one and its neighbour at its longest side are cut the other way. None where that leaves one that holds nothing, or is turned over."""
     areas, sides = _areas(triangles, flat)
     thin = np.flatnonzero(areas <= _THIN * sides.max(axis=1) ** 2).tolist()
     if not thin:
@@ -226,7 +226,8 @@ def _flipped(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray
         if len(left) == len(thin):
             break
         thin = left
-    return np.array(corners, dtype=np.int64)
+    made = np.array(corners, dtype=np.int64)
+    return made if _areas(made, flat)[0].min() > 0.0 else None
 
 
 def _areas(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
