@@ -7,6 +7,7 @@ import contextlib
 import faulthandler
 import json
 import os
+import resource
 import signal
 import sys
 import tempfile
@@ -18,6 +19,7 @@ from typing import Any
 
 from thingc.realize.worker import process_tree
 from thingc.realize.worker.confining import PROCESSES, confine
+from thingc.realize.worker.libc import prctl
 from thingc.realize.worker.scratch import settle
 
 KEPT = 8192
@@ -30,6 +32,7 @@ LAST_WORDS = 3.0
 """How long [s] a child that is about to end may take to do so, and to say where it was."""
 WATCH = 0.05
 """How often [s] to look whether children run and how many processes they have."""
+_PARENT_DEATH_SIGNAL = 1
 
 
 @dataclass(slots=True, kw_only=True)
@@ -178,9 +181,7 @@ def kill_group(process: int) -> None:
 def die_with_parent(parent: int) -> None:
     """Let the system kill this process when its parent ends (Linux); ends it at once when that has happened already."""
     if sys.platform == "linux":
-        import ctypes
-
-        ctypes.CDLL(None, use_errno=True).prctl(1, signal.SIGKILL, 0, 0, 0)  # PR_SET_PDEATHSIG
+        prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
 
@@ -188,9 +189,7 @@ def die_with_parent(parent: int) -> None:
 def live_without_parent() -> None:
     """Take `die_with_parent` back."""
     if sys.platform == "linux":
-        import ctypes
-
-        ctypes.CDLL(None, use_errno=True).prctl(1, 0, 0, 0, 0)
+        prctl(_PARENT_DEATH_SIGNAL, 0)
 
 
 def start(run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch: str, close: list[int]) -> Child:
@@ -253,8 +252,6 @@ def _answer(run: Callable[[Mapping[str, Any]], dict[str, Any]], asked: int, erro
 
 
 def _without_core_dump() -> None:
-    import resource
-
     with contextlib.suppress(ValueError, OSError):
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 

@@ -15,6 +15,7 @@ import sys
 from typing import Any
 
 from thingc.realize.worker import audit
+from thingc.realize.worker.libc import prctl, syscall
 
 PROCESSES = 256
 """How many processes of one part may be alive at once."""
@@ -106,25 +107,23 @@ def confine(folder: str) -> bool:
 def _landlock(folder: str) -> bool:
     import ctypes
 
-    libc = ctypes.CDLL(None, use_errno=True)
-    libc.syscall.restype = ctypes.c_long
-    version = libc.syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), _VERSION)
+    version = syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), _VERSION)
     if version < 1:
         return False
     handled = _WRITE_FILE | _REMOVE_OR_MAKE | (_REFER if version >= 2 else 0) | (_TRUNCATE if version >= 3 else 0)
     attributes = struct.pack("=QQQ", handled, 0, _SIGNALS if version >= 6 else 0)
-    rules = libc.syscall(_CREATE_RULESET, attributes, ctypes.c_size_t(len(attributes)), 0)
+    rules = syscall(_CREATE_RULESET, attributes, ctypes.c_size_t(len(attributes)), 0)
     if rules < 0:
         return False
     try:
         for path, rights in ((folder, handled), (DEVICES, handled & (_WRITE_FILE | _TRUNCATE | _REMOVE_FILE | _MAKE_FILE))):
             beneath = os.open(path, os.O_PATH | os.O_CLOEXEC)
             try:
-                if libc.syscall(_ADD_RULE, rules, _PATH_BENEATH, struct.pack("=Qi", rights, beneath), 0) != 0:
+                if syscall(_ADD_RULE, rules, _PATH_BENEATH, struct.pack("=Qi", rights, beneath), 0) != 0:
                     return False
             finally:
                 os.close(beneath)
-        return bool(libc.prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0) == 0 and libc.syscall(_RESTRICT_SELF, rules, 0) == 0)
+        return prctl(_NO_NEW_PRIVILEGES, 1) and syscall(_RESTRICT_SELF, rules, 0) == 0
     finally:
         os.close(rules)
 

@@ -14,6 +14,8 @@ import sys
 import time
 from collections.abc import Collection, Iterable
 
+from thingc.realize.worker.libc import prctl
+
 PAUSE = 0.005
 """How long [s] to wait before looking again for processes that are about to end."""
 PATIENCE = 20.0
@@ -28,9 +30,7 @@ _SUBREAPER = 36
 def adopt_orphans() -> None:
     """From here on a descendant whose parent ends becomes a child of this process, and not of the system's first process."""
     if sys.platform == "linux":
-        import ctypes
-
-        ctypes.CDLL(None, use_errno=True).prctl(_SUBREAPER, 1, 0, 0, 0)
+        prctl(_SUBREAPER, 1)
 
 
 def give_priority(nice: int) -> int:

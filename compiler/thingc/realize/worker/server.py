@@ -81,6 +81,7 @@ def _load(answers: int) -> bool:
         for name in AHEAD:
             importlib.import_module(name)
         _stay_single()
+        _make_room()
         from thingc.realize.key.modules import installed_roots
         from thingc.realize.worker import asking, ran
         from thingc.realize.worker.reads import wrap_importers
@@ -103,8 +104,8 @@ def _load(answers: int) -> bool:
 
 
 def _stay_single() -> None:
-    """Have the kernel and manifold3d begin no threads, which takes of the processor up to a fifth more: children run side by side. The first
-    is told so; TBB, which the other is built on, counts the processors that it may use when it is first needed, and never again."""
+    """Have the kernel and manifold3d begin no threads, which takes of the processor up to a fifth more: children run side by side. The
+    first is told so; TBB, which the other is built on, counts the processors that it may use when it is first needed, and never again."""
     from manifold3d import Manifold
     from OCP.OSD import OSD_ThreadPool
 
@@ -115,6 +116,14 @@ def _stay_single() -> None:
             os.sched_setaffinity(0, {min(allowed)})
             Manifold.cube().volume()
             os.sched_setaffinity(0, allowed)
+
+
+def _make_room() -> None:
+    """Have pybind11 enlarge its table of the kernel's objects: where it fills up in a child, the whole of it is gone through, and all pages
+    that it lies on are copied."""
+    from OCP.gp import gp_Pnt
+
+    _ = [gp_Pnt() for _ in range(6000)]
 
 
 def _answer(descriptor: int, value: Mapping[str, Any]) -> None:
