@@ -317,8 +317,10 @@ def _block(length: float, width: float, height: float) -> Solid:
 
 def _tongue(width: float, end: float, bottom: float, thickness: float) -> Solid:
     """A flat leg from the z axis to y = `end`, rounded around the axis, lying on z = `bottom` [mm]."""
-    straight = Pos(0, end / 2, bottom) * _block(width, end, thickness)
-    return straight.fuse(Solid.make_cylinder(width / 2, thickness, Plane((0, 0, bottom)))).solid()
+    x, y, z = width / 2, end, bottom
+    sides = Wire.make_polygon([(x, 0, z), (x, y, z), (-x, y, z), (-x, 0, z)], close=False)
+    around = Edge.make_three_point_arc((-x, 0, z), (0, -x, z), (x, 0, z))
+    return Solid.extrude(Face(Wire([*sides.edges(), around])), (0, 0, thickness))
 
 
 def _gusset(width: float, y: float, z: float, leg: float) -> Solid:

@@ -17,6 +17,7 @@ from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools
+from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as _Numbers
 from OCP.GeomAbs import GeomAbs_Line, GeomAbs_Plane
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopExp import TopExp
@@ -42,7 +43,7 @@ _THIN = 1e-12
 def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
     """Triangles of a shape [mm], at most `linear` [mm] off its surface and `angular` [rad] between neighbours. Whatever it was
     meshed with before does not matter, and is forgotten."""
-    numbers = _ShapeIndex()
+    numbers = _Numbers()
     faces = [_face(TopoDS.Face(face), numbers) for face in explored(shape, TopAbs_FACE)]
     bent = {number for face in faces if not face.plane for number in face.numbers}
     filled = [
@@ -68,10 +69,10 @@ class _Face:
     plane: bool
 
 
-def _face(face: TopoDS_Face, numbers: _ShapeIndex) -> _Face:
+def _face(face: TopoDS_Face, numbers: _Numbers) -> _Face:
     edges = tuple(map(TopoDS.Edge, explored(face, TopAbs_EDGE)))
     plane = BRepAdaptor_Surface(face, False).GetType() == GeomAbs_Plane
-    return _Face(face, edges, tuple(map(numbers.index, edges)), plane)
+    return _Face(face, edges, tuple(map(numbers.Add, edges)), plane)
 
 
 def _straight(edge: TopoDS_Edge) -> bool:
@@ -118,7 +119,7 @@ class _Points:
         self.others: list[int] = []
         self._along: dict[int, list[int]] = {}
         """By the number of an edge its points, in the order of its parameter."""
-        self._vertices = _ShapeIndex()
+        self._vertices = _Numbers()
         self._corners: dict[int, int] = {}
 
     def of_kernel(self, face: _Face) -> NDArray[np.int64]:
@@ -177,7 +178,7 @@ class _Points:
     def _corner(self, edge: TopoDS_Edge, first: bool) -> int:
         """The point at an end of an edge."""
         vertex = TopExp.FirstVertex_s(edge) if first else TopExp.LastVertex_s(edge)
-        number = self._vertices.index(vertex)
+        number = self._vertices.Add(vertex)
         if number not in self._corners:
             self._corners[number] = len(self.places)
             self.places.append(BRep_Tool.Pnt_s(vertex).Coord())
@@ -262,20 +263,3 @@ def joined(count: int, ones: Sequence[int], others: Sequence[int]) -> NDArray[np
         if np.array_equal(fewer, stands):
             return stands
         stands = fewer
-
-
-class _ShapeIndex:
-    """Numbers for shapes: the same one for the same shape at the same place, whichever way it is turned."""
-
-    def __init__(self) -> None:
-        self.buckets: dict[int, list[tuple[TopoDS_Shape, int]]] = {}
-        self.count = 0
-
-    def index(self, shape: TopoDS_Shape) -> int:
-        bucket = self.buckets.setdefault(hash(shape), [])
-        for held, number in bucket:
-            if held.IsSame(shape):
-                return number
-        self.count += 1
-        bucket.append((shape, self.count))
-        return self.count
