@@ -20,7 +20,7 @@ import json
 import os
 import stat
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, NoReturn, Protocol
 
 from thingc.diagnostics import Code, Report, shown_path
 from thingc.emit import written
@@ -135,14 +135,18 @@ def write_new(folder: str, files: Mapping[str, bytes], finish: Callable[[str], N
     A new folder appears at once. Into one that is there, for somebody may be in it, files are moved one after the other; what lies there
     just as it would be written stays, so that another run goes on where one was killed.
 
-    Raises `OutputError` where there is something else already, or the system refuses.
+    Raises `OutputError` where there is something else already, another run is at it, or the system refuses.
     """
     folder = os.path.realpath(folder)
     place, there = shown_path(folder), os.path.isdir(folder)
+
+    def refuse(_: str) -> NoReturn:
+        raise OutputError(f"`{place}` is being made by another command", "wait until it has ended, or choose another name")
+
     try:
         os.makedirs(os.path.dirname(folder), exist_ok=True)
         aside = os.path.join(folder, os.path.basename(folder)) if there else folder
-        with _locked(aside, None):
+        with _locked(aside, refuse):
             fresh = _beside(aside, "new")
             if not there and os.path.lexists(folder):
                 raise OutputError(f"`{place}` is there already: a file", "choose another name, or move it away")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -148,6 +149,40 @@ def test_a_workspace_comes_whole_and_its_lock_goes(here: Path, shared_store: str
     done = run(here, shared_store, ["-c", WITH_A_LOCK])
     assert (done.returncode, done.stderr) == (130, SAID)
     assert (here / "rover/.vscode/settings.json").exists() and not any(path.name.startswith(".rover") for path in here.iterdir())
+
+
+def test_a_workspace_that_another_command_makes_is_not_waited_for(here: Path, shared_store: str) -> None:
+    """Who waits while interrupts are held could not be interrupted."""
+    with (here / ".rover.thingc-lock").open("w") as stream:
+        fcntl.flock(stream, fcntl.LOCK_EX)
+        done = run(here, shared_store, ["-m", "thingc", "new", "rover"])
+    assert (done.returncode, done.stdout) == (2, "") and not (here / "rover").exists()
+    assert "`rover` is being made by another command" in done.stderr and "wait until it has ended, or choose another name" in done.stderr
+
+
+LATE_AND_REFUSED = """\
+import signal, sys
+import thingc.output
+from thingc.__main__ import entry
+
+delete = thingc.output._delete
+
+def delete_(path):
+    signal.raise_signal(signal.SIGINT)
+    delete(path)
+
+thingc.output._delete = delete_
+sys.argv = ["thingc", "new", "rover"]
+entry()
+"""
+
+
+def test_an_interrupt_counts_that_comes_while_something_is_refused(here: Path, shared_store: str) -> None:
+    (here / "rover").mkdir()
+    (here / "rover/letter.txt").write_text("Dear")
+    done = run(here, shared_store, ["-c", LATE_AND_REFUSED])
+    assert (done.returncode, done.stderr) == (130, SAID)
+    assert [path.name for path in (here / "rover").iterdir()] == ["letter.txt"]
 
 
 def heeds(process: subprocess.Popen[str]) -> bool:

@@ -79,7 +79,9 @@ def run(arguments: argparse.Namespace) -> int:
             elif arguments.check:
                 common.say(*_would(arguments, imported))
             else:
-                common.say(*_told(arguments, imported, write_new(arguments.output or imported.name, imported.files, lambda _: None), []))
+                with interrupts.held():
+                    folder = write_new(arguments.output or imported.name, imported.files, lambda _: None)
+                common.say(*_told(arguments, imported, folder, []))
         except OutputError as fault:
             fault.diagnose(report)
     common.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)

@@ -67,9 +67,9 @@ def held() -> Iterator[None]:
         yield
     finally:
         _held = False
-    if _late:
-        _late = False
-        _raise()
+        if _late:
+            _late = False
+            _raise()
 
 
 def has_come() -> bool:

@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         name = robot_name(arguments.place)
         files = files_of(arguments.template, name)
-        with interrupts.held():  # a third of a second, in which nothing would be half there, but the lock might stay
+        with interrupts.held():  # a third of a second; nothing would be half there, but the lock might stay
             folder = write_new(arguments.place, files, lambda fresh: _wire(fresh, report))
     except ValueError as fault:
         hint = f"write for example `thingc new {name}_robot`"
