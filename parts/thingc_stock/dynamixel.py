@@ -10,9 +10,10 @@ X-540 (XM540-W270, horn HN13-N101, idler HN13-I101).
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import dataclass
 from functools import cached_property
 from math import pi
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, ClassVar
 
 from build123d import Face, Location, Plane, Pos, Solid, Wire
 
@@ -25,7 +26,8 @@ FLIP = Location((0, 0, 0), (0, 180, 0))
 """Looks at a place from behind: half a turn about y."""
 
 
-class Drawing(NamedTuple):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawing:
     """The dimensions of a model [mm]. x is to the left, y to the top (the short end, next to the output), z to the front
     (the horn), from the output axis at half depth (`middle`). A `circle` is the diameter through the centres of holes."""
 

@@ -75,7 +75,7 @@ class Screw(Thing):
     def clearance_hull(self) -> Solid:
         """What is cut away where the screw passes: the clearance hole, and above the bearing plane the head with
         `HEAD_PLAY` around it and as much height as it takes to put the whole screw in along its axis."""
-        return deepcopy(self._clearance)  # the kernel adds curves to a shape that is cut away, and takes longer from time to time
+        return deepcopy(self._clearance)  # the kernel adds curves to a shape that is cut away, and takes longer each time
 
     @property
     def tapped_hull(self) -> Solid:

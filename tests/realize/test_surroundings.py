@@ -74,6 +74,30 @@ def test_nothing_but_what_is_fixed_or_in_the_key(
     assert list((tmp_path / "temporary").iterdir()) == []
 
 
+THREADS = """
+    import json, os
+    from build123d import Box, Sphere
+    from manifold3d import Manifold
+    from thingc import Thing
+
+    class Many(Thing):
+        def result(self):
+            before = len(os.listdir("/proc/self/task"))
+            assert (Manifold.sphere(10, 400) - Manifold.sphere(10, 400).translate((1, 2, 3))).num_tri() > 50_000
+            assert (Box(10, 10, 10) - Sphere(6)).is_valid
+            seen = {"more": len(os.listdir("/proc/self/task")) - before, "processors": sorted(os.sched_getaffinity(0))}
+            raise ValueError(json.dumps(seen))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux says which threads a process has")
+def test_one_thread_on_any_processor(place: Any, define: Callable[..., Any]) -> None:
+    place.write("parts/many.py", THREADS)
+    with place.service() as service:
+        (answer,) = service.realize([define("many:Many")]).values()
+    assert told(answer) == {"more": 0, "processors": sorted(os.sched_getaffinity(0))}
+
+
 def test_a_variable_that_is_passed_is_in_the_key(place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     from thingc import stamp
 

@@ -33,6 +33,7 @@ LAST_WORDS = 3.0
 WATCH = 0.05
 """How often [s] to look whether children run and how many processes they have."""
 _PARENT_DEATH_SIGNAL = 1
+"""`PR_SET_PDEATHSIG`."""
 
 
 @dataclass(slots=True, kw_only=True)

@@ -18,7 +18,7 @@ def syscall(number: int, *arguments: Any) -> int:
 
 @functools.cache
 def _libc() -> Any:
-    import ctypes  # late: a process that ends at once needs none of it
+    import ctypes  # late: the driver asks for nothing here
 
     libc = ctypes.CDLL(None)
     libc.syscall.restype = ctypes.c_long

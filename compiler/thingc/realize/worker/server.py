@@ -104,23 +104,26 @@ def _load(answers: int) -> bool:
 
 
 def _stay_single() -> None:
-    """Have the kernel and manifold3d begin no threads, which takes of the processor up to a fifth more: children run side by side. The
-    first is told so; TBB, which the other is built on, counts the processors that it may use when it is first needed, and never again."""
+    """Have the kernel and manifold3d (on Linux) begin no threads, which takes of the processor up to a fifth more: children run side by
+    side. The first is told so; TBB, which the other is built on, counts the processors that it may use when it is first needed, and never
+    again."""
     from manifold3d import Manifold
     from OCP.OSD import OSD_ThreadPool
 
     OSD_ThreadPool.DefaultPool_s(1)
     if sys.platform == "linux":
-        allowed = os.sched_getaffinity(0)
-        with contextlib.suppress(OSError):  # some sandboxes refuse
+        try:
+            allowed = os.sched_getaffinity(0)
             os.sched_setaffinity(0, {min(allowed)})
-            Manifold.cube().volume()
-            os.sched_setaffinity(0, allowed)
+        except OSError:  # some sandboxes refuse
+            return
+        Manifold.cube().volume()
+        os.sched_setaffinity(0, allowed)
 
 
 def _make_room() -> None:
     """Have pybind11 enlarge its table of the kernel's objects: where it fills up in a child, the whole of it is gone through, and all pages
-    that it lies on are copied."""
+    that it lies on are copied. There is room for as many again as live here, which is more than most parts have at once."""
     from OCP.gp import gp_Pnt
 
     _ = [gp_Pnt() for _ in range(6000)]

@@ -99,7 +99,7 @@ def hull(points: NDArray[np.float64]) -> Triangles | None:
     if len(faces) == 0:
         return None
     made = Triangles(np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3], faces)
-    return None if made.flat else made
+    return None if made.flat else made.outward()
 
 
 # --- files ------------------------------------------------------------------------------------------------------------

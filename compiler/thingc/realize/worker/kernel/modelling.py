@@ -248,21 +248,19 @@ def _shapes(geometry: Any, name: str) -> tuple[Any, ...]:
 def _rounded(shape: TopoDS_Shape) -> TopoDS_Shape:
     """The shape, its corners rounded to `DECIMALS`."""
     from OCP.BRep import BRep_Builder, BRep_Tool
+    from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
     from OCP.gp import gp_Pnt
     from OCP.TopAbs import TopAbs_VERTEX
+    from OCP.TopExp import TopExp
     from OCP.TopoDS import TopoDS
 
-    builder = BRep_Builder()
-    done: set[tuple[float, float, float]] = set()
-    for subshape in explored(shape, TopAbs_VERTEX):  # each comes as often as it is the end of an edge of a face
-        corner = TopoDS.Vertex(subshape)
+    builder, corners = BRep_Builder(), ShapeMap()
+    TopExp.MapShapes_s(shape, TopAbs_VERTEX, corners)
+    for corner in map(TopoDS.Vertex, corners):
         at = BRep_Tool.Pnt_s(corner).Coord()
-        if at in done:
-            continue
         x, y, z = (round(coordinate, DECIMALS) + 0.0 for coordinate in at)
         if (x, y, z) != at:
             builder.UpdateVertex(corner, gp_Pnt(x, y, z), BRep_Tool.Tolerance_s(corner))
-        done.add((x, y, z))
     return shape
 
 

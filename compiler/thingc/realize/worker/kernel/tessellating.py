@@ -17,7 +17,7 @@ from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools
-from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as _Numbers
+from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
 from OCP.GeomAbs import GeomAbs_Line, GeomAbs_Plane
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopExp import TopExp
@@ -43,7 +43,7 @@ _THIN = 1e-12
 def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
     """Triangles of a shape [mm], at most `linear` [mm] off its surface and `angular` [rad] between neighbours. Whatever it was
     meshed with before does not matter, and is forgotten."""
-    numbers = _Numbers()
+    numbers = ShapeMap()
     faces = [_face(TopoDS.Face(face), numbers) for face in explored(shape, TopAbs_FACE)]
     bent = {number for face in faces if not face.plane for number in face.numbers}
     filled = [
@@ -69,7 +69,7 @@ class _Face:
     plane: bool
 
 
-def _face(face: TopoDS_Face, numbers: _Numbers) -> _Face:
+def _face(face: TopoDS_Face, numbers: ShapeMap) -> _Face:
     edges = tuple(map(TopoDS.Edge, explored(face, TopAbs_EDGE)))
     plane = BRepAdaptor_Surface(face, False).GetType() == GeomAbs_Plane
     return _Face(face, edges, tuple(map(numbers.Add, edges)), plane)
@@ -119,7 +119,7 @@ class _Points:
         self.others: list[int] = []
         self._along: dict[int, list[int]] = {}
         """By the number of an edge its points, in the order of its parameter."""
-        self._vertices = _Numbers()
+        self._vertices = ShapeMap()
         self._corners: dict[int, int] = {}
 
     def of_kernel(self, face: _Face) -> NDArray[np.int64]:
