@@ -32,7 +32,7 @@ from thingc.realize.store.local import Store
 from thingc.shown import quoted
 
 Waiting = Callable[[str], None]
-"""Called once with the build folder when another build of it must be waited for."""
+"""Called once with the build folder when another build of it must be waited for; what it raises ends the waiting."""
 
 
 class Blobs(Protocol):

@@ -97,6 +97,22 @@ sys.argv = ["thingc", "new", "rover"]
 entry()
 """
 
+LATE_AND_REFUSED = """\
+import signal, sys
+import thingc.output
+from thingc.__main__ import entry
+
+delete = thingc.output._delete
+
+def delete_(path):
+    signal.raise_signal(signal.SIGINT)
+    delete(path)
+
+thingc.output._delete = delete_
+sys.argv = ["thingc", "new", "rover"]
+entry()
+"""
+
 
 @pytest.fixture(autouse=True)
 def in_the_foreground() -> Iterator[None]:
@@ -158,23 +174,6 @@ def test_a_workspace_that_another_command_makes_is_not_waited_for(here: Path, sh
         done = run(here, shared_store, ["-m", "thingc", "new", "rover"])
     assert (done.returncode, done.stdout) == (2, "") and not (here / "rover").exists()
     assert "`rover` is being made by another command" in done.stderr and "wait until it has ended, or choose another name" in done.stderr
-
-
-LATE_AND_REFUSED = """\
-import signal, sys
-import thingc.output
-from thingc.__main__ import entry
-
-delete = thingc.output._delete
-
-def delete_(path):
-    signal.raise_signal(signal.SIGINT)
-    delete(path)
-
-thingc.output._delete = delete_
-sys.argv = ["thingc", "new", "rover"]
-entry()
-"""
 
 
 def test_an_interrupt_counts_that_comes_while_something_is_refused(here: Path, shared_store: str) -> None:
