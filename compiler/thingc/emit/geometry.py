@@ -56,7 +56,7 @@ class MeshAsset:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shape:
     """A shape in its occurrence's frame: `kind` `mesh` (named by `mesh`) or a primitive of `size`, both as a `Primitive` has them [m]; of
-    what it is, and in which colour."""
+    what it is, and in which colour. `name` is what the document calls it in files, behind the path of its document."""
 
     kind: Literal["mesh"] | PrimitiveShape
     mesh: str | None = None
@@ -64,6 +64,7 @@ class Shape:
     pose: Pose = NO_POSE
     material: Material | None = None
     color: str | None = None
+    name: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,9 +207,9 @@ class _Collector:
     def shape(self, occurrence: Occurrence, surface: Surface, stem: str, suffix: str = "") -> Shape | None:
         """A shape in the frame of its occurrence; the asset of a mesh, called by its `stem`, is kept. None when another definition has its
         file name."""
-        mesh = surface.solid
+        mesh, title = surface.solid, occurrence.name_in_files(surface)
         if isinstance(mesh, Primitive):
-            return Shape(kind=mesh.shape, size=mesh.size, pose=mesh.pose, material=surface.material, color=surface.color)
+            return Shape(kind=mesh.shape, size=mesh.size, pose=mesh.pose, material=surface.material, color=surface.color, name=title)
         name = stem + suffix
         owner = self.owners.setdefault(name.casefold(), occurrence)
         known = self.meshes.get(name)
@@ -228,4 +229,4 @@ class _Collector:
             name=name, mesh=mesh, volume=occurrence.record.volume if occurrence.record is not None else surface.volume,
             origin=occurrence.origin, own=own, scale=surface.scale,
         ))
-        return Shape(kind="mesh", mesh=name, pose=surface.pose, material=surface.material, color=surface.color)
+        return Shape(kind="mesh", mesh=name, pose=surface.pose, material=surface.material, color=surface.color, name=title)

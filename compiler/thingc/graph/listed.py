@@ -41,20 +41,20 @@ def _drawn(shape: ListedShape, material: Material | None, meshes: Meshes) -> Ite
     own, solid = shape.material or material, shape.solid
     otherwise = own.color if own is not None else None
     if not isinstance(solid, MeshFile):
-        yield Surface(solid=solid, material=own, color=shape.color or otherwise)
+        yield Surface(solid=solid, material=own, color=shape.color or otherwise, title=shape.name)
     elif (record := meshes.get(solid)) is not None:
         for number, piece in enumerate(record.pieces):
             color = shape.color or piece.color or otherwise
             if piece.mesh == record.mesh:
                 yield _whole(shape, solid, record, own, color)
             else:
-                yield Surface(solid=piece.mesh, material=own, color=color, pose=shape.pose, name=f"{solid.name}_{number}")
+                yield Surface(solid=piece.mesh, material=own, color=color, pose=shape.pose, name=f"{solid.name}_{number}", title=shape.name)
 
 
 def _touching(shape: ListedShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
     own, solid = _rubbing(shape, shape.material or material), shape.solid
     if not isinstance(solid, MeshFile):
-        yield Surface(solid=solid, material=own, color=None)
+        yield Surface(solid=solid, material=own, color=None, title=shape.name)
     elif (record := meshes.get(solid)) is not None:
         yield _whole(shape, solid, record, own, None)
 
@@ -78,6 +78,7 @@ def _whole(shape: ListedShape, file: MeshFile, record: MeshRecord, material: Mat
     return Surface(
         solid=record.mesh, material=material, color=color, pose=shape.pose, name=file.name,
         volume=record.matter.mass if record.matter is not None else 0.0, own=record.own, scale=file.scale,
+        title=shape.name,
     )
 
 

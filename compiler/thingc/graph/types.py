@@ -47,7 +47,8 @@ class MountFrame(Brief):
 class Surface(Brief):
     """A shape of an occurrence that is drawn or touched: `solid` at `pose` in the occurrence's frame, of what it is made and in which
     colour (`#rrggbb`, `#rrggbbaa`; None: of its own). Of a mesh that a link lists `name` is what its file may be called, `volume` [m^3]
-    what it holds, `own` the bytes that it was read from (SHA-256 and size) where MuJoCo reads them with the factors `scale`."""
+    what it holds, `own` the bytes that it was read from (SHA-256 and size) where MuJoCo reads them with the factors `scale`. `title` is the
+    name of a listed shape in files, without the path of nested documents."""
 
     solid: Mesh | Primitive
     material: Material | None
@@ -57,6 +58,7 @@ class Surface(Brief):
     volume: float = 0.0
     own: tuple[str, int] | None = None
     scale: Vector | None = None
+    title: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +96,10 @@ class Occurrence(Brief):
     origin: Origin
     estimate: str | None = None
     listed: Listed | None = None
+
+    def name_in_files(self, surface: Surface) -> str | None:
+        """The name that the document gives to one of its shapes, behind the path of the document; None if it gives none."""
+        return None if surface.title is None else self.path[: self.path.rfind("/") + 1] + surface.title
 
     @property
     def drawn(self) -> tuple[Surface, ...]:

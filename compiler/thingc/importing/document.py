@@ -18,7 +18,7 @@ from thingc.importing.model import Hanging, SourceJoint, SourceLink, SourceLoss,
 from thingc.importing.modes import mode_lines, sensor_lines
 from thingc.importing.motion import drive_words, dynamics_words, limit_words, tendon_lines
 from thingc.importing.quantities import TURNS, angle, length, lengths, mass, pose_words, quantity, was
-from thingc.importing.raw import name_lines, raw_lines
+from thingc.importing.raw import name_lines, quoted, raw_lines
 from thingc.importing.updating import Earlier
 from thingc.importing.words import Words
 from thingc.layout import format_document
@@ -136,6 +136,8 @@ class _Document(Words):
             if touch is not None and touch.friction:
                 words = (f"{key}: {quantity(one, '')}" for key, one in zip(FRICTION, touch.friction, strict=False))
                 said.append(f"friction: {{{', '.join(words)}}}")
+            name = self.title(touch or shape)
+            said += [] if name is None else [f"name: {quoted(name)}"]
             yield f"      - {{{', '.join(said)}}}"
 
     def _geometry(self, shape: SourceShape) -> str:

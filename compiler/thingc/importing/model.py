@@ -42,7 +42,7 @@ class SourceShape:
     """What is drawn, or touches: `size` as its kind has it [m] (box: the three sides; sphere: radius; cylinder, capsule: radius, length
     along z; ellipsoid: half axes; plane: the two sides; of a mesh the scale), `pose` in the link, with the angles `rpy` [rad] that the
     source states it with. `mesh` is as the source names the file; `color` red, green, blue, alpha from 0 to 1; `friction` sliding,
-    torsional and rolling, as many as are said; `raw` of what touches."""
+    torsional and rolling, as many as are said; `raw` of what touches. `name` is its name in the source, if any."""
 
     kind: ShapeKind
     use: Literal["visual", "collision"]
@@ -54,6 +54,7 @@ class SourceShape:
     color: tuple[float, float, float, float] | None = None
     friction: tuple[float, ...] = ()
     raw: Raw = ()
+    name: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -55,9 +55,9 @@ def raw_of(words: Words) -> dict[tuple[str, ...], str]:
 
 def _touching(words: Words, link: SourceLink) -> Iterator[tuple[str, SourceShape]]:
     """What of a link touches, by its names in MuJoCo's model."""
-    touching = [touch for _, touch in words.items(link) if touch is not None]
-    for number, shape in enumerate(touching):
-        yield f"{words.links[link.name]}:collision{f'_{number}' if number else ''}", shape
+    for _, touch in words.items(link):
+        if touch is not None:
+            yield words.title(touch) or words.usual[id(touch)], touch
 
 
 def _controls(words: Words, state: SourcePose) -> Raw:

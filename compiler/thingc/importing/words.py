@@ -67,6 +67,7 @@ class Words:
         self.added = distinct([one.name for one in robot.added if one.section == "actuator"], "drive", taken=drives)
         self.ties = distinct([one.name for one in robot.added if one.section == "equality"], "equality", taken=self.loops.values())
         self.poses = distinct([one.name for one in robot.poses], "pose")
+        self.usual = {id(shape): name for link in self.links for shape, name in self._usual(link)}
 
     def _paths(self, names: Sequence[str]) -> dict[str, str]:
         """What is called, of these names, by the path of a mount, as models of ours do: `hand/tip` on the link `hand` as that mount, where
@@ -144,7 +145,22 @@ class Words:
             "actuators": drives | magnets | self.added,
             "sensors": parts, "poses": self.poses,
         }
+        shapes = (shape for name in self.links for shape in self.link_of[name].shapes if self.is_shown(shape))
+        kinds["geoms"] = {shape.name: self.title(shape) or self.usual[id(shape)] for shape in shapes if shape.name is not None}
         return {kind: dict(names) for kind, names in kinds.items() if names}
+
+    def _usual(self, link: str) -> Iterator[tuple[SourceShape, str]]:
+        """The shapes of a link that are shown, with the names that models give to unnamed ones."""
+        shown = [shape for shape in self.link_of[link].shapes if self.is_shown(shape)]
+        for use in ("visual", "collision"):
+            for number, shape in enumerate(shape for shape in shown if shape.use == use):
+                usual = f"{self.links[link]}:{use}_{number}" if number else f"{self.links[link]}:{use}"
+                yield shape, self.links[link] if usual.endswith(":visual") else usual
+
+    def title(self, shape: SourceShape) -> str | None:
+        """The name of a shape in the source, if its document must state it for models to have it."""
+        name = shape.name
+        return name if name is not None and name != self.usual[id(shape)] and is_file_name(name) else None
 
     def items(self, link: SourceLink) -> Iterator[tuple[SourceShape, SourceShape | None]]:
         """The shapes of a link as they are listed, each with what touches of it: itself, or what is like it and is drawn as it. What is
@@ -154,7 +170,10 @@ class Words:
         drawn_as: dict[int, SourceShape] = {}
         for same in (True, False):  # a shape of the source that does both, before others that are alike
             for number, shape in enumerate(shown):
-                like = [one for one in alone if _form(one) == _form(shape) and (one.where == shape.where or not same)]
+                like = [
+                    one for one in alone if _form(one) == _form(shape) and (one.where == shape.where or not same)
+                    and ((name := self.title(shape)) in (None, (own := self.title(one))) or name.startswith(f"{own}:visual"))
+                ]
                 if shape.use == "visual" and number not in drawn_as and like:
                     drawn_as[number] = like[0]
                     alone = [one for one in alone if one is not like[0]]

@@ -26,7 +26,7 @@ NAMED = 3
 class ListedShape(Brief):
     """A shape of a link, in its frame: whether it is `drawn`, and whether it `touches`. `pose` is that of a mesh file: a primitive has its
     own. `material`, `color` (`#rrggbb`) and `friction` (sliding, torsional, rolling) are what the shape itself says; None: as its
-    link, and its material, have it."""
+    link, and its material, have it. `name` is its name in files."""
 
     solid: Primitive | MeshFile
     drawn: bool
@@ -34,6 +34,7 @@ class ListedShape(Brief):
     pose: Pose = NO_POSE
     material: Material | None = None
     color: str | None = None
+    name: str | None = None
     friction: tuple[float | None, float | None, float | None] = (None, None, None)
     origin: Origin = field(default=(), compare=False)
 
@@ -48,7 +49,8 @@ class ListedShape(Brief):
         solid, material = self.solid, self.material.name if self.material is not None else None
         pose = self.pose if isinstance(solid, MeshFile) else solid.pose
         shape = (solid.path, *solid.content) if isinstance(solid, MeshFile) else (solid.shape, solid.size)
-        return (*shape, pose.rotation, pose.translation, self.drawn, self.touches, material, self.color, self.friction)
+        return (*shape, pose.rotation, pose.translation, self.drawn, self.touches, material, self.color, self.friction,
+                *([self.name] if self.name else []))
 
     def mirrored(self, mirror: Mirror) -> ListedShape:
         """Its mirror image: every primitive is the image of itself, in a frame that is mirrored, and a mesh file is read mirrored."""

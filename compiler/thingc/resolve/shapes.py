@@ -41,6 +41,7 @@ def _shape(context: Context, table: Table, scope: Scope, spec: ShapeSpec, path: 
         solid=solid, pose=NO_POSE if isinstance(solid, Primitive) else pose, drawn=spec.for_ != "collision", touches=spec.for_ != "visual",
         color=spec.color, friction=friction(scope, spec.friction, (*path, "friction")), origin=scope.origin((*path, spec.kind)),
         material=material(scope, Layers(((spec, path),)), table.materials, unreadable=table.materials_unreadable),
+        name=spec.name,
     )
 
 

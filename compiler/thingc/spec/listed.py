@@ -11,6 +11,7 @@ from thingc.spec.base import Model, rule
 from thingc.spec.fields import ColorField, LengthField, NumberField, Vector3Length
 from thingc.spec.materials import FrictionSpec
 from thingc.spec.named import MaterialField
+from thingc.spec.names import FileName
 from thingc.spec.poses import PoseSpec
 
 ShapeKind = Literal["mesh", "box", "sphere", "cylinder", "capsule", "ellipsoid", "plane"]
@@ -76,6 +77,8 @@ class ShapeSpec(Model):
     """Its own colour; that of its material unless written."""
     friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 0.6}])
     """Its own friction, over that of its material."""
+    name: FileName | None = Field(default=None, examples=["left-foot"])
+    """The name of its geom, visual and collision in files; numbered after the component unless written."""
 
     @property
     def kind(self) -> ShapeKind:

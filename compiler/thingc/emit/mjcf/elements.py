@@ -100,19 +100,24 @@ def _axis(one: ModelJoint, twist: Twist) -> dict[str, str]:
     return {"name": one.name, "type": one.type, **pos, "axis": numbers(one.axis)}
 
 
-def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str) -> tuple[Element, ...]:
-    """What the occurrences of a link show and what they touch with, of class `touching`; `poses` are their own in the link."""
+def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str, taken: frozenset[str]) -> tuple[Element, ...]:
+    """What the occurrences of a link show and what they touch with, of class `touching`; `poses` are their own in the link. `taken` are the
+    names that documents give to shapes. A shape that is drawn and touches gives its name to the geom that touches."""
     elements: list[Element] = []
     for pose, one in zip(poses, shapes, strict=True):
+        used = {shape.name for shape in one.collision}
         for index, shape in enumerate(one.visual):
-            name = f"{one.path}:visual_{index}" if index else one.path  # `cap_1` may be another component
+            name = shape.name or one.path
+            if index and not shape.name or name in (used if shape.name else taken):
+                name = numbered(f"{name}:visual", index)  # `cap_1` may be another component
+            used.add(shape.name)
             attributes = {"name": name, "class": "visual", **_shape(shape, pose)}
             material = material_name(shape.material, shape.color)
             if material is not None:
                 attributes["material"] = material
             elements.append(Element(tag="geom", attributes=attributes, origin=one.origin))
         for index, shape in enumerate(one.collision):
-            name = numbered(f"{one.path}:collision", index)
+            name = shape.name or numbered(f"{one.path}:collision", index)
             attributes = {"name": name, "class": touching, **_shape(shape, pose), **_friction(shape.material)}
             elements.append(Element(tag="geom", attributes=attributes, origin=one.origin))
     return tuple(elements)

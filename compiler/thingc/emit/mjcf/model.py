@@ -151,6 +151,7 @@ class _Builder:
         """The tree of links."""
         world = self.root.add("worldbody")
         made: dict[int, Element] = {}
+        taken = frozenset(shape.name for one in self.geometry.shapes for shape in (*one.visual, *one.collision) if shape.name is not None)
         for index, body in joined.model_bodies(self.robot).items():
             link = self.links[index]
             attributes = {"name": link.name, **pose_attributes(body.X_PL)}
@@ -174,7 +175,7 @@ class _Builder:
                 self.grow(element, ("joint", self.robot.mode.name, joint.path), elements.joint, joint, driven)
             shapes = tuple(self.geometry.shapes[member] for member in link.members)
             touching = holding.CLASS if body.link in self.adhering else "collision"
-            self.grow(element, ("geoms", link.name, touching), elements.geoms, link.poses, shapes, touching)
+            self.grow(element, ("geoms", link.name, touching), elements.geoms, link.poses, shapes, touching, taken)
         for site in joined.sites(self.robot).values():
             self.grow(made[site.body], ("site", site.path), elements.site, site.path, site.pose, site.origin)
         closures.sites(self.robot, world, made)

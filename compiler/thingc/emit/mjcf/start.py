@@ -155,7 +155,7 @@ def look(model: Any, robot: Robot) -> Start:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_collision(model, data)
-        inside = tuple(_inside(model, data))
+        inside = tuple(_inside(model, data, robot))
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         for flag in ("CONTACT", "LIMIT", "FRICTIONLOSS"):
             model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
@@ -183,14 +183,16 @@ def _pose(model: Any, data: Any, number: int | None) -> None:
         mujoco.mj_resetDataKeyframe(model, data, number)
 
 
-def _inside(model: Any, data: Any) -> Iterator[Inside]:
+def _inside(model: Any, data: Any, robot: Robot) -> Iterator[Inside]:
     """The pairs of parts of two links that are in each other, deepest first."""
+    owners = {one.name_in_files(surface): one.path for one in robot.assembly.occurrences for surface in one.touching}
     deepest: dict[tuple[str, str], float] = {}
     for contact in data.contact:
         bodies = [int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2)]
         if contact.dist > -DEEP or 0 in bodies:
             continue
-        one, other = sorted(_path(model.geom(int(geom)).name) for geom in (contact.geom1, contact.geom2))
+        names = (model.geom(int(geom)).name.replace(SEPARATOR, "/") for geom in (contact.geom1, contact.geom2))
+        one, other = sorted(owners.get(name) or _path(name) for name in names)
         deepest[one, other] = max(deepest.get((one, other), 0.0), -float(contact.dist))
     for (one, other), depth in sorted(deepest.items(), key=lambda entry: (-entry[1], entry[0])):
         yield Inside(one=one, other=other, depth=depth)

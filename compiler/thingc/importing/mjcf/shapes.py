@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 
 from thingc.importing.meshes import READ
 from thingc.importing.mjcf.original import SOLIMP, SOLREF, Original, differing, floats, numbers, pose_of
@@ -54,13 +55,10 @@ class Geoms:
         drawn = (model.geom_group[geom] < HIDDEN or not touches and geom not in self.wrapped) and (color is None or color[3] > 0.0)
         size, pose, mesh = self._form(geom, kind)
         friction = self._friction(geom) if touches else ()
-        both = [
-            SourceShape(kind=kind, use="visual", size=size, pose=pose, where=where, mesh=mesh, color=color) if drawn else None,
-            SourceShape(
-                kind=kind, use="collision", size=size, pose=pose, where=where, mesh=mesh, friction=friction, raw=self._raw(geom, friction),
-            ) if touches else None,
-        ]
-        return [one for one in both if one is not None]
+        name = self.original.written["geom"][geom].name or None
+        visual = SourceShape(kind=kind, use="visual", size=size, pose=pose, where=where, mesh=mesh, color=color, name=name)
+        touching = replace(visual, use="collision", color=None, friction=friction, raw=self._raw(geom, friction))
+        return [one for one, there in ((visual, drawn), (touching, touches)) if there]
 
     def _color(self, geom: int) -> tuple[float, float, float, float] | None:
         """Of the material, where it has one; None of one that has none of its own."""

@@ -1,0 +1,90 @@
+"""Elements of an imported MJCF file have the names of the source in the built model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+
+import thingc
+from thingc.diagnostics import Report
+from thingc.importing import Imported, import_robot
+
+NAMED = """\
+<mujoco model="named">
+  <worldbody>
+    <body name="torso" pos="0 0 0.5">
+      <freejoint/>
+      <geom name="torso" type="box" size="0.1 0.1 0.05" mass="2"/>
+      <geom name="shin" type="sphere" size="0.01" mass="0" contype="0" conaffinity="0"/>
+      <geom type="sphere" size="0.02" mass="0"/>
+      <body name="shin" pos="0 0.1 0">
+        <joint name="knee" axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02" mass="0.1"/>
+        <geom name="foot.L" type="sphere" pos="0 0 -0.2" size="0.03" group="3"/>
+        <geom name="foot look" type="sphere" pos="0 0 -0.2" size="0.03" contype="0" conaffinity="0" mass="0"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def imported_from(text: str, folder: Path) -> Imported:
+    """The import of a text, whose files are in the folder."""
+    (folder / "source.xml").write_text(text)
+    imported = import_robot(str(folder / "source.xml"), Report())
+    assert imported is not None
+    for path, content in imported.files.items():
+        (folder / path).write_bytes(content)
+    return imported
+
+
+def built_from(text: str, folder: Path, mode: str = "source") -> mujoco.MjModel:
+    """The model of a mode of the imported document."""
+    return thingc.compile(folder / imported_from(text, folder).document).modes[mode].model()
+
+
+def test_geoms_keep_their_names(tmp_path: Path) -> None:
+    theirs, ours = mujoco.MjModel.from_xml_string(NAMED), built_from(NAMED, tmp_path)
+    for name in ("torso", "shin", "foot.L", "foot look"):
+        one, other = theirs.geom(name), ours.geom(name)
+        assert theirs.body(one.bodyid[0]).name == ours.body(other.bodyid[0]).name
+        assert (one.type, one.contype, one.conaffinity) == (other.type, other.contype, other.conaffinity)
+    assert {"torso:visual", "foot.L", "shin:collision"} <= {ours.geom(k).name for k in range(ours.ngeom)}
+
+
+LEG = """\
+thingc: assembly/1
+name: leg
+components:
+  foot:
+    link: true
+    mass: 1 kg
+    com: 0 0 0 mm
+    inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}
+    shapes: [{sphere: {radius: 20 mm}, name: sole}]
+"""
+PAIR = """\
+thingc: assembly/1
+name: pair
+components:
+  base: {frame: true, mass: 1 kg, inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}}
+  left: {assembly: leg.yaml}
+  right: {assembly: leg.yaml}
+joints:
+  a: {type: continuous, parent: base.origin, child: left.foot.origin, axis: [0, 0, 1]}
+  b: {type: continuous, parent: base.origin, child: right.foot.origin, axis: [0, 0, 1]}
+modes:
+  stand: {root: base, at: {xyz: 0 0 1 m}}
+"""
+
+
+def test_shapes_of_nested_documents_have_its_path_in_their_names(tmp_path: Path) -> None:
+    (tmp_path / "leg.yaml").write_text(LEG)
+    (tmp_path / "pair.yaml").write_text(PAIR)
+    compiled = thingc.compile(tmp_path / "pair.yaml")
+    model = compiled.modes["stand"].model()
+    names = {model.geom(k).name for k in range(model.ngeom)}
+    assert names == {f"{leg}/sole{mark}" for leg in ("left", "right") for mark in ("", ":visual")}
+
