@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from build123d import Box, export_brep, export_step, export_stl
+from build123d import Box, Color, Compound, Pos, export_brep, export_step, export_stl
 
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, definition_text
 
@@ -156,6 +156,23 @@ def test_an_open_surface_is_mended_and_that_is_told(name: str, change: Any, word
     assert [warning.message for warning in record.warnings] == (
         [f"its surface was not closed, and was mended ({words})"] if words is not None else []
     )
+
+
+def test_several_colours_are_reported(module_place: Any) -> None:
+    """A part has one colour. A file of one colour gives it."""
+    red, blue = Box(10, 10, 10), Pos(20, 0, 0) * Box(10, 10, 10)
+    for name, colors in (("one", ("red", "red")), ("two", ("red", "blue"))):
+        for box, color in zip((red, blue), colors, strict=True):
+            box.color = Color(color)
+        export_step(Compound(children=[red, blue]), module_place.root / f"{name}.step")
+    with module_place.service() as service:
+        found = service.realize([filed("one.step", None), filed("two.step", None)])
+    one, two = found["one.step"], found["two.step"]
+    assert isinstance(one, PartRecord) and isinstance(two, PartRecord)
+    assert (one.color, one.warnings) == ("#ff0000", ())
+    assert two.color is None and [warning.message for warning in two.warnings] == [
+        "its solids have 2 colours, `#0000ff`, `#ff0000`: it is drawn in that of its material",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -11,11 +11,13 @@ import struct
 from collections.abc import Callable, Mapping
 
 from thingc.diagnostics import Code, Report
+from thingc.files import beginning
 from thingc.importing.losses import Losses
 from thingc.importing.model import SourceLoss, SourceRobot, SourceShape
 from thingc.importing.naming import distinct
-from thingc.importing.packages import NotFound, Packages
+from thingc.importing.packages import MOST_BYTES, NotFound, Packages
 from thingc.inertia import MassProperties
+from thingc.load.paths import libraries
 from thingc.meshes import BadMesh, bounded, measured, mesh_file
 from thingc.summing import dist
 
@@ -119,4 +121,21 @@ def gathered(
         stem, taken = _stem(uri), [os.path.splitext(name)[0] for name in names.values()]
         names[uri] = f"{distinct([stem], 'mesh', taken)[stem]}{os.path.splitext(uri)[1].lower()}"
     paths = {uri: f"{FOLDER}/{names[first[digest]]}" for uri, digest in digests.items()}
-    return paths, {paths[uri]: contents[uri] for uri in uris}, ()
+    files = {paths[uri]: contents[uri] for uri in uris}
+    lost = Losses()
+    for uri in (uri for uri in uris if uri not in robot.files):
+        _copy_libraries(uri, first_places[uri], packages, files, lost)
+    return paths, files, lost.all()
+
+
+def _copy_libraries(uri: str, shape: SourceShape, packages: Packages, files: dict[str, bytes], lost: Losses) -> None:
+    """Add the `.mtl` files of an OBJ mesh to `files`, under the names that the mesh has for them. Those that cannot be added are `lost`."""
+    for name in libraries(packages.find(uri)):
+        path = f"{FOLDER}/{name}"
+        try:
+            content = beginning(packages.find(f"{uri[: -len(os.path.basename(uri))]}{name}"), MOST_BYTES)
+        except (NotFound, OSError):
+            lost.note(f"the colours of mesh `{uri}`", f"`{name}` cannot be read", shape.where)
+            continue
+        if files.setdefault(path, content) != content:
+            lost.note(f"the colours of mesh `{uri}`", f"another mesh has a different `{name}`", shape.where)

@@ -35,7 +35,9 @@ class Packages:
         """The absolute path of the file that is meant. Raises `NotFound`."""
         try:
             return self._named(uri)
-        except NotFound:
+        except NotFound as fault:
+            if (slashed := uri.replace("\\", "/")) != uri:
+                raise NotFound(str(fault), f"write `/` between folders: `{slashed}`") from None
             if self.meshes is None:
                 raise
             path = os.path.normpath(os.path.join(self.folder, self.meshes, os.path.basename(uri)))

@@ -13,8 +13,7 @@ from thingc.diagnostics import Code, Note
 from thingc.frozen import dataclass
 from thingc.importing.values import ChildValues
 from thingc.importing.xml_source import SourceElement
-from thingc.pose import NO_POSE, Pose, placed, rotation_of
-from thingc.summing import hypot
+from thingc.pose import NO_POSE, Pose, placed
 from thingc.typos import did_you_mean
 
 WORLD = "world"
@@ -120,12 +119,7 @@ class Frames:
             return NO_POSE
         x, y, z, *turn = numbers
         if quaternion:
-            length = hypot(*turn)
-            if length == 0.0:
-                self.values.fault(pose, None, "the quaternion of this pose is 0 0 0 0, which is no rotation", "write 0 0 0 1")
-                return NO_POSE
-            i, j, k, w = (one / length for one in turn)
-            return Pose(translation=(x, y, z), rotation=rotation_of((w, i, j, k)))
+            return Pose(translation=(x, y, z), rotation=self.values.rotation(element, "pose", turn))
         degrees = pose.attributes.get("degrees", "").strip().lower() in ("1", "true")
         roll, pitch, yaw = (math.radians(one) if degrees else one for one in turn)
         return placed((x, y, z), (roll, pitch, yaw))

@@ -33,21 +33,22 @@ from thingc.summing import hypot
 from thingc.typos import did_you_mean
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+Color = tuple[float, float, float, float]
 WORLD = "world"
 """What a root link is called that stands for the world."""
 
 ATTRIBUTES: dict[str, set[str]] = {
-    "robot": {"name", "version"}, "link": {"name"}, "joint": {"name", "type"}, "inertial": set(), "origin": {"xyz", "rpy"},
+    "robot": {"name", "version"}, "link": {"name"}, "joint": {"name", "type"}, "inertial": set(), "origin": {"xyz", "rpy", "quat_xyzw"},
     "mass": {"value"}, "inertia": {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"}, "parent": {"link"}, "child": {"link"}, "axis": {"xyz"},
     "limit": {"lower", "upper", "effort", "velocity"}, "dynamics": {"damping", "friction"}, "mimic": {"joint", "multiplier", "offset"},
     "visual": {"name"}, "collision": {"name"}, "geometry": set(), "box": {"size"}, "sphere": {"radius"}, "cylinder": {"radius", "length"},
-    "mesh": {"filename", "scale"}, "material": {"name"}, "color": {"rgba"},
+    "capsule": {"radius", "length"}, "mesh": {"filename", "scale"}, "material": {"name"}, "color": {"rgba"},
 }
 """The attributes that are read, of every element that is."""
 INSIDE: dict[str, set[str]] = {
     "robot": {"link", "joint", "material"}, "link": {"inertial", "visual", "collision"}, "inertial": {"origin", "mass", "inertia"},
     "joint": {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}, "visual": {"origin", "geometry", "material"},
-    "collision": {"origin", "geometry"}, "geometry": {"box", "sphere", "cylinder", "mesh"}, "material": {"color"},
+    "collision": {"origin", "geometry"}, "geometry": {"box", "sphere", "cylinder", "capsule", "mesh"}, "material": {"color"},
 }
 """The elements that are read in others."""
 
@@ -81,14 +82,17 @@ def _use(element: SourceElement) -> Literal["visual", "collision"]:
 class _Urdf:
     def __init__(self, root: SourceElement, report: Report) -> None:
         self.root, self.report, self.values = root, report, Values(report)
-        self.losses = Losses()
+        self.losses, self.unlimited = Losses(), list[SourceElement]()
         self.moving = {  # of one whose kind is wrong that has been said
             element.attributes.get("name", "") for element in root.all("joint")
             if element.attributes.get("type") not in ("fixed", "floating", "planar")
         }
-        self.colors = {
-            element.attributes.get("name", ""): color for element in root.all("material") if (color := self._color(element)) is not None
-        }
+        inside = (one for link in root.all("link") for visual in link.all("visual") for one in visual.all("material"))
+        self.materials: dict[str, SourceElement] = {}
+        for material in (*root.all("material"), *inside):  # the first definition of a name counts, as in urdfdom
+            if material.children and (name := material.attributes.get("name", "")):
+                self.materials.setdefault(name, material)
+        self.colors = {name: self._rgba(material) for name, material in self.materials.items()}
         self.blocks = read_blocks(root, self.values, self.losses)
 
     def robot(self) -> SourceRobot | None:
@@ -99,6 +103,13 @@ class _Urdf:
             self.losses.note("`name` of `<robot>`", f"it has none, and is called like its file, `{name}`", self.root.where)
         links = tuple(link for element in self.root.all("link") if (link := self._link(element)) is not None)
         hangings = tuple(one for element in self.root.all("joint") if (one := self._hanging(element)) is not None)
+        unknown = "they are read as unknown, and the joint has a drive only if the file drives it elsewhere"
+        for limit in self.unlimited:
+            self.losses.note("`effort` and `velocity` of a joint, both 0", unknown, limit.where)
+        for limit in self.unlimited[:1]:
+            message = f"`effort` and `velocity` are both 0 in this joint and {len(self.unlimited) - 1} others: {unknown}"
+            help = 'write the limits of its motor, for example effort="10" velocity="5"'
+            self.report.warn(Code.SOURCE_DOUBT, message, limit.place("effort"), help=help)
         look_at_mimics(hangings, self.moving, self.report)
         self.losses.unread(self.root, ATTRIBUTES, INSIDE, {}, [one.where for one in self.root.children if one.tag in TAGS])
         if self.report.failed:  # what is wrong with a joint must not be said again of the tree
@@ -109,7 +120,7 @@ class _Urdf:
         links, sensors = self._sensed(links, hangings)
         robot = SourceRobot(
             name=name, where=self.root.place("name"), root=root, links=links, hangings=hangings, losses=self.losses.all(),
-            mesh_folder=self.blocks.meshes, sensors=sensors,
+            mesh_folder=self.blocks.meshes, sensors=sensors, base="free" if self.blocks.free else "fixed",
         )
         return self._grounded(robot)
 
@@ -185,11 +196,29 @@ class _Urdf:
         if 0.0 in size:
             self.losses.note(f"a `<{form.tag}>`", "it has no volume", form.where)
             return None
-        material = self.values.one(element, "material")
-        color = None if material is None else self._color(material) or self.colors.get(material.attributes.get("name", ""))
+        materials = [*element.all("material")]
+        for other in materials[1:]:
+            self.losses.note("a second `<material>` of a `<visual>`", "the first one counts", other.where)
+        color = self._color(materials[0]) if materials else None
         return SourceShape(kind=kind, use=use, size=size, pose=pose, rpy=rpy, where=form.where, mesh=mesh, color=color)
 
-    def _color(self, material: SourceElement) -> tuple[float, float, float, float] | None:
+    def _color(self, material: SourceElement) -> Color | None:
+        """The colour of a material: if it has a name, that of the first material that the file defines by that name."""
+        name = material.attributes.get("name", "")
+        if not name:
+            return self._rgba(material)
+        if name not in self.colors:
+            self.colors[name] = None
+            self.losses.note(f"material `{name}`", "the file does not define it", material.where)
+            help = did_you_mean(name, self.materials, what="materials")
+            self.report.warn(Code.SOURCE_DOUBT, f"material `{name}` is not defined", material.place("name"), help=help)
+        first = self.materials.get(name, material)
+        if [one.attributes for one in material.all("color")] not in ([], [one.attributes for one in first.all("color")]):
+            why = f"line {first.where.line} defines another material of that name first"
+            self.losses.note(f"the colour of material `{name}`", why, material.where)
+        return self.colors[name]
+
+    def _rgba(self, material: SourceElement) -> Color | None:
         color = self.values.one(material, "color")
         rgba = None if color is None else self.values.numbers(color, "rgba", 4)
         return None if rgba is None else (rgba[0], rgba[1], rgba[2], rgba[3])
@@ -235,6 +264,9 @@ class _Urdf:
         if dynamics is not None:
             damping, friction = (self._unless_negative(dynamics, key) for key in ("damping", "friction"))
         controlled = name in self.blocks.driven if self.blocks.driven is not None else (ends.effort or 0.0) > 0.0
+        if ends.effort == 0.0 == ends.velocity and follows is None:  # which exporters write for unknown limits
+            ends = replace(ends, effort=None, velocity=None)
+            self.unlimited.append(next(element.all("limit")))
         return SourceJoint(
             name=name, kind=moving, axis=axis, where=element.where, ends=ends, damping=damping, friction=friction, follows=follows,
             drive=SourceDrive(name=name, kind="motor", where=element.where, effort=ends.effort) if controlled and follows is None else None,

@@ -61,6 +61,8 @@ class Blocks:
     driven: frozenset[str] | None = None
     meshes: str | None = None
     sensors: tuple[GazeboSensor, ...] = ()
+    free: bool = False
+    """Whether Gazebo is told that the robot is not static: nothing fixes its base to the world."""
 
 
 def read_blocks(root: SourceElement, values: Values, losses: Losses) -> Blocks:
@@ -72,6 +74,7 @@ class _Blocks:
     def __init__(self, root: SourceElement, values: Values, losses: Losses) -> None:
         self.root, self.values, self.losses = root, values, losses
         self.friction: dict[str, float] = {}
+        self.free = False
         self.sensors: dict[str, GazeboSensor] = {}
 
     def read(self) -> Blocks:
@@ -85,7 +88,7 @@ class _Blocks:
         folders = [one.attributes[key] for one in compilers for key in ("meshdir", "assetdir") if key in one.attributes]
         return Blocks(
             friction=self.friction, driven=frozenset(driven) if said else None, meshes=folders[0] if folders else None,
-            sensors=tuple(self.sensors.values()),
+            sensors=tuple(self.sensors.values()), free=self.free,
         )
 
     def _rest(self, elements: Iterable[SourceElement], of: str) -> None:
@@ -95,7 +98,8 @@ class _Blocks:
     def _gazebo(self, block: SourceElement) -> None:
         name = block.attributes.get("reference")
         if name is None:
-            self._rest(block.children, "of `<gazebo>`")
+            self.free |= any(one.text.lower() in ("0", "false") for one in block.all("static"))
+            self._rest((one for one in block.children if one.tag != "static" or not self.free), "of `<gazebo>`")
             return
         here = f"of `<gazebo reference=\"{name}\">`"
         links, joints = ([one.attributes.get("name") for one in self.root.all(tag)] for tag in ("link", "joint"))

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 
 from thingc.diagnostics import Code, Report
 from thingc.importing.model import ShapeKind, Sizes
 from thingc.importing.xml_source import SourceElement
 from thingc.inertia import MassProperties, symmetric
-from thingc.pose import NO_POSE, Pose, Vector, multiply, placed, transpose
+from thingc.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, placed, rotation_of, transpose
 from thingc.source import Span
+from thingc.summing import hypot
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 NOT_FINITE = {"nan", "inf", "infinity"}
@@ -97,13 +99,31 @@ class Values:
             return None
         return value
 
-    def origin(self, element: SourceElement) -> tuple[Pose, Vector]:
-        """The pose that an `<origin>` in an element states, as URDF has it, `xyz` [m] and `rpy` [rad]; and these angles."""
+    def origin(self, element: SourceElement) -> tuple[Pose, Vector | None]:
+        """Read the pose of the `<origin>` in an element of URDF.
+
+        Returns:
+            The pose, from `xyz` [m] and `rpy` [rad] or `quat_xyzw` (URDF 1.1), and the angles [rad]: None for a quaternion.
+        """
         origin = self.one(element, "origin")
         if origin is None:
             return NO_POSE, (0.0, 0.0, 0.0)
-        rpy = self.vector(origin, "rpy")
-        return placed(self.vector(origin, "xyz"), rpy), rpy
+        xyz, rpy = self.vector(origin, "xyz"), self.vector(origin, "rpy")
+        quaternion = self.numbers(origin, "quat_xyzw", 4, (0.0, 0.0, 0.0, 1.0))
+        if "quat_xyzw" not in origin.attributes or quaternion is None:
+            return placed(xyz, rpy), rpy
+        if "rpy" in origin.attributes:
+            self.fault(origin, "quat_xyzw", "this `<origin>` has both `rpy` and `quat_xyzw`", "remove one of the two")
+        return Pose(translation=xyz, rotation=self.rotation(origin, "quat_xyzw", quaternion)), None
+
+    def rotation(self, element: SourceElement, attribute: str, quaternion: Sequence[float]) -> Matrix:
+        """The rotation of a quaternion x, y, z, w of any length. Zero is reported."""
+        length = hypot(*quaternion)
+        if length == 0.0:
+            self.fault(element, attribute, "the quaternion of this pose is 0 0 0 0, which is no rotation", "write 0 0 0 1")
+            return IDENTITY
+        i, j, k, w = (one / length for one in quaternion)
+        return rotation_of((w, i, j, k))
 
     def one(self, element: SourceElement, tag: str) -> SourceElement | None:
         """The element in another that is called so; None where there is none. A second one is a fault."""

@@ -16,7 +16,7 @@ from typing import Any
 from xml.parsers import expat
 
 from thingc.importing.packages import NotFound, Packages
-from thingc.importing.xml_source import MARK
+from thingc.importing.xml_source import MARK, utf8_of
 
 BYTES = 2_000_000_000
 
@@ -101,7 +101,7 @@ class _Expanding:
         path = os.path.abspath(filename)
         try:
             with open(path, "rb") as stream:
-                data = stream.read()
+                data = utf8_of(stream.read())
         except OSError as fault:
             xacro.filestack.pop()
             raise xacro.XacroException(f"cannot read `{filename}`: {(fault.strerror or str(fault)).lower()}", exc=fault) from None

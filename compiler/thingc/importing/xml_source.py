@@ -15,6 +15,7 @@ MARK = "thingc.at"
 MOST_BYTES = 50_000_000
 MOST_LEVELS = 100
 MOST_ELEMENTS = 500_000
+_DECLARED = re.compile(rb"""\s*<\?xml\b[^>]*?(\sencoding\s*=\s*["']([^"'>]*)["'])""")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,6 +53,16 @@ class SourceElement:
         return Span(file=self.where.file, line=line, column=column, end_line=line, end_column=column + width)
 
 
+def utf8_of(data: bytes) -> bytes:
+    """Convert an XML file from its declared encoding to UTF-8 and blank the declaration. Raises `ValueError` or `LookupError`."""
+    declared = _DECLARED.match(data)
+    if declared is None:  # UTF-8, or UTF-16, whose declaration does not match: expat reads both
+        return data
+    (start, end), encoding = declared.span(1), declared[2].decode("latin-1")
+    text = data.decode("" if encoding.lower() == "punycode" else encoding)  # which takes quadratic time
+    return f"{text[:start]}{' ' * (end - start)}{text[end:]}".encode("utf-8", "replace")
+
+
 class _Stop(Exception):
     """Reading ends here: what is wrong has been reported."""
 
@@ -76,17 +87,21 @@ def read_xml(path: str, data: bytes, report: Report, *, files: Sequence[str] = (
             Code.SOURCE_XML, f"the file has more than {MOST_BYTES:,} bytes", _point(path, 1, 1), help="no robot needs so many",
         )
         return None
-    reading = _Reading(path, data, report, files)
     try:
-        reading.parser.Parse(data, True)
+        reading = _Reading(path, utf8_of(data), report, files)
+    except (ValueError, LookupError) as fault:
+        line = data.count(b"\n", 0, getattr(fault, "start", 0)) + 1
+        help = "save the file as UTF-8, or declare the encoding that it has"
+        report.add(Code.SOURCE_XML, f"cannot decode the file: {fault}", _point(path, line, 1), help=help)
+        return None
+    try:
+        reading.parser.Parse(reading.data, True)
     except _Stop:
         return None
-    except (expat.ExpatError, ValueError, LookupError) as fault:
-        line, column = getattr(fault, "lineno", 1), getattr(fault, "offset", 0) + 1
-        why = expat.ErrorString(fault.code) if isinstance(fault, expat.ExpatError) else str(fault)
+    except expat.ExpatError as fault:
         report.add(
-            Code.SOURCE_XML, f"this is no well-formed XML: {why}", _point(path, line, column),
-            help="mend the place shown; `xmllint FILE` says more where it is installed",
+            Code.SOURCE_XML, f"this is no well-formed XML: {expat.ErrorString(fault.code)}", _point(path, fault.lineno, fault.offset + 1),
+            help="fix the place shown; `xmllint FILE` reports more. A file that is not UTF-8 must declare its encoding",
             notes=[Note(message=f"`<{one.tag}>` is open here", span=one.where) for one in reading.open[-1:]],
         )
         return None
@@ -96,8 +111,8 @@ def read_xml(path: str, data: bytes, report: Report, *, files: Sequence[str] = (
 def _content(path: str) -> bytes:
     try:
         with open(path, "rb") as stream:
-            return stream.read(MOST_BYTES)
-    except OSError:
+            return utf8_of(stream.read(MOST_BYTES))
+    except (OSError, ValueError, LookupError):
         return b""
 
 

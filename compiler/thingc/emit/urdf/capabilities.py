@@ -42,7 +42,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
         "universal": _LOOP, "several": _LOOP,
     },
     "bases": {
-        "held": Loses(None, "approximated", ": it is fixed here"), "free": Says(None, "no link `world`"),
+        "held": Loses(None, "approximated", ": it is fixed here"), "free": Says(None, "no link `world`, `<static>` false"),
         "start": Omits(": a free base begins wherever a reader puts it"), "planar": Loses(None, _CHAIN.how, _CHAIN.words),
         "ball": Loses(None, _BALL.how, _BALL.words),
     },

@@ -79,6 +79,8 @@ class _Builder:
         names = [self.links.take(self._link_of(body).name, self._link_of(body).origin) for body in self.robot.bodies]
         if self.robot.base != "free":
             self.root.add("link", {"name": self.links.take(WORLD, self.robot.mode.origin)}, self.robot.mode.origin)
+        else:
+            self.root.add("gazebo").say("static", "false")
         sites = frames(self.robot)
         for index, body in enumerate(self.robot.bodies):
             parent = (WORLD if self.robot.base != "free" else None) if body.parent is None else names[body.parent]

@@ -174,7 +174,7 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> Made:
     geometry = thing.result()
     shapes = _shapes(geometry, "result")
     statements = inspection.statements_of(thing)
-    color, extra = _color(inspection.color_of(thing), [shape.color for shape in shapes])
+    color, extra = _color(inspection.color_of(thing), {hexadecimal(shape.color) for shape in shapes if shape.color is not None})
     actuator = inspection.actuator_of(thing)
     code = None
     if not definition["placed"]:
@@ -209,9 +209,10 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> Made:
 
 def _made_of_file(definition: dict[str, Any], around: RequestContext) -> Made:
     unit = parse_quantity(f"1 {definition['parameters'].get('unit', FILE_UNIT)}").value * convert.MM
-    shapes, color, mended = read_part(os.path.join(around.root, definition["reference"]), unit)
+    shapes, colors, mended = read_part(os.path.join(around.root, definition["reference"]), unit)
+    color, extra = _color(None, colors)
     return Made(
-        shapes=shapes, color=color, warnings=tuple(PartWarning(message=words) for words in mended), file=True,
+        shapes=shapes, color=color, warnings=(*extra, *(PartWarning(message=words) for words in mended)), file=True,
         faceted=definition["reference"].lower().endswith(SUFFIXES), faces=definition["parameters"].get("faces"),
     )
 
@@ -282,14 +283,16 @@ def _expectation(expected: Any) -> Expectation:
     )
 
 
-def _color(stated: str | None, of_shapes: list[Any]) -> tuple[str | None, tuple[PartWarning, ...]]:
+def _color(stated: str | None, of_shapes: set[str]) -> tuple[str | None, tuple[PartWarning, ...]]:
     if stated is not None:
         try:
             return named(stated), ()
         except ValueError:
             return None, (PartWarning(message=f"`{stated}` is no colour: use a CSS name or `#rrggbb`"),)
-    colors = {hexadecimal(color) for color in of_shapes if color is not None}
-    return (colors.pop() if len(colors) == 1 else None), ()
+    if len(of_shapes) > 1:
+        several = ", ".join(f"`{color}`" for color in sorted(of_shapes))
+        return None, (PartWarning(message=f"its solids have {len(of_shapes)} colours, {several}: it is drawn in that of its material"),)
+    return next(iter(of_shapes), None), ()
 
 
 def _record(text: str, made: Made, tessellations: Tessellations, store: Store) -> PartRecord:

@@ -14,17 +14,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from OCP.TopoDS import TopoDS_Shape
 
-def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], str | None, tuple[str, ...]]:
-    """The shapes in a file, their colour (`#rrggbb`) where they have one in common, and what had to be mended, in words; `unit` [mm] is
-    that of the numbers in a file that does not say its own. Raises `BadPartFile`."""
+def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tuple[str, ...]]:
+    """The shapes in a file, their colours (`#rrggbb`), and what had to be repaired, in words. `unit` [mm] is that of the numbers in a
+    file that does not state its own. Raises `BadPartFile`."""
     suffix = os.path.splitext(path)[1].lower()
     if suffix in (".step", ".stp"):
         return (*_from_step(path), ())
     if suffix in (".brep", ".brp"):
-        return [_scaled(_from_brep(path), unit)], None, ()
+        return [_scaled(_from_brep(path), unit)], set(), ()
     if suffix in SUFFIXES:
         mesh, mended = read_mesh(path, suffix, unit)
-        return solids_from(mesh), None, mended
+        return solids_from(mesh), set(), mended
     raise BadPartFile(f"`{suffix or path}` is no format of parts")
 
 
@@ -37,7 +37,7 @@ def kernel_shape(shape: Any) -> TopoDS_Shape | None:
     return None if wrapped is None or wrapped.IsNull() else wrapped
 
 
-def _from_step(path: str) -> tuple[list[TopoDS_Shape], str | None]:
+def _from_step(path: str) -> tuple[list[TopoDS_Shape], set[str]]:
     from build123d import import_step
 
     from thingc.realize.worker.kernel.colors import hexadecimal
@@ -49,8 +49,7 @@ def _from_step(path: str) -> tuple[list[TopoDS_Shape], str | None]:
     shape = kernel_shape(whole)
     if shape is None:
         raise BadPartFile("the STEP file holds no shape")
-    colors = {hexadecimal(node.color) for node in (whole, *whole.descendants) if getattr(node, "color", None) is not None}
-    return [shape], colors.pop() if len(colors) == 1 else None
+    return [shape], {hexadecimal(node.color) for node in (whole, *whole.descendants) if getattr(node, "color", None) is not None}
 
 
 def _from_brep(path: str) -> TopoDS_Shape:
