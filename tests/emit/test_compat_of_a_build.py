@@ -44,6 +44,7 @@ modes:
   standing: {root: left.sole, base: held, pose: bent}
   floating: {root: left.top, base: free, pose: bent}
 """
+HOLDING = "  holding: {root: left.sole, base: held, pose: bent, hold: {right.sole: here}}\n"
 
 
 @pytest.fixture
@@ -97,9 +98,12 @@ def test_losses_are_those_of_the_readers_that_are_asked_for(
 
 def test_modes_switch_between_models_for_pymjcf(document: Path, shared_store: str) -> None:
     """`modes.json` names links and joints as the models beside it do; joints keep their paths for who asks."""
+    document.write_text(ROBOT + HOLDING)
     folder = built(document, shared_store, "--compat", "pymjcf")
     modes = Modes.load(folder)
-    models = {mode: mujoco.MjModel.from_xml_path(str(folder / "mjcf" / f"scene_{mode}.xml")) for mode in ("standing", "floating")}
+    models = {
+        mode: mujoco.MjModel.from_xml_path(str(folder / "mjcf" / f"scene_{mode}.xml")) for mode in ("standing", "floating", "holding")
+    }
     data = {mode: mujoco.MjData(model) for mode, model in models.items()}
     mujoco.mj_resetDataKeyframe(models["standing"], data["standing"], 0)
     mujoco.mj_forward(models["standing"], data["standing"])
@@ -110,6 +114,10 @@ def test_modes_switch_between_models_for_pymjcf(document: Path, shared_store: st
         assert not any("/" in models[mode].body(number).name for number in range(models[mode].nbody))
     places = [state.site("right.sole").xpos.tolist() for state in data.values()]
     assert places[0] == pytest.approx(places[1], abs=1e-12)
+    data["holding"].mocap_pos[:] = 5.0
+    modes.switch(("floating", data["floating"]), ("holding", data["holding"]), on_motion="drop")
+    mujoco.mj_forward(models["holding"], data["holding"])
+    assert data["holding"].body("right.sole:held").xpos == pytest.approx(places[0], abs=1e-12)
 
 
 def test_modes_switch_between_models_for_drake(document: Path, shared_store: str) -> None:

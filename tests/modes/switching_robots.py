@@ -129,11 +129,14 @@ def stir(rng: np.random.Generator, data: mujoco.MjData, *, moving: bool = True) 
 
 
 def bodies(data: mujoco.MjData) -> dict[str, tuple[Array, Array]]:
-    """Of every body, MuJoCo's own pose (4, 4) in the world and velocity (6,) of its frame: linear, angular, world axes."""
+    """Of every link, MuJoCo's own pose (4, 4) in the world and velocity (6,) of its frame: linear, angular, world axes. (The anchors of
+    holds are not links.)"""
     model = data.model
     mujoco.mj_forward(model, data)
     found = {}
     for number in range(1, model.nbody):
+        if model.body(number).name.endswith(":held"):
+            continue
         X = np.eye(4)
         X[:3, :3], X[:3, 3] = data.xmat[number].reshape(3, 3), data.xpos[number]
         velocity = np.zeros(6)

@@ -66,6 +66,22 @@ def test_a_bridge_is_entered_where_the_feet_are(made: Made) -> None:
         assert stretched_weld(other) < 1e-12
 
 
+@pytest.mark.parametrize("target", ["bridge", "pinned", "hung", "pinned_hung"])
+def test_a_switch_leaves_the_model_as_it_is(made: Made, target: str) -> None:
+    """A reset to a keyframe, another `MjData` of the model and a simulation of it are those of a model that nothing was switched into."""
+    size = 3 if "pinned" in target else 6
+    model, fresh = made.models[target], mujoco.MjModel.from_xml_string(made.xml[target])
+    one, other = stir(np.random.default_rng(11), made.data("near"), moving=False), mujoco.MjData(model)
+    made.modes.switch(("near", one), (target, other))
+    assert np.abs(other.mocap_pos - mujoco.MjData(model).mocap_pos).max() > 1e-2, "something was moved"
+    first = mujoco.MjData(fresh)
+    for data in (first, other, mujoco.MjData(model)):
+        mujoco.mj_resetDataKeyframe(data.model, data, 0)
+        assert stretched_weld(data, size) < 1e-9
+        mujoco.mj_step(data.model, data, 50)
+        assert (data.qpos == first.qpos).all() and np.isfinite(data.qpos).all()
+
+
 def test_a_hung_robot_is_entered_with_its_hold_alone_at_rest(made: Made) -> None:
     rng = np.random.default_rng(9)
     one, other = stir(rng, made.data("far")), made.data("hung")
@@ -77,10 +93,10 @@ def test_a_hung_robot_is_entered_with_its_hold_alone_at_rest(made: Made) -> None
 def test_a_hold_that_moves_is_said(made: Made) -> None:
     """The root rests, the other foot does not."""
     one, other = stir(np.random.default_rng(3), made.data("near")), made.data("bridge")
-    before = other.model.eq_data.copy()
+    before = other.mocap_pos.copy()
     with pytest.raises(BaseMoves, match="^mode `bridge` holds `c8` still, and it moves at "):
         made.modes.switch(("near", one), ("bridge", other))
-    assert (other.model.eq_data == before).all()
+    assert (other.mocap_pos == before).all()
     dropped = made.modes.switch(("near", one), ("bridge", other), on_motion="drop")
     assert joints_of(other) == joints_of(one)
     X, velocity = bodies(one)["c8"]
@@ -123,12 +139,12 @@ def test_of_a_bolted_robot_both_feet_must_be_where_they_stand(made: Made) -> Non
     robot.write(robot.switch(bent, "near").state, source)
     robot.switch(("near", source), ("bolted", other))
     assert stretched_weld(other) < 1e-9
-    before = other.model.eq_data.copy()
+    before = other.mocap_pos.copy()
     source.joint("j8").qpos += 0.25
     with pytest.raises(BaseElsewhere, match="^mode `bolted` has `c8` bolted to the world, and it is ") as refused:
         robot.switch(("near", source), ("bolted", other))
     assert refused.value.angle == pytest.approx(0.25, abs=1e-9)
-    assert (other.model.eq_data == before).all()
+    assert (other.mocap_pos == before).all()
 
 
 # --- loops -------------------------------------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from thingc.emit import jsontext
 from thingc.emit.artifact import Artifacts
 from thingc.emit.jsontext import Fragment, fragment
 from thingc.emit.mjcf import tendons
+from thingc.emit.mjcf.closures import anchor_name
 from thingc.emit.mjcf.compat import separator
 from thingc.emit.mjcf.lowering import is_ball, lowered, sizes
 from thingc.emit.request import EmitRequest
@@ -60,8 +61,9 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
       the document has them the other way round. `coordinates` are in the document's order; `in_model` names the joints of MuJoCo that
       a coordinate is there, with how much each moves per unit of q, `qpos` and `dof` are their addresses in `MjData.qpos` and `.qvel`,
       behind a free base's 7 and 6; each coordinate of a ball has those of the whole, a quaternion and an angular velocity;
-    - `holds` further mounts held to the world, by their paths: `link` that carries the mount, what the hold `carries` (`force`: the
-      mount's origin stays, and it may turn; else `force and torque`), `X_LM` the mount in the link, `X_WM` where it is held;
+    - `holds` further mounts held to the world, by their paths: `link` that carries the mount, `anchor` the mocap body that holds it, what
+      the hold `carries` (`force`: the mount's origin is held, and the mount can turn; else `force and torque`), `X_LM` the mount in the
+      link, `X_WM` its pose in the world;
     - `poses` q by joint path, the mode's own pose first; only where there are such, `bases`, `X_world_root` of the poses in which
       a free base stands elsewhere, and `standing_on`, the mounts that the mode says it stands on;
     - only where there are loops `cuts`, the joints that close them (no joints of this model): `X_PA` and `X_CB` are the frames
@@ -85,7 +87,7 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
         "links": _links(robot, names, memo),
         "joints": _joints(robot, names, memo, separator),
         **({"tendons": moved} if moved else {}),
-        "holds": {closure.path: _hold(closure, names) for closure in robot.closures if closure.hold},
+        "holds": {closure.path: _hold(closure, names, separator) for closure in robot.closures if closure.hold},
         "poses": {frame.name: {name: frame.q[name] for name in order} for frame in robot.keyframes},
         **({"bases": bases} if bases else {}),
         **({"standing_on": [foot.mount.path for foot in robot.mode.feet]} if robot.mode.feet else {}),
@@ -93,9 +95,10 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
     }
 
 
-def _hold(closure: Closure, names: Sequence[str]) -> dict[str, object]:
+def _hold(closure: Closure, names: Sequence[str], separator: str) -> dict[str, object]:
     return {
-        "link": names[closure.child], "carries": "force" if closure.kind == "ball" else "force and torque",
+        "link": names[closure.child], "anchor": anchor_name(closure).replace("/", separator),
+        "carries": "force" if closure.kind == "ball" else "force and torque",
         "X_LM": closure.X_CB.rows(), "X_WM": closure.X_PA.rows(),
     }
 

@@ -24,7 +24,8 @@ def check(mode: Mode, data: Any) -> None:
     """Raises `WrongData` where the model of `data` is not that of `mode`: other links, other parents, another base."""
     model = data.model
     body_of = _bodies(mode, model)
-    missing = next((link.name for link in mode.links if link.name not in body_of), None)
+    wanted = [*(link.name for link in mode.links), *(hold.anchor for hold in mode.holds)]
+    missing = next((name for name in wanted if name not in body_of), None)
     if missing is not None:
         raise WrongData(f"the data given for mode `{mode.name}` is of a model without a link `{missing}`")
     root, links = body_of[mode.root_link], {body_of[link.name] for link in mode.links}
@@ -137,23 +138,16 @@ def _warm_start(modes: tuple[Mode, Mode], source: Any, target: Any) -> None:
 
 
 def hold_here(mode: Mode, state: State, data: Any) -> None:
-    """Let the further holds of a mode hold their mounts where `state` has them: the equalities with the world in the model of `data`.
-
-    MuJoCo keeps a weld in `eq_data`: a point on the second body (3), where that is on the first (3), and the second body's
-    quaternion in the first (4). A hold that turns connects the mount to a site of the world. Those of a fixed base are where the
-    model has them, like the base itself.
-    """
+    """Move the anchors of a mode's further holds to where `state` has the held links (of a hold that turns: the mount's origin). A fixed
+    base has its holds where the model has them."""
     if mode.base == "fixed":
         return
     poses = mode.poses(state)
     for hold in mode.holds:
         X = poses[mode.links[hold.link].name]
-        if hold.turns:
-            data.model.site(f"{hold.path}:held").pos[:] = (X @ hold.X_LM)[:3, 3]
-            continue
-        weld = data.model.equality(f"{hold.path}:hold").data
-        weld[3:6] = X[:3, :3] @ weld[:3] + X[:3, 3]
-        weld[6:10] = quaternion_of(X[:3, :3])
+        number = data.model.body(hold.anchor).mocapid[0]
+        data.mocap_pos[number] = (X @ hold.X_LM)[:3, 3] if hold.turns else X[:3, 3]
+        data.mocap_quat[number] = (1.0, 0.0, 0.0, 0.0) if hold.turns else quaternion_of(X[:3, :3])
 
 
 def bolted(mode: Mode, data: Any) -> Array:

@@ -76,8 +76,8 @@ def _mode(name: str, described: Mapping[str, Any]) -> Mode:
         named=MappingProxyType({pose: MappingProxyType(dict(q)) for pose, q in described["poses"].items()}),
         holds=tuple(
             Hold(
-                path=path, link=index[hold["link"]], X_LM=_array(hold["X_LM"], 4, 4), X_WM=_array(hold["X_WM"], 4, 4),
-                turns=hold["carries"] == "force",
+                path=path, link=index[hold["link"]], anchor=str(hold["anchor"]), X_LM=_array(hold["X_LM"], 4, 4),
+                X_WM=_array(hold["X_WM"], 4, 4), turns=hold["carries"] == "force",
             )
             for path, hold in described["holds"].items()
         ),

@@ -114,9 +114,9 @@ class Modes(Mapping[str, Mode]):
         `BaseMoves`; `"drop"` keeps the joints' v; `"impact"` gives the v after a perfectly inelastic catch (see `caught`), with
         the masses `inertias`, else those in the target's model, else the source's, else the build's. A fixed base must be where
         it stands within `tolerance` [m and rad], else `BaseElsewhere`. What has been said of a held base goes for the links of
-        further holds, too, and for the point that a hold carrying force alone holds: they are held where they are (the equality in
-        the target's model is moved there), but of a fixed base they must be where the document holds them. Nothing is written when
-        anything is raised (`ModesError`).
+        further holds, too, and for the point that a hold carrying force alone holds: they are held where they are (their anchors, mocap
+        bodies, are moved there), but of a fixed base they must be where the document holds them. The models stay as they are, and
+        nothing is written when anything is raised (`ModesError`).
         """
         if on_motion not in CHOICES:
             raise ModesError(f"expected on_motion \"raise\", \"drop\" or \"impact\", found `{on_motion}`")

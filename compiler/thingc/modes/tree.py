@@ -99,12 +99,13 @@ class Joint(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Hold(Brief):
-    """A mount `path` on `link` (an index) that the mode holds still besides its root: `X_LM` (4, 4) in the link, `X_WM` (4, 4)
-    where the document holds it in the world. One that `turns` carries force alone: its origin is held, and the link may turn about
-    it."""
+    """A mount `path` on `link` (an index) that the mode holds still besides its root: `X_LM` (4, 4) in the link, `X_WM` (4, 4) its pose in
+    the world in the document. `anchor` is the mocap body of the model that holds it. One that `turns` carries force alone: its origin is
+    held, and the link can turn about it."""
 
     path: str
     link: int
+    anchor: str
     X_LM: Array
     X_WM: Array
     turns: bool = False

@@ -1,5 +1,8 @@
-"""Loops in MJCF: a held mount is welded to the world, or with its point connected to it; a joint that the tree does not cross
-becomes an equality.
+"""Loops in MJCF: a held mount is welded, or with its point connected, to an anchor; a joint that the tree does not cross becomes an
+equality.
+
+An anchor is a mocap body. Its pose is part of `MjData`, so a switch of modes moves it without a change of the model, and
+`mj_resetDataKeyframe` puts it back.
 
 MuJoCo has no hinge among its equalities: two `connect`, a lever apart on the axis, make one. Nor has it a universal: one `connect` where
 the axes meet, and a tendon from a point on one axis to a point on the other, which keeps the length that it has at right angles. Both ends
@@ -34,11 +37,11 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
     stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
     stiff = {"solref": numbers((2.0 * float(stepped), 1.0)), "solimp": STIFFNESS}
     for closure in robot.closures:
-        parent = "world" if closure.parent is None else links[closure.parent]
+        parent = anchor_name(closure) if closure.parent is None else links[closure.parent]
         form = equality(closure)
         match form:
             case "weld":
-                X_PL = closure.X_PA @ closure.X_CB.inverse()
+                X_PL = NO_POSE if closure.hold else closure.X_PA @ closure.X_CB.inverse()
                 relpose = numbers((*X_PL.translation, *X_PL.quaternion()))
                 section.add("weld", {
                     "name": equality_name(closure), "body1": parent, "body2": links[closure.child], "relpose": relpose, **stiff,
@@ -89,24 +92,34 @@ def equality_name(closure: Closure) -> str:
     return f"{closure.path}:{'hold' if closure.hold else 'loop'}"
 
 
-def held_site(closure: Closure) -> str:
-    """The point of the world at which a mount is held that may turn: `leg_2/sole:held`."""
+def anchor_name(closure: Closure) -> str:
+    """The name of the body that holds a mount, and of its site if the mount can turn: `leg_2/sole:held`."""
     return f"{closure.path}:held"
+
+
+def anchors(robot: Robot) -> dict[str, Pose]:
+    """The pose of each anchor in the world, by name: the held link's, or the mount's origin if the mount can turn."""
+    return {
+        anchor_name(one): Pose(translation=one.X_PA.translation) if one.turns else one.X_PA @ one.X_CB.inverse()
+        for one in robot.closures if one.hold
+    }
 
 
 def _ends(closure: Closure) -> tuple[str, str]:
     """The sites that a point joins: those of a mount that is held, or of the two sides of a ball that was cut."""
-    return (held_site(closure), closure.path) if closure.hold else (f"{closure.path}:parent", f"{closure.path}:child")
+    return (anchor_name(closure), closure.path) if closure.hold else (f"{closure.path}:parent", f"{closure.path}:child")
 
 
 def sites(robot: Robot, world: Element, bodies: Mapping[int, Element]) -> None:
-    """The points of the world at which mounts are held that may turn, and those by which the halves of a hinge or a universal are kept
-    together, two on either side."""
+    """Add the anchors of held mounts, and the sites by which the halves of a ball, a hinge or a universal are joined."""
+    placed = anchors(robot)
     for closure in robot.closures:
         form = equality(closure)
-        if form == "connect" and closure.parent is None:
-            world.add("site", {"name": held_site(closure), "group": "3", **pose_attributes(Pose(translation=closure.X_PA.translation))},
-                      closure.origin)
+        if closure.hold:
+            name = anchor_name(closure)
+            anchor = world.add("body", {"name": name, "mocap": "true", **pose_attributes(placed[name])}, closure.origin)
+            if form == "connect":
+                anchor.add("site", {"name": name, "group": "3"}, closure.origin)
         elif form == "connect" and closure.parent is not None:
             for body, name, pose in zip((closure.parent, closure.child), _ends(closure), (closure.X_PA, closure.X_CB), strict=True):
                 bodies[body].add("site", {"name": name, **pose_attributes(pose)}, closure.origin)

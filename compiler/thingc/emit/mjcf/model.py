@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from itertools import chain
 from typing import Any, assert_never
 
 from thingc.emit.artifact import Loss
@@ -250,8 +251,9 @@ class _Builder:
             ctrl += [self.robot.adhesion.get(magnet.path, 0.0) for magnet in self.assembly.adhesions]
             values: list[tuple[str, str | tuple[float, ...]]] = [("name", frame.name)]
             values += [(name, tuple(row)) for name, row in (("qpos", qpos), ("ctrl", ctrl)) if row]
-            if self.robot.base == "held":
-                values += [("mpos", base.translation), ("mquat", turned)]
+            mocap = [(base.translation, turned)] if self.robot.base == "held" else []
+            mocap += [(pose.translation, pose.quaternion()) for pose in closures.anchors(self.robot).values()]
+            values += zip(("mpos", "mquat"), (tuple(chain(*column)) for column in zip(*mocap)))
             self.grow(section, ("key", self.robot.mode.name, frame.name), elements.key, tuple(values), frame.origin)
 
     def name_of(self, joint: CoreJoint) -> str:
