@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -130,6 +130,7 @@ def compile(
     modes: Sequence[str] = (),
     store: str | None = None,
     jobs: int = 0,
+    compat: Iterable[str] | str | None = None,
     strict: bool = False,
     printed: Printed | None = None,
 ) -> Compiled:
@@ -137,14 +138,17 @@ def compile(
 
     `parameters` are texts as a document would have them (`{"reach": "120 mm"}`), or numbers in SI and flags, as `family` takes them;
     `choices` the same by path (`{"components.foot.part": "feet:Wide"}`), `modes` the names wanted (none: all), `store` the folder of
-    modelled parts (None: the user's cache), `jobs` how many parts are modelled at once (0: one per core). `printed(part, lines)` hears of
+    modelled parts (None: the user's cache), `jobs` how many parts are modelled at once (0: one per core), `compat` the programs besides
+    MuJoCo that read its models (`["mjx"]`; None: those of the workspace). `printed(part, lines)` hears of
     what parts print when they are modelled.
-    Raises `CompileError` with every diagnostic; with `strict` for warnings, too. Writes nothing but the store.
+    Raises `CompileError` with every diagnostic; with `strict` for warnings, too; `UnknownChoice` for a mode or a program that does not
+    exist. Writes nothing but the store.
     """
     given = {**(parameters or {}), **(choices or {})}
     others = {name: value for name, value in given.items() if not isinstance(value, str)}
+    known = None if compat is None else pipeline.chosen_consumers(compat)
     texts = [{name: value for name, value in (one or {}).items() if isinstance(value, str)} for one in (parameters, choices)]
-    options = Options(parameters=texts[0], choices=texts[1], store=store, jobs=jobs, printed=printed)
+    options = Options(parameters=texts[0], choices=texts[1], store=store, jobs=jobs, printed=printed, compat=known)
     return attempted(document, options, partial(_compiled, others=others, modes=modes, strict=strict))
 
 

@@ -18,13 +18,12 @@ from thingc.source import Origin
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wish:
-    """What a build is to be: of which `modes` (none: all), for which `targets`, for whom besides MuJoCo (`compat`; none: what the workspace
-    says), in which folder's folder (`output`; None: the workspace's). `strict`: warnings are errors; `deny_loss`: so are losses;
+    """What a build is to be: of which `modes` (none: all), for which `targets`, in which folder's folder (`output`; None: the workspace's).
+    `strict`: warnings are errors; `deny_loss`: so are losses;
     `force`: strange files in the folder are given up; `twice`: parts are modelled again, and compared."""
 
     targets: tuple[str, ...]
     modes: Sequence[str] = ()
-    compat: Sequence[str] = ()
     output: str | None = None
     strict: bool = False
     deny_loss: bool = False
@@ -62,9 +61,8 @@ def _with_files(environment: Environment, built: Built, wish: Wish) -> Built:
     compilation, workspace = built.compilation, environment.workspace
     assert workspace is not None and compilation.assembly is not None
     place = os.path.abspath(wish.output or os.path.join(workspace.root, workspace.build)), compilation.assembly.name
-    compat = wish.compat or workspace.compat
-    artifacts = pipeline.build(environment, compilation, wish.targets, build_folder(*place), compat)
-    files = pipeline.files(environment, compilation, artifacts, compat)
+    artifacts = pipeline.build(environment, compilation, wish.targets, build_folder(*place))
+    files = pipeline.files(environment, compilation, artifacts)
     losses = [loss for target in wish.targets for loss in artifacts[target].losses]
     if wish.deny_loss:
         _deny(losses, compilation.assembly.definition.origin, compilation.report)

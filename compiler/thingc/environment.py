@@ -37,7 +37,8 @@ Answer = TypeVar("Answer")
 class Options:
     """How to compile. `parameters` are texts as on the command line (`{"reach": "120 mm"}`), `choices` texts by dotted path in
     the document (`{"components.foot.part": "feet:Wide"}`); `store` a folder or a URL (None: the user's cache); `jobs` how many parts are
-    modelled at once; `part_timeout` [s] (None: the workspace's).
+    modelled at once; `part_timeout` [s] (None: the workspace's); `compat` the programs besides MuJoCo that read its models (None: those of
+    the workspace).
 
     `lock`: what the store does not hold may come from `parts.lock.json`, for callers who need no meshes. Without `code` it comes
     from there alone: nothing of the workspace is run, and the store is not touched.
@@ -50,6 +51,7 @@ class Options:
     store: str | None = None
     jobs: int = 0
     part_timeout: float | None = None
+    compat: Sequence[str] | None = None
     progress: Progress | None = None
     printed: Printed | None = None
     lock: bool = False
@@ -84,6 +86,12 @@ class Environment:
     def __exit__(self, *exception: object) -> None:
         if "parts" in self.__dict__ and self._lent is None:
             self.parts.close()
+
+    @cached_property
+    def compat(self) -> tuple[str, ...]:
+        """The programs besides MuJoCo that read its models: those of the options, else the workspace's."""
+        own = self.workspace.compat if self.workspace is not None else ()
+        return own if self.options.compat is None else tuple(self.options.compat)
 
     @cached_property
     def store(self) -> Store:

@@ -10,7 +10,7 @@ artifacts.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
 from importlib import import_module
@@ -21,6 +21,7 @@ from thingc.environment import Environment, Options
 from thingc.files import beginning
 from thingc.frozen import dataclass
 from thingc.memo import Memo
+from thingc.shown import shortened
 from thingc.typos import did_you_mean
 
 if TYPE_CHECKING:
@@ -52,6 +53,20 @@ class UnknownChoice(Exception):
         super().__init__(f"{message}: {hint}")
         self.message = message
         self.hint = hint
+
+
+def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
+    """The programs of these names (a text has commas between them) that read MuJoCo models, in the order of `CONSUMERS`. Raises
+    `UnknownChoice`."""
+    from thingc.workspace import CONSUMERS
+
+    words = [word for word in (names.split(",") if isinstance(names, str) else names) if word]
+    for word in words:
+        if word not in CONSUMERS:
+            raise UnknownChoice(
+                f"MuJoCo models are not written for `{shortened(word)}`", did_you_mean(word, CONSUMERS, what="programs"),
+            )
+    return tuple(name for name in CONSUMERS if name in words)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,14 +141,14 @@ def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
 
 
 def build(
-    environment: Environment, compilation: Compilation, targets: Sequence[str], folder: str | None = None, compat: Sequence[str] = (),
+    environment: Environment, compilation: Compilation, targets: Sequence[str], folder: str | None = None,
 ) -> dict[str, Artifacts]:
     """The passes behind `root`: what lies in what (a warning), and `emit`, while the kernel writes the STEP file. `folder` is the absolute
-    path of the folder that the files will lie in, where that is known; `compat` names who besides MuJoCo shall read its models."""
+    path of the folder that the files will lie in, where that is known."""
     from thingc.emit import emitted
     from thingc.solids import check_overlaps
 
-    request = request_of(environment, compilation, folder=folder, compat=compat)
+    request = request_of(environment, compilation, folder=folder)
     if "step" in targets:
         from thingc.emit import step
 
@@ -302,7 +317,6 @@ def emit(environment: Environment, compilation: Compilation, targets: Sequence[s
 
 def request_of(
     environment: Environment, compilation: Compilation, *, verify: int = 1, folder: str | None = None,
-    compat: Sequence[str] = (),
 ) -> EmitRequest:
     """What targets are asked with. Only for a compilation whose report has no errors."""
     from thingc.emit.request import EmitRequest
@@ -310,15 +324,13 @@ def request_of(
     geometry = environment.geometry
     return EmitRequest(
         assembly=_assembly(compilation), robots=compilation.robots, store=environment.store, geometry=geometry,
-        workspace=geometry.workspace, report=compilation.report, verify=verify, compat=tuple(compat), folder=folder,
+        workspace=geometry.workspace, report=compilation.report, verify=verify, compat=environment.compat, folder=folder,
         repeated=compilation.repeated, memo=environment.memo,
     )
 
 
-def files(
-    environment: Environment, compilation: Compilation, artifacts: Mapping[str, Artifacts], compat: Sequence[str] = (),
-) -> dict[str, Content]:
-    """What a build folder holds, by path in it: the files of all targets, written for `compat`, and the manifest that lists them."""
+def files(environment: Environment, compilation: Compilation, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:
+    """What a build folder holds, by path in it: the files of all targets, and the manifest that lists them."""
     from thingc.emit.artifact import MANIFEST
     from thingc.emit.manifest import Choice, manifest
 
@@ -330,7 +342,7 @@ def files(
         document=documents.root.relative,
         documents={path: document.sha256 for path, document in documents.by_path.items()},
         choice=Choice(
-            modes=tuple(robot.mode.name for robot in compilation.robots), emit=tuple(artifacts), compat=tuple(compat),
+            modes=tuple(robot.mode.name for robot in compilation.robots), emit=tuple(artifacts), compat=environment.compat,
             parameters=dict(settings.parameters), choices=dict(settings.choices),
         ),
         files=files,

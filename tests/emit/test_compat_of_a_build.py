@@ -8,8 +8,10 @@ from pathlib import Path
 import mujoco
 import pytest
 
+import thingc
 from thingc.cli.main import main
 from thingc.modes import Modes
+from thingc.pipeline import UnknownChoice
 
 LEG = """
 thingc: assembly/1
@@ -133,3 +135,62 @@ def test_modes_switch_between_models_for_drake(document: Path, shared_store: str
     mujoco.mj_forward(models["floating"], data["floating"])
     assert data["floating"].joint("wrist_0").qpos[0] == pytest.approx(0.3)
     assert data["floating"].body("hand").xmat == pytest.approx(data["bolted"].body("hand").xmat, abs=1e-12)
+
+
+ROLLER = """
+thingc: assembly/1
+name: roller
+parameters: {radius: {value: 20 mm, min: 1 mm}, width: {value: 50 mm, min: 1 mm}, gap: 200 mm}
+components:
+  base: {frame: true, mass: 1 kg, inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}}
+  box:
+    {link: true, mass: 1 kg, inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}, shapes: [{box: 100 100 100 mm}]}
+  wheel:
+    link: true
+    mass: 1 kg
+    inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}
+    shapes: [{cylinder: {radius: =radius, length: =width}}]
+joints:
+  axle: {type: continuous, parent: base.origin, child: wheel.origin, gap: =gap}
+  lift: {type: prismatic, parent: base.origin, child: box.origin, limit: {lower: -1 mm, upper: 1 mm}}
+modes: {free: {root: base, base: free}}
+"""
+"""MJX lacks contacts of a cylinder and a box."""
+
+
+@pytest.mark.parametrize("settings", [{}, {"gap": 0.3}, {"radius": 0.03, "width": 0.08}], ids=["plain", "gap", "size"])
+def test_one_setting_counts_wherever_models_are_made(tmp_path: Path, shared_store: str, settings: dict[str, float]) -> None:
+    """A build, `compile`, a family and a batch write the same model for the reader that the workspace names."""
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\ncompat = ["mjx"]\n')
+    (tmp_path / "roller.yaml").write_text(ROLLER)
+    document = str(tmp_path / "roller.yaml")
+    words = [f"-p={name}={value} m" for name, value in settings.items()]
+    assert main(["build", document, "--emit", "mjcf", "--store", shared_store, *words]) == 0
+    folder = tmp_path / "build" / "roller"
+    text = (folder / "mjcf" / "roller_free.xml").read_text()
+    assert 'class="collision" type="mesh" mesh="prism:0"' in text
+    assert thingc.compile(document, parameters=settings, store=shared_store).modes["free"].mjcf() == text
+    assert "prism" not in thingc.compile(document, parameters=settings, store=shared_store, compat=()).modes["free"].mjcf()
+    with thingc.family(document, store=shared_store) as family, thingc.family(document, store=shared_store, compat="pymjcf") as other:
+        expected = mujoco.MjModel.from_xml_path(str(folder / "mjcf" / "roller_free.xml"))
+        for model in family.models([settings] * 3, visual=True):  # by passes, then by a plan
+            assert model.mesh("prism:0").id == 0 and (model.mesh_vert == expected.mesh_vert).all()
+            assert (model.body_pos == expected.body_pos).all()
+        assert other.model(settings).nmesh == 0
+        assert family.write({name: f"{value} m" for name, value in settings.items()}, tmp_path / "written" / "roller", emit="mjcf") == ()
+    found = {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    own = tmp_path / "written" / "roller"
+    assert {path.relative_to(own): path.read_bytes() for path in own.rglob("*") if path.is_file()} == found
+    listed = ", ".join(f"{name}: [{value} m]" for name, value in (settings or {"gap": 0.2}).items())
+    (tmp_path / "rollers.yaml").write_text(
+        f"thingc: variants/1\nassembly: roller.yaml\nname: rollers\nemit: [mjcf]\nparameters: {{{listed}}}\n"
+    )
+    assert main(["batch", str(tmp_path / "rollers.yaml"), "--store", shared_store]) == 0
+    (built_alone,) = (tmp_path / "build" / "rollers").glob("**/roller_free.xml")
+    assert built_alone.read_text().partition("<mujoco")[2] == text.partition("<mujoco")[2]
+
+
+def test_a_reader_that_does_not_exist_is_refused_by_name(document: Path) -> None:
+    for use in (thingc.compile, thingc.family):
+        with pytest.raises(UnknownChoice, match="did you mean `mjx`"):
+            use(str(document), compat=["mjxx"])

@@ -313,3 +313,10 @@ def test_without_being_asked_nothing_is_changed(store: Store) -> None:
     plain = [one.texts for one in target.models(request).candidates]
     target.models(replace(request, compat=NAMES, made={}))
     assert [one.texts for one in target.models(replace(request, made={})).candidates] == plain
+
+
+@pytest.mark.parametrize(("base", "lost"), [("held", True), ("fixed", False), ("free", False)])
+def test_mjx_moves_no_held_base_and_that_is_a_loss(store: Store, base: str, lost: bool) -> None:
+    """MJX gives the children of a mocap body the place that the body has in the model."""
+    _, models = emitted(robot(store, "box", "box"), store, ["mjx"], ("bench", base))
+    assert [loss.what.partition(":")[0] for loss in models.losses if "MJX moves" in loss.what] == ["that its base can be moved"] * lost

@@ -81,6 +81,7 @@ def read(written: SettlesTest, reader: Reader) -> SettleCheck:
 def run(case: Case, check: SettleCheck) -> Outcome:
     """The mode's model emitted with the pose as a keyframe, and simulated for `within` and `for` together."""
     from thingc.emit.mjcf import target as mjcf
+    from thingc.emit.mjcf.compat import separator
     from thingc.testing.settling import simulated
 
     report = Report()
@@ -93,7 +94,10 @@ def run(case: Case, check: SettleCheck) -> Outcome:
     store = case.request.store
     files = {path: content if isinstance(content, bytes) else store.read(content.sha256) for path, content in artifacts.files.items()}
     scene = f"mjcf/scene_{case.robot.mode.name}.xml"
-    motion = simulated(case.robot, case.frames[0], scene, files, seconds=check.within + check.hold, resting=check.within, floor=check.floor)
+    motion = simulated(
+        case.robot, case.frames[0], scene, files, seconds=check.within + check.hold, resting=check.within, floor=check.floor,
+        separator=separator(case.request.compat),
+    )
     return _diverged(motion) if isinstance(motion, float) else _judged(check, motion)
 
 

@@ -16,7 +16,7 @@ from thingc import building, dependencies, pipeline, stamp
 from thingc.brief import counted
 from thingc.building import Built, Wish
 from thingc.cli import common
-from thingc.cli.targets import add_building, chosen_compat, chosen_targets, in_words
+from thingc.cli.targets import add_building, chosen_targets, in_words
 from thingc.diagnostics import Diagnostic, shown_path
 from thingc.emit.artifact import CARRIED, counts_of
 from thingc.environment import Environment, Options, attempted, store_of
@@ -77,7 +77,7 @@ def _build(
     Raises `UnknownChoice` and `OutputError`."""
     key = stamp.key_of("build", arguments.document, {
         "parameters": dict(options.parameters), "choices": dict(options.choices), "modes": arguments.mode, "targets": targets,
-        "compat": chosen_compat(arguments), "strict": arguments.strict,
+        "compat": options.compat, "strict": arguments.strict,
         "output": os.path.abspath(arguments.output) if arguments.output else None, "deny_loss": arguments.deny_loss,
     })
     store = store_of(options)
@@ -93,7 +93,7 @@ def _build(
 def wish_of(arguments: argparse.Namespace, targets: tuple[str, ...]) -> Wish:
     """What the command line wishes the build to be."""
     return Wish(
-        targets=targets, modes=arguments.mode, compat=chosen_compat(arguments), output=arguments.output, strict=arguments.strict,
+        targets=targets, modes=arguments.mode, output=arguments.output, strict=arguments.strict,
         deny_loss=arguments.deny_loss, force=arguments.force, twice=getattr(arguments, "twice", False),
     )
 

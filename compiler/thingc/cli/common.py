@@ -190,9 +190,20 @@ def options_of(arguments: argparse.Namespace) -> Options:
         store=arguments.store,
         jobs=arguments.jobs,
         part_timeout=timeout,
+        compat=chosen_compat(getattr(arguments, "compat", [])),
         progress=show_progress if getattr(arguments, "format", "text") == "text" else None,
         printed=show_printed if getattr(arguments, "format", "text") == "text" else None,
     )
+
+
+def chosen_compat(words: Sequence[str]) -> tuple[str, ...] | None:
+    """The programs that `--compat` names; None if it names none. Raises `WrongCommandLine`."""
+    from thingc.pipeline import UnknownChoice, chosen_consumers
+
+    try:
+        return chosen_consumers(",".join(words)) or None
+    except UnknownChoice as fault:
+        raise WrongCommandLine(fault.message, fault.hint) from fault
 
 
 def require_document(path: str) -> None:

@@ -66,7 +66,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 when the picture was written; diagnostics go to standard error."""
     common.require_document(arguments.document)
-    options = common.options_of(arguments)
+    options = replace(common.options_of(arguments), compat=())  # a picture is of MuJoCo's own model
     _check_output(arguments.output)
     try:
         diagnostics = attempted(arguments.document, options, partial(_render, arguments))

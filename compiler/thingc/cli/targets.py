@@ -7,8 +7,6 @@ import argparse
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.emit import TARGETS, chosen, unknown
-from thingc.shown import shortened
-from thingc.typos import did_you_mean
 from thingc.workspace import CONSUMERS, Workspace
 
 
@@ -45,16 +43,6 @@ def add_building(parser: argparse.ArgumentParser) -> None:
         "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"
     )
     parser.add_argument("--deny-loss", action="store_true", help="what a target cannot say is an error, unless it is allowed")
-
-
-def chosen_compat(arguments: argparse.Namespace) -> tuple[str, ...]:
-    """Those that `--compat` names, in the order of the table; empty where it names none. Raises `WrongCommandLine`."""
-    words = [word for text in arguments.compat for word in text.split(",") if word]
-    for word in words:
-        if word not in CONSUMERS:
-            hint = did_you_mean(word, CONSUMERS, what="programs")
-            raise common.WrongCommandLine(f"MuJoCo models are not written for `{shortened(word)}`", hint)
-    return tuple(name for name in CONSUMERS if name in words)
 
 
 def chosen_targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list[Diagnostic]]:

@@ -10,7 +10,7 @@ from functools import partial
 
 from thingc import pipeline
 from thingc.cli import common
-from thingc.cli.targets import add_compat, add_emit, chosen_compat, chosen_targets
+from thingc.cli.targets import add_compat, add_emit, chosen_targets
 from thingc.diagnostics import Diagnostic, shown_path
 from thingc.emit.artifact import Loss
 from thingc.environment import Environment, attempted
@@ -59,7 +59,7 @@ def _answered(arguments: argparse.Namespace, environment: Environment) -> list[D
         targets, wrong = chosen_targets(arguments)
         if wrong:
             return wrong
-        _losses(environment, compilation, targets, chosen_compat(arguments) or environment.geometry.workspace.compat)
+        _losses(environment, compilation, targets)
         return common.final(compilation.report, strict=False)
     _reason(compilation, arguments.occurrence)
     return diagnostics
@@ -87,8 +87,8 @@ def _reason(compilation: Compilation, wanted: str) -> None:
         common.say(f"shared by {', '.join(users)}")
 
 
-def _losses(environment: Environment, compilation: Compilation, targets: Sequence[str], compat: Sequence[str]) -> None:
-    artifacts = pipeline.build(environment, compilation, targets, compat=compat)
+def _losses(environment: Environment, compilation: Compilation, targets: Sequence[str]) -> None:
+    artifacts = pipeline.build(environment, compilation, targets)
     losses = [loss for target in artifacts.values() for loss in target.losses]
     for alike in _alike(losses):
         common.say(_in_words(alike))

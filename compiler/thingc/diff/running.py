@@ -117,7 +117,7 @@ class Subject:
         settings = self._compilation.settings
         about = [
             fingerprint(), documents.root.relative, sorted((path, one.sha256) for path, one in documents.by_path.items()), parts, links,
-            sorted(settings.parameters.items()), sorted(settings.choices.items()),
+            sorted(settings.parameters.items()), sorted(settings.choices.items()), self._environment.compat,
         ]
         return hashlib.sha256(json.dumps(about).encode()).hexdigest()
 

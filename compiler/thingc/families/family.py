@@ -17,7 +17,7 @@ from thingc.families.models import ModelsOfMode
 from thingc.families.results import Evaluated, Explanation, NoModel
 from thingc.families.space import Space, of_axes, of_parameters
 from thingc.families.texts import TextTemplate
-from thingc.pipeline import UnknownChoice
+from thingc.pipeline import UnknownChoice, chosen_consumers
 from thingc.plans.builds import Builds
 from thingc.plans.planning import Form
 from thingc.plans.reading import Read, SettingsReader
@@ -55,16 +55,16 @@ class RobotFamily:
 
     def __init__(
         self, document: str | os.PathLike[str], *, store: str | None = None, jobs: int = 0, mode: str | None = None,
-        verify: int | None = None,
+        verify: int | None = None, compat: Iterable[str] | str | None = None,
     ) -> None:
-        """Raises `CompileError` where the document has errors, `UnknownChoice` for a mode that is not there, and `FamilyError` for `jobs`
-        or a `verify` that is no such number."""
+        """Raises `CompileError` where the document has errors, `UnknownChoice` for a mode or a program that does not exist, and
+        `FamilyError` for `jobs` or a `verify` that is no such number."""
         at_least(0, jobs=jobs)
         if verify is not None and not is_whole(verify, 0):
             raise FamilyError(f"expected `verify` to be None, 0 (nothing is compared), 1 (all is) or N (one in N is), found `{verify}`")
         path, store = os.fsdecode(document), None if store is None else os.fsdecode(store)
-        options = Options(store=store, jobs=jobs)
-        self._again = partial(RobotFamily, os.path.abspath(path), store=store, jobs=jobs, mode=mode, verify=verify)
+        options = Options(store=store, jobs=jobs, compat=None if compat is None else chosen_consumers(compat))
+        self._again = partial(RobotFamily, os.path.abspath(path), store=store, jobs=jobs, mode=mode, verify=verify, compat=options.compat)
         self._plan = _planned(path, options)
         self._session = Session(self._plan.assembly if self._plan is not None else path, options)
         sources = self._session.sources
@@ -338,10 +338,12 @@ def _given(value: ExpressionValue | str) -> Any:
 
 def family(
     document: str | os.PathLike[str], *, store: str | None = None, jobs: int = 0, mode: str | None = None, verify: int | None = None,
+    compat: Iterable[str] | str | None = None,
 ) -> RobotFamily:
     """A document of an assembly, or of variants, as a family of robots in memory: see `RobotFamily`.
 
     `store` is the folder of modelled parts (None: the user's cache), `jobs` how many parts are modelled at once, `mode` the one that is
-    meant where none is said (None: the first), `verify` how often what comes without a compilation is compared with one.
+    meant where none is said (None: the first), `verify` how often what comes without a compilation is compared with one, `compat` the
+    programs besides MuJoCo that read its models (`["mjx"]`; None: those of the workspace).
     """
-    return RobotFamily(document, store=store, jobs=jobs, mode=mode, verify=verify)
+    return RobotFamily(document, store=store, jobs=jobs, mode=mode, verify=verify, compat=compat)

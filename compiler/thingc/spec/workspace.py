@@ -94,7 +94,7 @@ class WorkspaceSpec(Model):
     about: AboutSpec | None = Field(default=None, examples=[{"maintainer": "Ada Lovelace <ada@example.org>", "license": "Apache-2.0"}])
     """What the ROS packages of `--emit ros` say of themselves."""
     compat: list[Literal["mjx", "warp", "drake", "pymjcf"]] = Field(default=[], examples=[["mjx"]])
-    """What besides MuJoCo shall read the MuJoCo models of a build, unless `--compat` says so."""
+    """The programs besides MuJoCo that read its models, unless `--compat` or `compat=` gives others."""
     part_timeout: TimeField | None = None
     """Longest time for one part; 120 s unless written."""
     mesh: MeshSpec | None = Field(default=None, examples=[{"linear": "0.1 mm", "angular": "10 deg"}])

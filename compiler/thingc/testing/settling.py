@@ -52,14 +52,16 @@ class Motion:
 
 def simulated(
     robot: Robot, frame: Keyframe, scene: str, files: Mapping[str, bytes], *, seconds: float, resting: float, floor: bool,
+    separator: str = "/",
 ) -> Motion | float:
     """Simulate the scene of the robot's mode, which is among the MJCF `files`, from its keyframe `frame` for some `seconds`, and look at
-    the box corners of every link's parts; contacts are looked at from `resting` [s] on. The time [s] at which it diverges, if it does."""
+    the box corners of every link's parts; contacts are looked at from `resting` [s] on. Names in the model have `separator` in their paths.
+    The time [s] at which it diverges, if it does."""
     with heard():
         model = _model(scene, files, floor=floor)
         data = mujoco.MjData(model)
-        mujoco.mj_resetDataKeyframe(model, data, model.key(frame.name).id)
-        points = _points(robot, model)
+        mujoco.mj_resetDataKeyframe(model, data, model.key(frame.name.replace("/", separator)).id)
+        points = _points(robot, model, separator)
         count = max(1, round(seconds / model.opt.timestep))
         path = np.empty((count + 1, sum(len(own) for _, own in points), 3))
         deepest, start = 0.0, resting - 0.5 * model.opt.timestep
@@ -91,7 +93,7 @@ def _model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjM
     return model
 
 
-def _points(robot: Robot, model: mujoco.MjModel) -> list[tuple[int, Array]]:
+def _points(robot: Robot, model: mujoco.MjModel, separator: str) -> list[tuple[int, Array]]:
     """For each link its body in the model, and points in its frame (n x 3): its origin and the corners of its parts' boxes."""
     per_link = []
     for body in robot.bodies:
@@ -103,7 +105,7 @@ def _points(robot: Robot, model: mujoco.MjModel) -> list[tuple[int, Array]]:
             box = robot.assembly.occurrences[member].box
             if box is not None:
                 points += [_corner(pose, box, which) for which in product((0, 1), repeat=3)]
-        per_link.append((model.body(link.name).id, np.array(points)))
+        per_link.append((model.body(link.name.replace("/", separator)).id, np.array(points)))
     return per_link
 
 

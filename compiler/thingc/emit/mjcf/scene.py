@@ -22,10 +22,10 @@ def scene(robot: Robot, file: str, heading: str, model: Written, memo: Memo | No
     return memo(("scene", mode.name), _scene, title, box, file, floor_name(model), _held(robot, separator), heading, mode.origin)
 
 
-def floored(robot: Robot, model: Written) -> str:
-    """The text of a model with the floor of its scene in it, and nothing that is only looked at."""
+def floored(robot: Robot, model: Written, separator: str) -> str:
+    """The text of a model, which has `separator` in its paths, with the floor of its scene in it, and nothing that is only looked at."""
     root = Element(tag="mujoco")
-    _lay_floor(root, root.add("worldbody"), floor_name(model), _held(robot, "/"), {})
+    _lay_floor(root, root.add("worldbody"), floor_name(model), _held(robot, separator), {})
     sections = write(root, "").text.partition("<mujoco>\n")[2]
     return model.text.rpartition("</mujoco>")[0] + sections
 

@@ -48,8 +48,7 @@ def models(request: EmitRequest) -> Models:
     if isinstance(known, Models):
         return known
     assembly, robots, report = request.assembly, request.robots, request.report
-    geometry, unsaid, roots = _roots(request)
-    roots, suited = compat.suited(request.compat, robots, roots, report)
+    geometry, unsaid, roots, suited = _roots(request)
 
     lost: dict[Loss, None] = dict.fromkeys((*unsaid, *losses("mjcf", CAPABILITIES, assembly, robots)))
     candidates: list[check.Candidate] = []
@@ -87,21 +86,21 @@ def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str
     """The model of each chosen mode as text, by mode, with the `floor` of its scene or without, and the meshes that they name, by file;
     nothing else: MuJoCo is not asked."""
     request = called(request)
-    geometry, _, roots = _roots(request)
+    geometry, _, roots, _ = _roots(request)
     texts: dict[str, str] = {}
     for robot, root in zip(request.robots, roots, strict=True):
         model = write(root, _heading(robot))
-        texts[robot.mode.name] = scene.floored(robot, model) if floor else model.text
+        texts[robot.mode.name] = scene.floored(robot, model, compat.separator(request.compat)) if floor else model.text
     return texts, geometry.assets
 
 
-def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element]]:
-    """The geometry, what of it is not said, and the tree of each mode with its raw attributes."""
+def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element], dict[Loss, None]]:
+    """The geometry, its losses, the tree of each mode with its raw attributes for those who read it, and what is lost by that."""
     geometry, unsaid = taken(request.assembly, request.report, request.memo)
     roots = [tree.model(robot, geometry, request.memo) for robot in request.robots]
     left = adding.add(request.assembly, request.robots, roots, request.report)
     raw.lay(request.assembly, request.robots, roots, request.report)
-    return geometry, [*unsaid, *left], roots
+    return geometry, [*unsaid, *left], *compat.suited(request.compat, request.robots, roots, request.report)
 
 
 def _heading(robot: Robot) -> str:

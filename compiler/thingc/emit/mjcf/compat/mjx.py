@@ -29,6 +29,9 @@ FLUID = ("density", "viscosity", "wind")
 
 
 def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
+    if robot.base == "held" and len(robot.bodies) > 1:
+        what = "that its base can be moved: MJX moves a mocap body without its children"
+        yield Loss.of(robot.mode.origin, "mjcf", robot.mode.name, robot.mode.name, what, "omitted")
     yield from _integrator(robot, root)
     yield from _prisms(root)
     _margins(root)
