@@ -4,12 +4,25 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import stat
+from collections.abc import Iterable, Mapping
 from io import BufferedReader
 
 
 class NoPlainFile(OSError):
     """What is there cannot be read twice: a pipe, which is waited for until somebody writes into it, or a device."""
+
+
+class BadPath(OSError, ValueError):
+    """A text that was read from a file and names another file must not be used as a path. The message says why."""
+
+
+def hash_name(text: str, digits: int = 64) -> str:
+    """Return a hash (by default a SHA-256) that was read from a file and is to be part of a path. Raises `BadPath` if it is not one."""
+    if re.fullmatch(f"[0-9a-f]{{{digits}}}", str(text)) is None:
+        raise BadPath(f"expected a hash of {digits} hex digits, found {str(text)[:100]!r}")
+    return text
 
 
 def opened(path: str) -> BufferedReader:
@@ -26,9 +39,63 @@ def beginning(path: str, most: int) -> bytes:
         return stream.read(most)
 
 
+def working_folder() -> str | None:
+    """Return the working folder, or None if it has been deleted."""
+    try:
+        return os.getcwd()
+    except FileNotFoundError:
+        return None
+
+
 def listing(folder: str) -> list[str]:
     """The names in a folder, sorted; none where it cannot be read."""
     try:
         return sorted(os.listdir(folder))
     except OSError:
         return []
+
+
+def check_tree(paths: Iterable[str]) -> None:
+    """Check relative paths, with `/`, of files and links that are to be written below one folder.
+
+    Raises `BadPath` if a path leaves the folder, occurs twice, or is both a file and a folder.
+    """
+    files, folders = set[str](), set[str]()
+    for path in paths:
+        parts = path.split("/")
+        if path in files or any(part in ("", ".", "..") or "\0" in part for part in parts):
+            raise BadPath(f"{path!r} is not a path inside the folder, or occurs twice")
+        files.add(path)
+        folders.update("/".join(parts[:depth]) for depth in range(1, len(parts)))
+    if both := files & folders:
+        raise BadPath(f"{min(both)!r} is both a file and a folder")
+
+
+def write_tree(root: str, files: Mapping[str, bytes], links: Mapping[str, str]) -> None:
+    """Write files, then symbolic links to targets, below a folder. Nothing is written through a link, and no file is replaced.
+
+    Raises `OSError`, and `BadPath` as `check_tree` does.
+    """
+    check_tree((*files, *links))
+    for path in (*files, *links):
+        place = root
+        for part in path.split("/")[:-1]:
+            place = os.path.join(place, part)
+            if not (os.path.isdir(place) and not os.path.islink(place)):
+                os.mkdir(place)  # fails where a link is
+        place = os.path.join(root, *path.split("/"))
+        if path in links:
+            os.symlink(links[path], place)
+        else:
+            write_new(place, files[path])
+
+
+def write_new(path: str, data: bytes) -> None:
+    """Write a file that does not exist yet, with as few calls as possible. Raises `OSError`, also where a link is."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+    try:
+        rest = memoryview(data)
+        while rest:
+            rest = rest[os.write(descriptor, rest):]
+    finally:
+        os.close(descriptor)

@@ -7,14 +7,17 @@ import os
 import sys
 from functools import cache
 
+from thingc.files import working_folder
+
 
 @cache
 def import_path() -> tuple[str, ...]:
     """`sys.path` without the current folder or the script's, which must not decide what a name means."""
     entries = list(sys.path)
     if entries and not getattr(sys.flags, "safe_path", False):
-        script = os.path.dirname(os.path.abspath(getattr(sys.modules.get("__main__"), "__file__", None) or "."))
-        if entries[0] in ("", os.getcwd(), script, os.path.realpath(script)):
+        here = working_folder() or os.sep
+        script = os.path.dirname(os.path.join(here, getattr(sys.modules.get("__main__"), "__file__", None) or "."))
+        if entries[0] in ("", here, script, os.path.realpath(script)):
             entries = entries[1:]
     return tuple(entry for entry in entries if entry)
 

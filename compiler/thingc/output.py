@@ -26,6 +26,7 @@ from thingc.diagnostics import Code, Report, shown_path
 from thingc.emit import written
 from thingc.emit.artifact import MANIFEST, Content, Stored
 from thingc.exchange import exchange
+from thingc.files import check_tree
 from thingc.frozen import dataclass
 from thingc.realize.store.digests import Digests, digest_of
 from thingc.realize.store.local import Store
@@ -262,17 +263,11 @@ def _content_of(path: str, known: Digests) -> str | None:
 
 
 def _check_paths(name: str, files: Mapping[str, Content]) -> None:
-    """No path may leave the folder, and none may be a file and a folder at once."""
-    for path in (name, *files):
-        parts = path.split("/")
-        if any(part in ("", ".", "..") or "\0" in part or "\\" in part for part in parts):
-            raise ValueError(f"{path!r} is no path inside a build folder")
-    if "/" in name:
-        raise ValueError(f"{name!r} is no name of a folder")
-    folders = {"/".join(path.split("/")[:depth]) for path in files for depth in range(1, path.count("/") + 1)}
-    both = folders & set(files)
-    if both:
-        raise ValueError(f"{min(both)!r} would be both a file and a folder")
+    """Check the name and the paths of a build. Raises `ValueError`."""
+    check_tree(files)
+    check_tree([name])
+    if "/" in name or any("\\" in path for path in (name, *files)):
+        raise ValueError(f"{name!r} must not contain `/`, and no path of a build a backslash")
     if MANIFEST not in files:
         raise ValueError(f"a build needs a {MANIFEST}")
 

@@ -35,7 +35,7 @@ ROOMS: dict[str, set[str]] = {
     "expressions": {"frozen", "diagnostics", "typos", "units"},
     "summing": set(), "syntax": set(), "pose": {"frozen", "summing"}, "inertia": {"frozen", "brief", "pose"}, "mirror": {"pose"},
     "primitives": {"frozen", "brief", "pose", "inertia", "summing"}, "sensing": {"frozen", "brief", "source", "units", "primitives"},
-    "memo": set(), "file_names": set(), "files": set(), "heading": set(), "circles": set(), "installed": set(),
+    "memo": set(), "file_names": set(), "files": set(), "heading": set(), "circles": set(), "installed": {"files"},
     "later": set(), "exports": set(), "packaging": {"frozen"},
     "archives": {"frozen"}, "gaps": set(), "csvcell": {"shown", "gaps"}, "webpage": {"shown"}, "exchange": set(),
     "workspace": BASE | {"load", "spec"},
@@ -147,7 +147,7 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
         "stamp": {"state_of"},
     },
     "diff": {
-        "affected": {"NotARepository", "git", "touched"},
+        "affected": {"NotARepository", "changed_paths", "git", "run_git", "touched"},
         "environment": {"Environment", "Options"},
         "pipeline": {"*", "Compilation"},
         "stamp": {"fingerprint", "packed", "unpacked"},

@@ -6,6 +6,7 @@ import fnmatch
 import io
 import json
 import os
+import subprocess
 import sys
 import warnings
 from collections.abc import Callable
@@ -13,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from thingc.cli.main import main
+from thingc.cli.main import COMMANDS, main
 from thingc.diagnostics import Code
 from thingc.emit import TARGETS, written
 from thingc.load.finding import MOST_FOLDERS
@@ -273,6 +274,30 @@ def test_the_rest_of_its_path_may_hold_anything(folder: Path, capsys: pytest.Cap
     assert said(capsys, "check", str(other / "robot.yaml")) == (0, [f"{other}/robot.yaml: ok".replace("\n", "\\n").replace(
         "\x1b", "\\x1b").replace("\u202e", "\\u202e")])
     assert said(capsys, "build", "robot.yaml", "--emit", "bom")[0] == 0
+
+
+NEEDED = {
+    "new": ["robot"], "import": ["a.urdf"], "batch": ["a.yaml"], "add": ["mode", "m", "--to", "a.yaml"], "set": ["a.yaml", "a=1"],
+    "rename": ["a.yaml", "components.a", "b"], "fmt": ["a.yaml"], "explain": ["TC302"], "touched": ["a.yaml"], "why": ["a.yaml"],
+    "check": ["a.yaml"], "schema": ["."], "lock": ["."], "parts": [], "lsp": [], "diff": [],
+}
+
+
+def test_every_command_in_a_working_folder_that_is_gone(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Also where nothing has been imported yet: so in a process of its own."""
+    (folder / "gone").mkdir()
+    os.chdir(folder / "gone")
+    (folder / "gone").rmdir()
+    (folder / "robot.yaml").unlink()
+    for command in COMMANDS:
+        words = [command, *NEEDED.get(command, ["a.yaml"])]
+        code, lines = said(capsys, *words)
+        assert code == 2 and Code.WORKING_FOLDER.code in "\n".join(lines), words
+    for words in (["check", "x.yaml"], ["--help"], ["check", "--help"], ["--version"]):
+        for python in ([sys.executable, "-m", "thingc"], [sys.executable, "-P", "-c", "from thingc.__main__ import entry; entry()"]):
+            done = subprocess.run([*python, *words], capture_output=True, text=True, timeout=60)
+            assert "Traceback" not in done.stderr, done.stderr
+            assert (done.returncode, Code.WORKING_FOLDER.code in done.stderr) == ((2, True) if words[-1] == "x.yaml" else (0, False)), words
 
 
 @pytest.mark.parametrize("form", ["text", "json", "github", "sarif"])

@@ -89,18 +89,18 @@ class TestWhole:
 
     @pytest.mark.parametrize("path", ["../x", "/etc/x", "a/../../x", "a//b", "", ".", "a/.", "a\0b", "..\\x"])
     def test_no_path_leaves_the_folder(self, tmp_path: Path, store: Store, path: str) -> None:
-        with pytest.raises(ValueError, match="is no path inside a build folder"):
+        with pytest.raises(ValueError, match="is not a path inside the folder|a backslash"):
             build(tmp_path / "build", {**FIRST, path: b"bad"}, store)
         assert os.listdir(tmp_path) == []
 
     @pytest.mark.parametrize("name", ["..", ".", "a/b", "/x", ""])
     def test_no_name_leaves_the_parent(self, tmp_path: Path, store: Store, name: str) -> None:
-        with pytest.raises(ValueError, match="is no (name of a folder|path inside)"):
+        with pytest.raises(ValueError, match="is not a path inside the folder|must not contain `/`"):
             write_build(str(tmp_path / "build"), name, FIRST, store, "arm.yaml")
         assert os.listdir(tmp_path) == []
 
     def test_a_path_is_not_a_file_and_a_folder(self, tmp_path: Path, store: Store) -> None:
-        with pytest.raises(ValueError, match="'stl' would be both a file and a folder"):
+        with pytest.raises(ValueError, match="'stl' is both a file and a folder"):
             build(tmp_path, {**FIRST, "stl": b""}, store)
 
 

@@ -9,12 +9,14 @@ import shlex
 import shutil
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import pyarrow
 import pyarrow.parquet
 import pytest
 
+from thingc.cli.main import main
 from thingc.diagnostics import Code
 from thingc.environment import Options
 from thingc.variants import BatchFault, FamilyError, UnknownVariant, chunks, load, page, plan, records, run
@@ -245,3 +247,37 @@ def test_a_file_that_is_not_there_is_said(here: Path, tmp_path: Path, shared_sto
     run(str(other / "some.yaml"), options=Options(store=shared_store), layout="packed", emit=("bom",), limit=2)
     with pytest.raises(FamilyError, match="has been built without the target `mjcf`"):
         load(other / "build" / "some")[0].model("flying")
+
+
+@pytest.mark.parametrize("way", ["shared", "shared path", "file", "file and folder", "id"])
+def test_a_chunk_of_somebody_else_writes_and_reads_nothing_outside(
+    here: Path, tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str], way: str,
+) -> None:
+    shutil.copytree(here, tmp_path / "copy")
+    out = tmp_path / "copy" / "build" / "some"
+    (tmp_path / "secret").write_text("mine")
+    batch = records.read(str(out))
+    index, name = batch.built[0], batch.line(batch.built[0])["name"]
+    file = out / "chunks" / f"{index // 5:06d}.parquet"
+    table = pyarrow.parquet.read_table(file)
+    shared = {"shared": {"mjcf/leak.txt": "../../../../secret"}, "shared path": {"../../../../stolen": "a" * 64}}.get(way)
+
+    def put(name: str, change: Callable[[str], str]) -> pyarrow.Table:
+        at = table.column_names.index(name)
+        cells = [None if cell is None else change(cell) for cell in table[name].to_pylist()]
+        return table.set_column(at, table.schema.field(at), pyarrow.array(cells, table.schema.field(at).type))
+
+    if shared is not None:
+        table = put("shared", lambda _: json.dumps(shared))
+    elif way == "id":
+        table = put("line", lambda line: json.dumps({**json.loads(line), "id": "../../../stolen"}))
+    else:
+        new = {"file": "../../../../stolen", "file and folder": "mjcf"}[way]
+        table = table.rename_columns([new if name == "modes.json" else name for name in table.column_names])
+    pyarrow.parquet.write_table(table.replace_schema_metadata(pyarrow.parquet.read_schema(file).metadata), file)
+    before = tree(tmp_path)
+    with pytest.raises(OSError, match=r"^(expected a hash of (64|12) hex digits|'.*' is )"):
+        records.unpack(str(out), index)
+    assert main(["batch", str(tmp_path / "copy" / "some.yaml"), "-o", str(out.parent), "--unpack", name]) == 2
+    assert "[TC923]" in (said := capsys.readouterr().err) and "is damaged" in said
+    assert tree(tmp_path) == before

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thingc.affected.changes import NotARepository, changed_since, git
+from thingc.affected.changes import NotARepository, changed_paths, changed_since, git, run_git
 from thingc.affected.touched import Touched, touched
 
-__all__ = ["NotARepository", "Touched", "changed_since", "git", "touched"]
+__all__ = ["NotARepository", "Touched", "changed_paths", "changed_since", "git", "run_git", "touched"]

@@ -12,7 +12,7 @@ from typing import TextIO
 
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.environment import Options
-from thingc.files import listing
+from thingc.files import listing, working_folder
 from thingc.printing import as_json, as_text, summary
 from thingc.shown import json_text, shown, shown_line
 from thingc.typos import did_you_mean, file_meant, nearest
@@ -368,7 +368,7 @@ def print_found(diagnostics: Sequence[Diagnostic], form: str, *, stream: TextIO,
     else:
         from thingc.reporting.places import repository
 
-        base = repository(_working_folder() or os.sep)
+        base = repository(working_folder() or os.sep)
         if form == "github":
             from thingc.reporting.github import as_github
 
@@ -422,7 +422,7 @@ def of_exception(fault: Exception) -> Diagnostic:
     if isinstance(fault, UnknownChoice | OutputError):
         code = fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE
         return Diagnostic(code=code, severity=Severity.ERROR, message=fault.message, help=fault.hint)
-    if isinstance(fault, FileNotFoundError) and not _working_folder():
+    if isinstance(fault, FileNotFoundError) and working_folder() is None:
         return Diagnostic(
             code=Code.WORKING_FOLDER, severity=Severity.ERROR, message="the working folder is not there any more",
             help="somebody has deleted it, or made it anew: `cd` to a folder that is there",
@@ -457,14 +457,6 @@ _CURES: Mapping[type[OSError], str] = {
     IsADirectoryError: "move away the folder that is in its place", PermissionError: "allow it to be written, or choose another place",
     FileNotFoundError: "somebody has moved or deleted it meanwhile: run the command again",
 }
-
-
-def _working_folder() -> str | None:
-    """The working folder; None where it has been deleted."""
-    try:
-        return os.getcwd()
-    except FileNotFoundError:
-        return None
 
 
 USAGE_CODES = frozenset({

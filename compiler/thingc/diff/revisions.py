@@ -10,13 +10,13 @@ import json
 import os
 import posixpath
 import re
-import subprocess
 import tempfile
 import tomllib
 from collections.abc import Collection, Iterable, Iterator, Mapping
 
-from thingc.affected import NotARepository, git
+from thingc.affected import NotARepository, git, run_git
 from thingc.brief import Brief
+from thingc.files import BadPath, check_tree, write_tree
 from thingc.frozen import dataclass
 from thingc.workspace import DEFAULT_PARTS, OWN_FILE, SHARED_FILE
 
@@ -37,14 +37,16 @@ class UnknownRevision(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Repository(Brief):
-    """The repository that a folder is in; `top` is the absolute path of its checkout."""
+    """The repository that a folder is in; `top` is the absolute path of its checkout. The filters of its own configuration run only if
+    it is `trusted`."""
 
     top: str
+    trusted: bool = False
 
     @staticmethod
-    def of(folder: str) -> Repository:
+    def of(folder: str, *, trusted: bool = False) -> Repository:
         """Raises `NotARepository`."""
-        return Repository(top=os.path.realpath(git(folder, "rev-parse", "--show-toplevel").rstrip("\n")))
+        return Repository(top=os.path.realpath(git(folder, "rev-parse", "--show-toplevel").rstrip("\n")), trusted=trusted)
 
     def commit(self, name: str) -> str:
         """The hash of the commit that a revision is. Raises `UnknownRevision`."""
@@ -57,15 +59,6 @@ class Repository(Brief):
     def common(self, old: str, new: str) -> str:
         """The commit where two revisions parted. Raises `UnknownRevision`, and `NotARepository` where they have nothing in common."""
         return git(self.top, "merge-base", self.commit(old), self.commit(new)).strip()
-
-    def changed(self, old: str, new: str | None, folder: str) -> list[str]:
-        """Paths in the repository, below a folder, of files that differ between two commits; `new` None: the checkout, with what is in it
-        and not committed."""
-        between = [old] if new is None else [old, new]
-        names = git(folder, "diff", "--name-only", "--no-renames", "-z", *between, "--", ".").split("\0")
-        if new is None:
-            names += git(folder, "ls-files", "--others", "--exclude-standard", "--full-name", "-z", "--", ".").split("\0")
-        return sorted({name for name in names if name})
 
     def path(self, file: str) -> str:
         """The path in the repository, with `/`, of a file that is or was in the checkout."""
@@ -129,14 +122,8 @@ class Revision:
         wanted = [path for path in dict.fromkeys(paths) if path in self._files and path not in self._there]
         self._there.update(wanted)
         contents = dict(self._contents(wanted))
-        for path, data in contents.items():
-            there = self.file(path)
-            os.makedirs(os.path.dirname(there), exist_ok=True)
-            if self._files[path][0] == _LINK:
-                os.symlink(os.fsdecode(data), there)
-            else:
-                with open(there, "wb") as stream:
-                    stream.write(data)
+        links = {path: os.fsdecode(data) for path, data in contents.items() if self._files[path][0] == _LINK}
+        write_tree(self.root, {path: data for path, data in contents.items() if path not in links}, links)
         return contents
 
     def _contents(self, paths: list[str]) -> Iterator[tuple[str, bytes]]:
@@ -144,10 +131,9 @@ class Revision:
         if not paths:
             return
         asked = b"".join(self._files[path][1].encode() + b" " + os.fsencode(path) + b"\n" for path in paths)
-        done = subprocess.run(
-            ["git", "cat-file", "--batch", "--filters"], input=asked, capture_output=True, cwd=self.repository.top,
-        )
-        data, at = done.stdout, 0
+        data, at = run_git(
+            self.repository.top, "cat-file", "--batch", "--filters", given=asked, trusted=self.repository.trusted,
+        ), 0
         for path in paths:
             end = data.find(b"\n", at)
             words = data[at:end].split()
@@ -159,14 +145,21 @@ class Revision:
 
 
 def _listed(top: str, commit: str) -> Mapping[str, tuple[str, str]]:
-    """The files of a commit: mode and hash by path. Submodules are left out, and names that no checkout could have."""
+    """The files of a commit: mode and hash by path. Submodules are left out, and names that no checkout could have.
+
+    Raises `NotARepository` if a path is both a file and a folder.
+    """
     files: dict[str, tuple[str, str]] = {}
     for line in git(top, "ls-tree", "-r", "-z", "--full-tree", commit).split("\0"):
         about, tab, path = line.partition("\t")
-        if tab and "\n" not in path and not {"", ".", ".."} & set(path.split("/")):
+        if tab and "\n" not in path and not {"", ".", "..", ".git"} & set(path.lower().split("/")):
             mode, kind, sha = about.split()
             if kind == "blob":
                 files[path] = (mode, sha)
+    try:
+        check_tree(files)
+    except BadPath as fault:
+        raise NotARepository(f"the tree of {commit[:12]} cannot be written to a folder: {fault}") from fault
     return files
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 
-from thingc.affected import touched
+from thingc.affected import changed_paths, touched
 from thingc.brief import Brief
 from thingc.diagnostics import Diagnostic
 from thingc.diff.builds import UnreadableSide, outline, portrait_of_build, portrait_of_lock
@@ -59,13 +59,16 @@ class BrokenSide(Brief):
     texts: Mapping[str, str]
 
 
-def laid_out(asked: Asked, stack: ExitStack) -> list[Both]:
-    """The documents that are compared, laid out until the stack is left. Raises `UnknownSide`, `NotARepository`."""
+def laid_out(asked: Asked, stack: ExitStack, *, code: bool) -> list[Both]:
+    """The documents that are compared, laid out until the stack is left; `code`: whether code of the repository may run.
+
+    Raises `UnknownSide`, `NotARepository`.
+    """
     if asked.old.kind in ("document", "build", "lock"):
         old, new = (Laid(path=side.place, kind=side.kind) for side in (asked.old, asked.new))
         return [Both(name=asked.new.name, old=old, new=new)]
     here = os.getcwd()
-    repository = Repository.of(here)
+    repository = Repository.of(here, trusted=code)
     states = [_state(repository, side, stack) for side in (asked.old, asked.new)]
     if asked.documents:
         paths = [repository.path(document) for document in asked.documents]
@@ -106,7 +109,7 @@ def _laid(repository: Repository, state: Revision | None, path: str) -> Laid | N
 
 def _concerned(repository: Repository, asked: Asked, states: Sequence[Revision | None], here: str) -> list[str]:
     """The documents below the working folder that depend on a file which differs: those that nothing else nests, or with modes."""
-    changed = repository.changed(asked.old.place, asked.new.place or None, here)
+    changed = changed_paths(here, asked.old.place, *filter(None, [asked.new.place]), trusted=repository.trusted)
     if not changed:
         return []
     folder = repository.path(os.path.join(here, "document")).rpartition("/")[0]

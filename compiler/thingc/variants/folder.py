@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
-from thingc.files import listing
+from thingc.files import BadPath, listing
 from thingc.output import NOTHING, same_file
 from thingc.output import unexpected_files as unexpected_in_build
 from thingc.realize import Digests
@@ -268,6 +268,9 @@ def in_words(folder: str, fault: OSError) -> BatchFault:
     """Why the system refuses to write a batch, or to read what is there of it."""
     if isinstance(fault, DamagedChunk):
         return BatchFault(Code.BATCH_CHANGED, fault.words, fault.cure)
+    if isinstance(fault, BadPath):
+        message = f"a file of the batch in `{shown_path(folder)}` is damaged: {fault}"
+        return BatchFault(Code.BATCH_CHANGED, message, "delete the folder and build the batch again")
     place = shown_path(str(fault.filename)) if fault.filename is not None else shown_path(folder)
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return BatchFault(

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Severity
-from thingc.files import listing
+from thingc.files import listing, write_tree
 from thingc.line_process import LineProcess, Lost
 from thingc.summing import plain_sum
 from thingc.variants import places
@@ -103,11 +103,8 @@ def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[t
             place = os.path.join(places.variant_folder(folder, id), "mjcf")
             if packed(folder):
                 place = os.path.join(scratch, id)
-                os.makedirs(os.path.join(place, "assets"))
-                with open(os.path.join(place, name), "wb") as stream:
-                    stream.write(files.read(f"mjcf/{name}"))
-                for mesh, (_, path) in files.meshes().items():
-                    os.symlink(path, os.path.join(place, "assets", mesh))
+                meshes = {f"{id}/assets/{mesh}": path for mesh, (_, path) in files.meshes().items()}
+                write_tree(scratch, {f"{id}/{name}": files.read(f"mjcf/{name}")}, meshes)
             models.append((id, os.path.join(place, name)))
         yield models
 

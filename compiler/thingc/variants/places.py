@@ -19,7 +19,7 @@ import shutil
 from collections.abc import Mapping
 
 from thingc.emit.artifact import MANIFEST, Content, Stored
-from thingc.files import listing
+from thingc.files import check_tree, hash_name, listing, write_new
 from thingc.output import Blobs
 
 BATCH = "batch.json"
@@ -48,8 +48,8 @@ def set_aside() -> str:
 
 
 def variant_folder(folder: str, id: str) -> str:
-    """The folder of a variant."""
-    return os.path.join(folder, VARIANTS, id)
+    """The folder of a variant. Raises `BadPath` if the identifier is not one."""
+    return os.path.join(folder, VARIANTS, hash_name(id, 12))
 
 
 def manifest_of(folder: str, id: str) -> str:
@@ -67,8 +67,10 @@ def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blo
     """Write a variant's folder: it appears as a whole, by one rename, or not at all. Files that lie in the store are hard links
     to one file in `assets/`.
 
-    Replaces what an earlier run left there. Raises `OSError` when the system refuses, `BlobMissing` of the store.
+    Replaces what an earlier run left there. Raises `OSError` when the system refuses or a path leaves the folder, `BlobMissing` of the
+    store.
     """
+    check_tree(files)
     place = variant_folder(folder, id)
     fresh = os.path.join(folder, VARIANTS, f"{NEW}{id}-{_OWN_END}")
     os.mkdir(fresh)
@@ -78,9 +80,9 @@ def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blo
             _make(fresh, path.rpartition("/")[0], made)
             target = f"{fresh}/{path}"
             if isinstance(content, Stored):
-                _share(os.path.join(folder, ASSETS), content, store, target)
+                _share(folder, content, store, target)
             else:
-                _write(target, content)
+                write_new(target, content)
         try:
             os.rename(fresh, place)
         except OSError as fault:
@@ -105,7 +107,7 @@ def keep_asset(folder: str, sha256: str, store: Blobs) -> None:
         return
     fresh = os.path.join(folder, ASSETS, f"{NEW}{sha256}-{_OWN_END}")
     try:
-        _write(fresh, store.read(sha256))
+        write_new(fresh, store.read(sha256))
         os.rename(fresh, asset)
     except BaseException:
         remove(fresh)
@@ -125,8 +127,8 @@ class Assets:
 
 
 def asset_path(folder: str, sha256: str) -> str:
-    """Where a file that variants share lies."""
-    return os.path.join(folder, ASSETS, sha256)
+    """Where a file that variants share lies. Raises `BadPath` if the hash is not one."""
+    return os.path.join(folder, ASSETS, hash_name(sha256))
 
 
 def _make(fresh: str, folder: str, made: set[str]) -> None:
@@ -137,21 +139,10 @@ def _make(fresh: str, folder: str, made: set[str]) -> None:
         made.add(folder)
 
 
-def _write(path: str, data: bytes) -> None:
-    """Write a file with as few calls as possible: a batch writes tens of thousands."""
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
-    try:
-        rest = memoryview(data)
-        while rest:
-            rest = rest[os.write(descriptor, rest):]
-    finally:
-        os.close(descriptor)
-
-
-def _share(assets: str, content: Stored, store: Blobs, target: str) -> None:
+def _share(folder: str, content: Stored, store: Blobs, target: str) -> None:
     """Make `target` a link to the asset with this content, which is written first where it is not there; a copy where the file
     system has no links."""
-    asset = os.path.join(assets, content.sha256)
+    asset = asset_path(folder, content.sha256)
     full = False
     try:
         os.link(asset, target)
@@ -160,13 +151,13 @@ def _share(assets: str, content: Stored, store: Blobs, target: str) -> None:
         pass
     except OSError as fault:
         if fault.errno in (errno.EPERM, errno.ENOTSUP, errno.EXDEV, errno.ENOSYS):
-            _write(target, store.read(content.sha256))
+            write_new(target, store.read(content.sha256))
             return
         if fault.errno != errno.EMLINK:  # ext4 has at most 65 000 links to a file: begin another one
             raise
         full = True
-    fresh = os.path.join(assets, f"{NEW}{content.sha256}-{_OWN_END}")
-    _write(fresh, store.read(content.sha256))
+    fresh = os.path.join(folder, ASSETS, f"{NEW}{content.sha256}-{_OWN_END}")
+    write_new(fresh, store.read(content.sha256))
     try:
         if full:
             os.link(fresh, target)

@@ -358,12 +358,12 @@ class _Blobs:
 
     def _wanted(self) -> Iterator[Wanted]:
         """What is to be fetched: the own files of variants, and shared ones that are nowhere here."""
-        assets = os.path.join(self.shipping.folder, places.ASSETS)
         known: set[str] = set()
         for row in self.answer.rows:
             for path, size, sha256, shared in self.answer.files.get(row["id"], ()):
                 if shared and (
-                    sha256 in known or os.path.exists(os.path.join(assets, sha256)) or self.shipping.store.has(sha256, size)
+                    sha256 in known or os.path.exists(places.asset_path(self.shipping.folder, sha256))
+                    or self.shipping.store.has(sha256, size)
                 ):
                     continue
                 known.update([sha256] if shared else [])

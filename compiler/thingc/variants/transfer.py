@@ -22,6 +22,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 from thingc.diagnostics import Code
+from thingc.files import check_tree
 from thingc.frozen import dataclass
 from thingc.variants.folder import BatchFault, read_batch
 from thingc.variants.planning import OUTSIDE, Plan
@@ -61,8 +62,10 @@ class Transfer:
             raise ValueError("the packed workspace has been damaged on the way")
         os.makedirs(folder)
         with tarfile.open(fileobj=io.BytesIO(data), mode="r:") as archive:
+            members = sorted(archive.getmembers(), key=tarfile.TarInfo.issym)  # links last
+            check_tree(member.name for member in members if not member.isdir())
             try:
-                archive.extractall(folder, filter="data")
+                archive.extractall(folder, members, filter="data")
             except tarfile.FilterError as fault:
                 raise ValueError(str(fault)) from fault
 
@@ -126,7 +129,10 @@ class _Search:
         )
 
     def _add(self, path: str) -> None:
-        name = os.path.relpath(path, self.root).replace(os.sep, "/")
+        folder, own = os.path.split(path)
+        if self.workspace.contains(folder):  # a file behind a link goes along where it is
+            path = os.path.join(os.path.realpath(folder), own)
+        name = os.path.relpath(path, os.path.realpath(self.root)).replace(os.sep, "/")
         if name in self.found:
             return
         try:

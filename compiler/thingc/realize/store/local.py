@@ -22,6 +22,8 @@ import sys
 from collections.abc import Iterator
 from typing import Any
 
+from thingc.files import hash_name
+
 SEALED = 946_684_800
 """The modification time [s] every blob gets when it is whole (2000-01-01): a blob that was written to afterwards shows
 another time, and is hashed before it is trusted."""
@@ -78,7 +80,8 @@ class Store:
     # --- blobs ---------------------------------------------------------------------------------------------------
 
     def path(self, sha256: str) -> str:
-        """Where the blob lies, or would lie."""
+        """Where the blob lies, or would lie. Raises `BadPath`, an `OSError`, if the hash is not one."""
+        hash_name(sha256)
         return os.path.join(self.root, "blobs", sha256[:2], sha256[2:])
 
     def put(self, data: bytes) -> str:
@@ -93,8 +96,8 @@ class Store:
 
         A sealed blob is believed; one whose time differs is hashed, and sealed again or thrown away.
         """
-        path = self.path(sha256)
         try:
+            path = self.path(sha256)
             status = os.stat(path)
         except OSError:
             return False
@@ -113,8 +116,8 @@ class Store:
 
     def read(self, sha256: str) -> bytes:
         """The bytes, checked against their name. Raises `BlobMissing` when they are absent or damaged."""
-        path = self.path(sha256)
         try:
+            path = self.path(sha256)
             with open(path, "rb") as stream:
                 data = stream.read()
         except OSError:

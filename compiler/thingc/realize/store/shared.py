@@ -88,7 +88,7 @@ class SharedStore(Store):
         return value
 
     def _fetched(self, sha256: str) -> bool:
-        data = self._fetch(self.path(sha256))
+        data = self._fetch(self.path(sha256)) if _SHA256.fullmatch(sha256) else None
         if data is None or hashlib.sha256(data).hexdigest() != sha256:
             if data is not None:
                 self._damaged.add(sha256)
