@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # Of two cores: many tests wait for processes that they have started.
 JOBS ?= 3
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer conformance bench-weld print-masses walk climb bridge-search codesign mutants slips fuzz kills schemas docs site pictures viewer freeze frozen structure clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer conformance bench-weld print-masses walk climb bridge-search codesign mutants slips fuzz kills schemas docs site pictures viewer constraints release freeze frozen structure clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -133,6 +133,18 @@ pictures: $(VENV)/.thingc-dev
 # Needs Node.js and npm: what it makes is committed, so that nobody else does.
 viewer:
 	cd viewer && npm ci --no-audit --no-fund && npm run build
+
+# The versions that the GitHub Action installs. Needs uv.
+constraints:
+	uv pip compile pyproject.toml --universal --python-version 3.11 --no-annotate --upgrade --quiet --custom-compile-command "make constraints" -o gate/constraints.txt
+
+# The files of a release, in dist/: sdist, wheel, and the CycloneDX bills of materials of Python and of the viewer's JavaScript. Needs npm.
+release: $(VENV)/.thingc-dev
+	rm -rf dist
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check build cyclonedx-bom
+	$(BIN)/python -m build --outdir dist
+	$(BIN)/cyclonedx-py requirements gate/constraints.txt --pyproject pyproject.toml --output-reproducible -o dist/thingc.cdx.json
+	cd viewer && npm sbom --omit dev --package-lock-only --sbom-format cyclonedx > ../dist/thingc-viewer.cdx.json
 
 clean:
 	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache

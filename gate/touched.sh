@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # What the change concerns: writes `list` (a file of documents, each ended by NUL), `documents` (one on a line), `roots` (a file of
 # assemblies to build, ended by NUL) and `code` (may part code run) to the step's outputs. Needs SINCE (empty: everything counts),
-# TRUST and FORK.
+# TRUST, EVENT (the name of GitHub's event), REPOSITORY (where this runs) and HEAD (the repository that a pull request comes from; empty if
+# the event does not name one, or if it was deleted).
 set -euo pipefail
 source "${BASH_SOURCE[0]%/*}/runner.sh"
 
@@ -22,10 +23,12 @@ timeout 300 thingc touched "$which" -0 --roots > "$roots"
 mapfile -d '' -t documents < "$list"
 mapfile -d '' -t assemblies < "$roots"
 
+# Whoever can push to this repository may run code in its jobs already. Every other event may be about a stranger's code.
+code=no
 case "$TRUST" in
     yes) code=yes ;;
-    no) code=no ;;
-    *) if [[ "$FORK" == true ]]; then code=no; else code=yes; fi ;;
+    no) ;;
+    *) if [[ "$EVENT" == push || ( -n "$HEAD" && "$HEAD" == "$REPOSITORY" ) ]]; then code=yes; fi ;;
 esac
 
 output code "$code"

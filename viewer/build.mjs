@@ -5,6 +5,7 @@ import { readdirSync, readFileSync, writeFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
 import { join } from "node:path";
 import { build } from "esbuild";
+import { licenceComment } from "./licences.mjs";
 
 const here = fileURLToPath(new URL(".", import.meta.url));
 const target = join(here, "../compiler/thingc/emit/html/page/viewer.js");
@@ -17,9 +18,9 @@ for (const name of [...sources.map((name) => `src/${name}`), "package-lock.json"
 
 const made = await build({
   entryPoints: [join(here, "src/main.ts")], bundle: true, minify: true, format: "iife", target: "es2022", write: false,
-  legalComments: "inline", charset: "utf8",
+  legalComments: "inline", charset: "utf8", metafile: true, absWorkingDir: here,
 });
 // `</script` and `<!--` would end the element that the page has it in
-const text = made.outputFiles[0].text.replaceAll("</script", "<\\/script").replaceAll("<!--", "<\\!--");
+const text = (licenceComment(made.metafile, here) + made.outputFiles[0].text).replaceAll("</script", "<\\/script").replaceAll("<!--", "<\\!--");
 writeFileSync(target, `// thingc viewer, with three.js (MIT, https://threejs.org). Made from viewer/ by \`make viewer\`; sources ${digest.digest("hex")}\n${text}`);
 console.log(`${target}: ${(text.length / 1024).toFixed(0)} KiB`);

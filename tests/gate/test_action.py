@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +14,8 @@ from typing import Any
 
 import pytest
 import yaml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from gate.repository import commit, fork, git
 
@@ -120,7 +123,7 @@ def job(repository: Path, tmp_path: Path, shared_store: str) -> Job:
     temp.mkdir()
     return Job(folder=repository, temp=temp, store=shared_store, github={
         "event.pull_request.base.sha": git(repository, "rev-parse", "main").strip(),
-        "event.pull_request.head.repo.fork": "false",
+        "event_name": "pull_request", "repository": "us/robots", "event.pull_request.head.repo.full_name": "us/robots",
     })
 
 
@@ -156,7 +159,7 @@ def test_part_code_of_a_fork_is_not_run(job: Job, tmp_path: Path) -> None:
     subprocess.run([BIN / "thingc", "lock"], cwd=job.folder, env={**os.environ, "THINGC_STORE": job.store}, check=True)
     commit(job.folder, "lock")
     job.github["event.pull_request.base.sha"] = git(job.folder, "rev-parse", "HEAD").strip()
-    job.github["event.pull_request.head.repo.fork"] = "true"
+    job.github["event.pull_request.head.repo.full_name"] = "stranger/robots"
     marker = tmp_path / "was-run"
     part = job.folder / "parts" / "arm.py"
     part.write_text(f"open({str(marker)!r}, 'w')\n" + part.read_text())
@@ -165,6 +168,32 @@ def test_part_code_of_a_fork_is_not_run(job: Job, tmp_path: Path) -> None:
     assert job.outputs["touched"]["code"] == "no"
     assert not marker.exists()
     assert "Build" not in job.printed
+
+
+@pytest.mark.parametrize(("event", "head", "trust", "code"), [
+    ("push", None, "auto", "yes"),
+    ("pull_request", "us/robots", "auto", "yes"),
+    ("pull_request_target", "us/robots", "auto", "yes"),
+    ("pull_request", "stranger/robots", "auto", "no"),
+    ("pull_request_target", "stranger/robots", "auto", "no"),
+    ("pull_request", None, "auto", "no"),  # the fork was deleted
+    ("pull_request", "upstream/robots", "auto", "no"),  # this is the fork, and the change comes from upstream
+    ("workflow_run", None, "auto", "no"),
+    ("issue_comment", None, "auto", "no"),
+    ("merge_group", None, "auto", "no"),
+    ("", None, "auto", "no"),
+    ("workflow_run", None, "yes", "yes"),
+    ("push", None, "no", "no"),
+    ("workflow_run", None, "true", "no"),  # not a value of `trust`
+])
+def test_part_code_runs_only_where_its_author_may_push(tmp_path: Path, event: str, head: str | None, trust: str, code: str) -> None:
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    github = {"event_name": event, "repository": "us/robots"} | ({} if head is None else {"event.pull_request.head.repo.full_name": head})
+    job = Job(folder=tmp_path, temp=tmp_path, store=str(tmp_path / "store"), github=github)
+    job.inputs = {"folder": ".", "since": "", "trust": trust}
+    job.step(steps()[0])
+    assert not job.failed, job.printed
+    assert job.outputs["touched"]["code"] == code
 
 
 def test_a_change_of_something_else_builds_nothing(job: Job) -> None:
@@ -329,6 +358,21 @@ def test_the_action_is_well_formed() -> None:
         [BIN / "check-jsonschema", "--builtin-schema", "vendor.github-actions", ROOT / "action.yml"], capture_output=True, text=True,
     )
     assert done.returncode == 0, done.stdout
+
+
+def test_actions_and_dependencies_are_pinned() -> None:
+    """Nobody can change what the action runs by moving a tag or by publishing a release."""
+    action = yaml.safe_load((ROOT / "action.yml").read_text())
+    used = [step["uses"] for step in action["runs"]["steps"] if "uses" in step]
+    assert len(used) == 3 and all(re.fullmatch(r"actions/[\w-]+@[0-9a-f]{40}", one) for one in used)
+    pins = [Requirement(line) for line in (ROOT / "gate/constraints.txt").read_text().splitlines() if not line.startswith("#")]
+    for line in tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]:
+        wanted = Requirement(line)
+        found = [pin for pin in pins if canonicalize_name(pin.name) == canonicalize_name(wanted.name)]
+        assert found, f"{wanted.name} is not pinned: run `make constraints`"
+        for pin in found:
+            (version,) = pin.specifier
+            assert version.operator == "==" and wanted.specifier.contains(version.version), f"{pin} is not {wanted}: run `make constraints`"
 
 
 def test_hook_check(repository: Path, shared_store: str) -> None:

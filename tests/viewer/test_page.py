@@ -107,3 +107,11 @@ def test_the_program_was_made_from_these_sources() -> None:
         digest.update(f"{name}\n".encode() + (folder / name).read_bytes())
     first = (ROOT / "compiler/thingc/emit/html/page/viewer.js").read_text().partition("\n")[0]
     assert first.endswith(f"sources {digest.hexdigest()}"), "run `make viewer`"
+
+
+def test_the_page_contains_the_licence_of_three(pages: Pages) -> None:
+    """The MIT licence requires its text in every copy."""
+    version = json.loads((ROOT / "viewer/package.json").read_text())["dependencies"]["three"]
+    page = (pages.arm / "html/arm.html").read_text()
+    assert f"\nthree {version}\n\nThe MIT License\n\nCopyright ©" in page
+    assert "The above copyright notice and this permission notice shall be included in" in page

@@ -1,9 +1,8 @@
-// Starts `thingc lsp` and hands everything on; all that is known of robots is known there.
-import { existsSync } from "node:fs";
-import { join } from "node:path";
+// Starts `thingc lsp` and connects it to VS Code. The language server has all knowledge of robots.
 import { commands, window, workspace } from "vscode";
 import type { ExtensionContext } from "vscode";
 import { LanguageClient } from "vscode-languageclient/node";
+import { findProgram } from "./program.mjs";
 
 const DOCUMENTS = [
   { scheme: "file", pattern: "**/*.{yaml,yml,toml}" },
@@ -26,31 +25,37 @@ export function deactivate(): Promise<void> | undefined {
   return client?.dispose();
 }
 
-/** What starts thingc: as it is set, else of the folder's own environment, but only where the folder is trusted, for that runs it. */
-function command(): string[] {
-  const words = workspace.getConfiguration("thingc").get<string[]>("command", []);
-  if (words.length > 0) return words;
-  const own = process.platform === "win32" ? "Scripts/thingc.exe" : "bin/thingc";
-  const places = workspace.isTrusted ? (workspace.workspaceFolders ?? []).map((folder) => join(folder.uri.fsPath, ".venv", own)) : [];
-  return [places.find((place) => existsSync(place)) ?? "thingc"];
-}
-
 async function restart(): Promise<void> {
   await client?.dispose().catch(() => undefined);
-  const [program = "thingc", ...words] = command();
+  const configured = workspace.getConfiguration("thingc").get<string[]>("command", []);
+  const found = findProgram({
+    words: configured, trusted: workspace.isTrusted, folders: (workspace.workspaceFolders ?? []).map((folder) => folder.uri.fsPath),
+    path: process.env["PATH"] ?? "", windows: process.platform === "win32",
+  });
+  if (found === undefined) {
+    client = undefined;
+    const name = configured[0] ?? "thingc";
+    await offerSettings(`There is no \`${name}\` outside of this workspace, and it is not trusted. Install thingc, or set thingc.command in your user settings to its absolute path.`);
+    return;
+  }
+  const { program, words, cwd } = found;
   const watcher = workspace.createFileSystemWatcher(WATCHED);
   client = new LanguageClient(
     "thingc", "thingc",
-    { command: program, args: [...words, "lsp"], options: { cwd: workspace.workspaceFolders?.[0]?.uri.fsPath } },
+    { command: program, args: [...words, "lsp"], options: cwd === undefined ? {} : { cwd } },
     { documentSelector: DOCUMENTS, synchronize: { fileEvents: watcher }, initializationOptions: { trusted: workspace.isTrusted } },
   );
   try {
     await client.start();
   } catch (fault) {
-    const choice = await window.showErrorMessage(
-      `\`${[program, ...words].join(" ")} lsp\` does not start (${fault instanceof Error ? fault.message : fault}). Install it with \`pip install 'thingc[lsp]'\`, or say under thingc.command where it is.`,
-      "Open settings",
+    const reason = fault instanceof Error ? fault.message : fault;
+    await offerSettings(
+      `\`${[program, ...words].join(" ")} lsp\` does not start (${reason}). Install it with \`pip install 'thingc[lsp]'\`, or set thingc.command.`,
     );
-    if (choice !== undefined) await commands.executeCommand("workbench.action.openSettings", "thingc.command");
   }
+}
+
+async function offerSettings(message: string): Promise<void> {
+  const choice = await window.showErrorMessage(message, "Open settings");
+  if (choice !== undefined) await commands.executeCommand("workbench.action.openSettings", "thingc.command");
 }
