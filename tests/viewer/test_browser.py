@@ -440,6 +440,10 @@ def test_the_picture_can_be_kept(browser: Any, pages: Pages) -> None:
         assert kept.size[0] > 300 and len(kept.getcolors(1 << 24) or []) > 100
 
 
+BEYOND = "(one) => document.querySelector(one).scrollWidth - document.querySelector(one).clientWidth"
+"""How much of an element is beyond its right edge [px]."""
+
+
 @pytest.mark.parametrize("size", [(400, 800), (720, 600), (1280, 720)])
 def test_everything_is_in_reach_on_a_small_screen(browser: Any, pages: Pages, size: tuple[int, int]) -> None:
     """Nothing is wider than the window, and what there is to press can be pressed."""
@@ -447,14 +451,16 @@ def test_everything_is_in_reach_on_a_small_screen(browser: Any, pages: Pages, si
         assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
         box = page.locator("#canvas").bounding_box()
         assert box["height"] > 200 and box["width"] > 300
-        for tab in ("Parts", "Bill", "Show", "Measure", "Move"):
+        for tab in ("Parts", "Show", "Measure", "Move", "Bill"):
             page.get_by_role("tab", name=tab).click()
             assert page.locator("#panels section:visible").count() == 1
-            beyond = "(one) => document.querySelector(one).scrollWidth - document.querySelector(one).clientWidth"
-            assert [page.evaluate(beyond, one) for one in ("#tabs", "#panels section:not([hidden])")] == [0, 0]
-            if tab == "Bill":  # its words are not broken into columns of letters
-                cells = page.evaluate("[...document.querySelectorAll('#panel-bom td')].map((cell) => cell.getBoundingClientRect().height)")
-                assert max(cells) < 120
+            assert [page.evaluate(BEYOND, one) for one in ("#tabs", "#panels section:not([hidden])")] == [0, 0]
+        # with any font: narrow, wide, and wider than any that is installed
+        for style in ("", "font-family: 'Liberation Serif'", "font-family: 'DejaVu Sans Mono'", "font-family: 'DejaVu Sans'; letter-spacing: .12em"):
+            page.add_style_tag(content=f"* {{ {style} }}")
+            cells = page.evaluate("[...document.querySelectorAll('#panel-bom td')].map((cell) => cell.getBoundingClientRect().height)")
+            assert 0 < max(cells) < 120, "words are not broken into columns of letters"
+            assert [page.evaluate(BEYOND, one) for one in ("#tabs", "#panels section:not([hidden])")] == [0, 0]
         modes = page.locator("#modes")
         fades = size[0] < 820  # a row that has more than is seen says so at that end
         assert (modes.get_attribute("class") or "").split() == ["chips", *(["after"] if fades else [])]

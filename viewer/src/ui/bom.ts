@@ -17,13 +17,14 @@ export function bomPanel(panel: HTMLElement, viewer: Viewer): void {
       const choose = (): void => viewer.choose(pieces);
       const row = make(
         "tr", { tabindex: 0, onclick: choose, onkeydown: (event) => { if (["Enter", " "].includes((event as KeyboardEvent).key)) { event.preventDefault(); choose(); } } },
-        make("td", {}, one.number), make("td", { title: one.definition }, ...breakable(one.name)), make("td", { class: "number" }, String(one.quantity)),
-        make("td", {}, [one.make, one.material, one.supplier, one.cost].filter((word) => word !== null).join(", ")),
+        make("td", {}, one.number),
+        make("td", { title: one.definition }, ...breakable(one.name), make("small", {}, [one.make, one.material, one.supplier, one.cost].filter((word) => word !== null).join(", "))),
+        make("td", { class: "number" }, String(one.quantity)),
         make("td", { class: "number", title: one.source }, shownMass(one.mass)),
       );
       return { row, pieces };
     });
-    const head = make("tr", {}, ...["no.", "name", "qty", "how", "mass each"].map((word, k) => make("th", { class: [2, 4].includes(k) ? "number" : "" }, word)));
+    const head = make("tr", {}, ...["no.", "part", "qty", "mass each"].map((word, k) => make("th", { class: k >= 2 ? "number" : "" }, word)));
     panel.replaceChildren(make("table", { role: "grid", "aria-label": "bill of materials" }, make("thead", {}, head), make("tbody", {}, ...rows.map(({ row }) => row))));
     if (rows.length === 0) panel.replaceChildren(make("p", { class: "soft" }, "there is nothing to print or to buy"));
     update();
