@@ -9,6 +9,7 @@ import pytest
 
 from thingc.diagnostics import Code, Report
 from thingc.load import Documents, documents_in, load
+from thingc.load.finding import MOST_FILES, MOST_FOLDERS
 from thingc.workspace import Workspace
 
 HEAD = "thingc: assembly/1\nname: x\n"
@@ -236,3 +237,23 @@ def test_which_files_are_documents(tmp_path: Path) -> None:
         "thingc.toml": 'thingc = "workspace/1"\n',
     })
     assert [Path(path).name for path in documents_in(str(tmp_path))] == ["a.toml", "b.yaml"]
+
+
+def test_the_search_is_bounded_without_a_workspace_file(tmp_path: Path) -> None:
+    """A loose document may be in a home folder: its editor must not wait for a search of everything below."""
+    for number in range(MOST_FOLDERS + 20):
+        (tmp_path / f"d{number:03}" / "inner").mkdir(parents=True)
+        (tmp_path / f"d{number:03}" / "a.yaml").write_text("thingc: assembly/1\n")
+        (tmp_path / f"d{number:03}" / "inner" / "b.yaml").write_text("thingc: assembly/1\n")
+    loose = Workspace.find(str(tmp_path / "robot.yaml"), Report())
+    assert len(documents_in(str(tmp_path), loose)) == MOST_FOLDERS - 1, "this folder, and those nearest to it"
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    whole = Workspace.find(str(tmp_path / "robot.yaml"), Report())
+    assert len(documents_in(str(tmp_path), whole)) == 2 * (MOST_FOLDERS + 20)
+
+
+def test_few_files_are_read_without_a_workspace_file(tmp_path: Path) -> None:
+    for number in range(MOST_FILES + 10):
+        (tmp_path / f"{number:04}.yaml").write_text("thingc: assembly/1\n")
+    loose = Workspace.find(str(tmp_path / "robot.yaml"), Report())
+    assert len(documents_in(str(tmp_path), loose)) == MOST_FILES

@@ -26,46 +26,46 @@ def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
     """Absolute paths of the assembly, materials and variants documents below a folder, sorted: the files that have the key `thingc`, also
     where it says something wrong. All others are somebody else's.
 
-    With a workspace only its own: its build folder and workspaces inside of it are passed over. Hidden folders and virtual
-    environments always are; links to folders are not followed. A file that cannot be read is no document here: whoever
-    names it hears why.
+    With a workspace only its own: its build folder and workspaces inside of it are skipped. Without a workspace file nothing says where the
+    workspace ends, so the search is bounded as in `documents_near`. Hidden folders and virtual environments are always skipped; links to
+    folders are not followed. A file that cannot be read is not a document here: the command that names it reports the reason.
     """
-    return _documents(folder, workspace, None)
+    return _documents(folder, workspace, bounded=workspace is not None and workspace.origin is None)
 
 
-def _documents(folder: str, workspace: Workspace | None, most: int | None) -> list[str]:
-    """Of the first so many folders, those above before those in them."""
+def _documents(folder: str, workspace: Workspace | None, *, bounded: bool) -> list[str]:
+    """All documents below a folder, or those among the nearest `MOST_FOLDERS` folders and `MOST_FILES` files that could be one."""
     paths: list[str] = []
     build = os.path.realpath(workspace.build) if workspace is not None else None
     waiting = deque([os.path.abspath(folder)])
-    while waiting and most != 0:
-        path, folders, files = next(os.walk(waiting.popleft()), ("", [], []))
-        most = most if most is None else most - 1
-        waiting += (
-            os.path.join(path, name) for name in sorted(folders)
-            if not name.startswith(".") and name not in _OTHERS and not os.path.islink(os.path.join(path, name))
-            and _belongs(os.path.join(path, name), build)
-        )
+    looked = read = 0
+    while waiting and not (bounded and (looked == MOST_FOLDERS or read >= MOST_FILES)):
+        place = waiting.popleft()
+        if looked and (os.path.islink(place) or not _belongs(place, build)):
+            continue
+        path, folders, files = next(os.walk(place), ("", [], []))
+        waiting += (os.path.join(path, name) for name in sorted(folders) if not name.startswith(".") and name not in _OTHERS)
+        named = [name for name in sorted(files) if name.lower().endswith(DOCUMENT_SUFFIXES) and not name.startswith(".")]
         paths += [
-            os.path.join(path, name) for name in sorted(files)
-            if name.lower().endswith(DOCUMENT_SUFFIXES) and not name.startswith(".") and is_document(os.path.join(path, name))
+            os.path.join(path, name) for name in (named[:MOST_FILES - read] if bounded else named) if is_document(os.path.join(path, name))
         ]
+        looked, read = looked + 1, read + len(named)
     return sorted(paths)
 
 
-MOST_FOLDERS = 200
-"""Folders that are looked into for a document that somebody may have meant."""
+MOST_FOLDERS, MOST_FILES = 200, 2000
+"""The bounds of a search that nobody should have to wait for: folders, and files whose first bytes are read."""
 
 
 def documents_near(folder: str, workspace: Workspace | None) -> list[str]:
     """Absolute paths of the documents below a folder, or below that of its `workspace` where it lies in one, those of other workspaces
-    among them; of the `MOST_FOLDERS` nearest folders, so that nobody waits who has mistyped a name at home."""
-    return _documents(folder if workspace is None else workspace.root, None, MOST_FOLDERS)
+    among them. The search is bounded (`MOST_FOLDERS`, `MOST_FILES`): it also runs after a mistyped name in a home folder."""
+    return _documents(folder if workspace is None else workspace.root, None, bounded=True)
 
 
 def assemblies_in(folder: str, workspace: Workspace) -> list[str]:
-    """Absolute paths of the assembly documents below a folder, of its workspace alone; of the first `MOST_FOLDERS` folders."""
-    return [path for path in _documents(folder, workspace, MOST_FOLDERS) if is_document(path, "assembly/")]
+    """Absolute paths of the assembly documents below a folder, of its workspace alone; the search is bounded."""
+    return [path for path in _documents(folder, workspace, bounded=True) if is_document(path, "assembly/")]
 
 
 def is_document(path: str, kind: str = "") -> bool:
