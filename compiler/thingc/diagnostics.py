@@ -260,7 +260,7 @@ class Code(Enum):
     SOURCE_TREE = ("TC953", "links and joints that are no tree", "Let one link be the root, and each other one hang on it by one joint.")
     SOURCE_INERTIA = ("TC954", "link of a file that cannot move", "Mend its mass or inertia, or write `--repair inertia=nearest`.")
     SOURCE_DOUBT = ("TC955", "doubt about a robot's file", "Look at the two places, and mend the file if one of them is wrong.")
-    SOURCE_FILE = ("TC956", "file that a robot's file names", "Say where its package is, `--package NAME=DIR`, or write `--no-meshes`.")
+    SOURCE_FILE = ("TC956", "file that a robot's file names", "Specify `--package NAME=DIR` or `--mesh-root DIR`, or use `--no-meshes`.")
     SOURCE_CONFLICT = ("TC957", "change here and in the source", "Write at the place shown what is right.")
 
     def __init__(self, code: str, title: str, cure: str, warned_by: Stage | None = None) -> None:

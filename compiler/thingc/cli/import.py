@@ -42,6 +42,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="where `package://NAME/...` is (may be repeated; else folders above the file, ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
     )
     parser.add_argument(
+        "--mesh-root", metavar="DIR", action="append", default=[],
+        help="a folder outside the robot's own whose files may be copied, found by the end of their path (may be repeated)",
+    )
+    parser.add_argument(
         "--arg", metavar="NAME=VALUE", action="append", default=[], help="of a xacro file: an argument, `$(arg NAME)` (may be repeated)",
     )
     parser.add_argument("--no-meshes", action="store_true", help="leave meshes out, each of which is listed then")
@@ -68,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     given = dict(_argument(word) for word in arguments.arg)
     imported = import_robot(
         arguments.file, report, roots=arguments.root, repair=arguments.repair, packages=packages, arguments=given,
-        meshes=not arguments.no_meshes,
+        meshes=not arguments.no_meshes, mesh_roots=[_folder(word) for word in arguments.mesh_root],
         earlier=lambda name: earlier_import(arguments.output or name), update=arguments.update,
     )
     texts: dict[str, str] = {}
@@ -174,6 +178,13 @@ def _package(word: str) -> tuple[str, str]:
     if not name or not os.path.isdir(folder):
         raise common.WrongCommandLine(f"--package: expected NAME=DIR with a folder, found `{word}`", "write --package my_robot=../my_robot")
     return name, folder
+
+
+def _folder(word: str) -> str:
+    """The absolute path of a folder. Raises `WrongCommandLine`."""
+    if not os.path.isdir(word):
+        raise common.WrongCommandLine(f"--mesh-root: expected a folder, found `{word}`", "write --mesh-root ../meshes")
+    return os.path.abspath(word)
 
 
 def _argument(word: str) -> tuple[str, str]:

@@ -50,16 +50,16 @@ class Imported:
 def import_robot(
     path: str, report: Report, *, roots: Sequence[str] = (), repair: Repair | None = None, packages: Mapping[str, str] | None = None,
     arguments: Mapping[str, str] | None = None, meshes: bool = True, earlier: Callable[[str], Earlier | None] = lambda _: None,
-    update: bool = False,
+    update: bool = False, mesh_roots: Sequence[str] = (),
 ) -> Imported | None:
     """Read the file at `path`, and write down what it says; `roots` are links of it, each of which gets a mode, and `repair` says what to
     do about links that cannot move. `packages` are folders of packages by name, `arguments` those of a xacro file; without `meshes` these
-    are left out. `earlier` finds what an import of a robot of that name wrote before: its names stay, and for an `update` what was asked
-    for holds again. None where it cannot be, which has been reported."""
+    are left out. `mesh_roots` are further folders of meshes. `earlier` finds what an import of a robot of that name wrote before: its names
+    stay, and for an `update` what was asked for holds again. None where it cannot be, which has been reported."""
     data = _content(path, report)
     path = os.path.abspath(path)
-    places = Packages(path, packages or {}, os.environ)
-    robot = None if data is None else _read(path, data, arguments or {}, places, report)
+    places = Packages(path, packages or {}, os.environ, mesh_roots)
+    robot = None if data is None else _read(path, data, arguments or {}, places, report, meshes=meshes)
     if data is None or robot is None:
         return None
     refuse_endless(robot, report)
@@ -77,7 +77,7 @@ def import_robot(
     if report.failed:
         return None
     roots = list(dict.fromkeys(roots))
-    places = Packages(path, packages or {}, os.environ, robot.mesh_folder)
+    places = Packages(path, packages or {}, os.environ, mesh_roots, robot.mesh_folder)
     robot, mended = repaired(robot, roots, repair, report, matter_of(places)) if meshes else repaired(robot, roots, repair, report)
     if report.failed:
         return None
@@ -120,7 +120,9 @@ def _content(path: str, report: Report) -> bytes | None:
         return None
 
 
-def _read(path: str, data: bytes, arguments: Mapping[str, str], packages: Packages, report: Report) -> SourceRobot | None:
+def _read(
+    path: str, data: bytes, arguments: Mapping[str, str], packages: Packages, report: Report, *, meshes: bool,
+) -> SourceRobot | None:
     """What a file says, by what is in it: `.xml` is MJCF, or URDF."""
     if path.lower().endswith(".xacro"):
         made = expanded(path, arguments, packages.given, report)
@@ -128,7 +130,7 @@ def _read(path: str, data: bytes, arguments: Mapping[str, str], packages: Packag
     if path.lower().endswith(".xml"):
         root = read_xml(path, data, report)
         if root is None or root.tag == "mujoco":
-            return None if root is None else read_mjcf(root, packages, report)
+            return None if root is None else read_mjcf(root, packages, report, meshes=meshes)
     if path.lower().endswith(".sdf"):
         return read_sdf(path, data, report)
     return read_urdf(path, data, report)

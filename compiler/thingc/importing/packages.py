@@ -1,17 +1,21 @@
-"""Where the files of a robot are that its file names: `package://NAME/...`, `model://NAME/...`, `file://...`, or beside it."""
+"""Find the files that a robot's file names: `package://NAME/...`, `model://NAME/...`, `file://...`, or a path relative to it."""
 
 from __future__ import annotations
 
 import os
 import re
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from urllib.parse import unquote
 
 from thingc.diagnostics import shown_path
 
 MOST_BYTES = 200_000_000
 MANIFEST = "package.xml"
+VARIABLES = (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share"), ("GZ_SIM_RESOURCE_PATH", ""), ("GAZEBO_MODEL_PATH", ""))
+"""Environment variables with folders of packages, and where in each of these the packages are."""
+SUBFOLDERS = ("cfg", "mjcf", "robots", "sdf", "urdf", "xacro", "xml")
+"""Names of folders inside a robot's own folder: meshes are beside them."""
 _NAME_OF = re.compile(rb"<name>\s*([^<\s]+)\s*</name>")
 
 
@@ -24,67 +28,70 @@ class NotFound(Exception):
 
 
 class Packages:
-    """Finds files for the file at `source`, an absolute path. `given` are folders of packages by name, which are looked in first; what is
-    nowhere may be in `meshes`, a folder seen from that of the file, under its name alone."""
+    """Finds files for the robot's file at `source`, an absolute path.
 
-    def __init__(self, source: str, given: Mapping[str, str], environment: Mapping[str, str], meshes: str | None = None) -> None:
-        self.folder, self.meshes = os.path.dirname(source), meshes
-        self.given, self.environment = given, environment
+    `given` maps names of packages to folders, which go before all others. A file that is not where it is named is looked for below `given`,
+    `roots` and `meshes` (a folder relative to that of the source) by the end of its path. With symbolic links resolved, every file must be
+    below the robot's own folder, a known package, or one of `given` and `roots`.
+    """
+
+    def __init__(
+        self, source: str, given: Mapping[str, str], environment: Mapping[str, str], roots: Sequence[str] = (), meshes: str | None = None,
+    ) -> None:
+        self.folder, self.given = os.path.dirname(source), {name: os.path.abspath(folder) for name, folder in given.items()}
+        self.searched = [*roots] if meshes is None else [*roots, os.path.join(self.folder, meshes)]
+        self.shared = [
+            os.path.join(folder, below) for name, below in VARIABLES for folder in environment.get(name, "").split(os.pathsep) if folder
+        ]
+        above = os.path.dirname(self.folder)
+        inner = os.path.basename(self.folder).lower() in SUBFOLDERS and os.path.dirname(above) != os.path.dirname(os.path.dirname(above))
+        self.home = next(filter(_is_package, self._above()), above if inner else self.folder)
+        self.allowed = (self.home, *self.given.values(), *roots, *self.shared)
 
     def find(self, uri: str) -> str:
-        """The absolute path of the file that is meant. Raises `NotFound`."""
-        try:
-            return self._named(uri)
-        except NotFound as fault:
-            if (slashed := uri.replace("\\", "/")) != uri:
-                raise NotFound(str(fault), f"write `/` between folders: `{slashed}`") from None
-            if self.meshes is None:
-                raise
-            path = os.path.normpath(os.path.join(self.folder, self.meshes, os.path.basename(uri)))
-            if os.path.isabs(self.meshes) or not _within(path, self._home()) or not os.path.isfile(path):
-                raise
-            return _file(path, uri)
-
-    def _named(self, uri: str) -> str:
-        scheme, colon, rest = uri.partition("://")
-        if not colon:
-            path = os.path.normpath(os.path.join(self.folder, uri))
-            if os.path.isabs(uri) or not _within(path, self._home()):
-                raise NotFound(f"`{uri}` leads out of the robot's folder, `{shown_path(self._home())}`", "write `package://NAME/...`")
-            return _file(path, uri)
-        if scheme == "file":
-            return _file(os.path.normpath(unquote(rest)), uri)
-        if scheme not in ("package", "model"):
-            raise NotFound(f"`{uri}` is no file of this machine", "write `package://NAME/...`, or a path beside the robot's file")
+        """Return the absolute path of the file that `uri` names. Raises `NotFound`."""
+        scheme, _, rest = uri.rpartition("://")
+        if scheme not in ("", "file", "package", "model"):
+            raise NotFound(f"`{uri}` is not a file of this machine", "write `package://NAME/...`, or a path relative to the robot's file")
         name, _, inside = rest.lstrip("/").partition("/")  # some files have three slashes
-        if not inside:  # which is how some name a file of no package
-            return self._named(name)
-        there = self._folders(name)
-        for place in there:
-            path = os.path.normpath(os.path.join(place, inside))
-            if not _within(path, place):
-                raise NotFound(f"`{uri}` leads out of its package, `{shown_path(place)}`")
+        places: list[str] = []
+        if scheme in ("package", "model") and inside and name != "..":
+            places = self._folders(name)
+            fault = self._unknown(name) if not places else NotFound(
+                f"the package `{name}` has no `{inside}`; looked in {_shown(places)}", f"specify its folder: `--package {name}=DIR`",
+            )
+            named = [os.path.join(place, inside) for place in places]
+        else:
+            rest = unquote(rest) if scheme == "file" else rest.lstrip("/") if scheme else rest
+            named = [os.path.join(self.folder, rest)]
+            fault = NotFound(f"there is no file `{uri}`; looked for {_shown(named)}", "specify a folder that has it: `--mesh-root DIR`")
+        words = [word for word in rest.split("/") if word not in ("", ".", "..")]
+        named += [os.path.join(self.given[word], *words[k:]) for k, word in enumerate(words[:-1], 1) if word in self.given]
+        named += [os.path.join(root, *words[k:]) for root in self.searched for k in range(len(words))]
+        for path in map(os.path.normpath, named):
             if os.path.lexists(path):
-                return _file(path, uri)
-        raise NotFound(
-            f"the package `{name}` has no `{inside}`; looked in {', '.join(f'`{shown_path(place)}`' for place in there[:6])}",
-            f"say where it is: `--package {name}=DIR`",
-        )
+                if any(_within(path, folder) for folder in (*self.allowed, *filter(_is_package, places))):
+                    return _file(path, uri)
+                fault = NotFound(
+                    f"`{uri}` leads out of the robot's folder, `{shown_path(self.home)}`, and is in no known package",
+                    "if you trust the file, specify a folder that contains it: `--mesh-root DIR`, or `--package NAME=DIR`",
+                )
+        slashed = uri.replace("\\", "/")
+        raise fault if slashed == uri else NotFound(str(fault), f"write `/` between folders: `{slashed}`")
 
     def package(self, name: str) -> str:
         """The absolute path of a package. Raises `NotFound`."""
-        return self._folders(name)[0]
+        for place in self._folders(name):
+            return place
+        raise self._unknown(name)
+
+    def _unknown(self, name: str) -> NotFound:
+        looked = _shown([*dict.fromkeys(self._places(name))])
+        return NotFound(f"there is no package `{name}`; looked for {looked}", f"specify its folder: `--package {name}=DIR`")
 
     def _folders(self, name: str) -> list[str]:
-        """The folders that are a package of that name, the best first; at least one. Raises `NotFound`."""
-        looked = [*dict.fromkeys(self._places(name))]
-        there = [place for place in looked if os.path.isdir(place)]
-        if not there:
-            raise NotFound(
-                f"there is no package `{name}`; looked for {', '.join(f'`{shown_path(place)}`' for place in looked[:6])}",
-                f"say where it is: `--package {name}=DIR`",
-            )
-        return there
+        """The folders that may be the package of that name, the best first."""
+        return [place for place in dict.fromkeys(self._places(name)) if os.path.isdir(place)]
 
     def _above(self) -> Iterator[str]:
         folder = self.folder
@@ -95,23 +102,25 @@ class Packages:
                 return
             folder = parent
 
-    def _home(self) -> str:
-        """The folder that relative paths stay in: that of the package around the file, else the one above its own."""
-        packaged = next((folder for folder in self._above() if os.path.isfile(os.path.join(folder, MANIFEST))), None)
-        return packaged or os.path.dirname(self.folder)
-
     def _places(self, name: str) -> Iterator[str]:
         """Where a package may be, the best first."""
         if name in self.given:
-            yield os.path.abspath(self.given[name])
+            yield self.given[name]
             return
         for folder in self._above():
             if os.path.basename(folder) == name or _called(folder) == name:
                 yield folder
             yield os.path.join(folder, name)
-        for variable, below in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")):
-            for folder in filter(None, self.environment.get(variable, "").split(os.pathsep)):
-                yield os.path.join(folder, below, name)
+        yield from (os.path.join(folder, name) for folder in self.shared)
+
+
+def _is_package(folder: str) -> bool:
+    """Whether a folder is a package of ROS or a model of Gazebo."""
+    return any(os.path.isfile(os.path.join(folder, manifest)) for manifest in (MANIFEST, "model.config"))
+
+
+def _shown(paths: Sequence[str]) -> str:
+    return ", ".join(f"`{shown_path(path)}`" for path in paths[:6])
 
 
 def _called(folder: str) -> str | None:

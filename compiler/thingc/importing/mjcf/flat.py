@@ -36,6 +36,9 @@ LEFT_OUT = {
     "statistic": "MuJoCo works them out of the robot", "light": "lights belong to a scene", "visual": "how it is drawn belongs to a scene",
 }
 REFUSED = {"attach": "attached models are not read", "model": "attached models are not read"}
+ABSENT = ".absent"
+"""The names of files that replace a mesh end with this, before their kind."""
+SMALL_SOLID = b"v 0 0 0\nv .001 0 0\nv 0 .001 0\nv 0 0 .001\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
 
 
@@ -70,14 +73,15 @@ class Flat:
         return element.where if attribute is None else element.place(attribute)
 
 
-def flattened(root: SourceElement, packages: Packages, report: Report) -> Flat | None:
-    """The whole of a file whose root is given; None where an included file or a mesh is missing or wrong, which has been reported."""
-    return _Flattening(root, packages, report).flat()
+def flattened(root: SourceElement, packages: Packages, report: Report, *, meshes: bool) -> Flat | None:
+    """The whole of a file whose root is given; None where an included file or a mesh is missing or wrong, which has been reported. Without
+    `meshes`, a small solid takes the place of each mesh that cannot be read."""
+    return _Flattening(root, packages, report, meshes).flat()
 
 
 class _Flattening:
-    def __init__(self, root: SourceElement, packages: Packages, report: Report) -> None:
-        self.root, self.packages, self.report = root, packages, report
+    def __init__(self, root: SourceElement, packages: Packages, report: Report, meshes: bool) -> None:
+        self.root, self.packages, self.report, self.with_meshes = root, packages, report, meshes
         self.included: dict[str, Span] = {}
         self.texts: list[str] = []
         self.lines: list[SourceElement] = []
@@ -219,7 +223,7 @@ class _Flattening:
         file = element.attributes["file"]
         file = os.path.basename(file.replace("\\", "/")) if self.strip else file
         uri = os.path.normpath(os.path.join(self.folder, file))
-        name = element.attributes.get("name", os.path.splitext(os.path.basename(file))[0])
+        name, ending = element.attributes.get("name", os.path.splitext(os.path.basename(file))[0]), os.path.splitext(uri)[1].lower()
         try:
             path = self.packages.find(uri)
             self.mesh_bytes += os.path.getsize(path)
@@ -230,15 +234,14 @@ class _Flattening:
                 with open(path, "rb") as stream:
                     self.contents[path] = stream.read()
             content = self.contents[path]
-        except NotFound as fault:
-            self.report.add(Code.SOURCE_FILE, str(fault), element.place("file"), help=fault.help)
-            return {}
-        except OSError as fault:
-            message = f"cannot read `{uri}`: {(fault.strerror or str(fault)).lower()}"
-            self.report.add(Code.SOURCE_FILE, message, element.place("file"))
-            return {}
+        except (NotFound, OSError) as fault:
+            if self.with_meshes:
+                what = str(fault) if isinstance(fault, NotFound) else f"cannot read `{uri}`: {(fault.strerror or str(fault)).lower()}"
+                self.report.add(Code.SOURCE_FILE, what, element.place("file"), help=getattr(fault, "help", None))
+                return {}
+            content, ending = SMALL_SOLID, f"{ABSENT}.obj"
         made_of = repr((uri, sorted(element.attributes.items()))).encode()
-        word = f"{hashlib.sha256(made_of + content).hexdigest()}{os.path.splitext(uri)[1].lower()}"
+        word = f"{hashlib.sha256(made_of + content).hexdigest()}{ending}"
         self.files[word], self.meshes[word] = content, uri
         return {"name": name, "file": word}
 

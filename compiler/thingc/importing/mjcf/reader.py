@@ -12,7 +12,7 @@ from thingc.heading import mode_of
 from thingc.importing.mjcf.adding import Added
 from thingc.importing.mjcf.couplings import Couplings
 from thingc.importing.mjcf.drives import Actuators
-from thingc.importing.mjcf.flat import Flat, flattened
+from thingc.importing.mjcf.flat import ABSENT, Flat, flattened
 from thingc.importing.mjcf.joints import joint_of
 from thingc.importing.mjcf.original import WORLD, Original, floats, numbers, pose_of
 from thingc.importing.mjcf.sensing import sensors
@@ -30,9 +30,10 @@ FREE, PLANE = 0, 0
 _ALIKE = 1e-9
 
 
-def read_mjcf(root: SourceElement, packages: Packages, report: Report) -> SourceRobot | None:
-    """The robot of a file whose root is `<mujoco>`; None where MuJoCo takes it for none, which has been reported."""
-    flat = flattened(root, packages, report)
+def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes: bool = True) -> SourceRobot | None:
+    """The robot of a file whose root is `<mujoco>`; None where MuJoCo takes it for none, which has been reported. Without `meshes`, those
+    that cannot be read weigh nothing."""
+    flat = flattened(root, packages, report, meshes=meshes)
     original = None if flat is None else _compiled(flat, report)
     return None if original is None else _Reader(original, report).robot()
 
@@ -45,6 +46,9 @@ def _compiled(flat: Flat, report: Report) -> Original | None:
         spec = mujoco.MjSpec.from_string(flat.text, assets=dict(flat.files))
         spec.compiler.fusestatic = spec.compiler.discardvisual = False
         spec.compiler.alignfree = False
+        absent = [geom for geom in spec.geoms if geom.meshname and ABSENT in spec.mesh(geom.meshname).file]
+        for geom in absent:
+            geom.mass = 0.0
         for joint in spec.joints:
             joint.align = mujoco.mjtAlignFree.mjALIGNFREE_FALSE
         with warnings.catch_warnings():
@@ -59,7 +63,10 @@ def _compiled(flat: Flat, report: Report) -> Original | None:
         where = flat.place(text, None if attribute is None else attribute[1])
         report.add(Code.SOURCE_VALUE, f"MuJoCo does not read this: {said}", where, help="mend the place shown")
         return None
-    return Original(flat, spec, model)
+    original = Original(flat, spec, model)
+    for geom in (one for one in absent if not one.parent.explicitinertial):
+        original.losses.note(f"the mass of mesh `{geom.meshname}`", "its file cannot be read", flat.place(geom.info))
+    return original
 
 
 class _Reader:
