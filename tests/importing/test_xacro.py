@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import shutil
+import socket
+import sys
 from pathlib import Path
 
 import pytest
@@ -84,3 +87,92 @@ def test_without_the_extra_it_is_said_what_to_install(
     assert "pip install 'thingc[import]'" in capsys.readouterr().err
     assert main(["import", str(bot), "--arg", "arms"]) == 2
     assert "--arg: expected NAME=VALUE, found `arms`" in capsys.readouterr().err
+
+
+ESCAPE = (
+    "(lambda: [(it, it['exec'](it['open']('{path}').read(), dict(__builtins__=it))) for it in [[one for one in"
+    " ().__class__.__base__.__subclasses__() if one.__name__ == 'catch_warnings'][0]()._module.__builtins__]])() and 1.0"
+)
+"""Runs the Python of a file: xacro looks for forbidden names only outside of functions."""
+FREE = "import sys; hook = sys.modules['thingc.realize.worker.confining']; hook._allowed = (); hook._readable = None; hook._STARTING = ()\n"
+"""Disables what Python refuses: what is left is the system."""
+REFUSED = {
+    "remove": ("import os; os.remove({victim!r})", "only its own temporary folder may be written"),
+    "rename": ("import os; os.rename({victim!r}, {beside!r})", "only its own temporary folder may be written"),
+    "truncate": ("open({victim!r}, 'w')", "only its own temporary folder may be written"),
+    "make": ("import os; os.mkdir({beside!r})", "only its own temporary folder may be written"),
+    "connect": ("import socket; socket.create_connection(('127.0.0.1', {port}), 1)", "programs and connections are refused"),
+    "run": ("import subprocess; subprocess.run(['/bin/true'], check=True)", "programs and connections are refused"),
+    "read": ("raise ValueError(open({victim!r}).read())", "it is outside the robot's folder and all known packages"),
+}
+linux = pytest.mark.skipif(sys.platform != "linux", reason="only Linux has Landlock and /proc")
+
+
+def run_in_expression(bot: Path, code: str) -> tuple[Imported | None, list[Diagnostic]]:
+    """Import a robot that runs this code."""
+    bot.with_name("code.py").write_text(code)
+    bot.write_text(bot.read_text().replace("0.5 * 2", ESCAPE.format(path=bot.with_name("code.py"))))
+    return read(bot)
+
+
+def test_code_in_an_expression_runs(bot: Path) -> None:
+    """Otherwise the next tests show nothing."""
+    assert run_in_expression(bot, "x = 1")[0] is not None
+    assert "it ran" in run_in_expression(bot, "raise ValueError('it ran')")[1][0].message
+
+
+@linux
+@pytest.mark.parametrize("past", ["", FREE], ids=["python", "system"])
+def test_code_in_an_expression_is_confined(bot: Path, tmp_path: Path, past: str) -> None:
+    victim, beside = tmp_path / "theirs" / "victim", tmp_path / "theirs" / "beside"
+    victim.parent.mkdir()
+    victim.write_text("secret")
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        names = {"victim": str(victim), "beside": str(beside), "port": server.getsockname()[1]}
+        ways = [code.format(**names) for code, _ in REFUSED.values()]
+        tried = "def tried(way):\n try:\n  exec(way)\n except Exception as fault:\n  return str(fault)\n return 'done'\n"
+        _, said = run_in_expression(bot, f"{past}{tried}raise ValueError('ways:' + '|'.join(map(tried, {ways})))")
+    words = said[0].message.partition("ways:")[2].split("|")
+    assert len(words) == len(REFUSED)
+    for found, (_, expected) in zip(words, REFUSED.values(), strict=True):
+        assert ("ermission denied" if past else expected) in found
+    assert victim.read_text() == "secret" and not beside.exists()
+
+
+@linux
+def test_nothing_that_an_expression_starts_outlives_it(bot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    imported, said = run_in_expression(bot, f"{FREE}import os, time\nif os.fork() == 0:\n    os.setsid(); time.sleep(100)\n")
+    assert imported is None and "start processes" in said[0].message
+    own, alive = f"TMPDIR={tmp_path}".encode(), list[str]()
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            alive += [process.name] if own in (process / "environ").read_bytes() else []
+    assert alive == [] and not [*tmp_path.glob("thingc-worker-*")]
+
+
+@pytest.mark.parametrize("path", ["{0}/secret.yaml", "../../theirs/../theirs/secret.yaml", "$(find theirs)/secret.yaml", "link.yaml"])
+def test_files_outside_of_the_robot_are_not_read(bot: Path, tmp_path: Path, path: str) -> None:
+    """A folder beside those above the file is a package only with a manifest."""
+    secret = tmp_path / "theirs" / "secret.yaml"
+    secret.parent.mkdir()
+    secret.write_text("1.0")
+    bot.with_name("link.yaml").symlink_to(secret)
+    bot.write_text(bot.read_text().replace("0.5 * 2", f"xacro.load_yaml('{path.format(secret.parent)}')"))
+    imported, said = read(bot)
+    assert imported is None and "secret.yaml`: it is outside the robot's folder and all known packages" in said[0].message
+    if "find" in path:
+        (secret.parent / "package.xml").write_text("<package><name>theirs</name></package>")
+        assert read(bot)[0] is not None
+
+
+def test_an_include_outside_of_the_robot_is_not_read(bot: Path, tmp_path: Path) -> None:
+    other = tmp_path / "theirs" / "arm.xacro"
+    other.parent.mkdir()
+    shutil.copy(bot.with_name("arm.xacro"), other)
+    bot.write_text(bot.read_text().replace("$(find xacro_bot)/urdf/arm.xacro", str(other)))
+    imported, said = read(bot)
+    assert imported is None and f"cannot read `{other}`: it is outside the robot's folder and all known packages" in said[0].message
+    assert said[0].help == "`--package NAME=DIR` allows to read a folder" and said[0].span is not None and said[0].span.line == 5
+    report = Report()
+    assert import_robot(str(bot), report, packages={"theirs": str(other.parent)}) is not None and not report.failed

@@ -12,11 +12,14 @@ from pathlib import Path
 
 from thingc.diagnostics import Code, Report
 from thingc.importing.xml_source import MOST_BYTES
+from thingc.realize.worker.confining import OUTSIDE
 from thingc.source import Span
 from thingc.typos import did_you_mean
 
 SECONDS = 60
 """Of the processor, and five times as long by the clock."""
+PATIENCE = 30.0
+"""How much longer [s] to wait for the process that watches over this."""
 _ARGUMENTS = tuple(map(re.compile, (r"<xacro:arg\s[^>]*?\bname\s*=\s*[\"']([^\"']+)", r"\$\(arg\s+([^\s)]+)", r"\barg\([\"']([^\"']+)")))
 """How a file says that it has an argument, and uses it."""
 
@@ -30,23 +33,28 @@ def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str
             help=f"pip install 'thingc[import]'; or write `xacro {path} > robot.urdf`, and import that",
         )
         return None
-    asked = json.dumps({"path": path, "packages": dict(packages), "arguments": dict(arguments), "seconds": SECONDS})
+    limits = {"seconds": SECONDS, "timeout": 5.0 * SECONDS}
+    asked = json.dumps({"path": path, "packages": dict(packages), "arguments": dict(arguments), **limits})
     command = [sys.executable, "-P", "-m", "thingc.importing.xacro_worker"]
     try:
-        done = subprocess.run(command, input=f"{asked}\n", capture_output=True, text=True, timeout=5.0 * SECONDS)
+        done = subprocess.run(command, input=f"{asked}\n", capture_output=True, text=True, timeout=5.0 * SECONDS + PATIENCE)
         answer = json.loads(done.stdout)
-    except subprocess.TimeoutExpired:
-        answer = {"fault": f"it takes longer than {5 * SECONDS} s"}
-    except ValueError:
-        answer = {"fault": f"xacro ended without an answer; it has {SECONDS} s and 2 GB"}
+    except (subprocess.TimeoutExpired, ValueError):
+        answer = {"failed": "crashed", "words": "the process ended"}
     fault = answer.get("fault")
+    if "failed" in answer:
+        how = answer["words"] or f"it took longer than {5 * SECONDS} s"
+        fault = f"xacro ended without an answer ({how}); it has {SECONDS} s and 2 GB"
+    elif answer.get("left"):
+        fault = "its expressions start processes that go on when it is expanded"
     text = "" if fault is not None else _by_packages(answer["text"], answer["packages"])
     if fault is None and len(text) > MOST_BYTES:
         fault = f"it becomes more than {MOST_BYTES:,} bytes of URDF"
     if fault is not None:
         line = answer.get("line", 1)
         where = Span(file=answer.get("file", path), line=line, column=1, end_line=line, end_column=1)
-        report.add(Code.SOURCE_XML, f"xacro cannot expand this: {fault}", where, help="`$(arg NAME)` is given with `--arg NAME=VALUE`")
+        help = "`--package NAME=DIR` allows to read a folder" if OUTSIDE in fault else "`$(arg NAME)` is given with `--arg NAME=VALUE`"
+        report.add(Code.SOURCE_XML, f"xacro cannot expand this: {fault}", where, help=help)
         return None
     return (text.encode(), answer["files"]) if _are_known(arguments, answer["files"], report) else None
 

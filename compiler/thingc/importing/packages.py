@@ -6,6 +6,7 @@ import os
 import re
 import stat
 from collections.abc import Iterator, Mapping, Sequence
+from glob import escape, glob
 from urllib.parse import unquote
 
 from thingc.diagnostics import shown_path
@@ -101,6 +102,11 @@ class Packages:
             if parent == folder:
                 return
             folder = parent
+
+    def readable(self) -> list[str]:
+        """The folders that expressions in the file may read: its own, known packages, and packages beside it or a folder above it."""
+        beside = (found for folder in self._above() for found in glob(os.path.join(escape(folder), "*", MANIFEST)))
+        return [*self.allowed, *map(os.path.dirname, beside)]
 
     def _places(self, name: str) -> Iterator[str]:
         """Where a package may be, the best first."""

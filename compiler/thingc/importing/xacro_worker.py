@@ -1,4 +1,5 @@
-"""A process that expands one xacro file, and ends: xacro evaluates Python, so it does that within bounds and where it can write no file.
+"""A process that expands one xacro file, and ends. xacro evaluates Python of the file, so a child does that, confined like part code. It
+can change only a temporary folder, read only the robot's folder and known packages, and run no program. Nothing that it starts outlives it.
 
 Every element of a file carries its place as an attribute before xacro sees it; macros copy it with the element, so that what comes out says
 where each element was written.
@@ -12,25 +13,43 @@ import os
 import re
 import resource
 import sys
+from collections.abc import Mapping
 from typing import Any
 from xml.parsers import expat
 
 from thingc.importing.packages import NotFound, Packages
 from thingc.importing.xml_source import MARK, utf8_of
+from thingc.realize.worker import children, confining, process_tree
+from thingc.realize.worker.scratch import Scratch
 
 BYTES = 2_000_000_000
+FILE_BYTES = 1_000_000
+"""Of memory, and of each temporary file, xacro's messages included."""
 
 
 def main() -> int:
-    """From a line of JSON (`path`, `packages`, `arguments`, `seconds` of the processor at most) to one: `text`, `files` and `packages` that
-    were found; or a `fault` with its `file` and `line`."""
+    """From a line of JSON (`path`, `packages`, `arguments`, `seconds` of the processor, and a `timeout` by the clock) to one: `text`,
+    `files` and `packages` that were found; or a `fault` with its `file` and `line`; or how the child `failed`."""
     asked = json.loads(sys.stdin.readline())
+    packages = Packages(asked["path"], asked["packages"], os.environ)
+    readable = [*filter(os.path.isdir, (*packages.readable(), *sys.path, sys.prefix, sys.base_prefix, "/lib", "/lib64", "/usr/lib"))]
+    process_tree.adopt_orphans()
+    scratch = Scratch()
+    child = children.start(_expand, 0, scratch.make(), scratch.descriptors, readable)
+    child.ask({**asked, "id": 0, "readable": readable})
+    answer = child.wait()
+    scratch.close()
+    print(json.dumps(answer))
+    return 0
+
+
+def _expand(asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Expand the file, in the child."""
     resource.setrlimit(resource.RLIMIT_CPU, (asked["seconds"], asked["seconds"]))
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
-    answer, sys.stdout = sys.stdout, sys.stderr
-    print(json.dumps(_Expanding(asked["path"], asked["packages"]).expanded(asked["arguments"])), file=answer)
-    return 0
+    resource.setrlimit(resource.RLIMIT_FSIZE, (FILE_BYTES, FILE_BYTES))
+    confining.begin(asked["scratch"], asked["readable"])
+    return _Expanding(asked["path"], asked["packages"]).expanded(asked["arguments"])
 
 
 class _Expanding:
@@ -61,8 +80,10 @@ class _Expanding:
             said, root = str(fault), fault
             while isinstance(getattr(root, "exc", None), Exception):
                 root = root.exc  # type: ignore[attr-defined]
-            if said.startswith("<class") or isinstance(root, OSError):
-                said = str(root) if root is not fault and not isinstance(root, OSError) else str(fault.args[0])
+            if isinstance(root, OSError):
+                said = str(fault.args[0] or f"`{root.filename}`: {(root.strerror or str(root)).lower()}")
+            elif said.startswith("<class"):
+                said = str(root if root is not fault else fault.args[0])
             said = " ".join((said if str(root) else f"{type(root).__name__} {said}").split())
             top = next((one for one in reversed(xacro.filestack or []) if one), self.path)
             file, line = self._place(os.path.abspath(top), said)

@@ -8,11 +8,12 @@ import faulthandler
 import json
 import os
 import resource
+import select
 import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from typing import Any
@@ -98,6 +99,16 @@ class Child:
         if len(process_tree.descendants(self.process)) > PROCESSES:
             return "swarmed"
         return "crashed" if self._ended() else None
+
+    def wait(self) -> dict[str, Any]:
+        """Wait for the answer, or for the time when it is over, and end the child: the answer, as of `end`."""
+        over = None
+        while not self.answered and over is None:
+            if not select.select([self.pipe], [], [], WATCH)[0]:
+                over = self.over(time.monotonic())
+            elif not self.read():
+                over = "crashed"
+        return self.end(over, ())
 
     def end(self, over: str | None, others: Collection[int]) -> dict[str, Any]:
         """End the child and everything that it has started, but nothing of the `others` that run beside it, and say how it went: the
@@ -193,10 +204,13 @@ def live_without_parent() -> None:
         prctl(_PARENT_DEATH_SIGNAL, 0)
 
 
-def start(run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch: str, close: list[int]) -> Child:
+def start(
+    run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch: str, close: Sequence[int],
+    readable: Sequence[str] | None = None,
+) -> Child:
     """Fork a child that waits to be asked (`Child.ask`), runs `run(request)` with the folder `scratch` for itself, the only one that it may
     change, and writes the answer as one line. Then it waits for its end. `nice`: how it is scheduled; `close`: descriptors it must not
-    hold."""
+    hold; `readable`: see `confine`."""
     reader, writer = os.pipe()
     asked, asking = os.pipe()
     errors = tempfile.TemporaryFile()  # noqa: SIM115 (it lives as long as the child)
@@ -214,7 +228,7 @@ def start(run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch
             settle(scratch)
             process_tree.give_priority(nice)
             process_tree.adopt_orphans()
-            confine(scratch)
+            confine(scratch, readable)
             os.dup2(errors.fileno(), 1)
             os.dup2(errors.fileno(), 2)
             signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -1,8 +1,9 @@
-"""What part code may change: the folder of its own, and nothing else. What it wrote elsewhere, into the store above all, would change
-what other parts become, or stay behind.
+"""Confines the code of others. Part code may change its own folder only: what it wrote elsewhere, above all into the store, would change
+other parts, or stay behind. Expressions of a robot that is imported may besides read only named folders, start no program and open no
+connection.
 
-The audit hook refuses first: it can say so with the line, but sees only what Python does. Where the system has Landlock (Linux since
-5.13), that refuses the same to all that the part loads and starts, and nothing of the part can take it back.
+The audit hook refuses first: it knows the line, but sees only what Python does. Where the system has Landlock (Linux since 5.13), that
+refuses the same to everything that the code loads and starts, and the code cannot take it back. (TCP since Linux 6.7.)
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import errno
 import os
 import struct
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 from thingc.realize.worker import audit
@@ -25,11 +27,11 @@ _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 
 
 class Trespass(PermissionError):
-    """A part was about to change something outside of its own folder: `filename`. Libraries that do without what they cannot write
-    take it as any other refusal."""
+    """Code was about to change something outside of its own folder, or to read what it may not: `filename`. Libraries that do without what
+    they cannot write take it as any other refusal."""
 
-    def __init__(self, path: str) -> None:
-        super().__init__(errno.EACCES, "a part may write into its own temporary folder only", path)
+    def __init__(self, path: str, words: str = "only its own temporary folder may be written") -> None:
+        super().__init__(errno.EACCES, words, path)
 
 
 # --- what Python does -------------------------------------------------------------------------------------------------
@@ -45,14 +47,22 @@ to none). Relative to one, the path says nothing; such calls are left to the sys
 _FOLLOWING = frozenset({"os.chmod", "os.chown", "os.removexattr", "os.setxattr", "os.truncate", "os.utime"})
 """Those that change what a link leads to; the others change the link."""
 
+_STARTING = ("os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.system", "subprocess.Popen", "socket.__new__", "ctypes.dlopen")
+
+OUTSIDE = "it is outside the robot's folder and all known packages"
+"""Why a file may not be read."""
+
 _allowed: tuple[str, ...] = ()
+_readable: tuple[str, ...] | None = None
 
 
-def begin(folder: str) -> None:
-    """From here on, Python refuses with `Trespass` to change anything outside of `folder`."""
-    global _allowed
-    audit.listen(("open", *_CHANGING), _heard)
+def begin(folder: str, readable: Sequence[str] | None = None) -> None:
+    """From here on, Python refuses with `Trespass` to change anything outside of `folder`; with `readable` also to read anything outside
+    of these folders, and to start programs and open connections."""
+    global _allowed, _readable
+    audit.listen(("open", *_CHANGING, *(_STARTING if readable is not None else ())), _heard)
     _allowed = (os.path.join(os.path.realpath(folder), ""), os.path.join(DEVICES, ""))
+    _readable = None if readable is None else (*_allowed, *(os.path.join(os.path.realpath(one), "") for one in readable))
 
 
 def end() -> None:
@@ -68,7 +78,13 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
         path, mode, flags = arguments
         if any(letter in mode for letter in "wax+") if isinstance(mode, str) else bool((flags or 0) & _WRITING):
             _check(path, itself=True)
+        elif _readable is not None and not isinstance(path, int):
+            real = os.path.realpath(os.fsdecode(path))
+            if not real.startswith(_readable):
+                raise Trespass(real, OUTSIDE)
         return
+    if event in _STARTING:
+        raise Trespass(event, "programs and connections are refused")
     for place, relative in _CHANGING[event]:
         if relative < 0 or arguments[relative] in (-1, None):
             _check(arguments[place], follow=event in _FOLLOWING)
@@ -91,32 +107,37 @@ def _check(path: Any, *, follow: bool = True, itself: bool = False) -> None:
 _CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
 _VERSION, _PATH_BENEATH = 1, 1
 _NO_NEW_PRIVILEGES = 38
+_EXECUTE, _READ_FILE, _READ_DIRECTORY = 1 << 0, 1 << 2, 1 << 3
 _WRITE_FILE, _REMOVE_FILE, _MAKE_FILE = 1 << 1, 1 << 5, 1 << 8
 _REMOVE_OR_MAKE = sum(1 << bit for bit in range(4, 13))
 _REFER, _TRUNCATE = 1 << 13, 1 << 14
 _SIGNALS = 1 << 1
+_TCP = 0b11
 
 
-def confine(folder: str) -> bool:
-    """Take from this process, for good, the right to change files outside of `folder` and to signal processes that it has not
-    started; False where the system knows no such thing. And bound how many processes it may start."""
+def confine(folder: str, readable: Sequence[str] | None = None) -> bool:
+    """Take from this process, permanently, the right to change files outside of `folder` and to signal processes that it has not
+    started; with `readable` also to read files outside of these folders, to run programs and to use TCP. Return False where the system does
+    not support this. Also limit how many processes it may start."""
     _bound_processes()
-    return sys.platform == "linux" and _landlock(folder)
+    return sys.platform == "linux" and _landlock(folder, readable)
 
 
-def _landlock(folder: str) -> bool:
+def _landlock(folder: str, readable: Sequence[str] | None) -> bool:
     import ctypes
 
     version = syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), _VERSION)
     if version < 1:
         return False
     handled = _WRITE_FILE | _REMOVE_OR_MAKE | (_REFER if version >= 2 else 0) | (_TRUNCATE if version >= 3 else 0)
-    attributes = struct.pack("=QQQ", handled, 0, _SIGNALS if version >= 6 else 0)
+    handled |= 0 if readable is None else _EXECUTE | _READ_FILE | _READ_DIRECTORY
+    attributes = struct.pack("=QQQ", handled, _TCP if readable is not None and version >= 4 else 0, _SIGNALS if version >= 6 else 0)
     rules = syscall(_CREATE_RULESET, attributes, ctypes.c_size_t(len(attributes)), 0)
     if rules < 0:
         return False
     try:
-        for path, rights in ((folder, handled), (DEVICES, handled & (_WRITE_FILE | _TRUNCATE | _REMOVE_FILE | _MAKE_FILE))):
+        devices = (DEVICES, handled & (_READ_FILE | _WRITE_FILE | _TRUNCATE | _REMOVE_FILE | _MAKE_FILE))
+        for path, rights in ((folder, handled & ~_EXECUTE), devices, *((one, _READ_FILE | _READ_DIRECTORY) for one in readable or ())):
             beneath = os.open(path, os.O_PATH | os.O_CLOEXEC)
             try:
                 if syscall(_ADD_RULE, rules, _PATH_BENEATH, struct.pack("=Qi", rights, beneath), 0) != 0:
