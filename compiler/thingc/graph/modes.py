@@ -206,7 +206,8 @@ def added_of(tree: Tree) -> tuple[RawElement, ...]:
 
     def within(instance: Instance, element: RawElement) -> RawElement:
         attributes = {
-            name: instance.within(value.replace(".", "/")) if name in NAMING else value for name, value in element.attributes.items()
+            name: instance.within(value if name == "name" else value.replace(".", "/")) if name in NAMING else value
+            for name, value in element.attributes.items()
         }
         children = tuple(within(instance, child) for child in element.children)
         return replace(element, attributes=attributes, children=children, origin=element.origin + instance.origin)

@@ -6,7 +6,7 @@ fixed (URDF has at most one, MJCF several). Defaults of the format are resolved,
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from typing import Literal
 
@@ -251,7 +251,7 @@ class SourceAdhesion:
 class SourceTarget:
     """A thing of the robot, by its name in the source."""
 
-    kind: Literal["joint", "site", "tendon"]
+    kind: Literal["joint", "site", "tendon", "body", "geom", "actuator"]
     name: str
 
 
@@ -259,7 +259,7 @@ class SourceTarget:
 class SourceAdded:
     """An element of MuJoCo's that the language has no words for: the section that it stands in, its tag, `name` and attributes."""
 
-    section: Literal["equality", "actuator"]
+    section: Literal["contact", "equality", "actuator", "sensor"]
     tag: str
     name: str
     attributes: tuple[tuple[str, str | SourceTarget], ...]
@@ -312,7 +312,8 @@ class SourceLoss:
 class SourceRobot(Brief):
     """All that a reader has found. A robot stands with its link `root` at `pose` in the world; `links` and `hangings` are in the order of
     the source. Links that are `excluded` never touch; `gravity` [m/s^2] where it is not 9.81 downwards; `simulation` as the language has
-    it, `options` as MuJoCo has what the language has not, by their paths, `added` whole elements; `files` are meshes that the source has
+    it, `options` as MuJoCo has what the language has not, by their paths, `added` whole elements; `order` lists the names of the actuators
+    and the sensors of the source; `files` are meshes that the source has
     not in files of their own, by the names that shapes have for them, `mesh_folder` is where meshes are that are not where it names them,
     seen from its file."""
 
@@ -329,6 +330,7 @@ class SourceRobot(Brief):
     tendons: tuple[SourceTendon, ...] = ()
     sensors: tuple[SourceSensor, ...] = ()
     added: tuple[SourceAdded, ...] = ()
+    order: Mapping[str, Sequence[str]] = field(default_factory=dict)
     poses: tuple[SourcePose, ...] = ()
     excluded: tuple[tuple[str, str], ...] = ()
     gravity: Vector | None = None

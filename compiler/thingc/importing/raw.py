@@ -61,20 +61,23 @@ def _touching(words: Words, link: SourceLink) -> Iterator[tuple[str, SourceShape
 
 
 def _controls(words: Words, state: SourcePose) -> Raw:
-    """`ctrl` of a keyframe, where it is not as ours: drives of positions at q, adhesions as the mode has them, all others at 0."""
+    """`ctrl` of a keyframe in the order of the source, if it is not that of ours: drives of positions at q, adhesions as the mode has them,
+    all others at 0."""
+    usual: dict[str, float | None] = {one.name: one.force for one in words.robot.adhesions}
     driven: list[SourceJoint | SourceTendon] = [*(joint for one in words.order for joint in one.joints), *words.robot.tendons]
-    drives = [(one, one.drive) for one in driven if one.drive is not None]
-    wanted = [state.controls.get(drive.name, 0.0) for _, drive in drives]
-    wanted += [state.controls.get(one.name, 0.0) for one in words.robot.adhesions]
-    usual: list[object] = [
-        0.0 if drive.kind != "position" else state.q.get(one.name, 0.0) if isinstance(one, SourceJoint) else "its length in the pose"
-        for one, drive in drives
-    ]
-    usual += [one.force for one in words.robot.adhesions]
-    if any(state.controls.get(name) for name in words.added):
-        usual.append(-1.0)  # those that are added come last, and are 0 where nothing is said
-    wanted += [state.controls.get(name, 0.0) for name in words.added] if len(usual) > len(wanted) or wanted != usual else []
-    return () if wanted == usual else (("ctrl", " ".join(quantity(one, "") for one in wanted)),)
+    for one in driven:
+        if one.drive is not None and one.drive.kind == "position":
+            q = state.q.get(one.name, 0.0)
+            usual[one.drive.name] = q if isinstance(one, SourceJoint) and isinstance(q, float) else None  # a tendon's is its length
+    wanted = [(name, state.controls.get(name, 0.0)) for name in order_of(words, "actuator")]
+    alike = all(value == usual.get(name, 0.0) for name, value in wanted)
+    return () if alike else (("ctrl", " ".join(quantity(value, "") for _, value in wanted)),)
+
+
+def order_of(words: Words, kind: str) -> dict[str, str]:
+    """What the actuators or sensors of the source that are in the document are called there, in the order of the source."""
+    names = words.others().get(f"{kind}s", {})
+    return {name: names[name] for name in words.robot.order.get(kind, ()) if name in names}
 
 
 def _says(shape: SourceShape, attribute: str) -> bool:
@@ -101,7 +104,8 @@ def quoted(name: str) -> str:
 def raw_lines(words: Words) -> Iterator[str]:
     """`raw: {mjcf: ...}`; nothing where there is nothing."""
     attributes, added = raw_of(words), words.robot.added
-    if not attributes and not added:
+    orders = {kind: order for kind in words.robot.order if len(order := order_of(words, kind)) > 1}
+    if not attributes and not added and not orders:
         return
     tree: dict[str, Any] = {}
     for path, value in attributes.items():
@@ -116,6 +120,9 @@ def raw_lines(words: Words) -> Iterator[str]:
             continue
         yield f"    {kind}:"
         yield from (f"      {_text(name)}: {_flow(values)}" for name, values in things.items())
+    if orders:
+        yield "    order:"
+        yield from (f"      {kind}: [{', '.join(map(quoted, order.values()))}]" for kind, order in orders.items())
     if added:
         yield "    add:"
     for section in dict.fromkeys(one.section for one in added):
@@ -125,14 +132,15 @@ def raw_lines(words: Words) -> Iterator[str]:
 
 def _element(words: Words, one: SourceAdded) -> dict[str, str]:
     """Its attributes, by the names of the document."""
-    names = {"equality": words.ties, "actuator": words.added}
-    return {"name": names[one.section][one.name], **{key: _named(words, value) for key, value in one.attributes}}
+    name = words.added[one.section, one.name]
+    return ({"name": name} if name else {}) | {key: _named(words, value) for key, value in one.attributes}
 
 
 def _named(words: Words, value: str | SourceTarget) -> str:
     if isinstance(value, str):
         return value
-    return {"joint": words.joints, "site": words.sites, "tendon": words.tendons}[value.kind][value.name]
+    names = {"joint": words.joints, "site": words.sites, "tendon": words.tendons, "body": words.links}
+    return (names.get(value.kind) or words.others()[f"{value.kind}s"])[value.name]
 
 
 def _flow(value: Any) -> str:

@@ -63,9 +63,14 @@ class Words:
         for sensor in robot.sensors:
             things = self.joints if sensor.joint is not None else self.tendons if sensor.tendon is not None else self.sites
             self.sensors += distinct([things.get(sensor.name, sensor.name)], "sensor", taken=self.sensors).values()
-        drives = [*self.joints.values(), *self.tendons.values()]
-        self.added = distinct([one.name for one in robot.added if one.section == "actuator"], "drive", taken=drives)
-        self.ties = distinct([one.name for one in robot.added if one.section == "equality"], "equality", taken=self.loops.values())
+        driven = {one.name for hanging in self.order for one in hanging.joints if one.drive is not None}
+        driven |= {one.name for one in robot.tendons if one.drive is not None}
+        drives = [word for name, word in (*self.joints.items(), *self.tendons.items()) if name in driven or name != word]
+        self.added: dict[tuple[str, str], str] = {}
+        for element in robot.added:
+            name, taken = element.name, drives if element.section == "actuator" else []  # whose words mean their drives
+            plain = distinct([name], element.section, taken=[*taken, *self.added.values()])[name]
+            self.added[element.section, name] = name if not name or is_file_name(name) and name not in taken else plain
         self.poses = distinct([one.name for one in robot.poses], "pose")
         self.usual = {id(shape): name for link in self.links for shape, name in self._usual(link)}
 
@@ -142,8 +147,8 @@ class Words:
         second |= {name: f"{self.links[link.name]}.origin" for link in self.robot.links for name in link.frames}
         kinds = {
             "sites": self.sites | second, "loops": self.loops, "tendons": self.tendons,
-            "actuators": drives | magnets | self.added,
-            "sensors": parts, "poses": self.poses,
+            "actuators": drives | magnets | self._of("actuator"), "equalities": self._of("equality"),
+            "sensors": parts | self._of("sensor"), "poses": self.poses,
         }
         shapes = (shape for name in self.links for shape in self.link_of[name].shapes if self.is_shown(shape))
         kinds["geoms"] = {shape.name: self.title(shape) or self.usual[id(shape)] for shape in shapes if shape.name is not None}
@@ -161,6 +166,10 @@ class Words:
         """The name of a shape in the source, if its document must state it for models to have it."""
         name = shape.name
         return name if name is not None and name != self.usual[id(shape)] and is_file_name(name) else None
+
+    def _of(self, section: str) -> dict[str, str]:
+        """The names of the elements that are added to a section."""
+        return {name: word for (of, name), word in self.added.items() if of == section}
 
     def items(self, link: SourceLink) -> Iterator[tuple[SourceShape, SourceShape | None]]:
         """The shapes of a link as they are listed, each with what touches of it: itself, or what is like it and is drawn as it. What is

@@ -8,7 +8,7 @@ from typing import Any
 
 from thingc.diagnostics import Code
 from thingc.resolve.model import RawAttribute
-from thingc.resolve.raw_added import ADD, text
+from thingc.resolve.raw_added import ADD, IN_ORDER, ORDER, ORDERED, text
 from thingc.resolve.raw_fixed import fixed, fixed_in_all
 from thingc.resolve.scope import Scope
 from thingc.source import Path
@@ -40,9 +40,24 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
                 help=f"write for example `{target}: {{joint: {{yaw: {EXAMPLES[target]}}}}}`",
             )
             continue
-        laid = {key: one for key, one in attributes.items() if (target, key) != ("mjcf", ADD)}  # that is in `raw_added`
+        laid = {key: one for key, one in attributes.items() if target != "mjcf" or key not in (ADD, ORDER)}  # `raw_added` reads ADD
         flattened.extend(_flattened(scope, target, laid, path, ()))
+        if len(laid) < len(attributes):
+            flattened.extend(_ordered(scope, attributes.get(ORDER, {}), (*path, ORDER)))
     return tuple(flattened)
+
+
+def _ordered(scope: Scope, written: Any, path: Path) -> Iterator[RawAttribute]:
+    """The place of each element that `raw: {mjcf: {order: ...}}` lists; report anything else."""
+    for kind, names in written.items() if isinstance(written, Mapping) else [("", written)]:
+        if kind not in ORDERED or not isinstance(names, list) or any(isinstance(one, (Mapping, list)) for one in names):
+            message = f"`{ORDER}` lists the names of {' or '.join(f'`{one}`' for one in ORDERED)} elements"
+            where = (*path, kind) if kind else path
+            scope.error(Code.VALUE_KIND, message, where, help="write for example `order: {actuator: [hip, knee]}`")
+            continue
+        for number, name in enumerate(names):
+            origin = scope.origin((*path, kind, number))
+            yield RawAttribute(target="mjcf", path=(kind, text(name), IN_ORDER), value=str(number), origin=origin)
 
 
 def _flattened(scope: Scope, target: str, node: Any, path: Path, keys: tuple[str, ...]) -> Iterator[RawAttribute]:

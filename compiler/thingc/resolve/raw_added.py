@@ -14,6 +14,11 @@ from thingc.typos import did_you_mean
 ADD, INSIDE = "add", "in"
 """The key of what is added, and in an element that of the elements in it."""
 
+ORDER, ORDERED = "order", ("actuator", "sensor")
+"""The key of the order of elements in MuJoCo's model, and the kinds of elements that it lists."""
+IN_ORDER = "[order]"
+"""The last key of an attribute that only gives an element its place among the others, which no attribute of a document can have."""
+
 SECTIONS = ("contact", "custom", "tendon", "equality", "actuator", "sensor")
 """Sections of MJCF that may be added to, such that what stands in one may name what stands in those before."""
 

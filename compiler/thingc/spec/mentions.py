@@ -82,11 +82,11 @@ def _of_text(text: str, shape: AnnotationShape) -> Declares | Means | None:
 
 
 def _in_raw(node: MappingNode, path: Path) -> Iterator[Mention]:
-    """The names of elements: `raw: {mjcf: {joint: {NAME: ...}}}`; of what is added those that it refers to."""
+    """The names of elements: `raw: {mjcf: {joint: {NAME: ...}}}`; of what is added those that it refers to, and those that are ordered."""
     for kind, named in node.entries.items():
-        if kind == "add":
+        if kind in ("add", "order"):
             for place, value in walk(named, (*path, kind)):
-                if isinstance(value, ScalarNode) and isinstance(value.value, str) and referred(place):
+                if isinstance(value, ScalarNode) and isinstance(value.value, str) and (kind == "order" or referred(place)):
                     yield Mention(path=place, key=False, text=value.value, names=Means("raw"))
             continue
         for name in named.entries if isinstance(named, MappingNode) else ():

@@ -69,7 +69,7 @@ def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
 def _elsewhere(assembly: Assembly, missing: tuple[str, str]) -> bool:
     """Whether some mode that is not built here may have it, or it is one that is added itself, and is reported."""
     kind, name = missing
-    if any((one.section, one.attributes.get("name")) == missing for one in assembly.added):
+    if any((one.section, one.attributes.get("name", "").replace(".", "/")) == (kind, name.replace(".", "/")) for one in assembly.added):
         return True
     joints = {joint.path for mate in assembly.mates for joint in mate.joints}
     return (kind == "joint" and name in joints) or (kind == "actuator" and name in assembly.drives.values())
@@ -130,6 +130,9 @@ class _Target:
         name = path if plain else CoordinateName(path.replace("/", ".")).path
         if name in self.names.get(kind, ()) or kind not in KINDS:
             return name
+        named = next((one for one in self.names.get(kind, ()) if one.replace(".", "/") == path), None)  # `link` writes `/` for `.`
+        if named is not None:
+            return named
         assembly = self.robot.assembly
         if kind == "body":
             links = (assembly.links[assembly.link_of[one.index]].name for one in assembly.occurrences if one.path == path)

@@ -9,13 +9,14 @@ Names are checked here, attributes and values by MuJoCo alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.diagnostics import Code, Report
 from thingc.emit.mjcf.model import FREE_JOINT, class_name
 from thingc.emit.xml import Element, unwritable
 from thingc.graph.types import Assembly
 from thingc.resolve.model import RawAttribute
+from thingc.resolve.raw_added import IN_ORDER, ORDERED
 from thingc.robot.types import Robot
 from thingc.typos import did_you_mean
 
@@ -39,12 +40,15 @@ KINDS = (*NAMED, *SINGLE, "default")
 def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> None:
     """Lay the raw attributes over each mode's model. A kind or name that no mode has is reported where it is written.
 
-    An element that only some modes have (the drive of a joint, a keyframe) gets its attributes there.
+    An element that only some modes have (the drive of a joint, a keyframe) gets its attributes there. What `order` lists comes first, in
+    that order, in every mode.
     """
+    ranks: dict[int, int] = {}
     for attribute in assembly.raw:
         if attribute.target != TARGET:
             continue
-        fault = _shape_fault(attribute)
+        placed = attribute.path[-1] == IN_ORDER
+        fault = None if placed else _shape_fault(attribute)
         if fault is not None:
             message, hint = fault
             report.add(Code.RAW_UNKNOWN, message, attribute.at_key(0), help=hint, path=attribute.dotted)
@@ -56,9 +60,28 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
             if element is not None
         ]
         for element in elements:
-            element.lay(attribute.path[-1], attribute)
+            if placed:
+                ranks.setdefault(id(element), len(ranks))
+            else:
+                element.lay(attribute.path[-1], attribute)
         if not elements and robots and not _elsewhere(attribute, assembly):
             _report_unknown(attribute, robots, models, report)
+    for model in models if ranks else ():
+        _sort(model, ranks)
+
+
+def _sort(model: Element, ranks: Mapping[int, int]) -> None:
+    """Sort the elements of a model by rank, those without one last, and with its actuators the controls that keyframes have for them."""
+    for section in (section for kind in ORDERED if (section := model.find(kind)) is not None):
+        children = section.children
+        places = sorted(range(len(children)), key=lambda place: ranks.get(id(children[place]), len(ranks)))
+        section.children = [children[place] for place in places]
+        keys = model.find("keyframe") if section.tag == "actuator" else None
+        for number, key in enumerate(keys.children if keys is not None else ()):
+            if keys is not None and "ctrl" in key.attributes and "ctrl" not in key.raw:
+                controls = key.attributes["ctrl"].split()
+                keys.children[number] = key.copy()
+                keys.children[number].attributes["ctrl"] = " ".join(controls[place] for place in places)
 
 
 def _shape_fault(attribute: RawAttribute) -> tuple[str, str] | None:
@@ -146,6 +169,10 @@ def _named(kind: str, model: Element) -> Iterable[Element]:
 def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
     """Whether an element that no model at hand has could stand in another mode's."""
     kind, name = attribute.path[0], attribute.path[1]
+    owner, _, mount = _slashed(name).rpartition("/")
+    magnet = kind == "actuator" and any(one.path == owner and mount in one.mounts for one in assembly.occurrences)
+    if len(attribute.origin) > 1 and (kind == "key" or magnet or attribute.path[-1] == IN_ORDER):
+        return True  # of a nested document, whose poses and modes are not used
     if kind == "joint":
         return name == FREE_JOINT
     if kind == "actuator":

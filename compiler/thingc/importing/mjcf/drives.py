@@ -34,8 +34,8 @@ class _Length:
 
 class Actuators:
     """`of_joint` by the number of the joint, `of_tendon` by that of the tendon, `driven` what they drive by that of the actuator;
-    `adhesions`; others are `added`, or losses. `joints` and `tendons` are those that are kept, `on` is the link of each body that is kept,
-    with the body's pose in it."""
+    `adhesions`; others are `added`, or losses; `kept` are the numbers of all but losses. `joints` and `tendons` are those that are kept,
+    `on` is the link of each body that is kept, with the body's pose in it."""
 
     def __init__(
         self, original: Original, joints: set[int], tendons: Tendons, on: Mapping[int, tuple[int, Pose]], added: Added,
@@ -44,6 +44,8 @@ class Actuators:
         self.of_joint: dict[int, SourceDrive] = {}
         self.of_tendon: dict[int, SourceDrive] = {}
         self.driven: dict[int, SourceTarget] = {}
+        self.kept: set[int] = set()
+        added.kept["actuator"] = self.kept
         adhesions = []
         for number in range(self.model.nu):
             transmission, target = int(self.model.actuator_trntype[number]), int(self.model.actuator_trnid[number][0])
@@ -68,11 +70,10 @@ class Actuators:
                 between = floats(self.model.jnt_range[target]) if self.model.jnt_limited[target] else ()
                 length = _Length((between[0], between[1]) if between else None, self._most("jnt", target))
                 why = self._driving(number, SourceTarget(kind="joint", name=original.joints[target]), target, self.of_joint, length)
-            if why and added.actuator(number):
-                self._unsaid(number, what)
-            elif why:
+            if why and not added.actuator(number):
                 original.losses.note(what, why, where)
             else:
+                self.kept.add(number)
                 self._unsaid(number, what)
         self.adhesions = tuple(adhesions)
 

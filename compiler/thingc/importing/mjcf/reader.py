@@ -98,7 +98,8 @@ class _Reader:
         sites = {site for site in range(self.model.nsite) if int(self.model.site_bodyid[site]) in kept}
         heads = self._heads(on, root)
         tendons = Tendons(self.original, joints, sites, on, heads)
-        added = Added(self.original, joints, sites, tendons)
+        whole = [self._link(body, on) for body in links]
+        added = Added(self.original, {"joint": joints, "site": sites, "geom": self.shapes.shown}, tendons, heads)
         drives = Actuators(self.original, joints, tendons, on, added)
         couplings = Couplings(self.original, drives, on, added)
         between: list[SourceLink] = []
@@ -106,19 +107,19 @@ class _Reader:
             one for body in links if body != root for one in self._hangings(body, on, between, drives, couplings)
         ]
         base: SourceBase = "free" if root in self.free else "held" if root in self.mocap else "fixed"
-        sensed = sensors(self.original, on, kept, tendons, drives.driven, root)
-        excluded = touching(self.original, on, heads, None if base == "free" else root)
+        sensed = sensors(self.original, on, kept, added, drives.driven, root)
+        excluded = touching(self.original, on, heads, None if base == "free" else root, added)
         gravity = floats(self.model.opt.gravity)
         states = poses(self.original, on, root, base, {joint.name: joint for one in hangings for joint in one.joints})
-        whole = [*(self._link(body, on) for body in links), *between]
         simulated, set_up = simulation(self.original), options(self.original)
         named = self.original.flat.named(self.original.element("body", min(body for body in kept if body != WORLD)))
         return SourceRobot(
-            name=_name(named), where=named.place("model"), root=self.original.bodies[root], links=tuple(whole),
+            name=_name(named), where=named.place("model"), root=self.original.bodies[root], links=(*whole, *between),
             hangings=tuple(hangings), base=base, pose=NO_POSE if root == WORLD else self._pose(root),
             losses=self.original.losses.all(), loops=couplings.loops, adhesions=drives.adhesions,
             tendons=tendons.driven(drives.of_tendon), sensors=sensed, poses=states, excluded=excluded,
-            added=(*added.equalities, *added.actuators),
+            added=tuple(added.elements),
+            order={"actuator": [*self.original.actuators.values()], "sensor": [*self.original.sensors.values()]},
             gravity=None if gravity == (0.0, 0.0, -9.81) else (gravity[0], gravity[1], gravity[2]),
             simulation=simulated, options=set_up, files=self.shapes.files,
         )

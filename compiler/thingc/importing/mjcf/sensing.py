@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 
 from thingc.frozen import dataclass
+from thingc.importing.mjcf.adding import Added
 from thingc.importing.mjcf.original import Original, floats, pose_of
-from thingc.importing.mjcf.tendons import Tendons
 from thingc.importing.model import SourceSensor, SourceTarget
 from thingc.pose import Pose, turned_y
 from thingc.sensing import ReadingName, SensorType
@@ -49,24 +49,28 @@ class _Place:
 class _Sensing:
     """`kept` are the bodies that are kept, `driven` what is driven by the number of the actuator, `root` the root body."""
 
-    def __init__(self, original: Original, kept: set[int], tendons: Tendons, driven: Mapping[int, SourceTarget], root: int) -> None:
+    def __init__(self, original: Original, kept: set[int], added: Added, driven: Mapping[int, SourceTarget], root: int) -> None:
         import mujoco
 
         self.original, self.model, self.kept, self.driven, self.root = original, original.model, kept, driven, root
-        self.tendons = tendons.of
+        self.added, self.tendons = added, added.tendons
         types = mujoco.mjtSensor.__members__.items()
         self.kinds: dict[int, str] = {int(value): name.removeprefix("mjSENS_").lower() for name, value in types}
 
     def all(self) -> tuple[SourceSensor, ...]:
-        """Those of kinds that the language has, several that are of one together; all others are losses."""
+        """Those of kinds that the language has, several that are of one together; all others, and second ones, are added, or losses."""
         read: list[tuple[int, _Place, ReadingName]] = []
+        placed_before: set[tuple[_Place, ReadingName] | None] = {None}
         for number in range(self.model.nsensor):
             placed = self._place(number)
-            if placed is None:
+            if placed is None or placed in placed_before:
+                if self.added.sensor(number):
+                    continue
                 name, kind = self.original.sensors[number], self._kind(number)
                 where = self.original.where("sensor", number)
                 self.original.losses.note(f"sensor `{name}` of kind `{kind}`", "a document has no such sensor", where)
             else:
+                placed_before.add(placed)
                 read.append((number, *placed))
         at = {(place.kind, place.site) for _, place, _ in read}
         imus = {site for _, site in at if {kind for kind, other in at if other == site} >= IMU}
@@ -137,12 +141,12 @@ class _Sensing:
 
 
 def sensors(
-    original: Original, on: Mapping[int, tuple[int, Pose]], kept: set[int], tendons: Tendons, driven: Mapping[int, SourceTarget],
+    original: Original, on: Mapping[int, tuple[int, Pose]], kept: set[int], added: Added, driven: Mapping[int, SourceTarget],
     root: int,
 ) -> tuple[SourceSensor, ...]:
-    """Those of kinds that the language has, and cameras; all others are losses. `driven` is what is driven by the number of the
+    """Those of kinds that the language has, and cameras; all others are added, or losses. `driven` is what is driven by the number of the
     actuator, `root` the root body."""
-    return (*_Sensing(original, kept, tendons, driven, root).all(), *_cameras(original, on))
+    return (*_Sensing(original, kept, added, driven, root).all(), *_cameras(original, on))
 
 
 def _cameras(original: Original, on: Mapping[int, tuple[int, Pose]]) -> list[SourceSensor]:

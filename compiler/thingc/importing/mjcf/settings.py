@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Set
 from typing import Any
 
+from thingc.importing.mjcf.adding import Added
 from thingc.importing.mjcf.original import Original, floats, numbers
 from thingc.importing.model import Ends, SourceBase, SourceJoint, SourcePose
 from thingc.pose import Pose, Quaternion
@@ -62,16 +63,16 @@ def _text(name: str, value: Any) -> str:
 
 
 def touching(
-    original: Original, on: Mapping[int, tuple[int, Pose]], heads: Mapping[int, int], still: int | None,
+    original: Original, on: Mapping[int, tuple[int, Pose]], heads: Mapping[int, int], still: int | None, added: Added,
 ) -> tuple[tuple[str, str], ...]:
     """The links that never touch, beside those that a joint connects. Of these a document lets none touch, MuJoCo those with what stands
     `still` (the number of its first body), or all: a loss where their shapes would."""
     import mujoco
 
     model = original.model
-    for pair in original.spec.pairs:
+    for pair in (pair for number, pair in enumerate(original.spec.pairs) if not added.pair(number)):
         what = f"a contact pair, `{pair.geomname1}` and `{pair.geomname2}`"
-        original.losses.note(what, "contacts of a document are of all shapes that touch", original.flat.place(pair.info))
+        original.losses.note(what, "one of the two is not in the document", original.flat.place(pair.info))
     parents = {
         head: heads[parent] for head in set(heads.values()) if (parent := int(model.body_parentid[head])) in heads and parent != head
     }

@@ -27,11 +27,12 @@ GREY = (0.5, 0.5, 0.5, 1.0)
 
 
 class Geoms:
-    """The shapes of bodies; `files` are the meshes among them that are written anew, by name."""
+    """The shapes of bodies; `files` are the meshes among them that are written anew, by name, `shown` the numbers of their geoms."""
 
     def __init__(self, original: Original) -> None:
         self.original, self.model = original, original.model
         self.files: dict[str, bytes] = {}
+        self.shown: set[int] = set()
         wraps = zip(self.model.wrap_type, self.model.wrap_objid, strict=True)
         self.wrapped = {int(geom) for kind, geom in wraps if int(kind) in (SPHERE, CYLINDER)}
 
@@ -55,9 +56,10 @@ class Geoms:
         drawn = (model.geom_group[geom] < HIDDEN or not touches and geom not in self.wrapped) and (color is None or color[3] > 0.0)
         size, pose, mesh = self._form(geom, kind)
         friction = self._friction(geom) if touches else ()
-        name = self.original.written["geom"][geom].name or None
+        name = self.original.geoms[geom] if self.original.written["geom"][geom].name else None
         visual = SourceShape(kind=kind, use="visual", size=size, pose=pose, where=where, mesh=mesh, color=color, name=name)
         touching = replace(visual, use="collision", color=None, friction=friction, raw=self._raw(geom, friction))
+        self.shown |= {geom} if drawn or touches else set()
         return [one for one, there in ((visual, drawn), (touching, touches)) if there]
 
     def _color(self, geom: int) -> tuple[float, float, float, float] | None:
