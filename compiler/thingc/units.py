@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
+from itertools import islice
 from typing import TYPE_CHECKING, Union
 
 from thingc.frozen import dataclass
@@ -217,14 +219,14 @@ UNITS: dict[str, Unit] = {
 _DEGREE = UNITS["deg"]
 
 _MEANT = {
-    "Nm": "N*m", "mNm": "mN*m", "Nmm": "N*mm", "Ncm": "N*cm", "kgcm": "kgf*cm", "kgm2": "kg*m^2", "µm": "um", "μm": "um",
+    "mps": "m/s", "kmh": "km/h", "kph": "km/h", "rps": "rev/s", "oz": "ozf", "µm": "um", "μm": "um",
     "micron": "um", "microns": "um", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
     "centimeter": "cm", "centimetre": "cm", "meter": "m", "meters": "m", "metre": "m", "metres": "m", "inch": "in",
     "inches": "in", "°": "deg", "degree": "deg", "degrees": "deg", "degs": "deg", "radian": "rad", "radians": "rad",
     "rads": "rad", "turn": "rev", "turns": "rev", "RPM": "rpm", "gram": "g", "grams": "g", "gr": "g", "kilogram": "kg",
     "kilograms": "kg", "kilo": "kg", "kgs": "kg", "lbs": "lb", "pound": "lb", "pounds": "lb", "sec": "s", "secs": "s",
     "second": "s", "seconds": "s", "msec": "ms", "minute": "min", "minutes": "min", "hour": "h", "hours": "h",
-    "newton": "N", "newtons": "N", "hertz": "Hz", "percent": "%", "pct": "%", "µs": "us", "μs": "us",
+    "newton": "N", "newtons": "N", "Newton": "N", "hertz": "Hz", "percent": "%", "pct": "%", "µs": "us", "μs": "us",
 }
 """What people write for units of the table."""
 
@@ -233,11 +235,16 @@ _UNIT_WORD = re.compile(r"[^\W\d_²³]+|%|°")
 _POWER = re.compile(r"(?:\^|\*\*)\s*([-+]?\d{1,2})(?!\d)", re.ASCII)
 _SUPERSCRIPT = {"²": 2, "³": 3}
 _OPERATOR = re.compile(r"\s*([*/·])\s*")
+_WHOLE_UNIT = re.compile(r"[^\s()+,]*")
+_JOINT, _LOOSE_POWER = re.compile(r"\s*[*/·.-]?\s*"), re.compile(r"\s*(?:\^|\*\*)?(-?[1-9]|[²³]?)")
+"""What people write between two factors of a unit, and behind one."""
 
 MAX_TEXT = 1000
 """Characters of one quantity or expression."""
 MAX_FACTORS = 12
 """Factors of one unit."""
+MAX_SPELLINGS = 1000
+"""Readings of a unit without signs that are compared."""
 
 
 def exact(number: str) -> tuple[int, int]:
@@ -279,11 +286,11 @@ def scan_number(text: str, at: int = 0) -> tuple[str, int] | None:
     return (match.group(), match.end()) if match else None
 
 
-def scan_unit(text: str, at: int, *, compact: bool = False) -> tuple[Unit, int]:
+def scan_unit(text: str, at: int, *, compact: bool = False, wanted: tuple[Dimension, ...] = ()) -> tuple[Unit, int]:
     """The unit that begins at `at` (`N*m*s/rad`, `m/s^2`) and where it ends.
 
     With `compact` no spaces are allowed around `*` and `/`, and the unit ends before a `*` or `/` that no unit follows:
-    the rule of expressions, where `8 mm*i` is 8 mm times i.
+    the rule of expressions, where `8 mm*i` is 8 mm times i. The help for an unknown unit has one of the `wanted` dimensions.
     Raises UnitError (`unit`) for a word that is no unit, (`quantity`) where a unit is expected and none is there.
     """
     numerator, denominator, dimension = 1, 1, NUMBER
@@ -301,7 +308,7 @@ def scan_unit(text: str, at: int, *, compact: bool = False) -> tuple[Unit, int]:
             )
         base = UNITS.get(word.group())
         if base is None:
-            raise unknown_unit(word.group(), at)
+            raise unknown_unit(text, start, word.span(), wanted)
         exponent, at = _power(text, word, compact=compact)
         dimension = dimension * base[2] ** (sign * exponent)
         up, down = base[0] ** abs(exponent), base[1] ** abs(exponent)
@@ -341,30 +348,61 @@ def _continues(text: str, at: int) -> bool:
     return at < len(text) and (text[at] in "_(." or text[at].isdigit())
 
 
-def unknown_unit(word: str, at: int, wanted: tuple[Dimension, ...] = ()) -> UnitError:
-    """The error for a word that is no unit, with the one that was meant: one of a dimension that is `wanted`, if another second letter
-    makes one of it (`mn` where there should be a length)."""
-    other = (unit for unit, (_, _, of) in UNITS.items() if of in wanted and len(unit) == len(word) == 2 and unit[0] == word[0])
-    close = _MEANT.get(word) or next(other, None) or nearest(word, UNITS)
+def unknown_unit(text: str, start: int, word: tuple[int, int], wanted: tuple[Dimension, ...] = ()) -> UnitError:
+    """The error for a word (its first and its next character) of the unit that begins at `start` of a text, with the unit that was meant:
+    one of a dimension that is `wanted`, if another second letter makes one of it (`mn` where there should be a length)."""
+    at, end = word
+    found = text[at:end]
+    other = (unit for unit, (_, _, of) in UNITS.items() if of in wanted and len(unit) == len(found) == 2 and unit[0] == found[0])
+    near = nearest(found, [unit for unit, (_, _, of) in UNITS.items() if of in wanted]) or nearest(found, UNITS)
+    sure = _MEANT.get(found) or (near if near and meant(found, UNITS) == near and not _other_prefix(found, near) else None)
+    close = sure or next(other, None)
+    if not close:
+        ends = (start + len(_WHOLE_UNIT.match(text, start).group()), end)  # type: ignore[union-attr]
+        sure, stop = next(((unit, stop) for stop in ends if (unit := meant_unit(text[start:stop], wanted))), (None, end))
+        at, end, found, close = (start, stop, text[start:stop], sure) if sure else (at, end, found, near)
     hint = f"; did you mean `{close}`?" if close else ""
-    sure = close is not None and (word in _MEANT or (meant(word, UNITS) == close and not _other_prefix(word, close)))
-    message = Hint(f"unknown unit `{shortened(word)}`{hint}", (word, close) if sure and close else None)
+    message = Hint(f"unknown unit `{shortened(found)}`{hint}", (found, sure) if sure else None)
     return UnitError(
-        message, kind="unit", offset=at, end=at + len(word),
+        message, kind="unit", offset=at, end=end,
         help=None if close else "units are for example mm, m, deg, rad, g, kg, s, N, N*m, rpm, kg/m^3, %",
     )
 
 
 def _other_prefix(word: str, unit: str) -> bool:
-    """Whether a word may be a unit that the table does not have: `MN` is 10^9 `mN`, and a `G` may be anything."""
-    return len(word) < 2 or (word[0] != unit[0] and word[0].lower() == unit[0].lower() and word != "MM")
+    """Whether a word may be something else than a slip of `unit`: `MN` is 10^9 `mN`, a `G` may be anything, and `grad` is not `rad`."""
+    return len(word) < 2 or (word[0] != unit[0] and word != "MM")
 
 
-def parse_quantity(text: str) -> Quantity:
+def meant_unit(text: str, wanted: tuple[Dimension, ...] = ()) -> str | None:
+    """The unit of a wanted dimension (without any: of one that has a name) that is written as a person would outside of a program:
+    `N*m*s/rad` for `Nms/rad`, `kg*m^2` for `kg m2`, `kgf*cm` for the `kg-cm` of a data sheet. None if there is none."""
+    spelled = [one[1:] for one in islice(_spellings(f"*{text.strip()}"), MAX_SPELLINGS)] if len(text) < 30 else []
+    spelled += [re.sub(r"\b(kg|lb)\b", r"\1f", one) for one in spelled]
+    fitting = [one for one in spelled if any(fits(scan_unit(one, 0)[0][2], of) for of in wanted or _WORDS)]
+    return min(fitting, key=lambda one: len(_OPERATOR.findall(one)), default=None)
+
+
+def _spellings(text: str, sign: str = "*") -> Iterator[str]:
+    """Every product of units that `text` may be without its signs, each with an operator before it."""
+    if not text:
+        yield ""
+    joint = _JOINT.match(text).group()  # type: ignore[union-attr]
+    sign, at = "/" if "/" in joint else "*" if joint else sign, len(joint)
+    for end in range(min(len(text), at + 12), at, -1):
+        unit = _MEANT.get(text[at:end], text[at:end])
+        if unit in UNITS:
+            power = _LOOSE_POWER.match(text, end)
+            exponent = power.group(1)  # type: ignore[union-attr]
+            for rest in _spellings(text[power.end():], sign):  # type: ignore[union-attr]
+                yield f"{sign}{unit}{'^' if exponent else ''}{_SUPERSCRIPT.get(exponent, exponent)}{rest}"
+
+
+def parse_quantity(text: str, wanted: tuple[Dimension, ...] = ()) -> Quantity:
     """Read `120 mm`, `4.1 N*m`, `kg*m^2` products, `15 %`, or a bare number (of dimension NUMBER).
 
     Spaces around `*` and `/` are allowed; a space between number and unit is not required.
-    Raises UnitError; its offsets count characters of `text`.
+    Raises UnitError, with a help of a `wanted` dimension; its offsets count characters of `text`.
     """
     if len(text) > MAX_TEXT:
         raise UnitError(f"a quantity of {len(text)} characters is too long (at most {MAX_TEXT})")
@@ -373,10 +411,10 @@ def parse_quantity(text: str) -> Quantity:
     if scanned is None:
         raise UnitError(f"expected a number with a unit, found `{shortened(text.strip())}`", help="write for example `120 mm`")
     number, at = scanned
-    return _with_unit(text, number, at)
+    return _with_unit(text, number, at, wanted)
 
 
-def _with_unit(text: str, number: str, at: int) -> Quantity:
+def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -> Quantity:
     begin = at
     while at < len(text) and text[at].isspace():
         at += 1
@@ -389,16 +427,18 @@ def _with_unit(text: str, number: str, at: int) -> Quantity:
         )
     if text[at] == "_" and begin == at:
         raise UnitError(f"expected a number, found `{shortened(text.strip())}`", help="numbers are written without `_`")
-    unit, end = scan_unit(text, at)
+    unit, end = scan_unit(text, at, wanted=wanted)
     if text[end:].strip():
+        product = meant_unit(text[at:], wanted)
+        expression = "an expression begins with `=`" if re.search(r"[-+(]", text[end:]) else None
         raise UnitError(
             f"expected the end after `{text[:end].strip()}`, found `{shortened(text[end:].strip())}`", offset=end, end=len(text),
-            help="an expression begins with `=`" if re.search(r"[-+(]", text[end:]) else None,
+            help=f"write `{number} {product}`" if product else expression,
         )
     return Quantity(converted(number, unit), unit[2])
 
 
-def parse_vector(text: str) -> tuple[Quantity, Quantity, Quantity]:
+def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantity, Quantity, Quantity]:
     """Read three numbers that share one unit: `0 120 30 mm`; `0 0 0` needs none.
 
     Raises UnitError; its offsets count characters of `text`.
@@ -424,7 +464,7 @@ def parse_vector(text: str) -> tuple[Quantity, Quantity, Quantity]:
         raise UnitError(f"expected three numbers and a unit, found {count} (`{shortened(text.strip())}`)", help=how)
     unit: Unit = (1, 1, NUMBER)
     if at < len(text):
-        unit, end = scan_unit(text, at)
+        unit, end = scan_unit(text, at, wanted=wanted)
         if text[end:].strip():
             raise UnitError(
                 f"expected the end after `{text[:end].strip()}`, found `{shortened(text[end:].strip())}`",
@@ -464,8 +504,11 @@ def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Q
             help=Hint(words, (bare, f"{bare} {choices[0]}") if sure else None),
         )
     example = first.example if len(expected) == 1 else " or ".join(dimension.example for dimension in expected)
+    number, at = scan_number(text.strip()) or ("", 0)
+    unit = meant_unit(text.strip()[at:], expected) if number else None
     raise UnitError(
         f"expected {wanted} (such as {example}), found {quantity.dimension.words} (`{shown}`)", kind="dimension",
+        help=f"write `{number} {unit}`" if unit else None,
     )
 
 

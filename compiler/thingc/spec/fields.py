@@ -46,7 +46,6 @@ from thingc.units import (
     scan_number,
     shortened,
     suggested_units,
-    unknown_unit,
 )
 
 if TYPE_CHECKING:
@@ -142,9 +141,9 @@ def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, exampl
         return read_expression(value)
     if isinstance(value, str):
         try:
-            return checked(_quantity_in(value, words, example), dimensions, value)
+            return checked(_quantity_in(value, dimensions, words, example), dimensions, value)
         except UnitError as error:
-            raise _of_unit(_meant(error, value, dimensions)) from None
+            raise _of_unit(error) from None
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         try:
             return checked(_bare(value), dimensions, repr(value))
@@ -153,19 +152,13 @@ def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, exampl
     raise fault("type", f"expected {words} (such as `{example}`), found {found(value)}")
 
 
-def _meant(error: UnitError, text: str, wanted: tuple[Dimension, ...]) -> UnitError:
-    """The error about a unit that there is not, with that of the wanted dimensions which may have been meant."""
-    unknown = error.message.startswith("unknown unit")
-    return unknown_unit(text[error.offset : error.end], error.offset or 0, wanted) if unknown else error
-
-
-def _quantity_in(text: str, words: str, example: str) -> Quantity:
+def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: str) -> Quantity:
     """`parse_quantity`, with what is wanted here named where the text is no quantity at all."""
     start = len(text) - len(text.lstrip())
     if scan_number(text, start) is None:
         raise UnitError(f"expected {words} (such as `{example}`), found {found(text)}", help=expression_hint(text))
     try:
-        return parse_quantity(text)
+        return parse_quantity(text, wanted)
     except UnitError as error:
         comma = re.fullmatch(r"\s*([-+]?\d+),(\d.*)", text)
         if comma is not None:
@@ -285,12 +278,12 @@ def _vector(dimension: Dimension) -> Any:
     def validate(value: Any) -> Vector:
         if isinstance(value, str) and not is_expression(value):
             try:
-                x, y, z = (checked(part, (dimension,), value) for part in parse_vector(value))
+                x, y, z = (checked(part, (dimension,), value) for part in parse_vector(value, (dimension,)))
             except UnitError as error:
                 if error.kind == "unit" and error.offset is None:
                     meant = f"{' '.join(value.split())} {suggested_units(dimension, value)[0]}"
                     error = UnitError(error.message, kind="unit", help=f"write for example `{meant}`")
-                raise _of_unit(_meant(error, value, (dimension,))) from None
+                raise _of_unit(error) from None
             return x, y, z
         if not isinstance(value, (list, tuple)):
             raise fault("type", f"expected {words}, found {found(value)}", help=f"write for example `{short}` or `{listed}`")
