@@ -236,7 +236,7 @@ _POWER = re.compile(r"(?:\^|\*\*)\s*([-+]?\d{1,2})(?!\d)", re.ASCII)
 _SUPERSCRIPT = {"²": 2, "³": 3}
 _OPERATOR = re.compile(r"\s*([*/·])\s*")
 _WHOLE_UNIT = re.compile(r"[^\s()+,]*")
-_JOINT, _LOOSE_POWER = re.compile(r"\s*[*/·.-]?\s*"), re.compile(r"\s*(?:\^|\*\*)?(-?[1-9]|[²³]?)")
+_JOINT, _LOOSE_POWER = re.compile(r"\s*[*/·.-]?\s*"), re.compile(r"(?:\^|\*\*)?(-?[1-9]|[²³]?)")
 """What people write between two factors of a unit, and behind one."""
 
 MAX_TEXT = 1000

@@ -509,7 +509,7 @@ def test_schemas(module_place: Any, records: dict[str, PartRecord]) -> None:
     missing = found["shapes:Blocc"]
     assert isinstance(missing, PartFailure)
     assert (missing.kind, missing.message) == ("missing", "`shapes` has no `Blocc`")
-    assert "Block" in missing.candidates
+    assert "shapes:Block" in missing.candidates
 
 
 def test_records_survive_json(records: dict[str, PartRecord]) -> None:

@@ -47,7 +47,7 @@ SCHEMAS: dict[str, PartSchema | PartFailure] = {
     "arm:Servo": schema("arm:Servo", actuator=True),
     "arm:Gone": PartFailure(
         subject="arm:Gone", kind="missing", message="`arm` has no `Gone`", file="/parts/arm.py",
-        candidates=("Plate", "Brace", "Gome"),
+        candidates=("arm:Plate", "arm:Brace", "arm:Gome"),
     ),
     "amr:Plate": PartFailure(subject="amr:Plate", kind="missing", message="there is no module `amr`", candidates=("arm", "legs")),
     "os:system": PartFailure(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from decimal import Decimal
 from fractions import Fraction
 
@@ -12,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thingc.units import (
+    ACCELERATION,
     ANGLE,
     ANGULAR_DAMPING,
     ANGULAR_STIFFNESS,
@@ -22,11 +24,13 @@ from thingc.units import (
     INERTIA,
     LENGTH,
     LENGTH_PER_ANGLE,
+    LINEAR_DAMPING,
     MASS,
     NUMBER,
     TIME,
     TORQUE,
     UNITS,
+    VELOCITY,
     Dimension,
     Quantity,
     UnitError,
@@ -196,6 +200,33 @@ def test_vectors() -> None:
     assert parse_vector("0 120 -30 mm") == (Quantity(0.0, LENGTH), Quantity(0.12, LENGTH), Quantity(-0.03, LENGTH))
     assert [part.value for part in parse_vector("0 0 -9.81 m/s^2")] == [0.0, 0.0, -9.81]
     assert parse_vector("0 0 0") == (Quantity(0.0),) * 3
+
+
+@pytest.mark.parametrize(("written", "dimension", "meant"), [
+    ("Nms/rad", ANGULAR_DAMPING, "N*m*s/rad"), ("mNms/rad", ANGULAR_DAMPING, "mN*m*s/rad"), ("Nm/rad", ANGULAR_STIFFNESS, "N*m/rad"),
+    ("Ncm/deg", ANGULAR_STIFFNESS, "N*cm/deg"), ("Ns/m", LINEAR_DAMPING, "N*s/m"), ("N m", TORQUE, "N*m"), ("N.m", TORQUE, "N*m"),
+    ("Newtonmeter", TORQUE, "N*m"), ("kgm2", INERTIA, "kg*m^2"), ("kg m^2", INERTIA, "kg*m^2"), ("kg-m²", INERTIA, "kg*m^2"),
+    ("gcm2", INERTIA, "g*cm^2"), ("kg/m3", DENSITY, "kg/m^3"), ("m/s2", ACCELERATION, "m/s^2"), ("ms^-1", VELOCITY, "m*s^-1"),
+    ("kg*cm", TORQUE, "kgf*cm"), ("kg-cm", TORQUE, "kgf*cm"), ("kgcm", TORQUE, "kgf*cm"), ("ozin", TORQUE, "ozf*in"),
+    ("in-lb", TORQUE, "in*lbf"), ("kg", FORCE, "kgf"), ("mps", VELOCITY, "m/s"), ("rps", ANGULAR_VELOCITY, "rev/s"),
+    ("cms", LENGTH, "cm"), ("mn", LENGTH, "mm"), ("N*mmm", TORQUE, "N*mm"),
+])
+def test_the_suggested_unit_can_be_pasted(written: str, dimension: Dimension, meant: str) -> None:
+    with pytest.raises(UnitError) as caught:
+        checked(parse_quantity(f"5 {written}", (dimension,)), (dimension,), f"5 {written}")
+    said = f"{caught.value.message} {caught.value.help}"
+    words = re.findall("did you mean `(.*)`|write `5 (.*)`", said)
+    suggested = "".join(words[0])
+    whole = written.replace("mmm", suggested) if "mmm" in written else suggested
+    assert whole == meant
+    assert parse_quantity(f"5 {whole}").fits(dimension)
+
+
+@pytest.mark.parametrize("written", ["grad", "MN", "Nm/A", "V", "mAh", "m" * 29, "mm 3"])
+def test_a_unit_that_may_be_another_is_not_fixed(written: str) -> None:
+    with pytest.raises(UnitError) as caught:
+        parse_quantity(f"5 {written}", (LENGTH,))
+    assert written not in (getattr(caught.value.message, "mends", None) or ())
 
 
 @pytest.mark.parametrize(("text", "message"), [

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from thingc.cli import common
 from thingc.cli.tables import axes, millimetres, table
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
-from thingc.realize.catalogue import classes_installed, installed_modules
+from thingc.realize.key.catalogue import classes_installed, installed_modules
 from thingc.realize.record import NO_PARTS, MountRecord, ParameterSchema, PartFailure, PartRecord, PartSchema
 from thingc.source import line_of
 from thingc.typos import did_you_mean

@@ -250,20 +250,21 @@ def _no_mount(instance: Instance, name: str, shown: str, document: Instance) -> 
         return _SILENT
     return _Fault(
         code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} has no mount `{name}`",
-        help=_mount_help(name, part.mounts, document),
+        help=f"the part has `{name}`, but not as a mount: write `self.{name} = MountPoint(...)`"
+        if part.record is not None and name in part.record.references else _mount_help(name, part.mounts, document),
         notes=written_at(f"`{part.definition.label}`", part.record.code) if part.record is not None else (),
     )
 
 
 def _mount_help(name: str, mounts: Collection[str], document: Instance) -> str:
-    """A hint for a mount that a component has not: a list goes by its numbers, a slip by its letters, and some other component of the
-    document may have a mount of just this name."""
+    """A hint for a mount that a component does not have: the numbers of a list, the nearest name, or the mounts that it has and those of
+    this name that one other component has."""
     numbers = sorted(int(one[len(name) + 1 :]) for one in mounts if re.fullmatch(rf"{re.escape(name)}_\d+", one))
     if numbers:
         return f"`{name}` is a list: its mounts are `{name}_{numbers[0]}`" + (f" to `{name}_{numbers[-1]}`" if len(numbers) > 1 else "")
     having = [one for one, child in document.children.items() if child.part is not None and name in child.part.mounts]
-    if meant(name, mounts) is None and 0 < len(having) <= 3:
-        return f"did you mean {' or '.join(f'`{one}.{name}`' for one in having)}?"
+    if meant(name, mounts) is None and len(having) == 1:
+        return f"{did_you_mean('', mounts, what='mounts')}; or did you mean `{having[0]}.{name}`?"
     return did_you_mean(name, mounts, what="mounts")
 
 

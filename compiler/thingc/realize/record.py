@@ -336,8 +336,8 @@ FailureKind = Literal[
 class PartFailure(Brief):
     """Why a part could not be described or modelled.
 
-    `message` is the exception's words; `file`, `line` the place in the part file; `candidates` near names for `missing`;
-    `detail` the traceback, for `--debug` only.
+    `message` is the exception's words; `file`, `line` the place in the part file; `candidates`, for
+    a part that is `missing`, modules, references or files that may have been meant; `detail` the traceback, for `--debug` only.
     """
 
     subject: str

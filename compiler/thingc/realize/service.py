@@ -155,7 +155,7 @@ class GeometryService:
 
     def catalogue(self) -> list[str]:
         """`module:Class` of every public class in the part folders and in the allowed packages tracked by content."""
-        from thingc.realize.catalogue import classes_in_reach
+        from thingc.realize.key.catalogue import classes_in_reach
 
         return classes_in_reach(self._parts.sources, self.workspace.packages)
 
@@ -183,7 +183,7 @@ class GeometryService:
 
     def not_python(self) -> list[PartFailure]:
         """The modules in the same places that are no well-formed Python."""
-        from thingc.realize.catalogue import not_python
+        from thingc.realize.key.catalogue import not_python
 
         return not_python(self._parts.sources, self.workspace.packages)
 
@@ -252,7 +252,7 @@ class GeometryService:
 
     def _schema(self, reference: str, value: Any, code: CodeIngredients | None | PartFailure) -> PartSchema | PartFailure:
         if "failure" in value:
-            return failure_from_json(value["failure"], self.workspace.root)
+            return self._parts.with_namesakes(failure_from_json(value["failure"], self.workspace.root))
         schema = schema_from_json(value["schema"], self.workspace.root)
         if isinstance(code, CodeIngredients) and code.place is not None:  # comments move lines, and rebuild nothing
             schema = replace(schema, file=code.place[0], line=code.place[1])

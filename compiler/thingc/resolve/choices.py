@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.load.paths import SUFFIXES_WITH_UNIT, named
 from thingc.realize.record import PartFailure
+from thingc.resolve.parts import missing_hint
 from thingc.resolve.repeats import Unrolled
 from thingc.resolve.table import Context, Node, Table
 from thingc.source import ScalarNode, node_at
@@ -156,7 +157,7 @@ def check_part(context: Context, node: Node, reference: str) -> bool:
     if schema is not None and not isinstance(schema, PartFailure):
         return True
     if isinstance(schema, PartFailure):
-        help = did_you_mean(reference, schema.candidates, what="parts") if schema.candidates else None
+        help = missing_hint(context, reference, schema) if schema.kind == "missing" else None
         context.say_of_option(f"components.{node.name}.part", f"part `{shortened(reference)}`: {schema.message}", help)
     return False
 

@@ -193,7 +193,6 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
     if failure.file is not None and failure.line is not None:
         place = line_of(failure.file, failure.line)
         notes.append(Note(message="in the part file, here", span=place))
-    module = reference.partition(":")[0]
     help: str | None = None if failure.kind == "missing" else "mend the part file"
     message = f"part `{reference}`: {failure.message}"
     if failure.kind == "raised":
@@ -201,7 +200,8 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
     elif failure.kind == "trespassed":
         message = f"part `{reference}` writes outside of its own folder: {failure.message}"
     elif failure.message.startswith(f"`{reference}`"):
-        message, help = failure.message, _reference_hint(context, reference)
+        message = failure.message
+        help = missing_hint(context, reference, failure) if failure.candidates else _reference_hint(context, reference)
     if failure.kind == "resultless":
         message, help = failure.message, "write `def result(self):` that returns a shape, or `return None` for a part without geometry"
     elif failure.kind in ("stale", "unlocked"):
@@ -209,10 +209,8 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
     elif failure.kind == "refused":
         allowed = ", ".join(f"`{package}`" for package in failure.candidates)
         help = f"parts come from the part folders of the workspace{' and from ' + allowed if allowed else ''}"
-    elif failure.kind == "missing" and failure.file is None:
-        help = _module_hint(context, reference, failure.candidates)
-    elif failure.candidates:
-        help = did_you_mean(reference, [f"{module}:{name}" for name in failure.candidates], what="parts")
+    elif failure.kind == "missing":
+        help = missing_hint(context, reference, failure)
     context.report.add(
         _FAILURES[failure.kind], message, node.scope.span(path),
         help=help,
@@ -255,6 +253,17 @@ def _reference_hint(context: Context, text: str) -> str:
     if re.fullmatch(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*", meant) and meant != text:
         return f"did you mean `{shortened(meant)}`?"
     return "write a module of a part folder and a class in it, for example `arm:BasePlate`"
+
+
+def missing_hint(context: Context, reference: str, failure: PartFailure) -> str:
+    """What to write for a part that is not there: the class of this name in another module, else a name in the same module."""
+    classes = [one for one in failure.candidates if ":" in one]
+    namesakes = [one for one in classes if one.partition(":")[2] == reference.rpartition(":")[2]]
+    if namesakes:
+        return near_hint(reference, namesakes) or f"did you mean {' or '.join(f'`{one}`' for one in namesakes[:3])}?"
+    if classes:
+        return did_you_mean(reference, classes, what="parts")
+    return _module_hint(context, reference, failure.candidates)
 
 
 def _module_hint(context: Context, reference: str, known: Collection[str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from thingc.files import listing
@@ -41,8 +42,19 @@ class PartCode:
     def code(self, reference: str) -> CodeIngredients | None | PartFailure:
         """The code of `module:Class`; None for an installed package; or why it may not or cannot be loaded."""
         if reference not in self._codes:
-            self._codes[reference] = self._read_code(reference)
+            code = self._read_code(reference)
+            self._codes[reference] = self.with_namesakes(code) if isinstance(code, PartFailure) else code
         return self._codes[reference]
+
+    def with_namesakes(self, failure: PartFailure) -> PartFailure:
+        """Add references to classes of the same name in other modules to a failure to find a part."""
+        from thingc.realize.key.catalogue import classes_in_reach
+
+        name = failure.subject.rpartition(":")[2]
+        if failure.kind != "missing" and name != failure.subject:
+            return failure
+        namesakes = [one for one in classes_in_reach(self.sources, self.workspace.packages) if one.partition(":")[2] == name]
+        return replace(failure, candidates=(*failure.candidates, *namesakes))
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
         """The modules in reach of `module:Class` that hide others of their name; where there is no such class, its module alone."""
@@ -84,7 +96,7 @@ class PartCode:
         if not may_have(module_name, first, self.sources):
             return PartFailure(
                 subject=reference, kind="missing", message=f"`{module_name}` has no `{first}`", file=module.file,
-                candidates=defined_in(module_name, self.sources),
+                candidates=tuple(f"{module_name}:{one}" for one in defined_in(module_name, self.sources)),
             )
         return code_of(reference, self.sources)
 

@@ -132,7 +132,7 @@ class PartSession:
                 from thingc.things.inspection import is_part
 
                 names = sorted(
-                    own for own, value in vars(module).items()
+                    f"{module_name}:{own}" for own, value in vars(module).items()
                     if not own.startswith("_") and getattr(value, "__module__", None) == module_name and is_part(value)
                 )
                 raise NoPart("missing", f"`{module_name}` has no `{name}`", names) from None
