@@ -413,7 +413,8 @@ class Report:
                 where = f"`{allowance.path}`" if allowance.path else "the document"
                 self.warn(
                     Code.UNNEEDED, f"{where} allows `{allowance.code.code}` ({allowance.code.title}), and nothing there needs it",
-                    allowance.where, path=f"{allowance.path}.allow".lstrip("."), help="take it out of `allow`",
+                    allowance.where, path=f"{allowance.path}.allow".lstrip("."),
+                    help="remove it from `allow`, unless a document that nests this one needs it",
                     notes=[Note(message=f"the reason given is: {allowance.reason}")],
                 )
 

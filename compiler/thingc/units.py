@@ -13,7 +13,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Union
 
 from thingc.frozen import dataclass
-from thingc.typos import Hint, meant, nearest
+from thingc.typos import MAX_CANDIDATES, Hint, meant, nearest
 
 if TYPE_CHECKING:
     from fractions import Fraction
@@ -236,15 +236,15 @@ _POWER = re.compile(r"(?:\^|\*\*)\s*([-+]?\d{1,2})(?!\d)", re.ASCII)
 _SUPERSCRIPT = {"²": 2, "³": 3}
 _OPERATOR = re.compile(r"\s*([*/·])\s*")
 _WHOLE_UNIT = re.compile(r"[^\s()+,]*")
-_JOINT, _LOOSE_POWER = re.compile(r"\s*[*/·.-]?\s*"), re.compile(r"(?:\^|\*\*)?(-?[1-9]|[²³]?)")
-"""What people write between two factors of a unit, and behind one."""
+_LOOSE = re.compile(r"(?:\^|\*\*)?(-?[1-9]|[²³]?)(\s*[*/·.-]?\s*)")
+"""What people write behind a unit: a power, and what is between it and the next one."""
 
 MAX_TEXT = 1000
 """Characters of one quantity or expression."""
 MAX_FACTORS = 12
 """Factors of one unit."""
-MAX_SPELLINGS = 1000
-"""Readings of a unit without signs that are compared."""
+LONGEST_UNIT = 30
+"""Characters of a unit of which every reading is tried."""
 
 
 def exact(number: str) -> tuple[int, int]:
@@ -350,52 +350,46 @@ def _continues(text: str, at: int) -> bool:
 
 def unknown_unit(text: str, start: int, word: tuple[int, int], wanted: tuple[Dimension, ...] = ()) -> UnitError:
     """The error for a word (its first and its next character) of the unit that begins at `start` of a text, with the unit that was meant:
-    one of a dimension that is `wanted`, if another second letter makes one of it (`mn` where there should be a length)."""
+    one of a `wanted` dimension, if another second letter makes one of it (`mn` where there should be a length)."""
     at, end = word
     found = text[at:end]
-    other = (unit for unit, (_, _, of) in UNITS.items() if of in wanted and len(unit) == len(found) == 2 and unit[0] == found[0])
-    near = nearest(found, [unit for unit, (_, _, of) in UNITS.items() if of in wanted]) or nearest(found, UNITS)
-    sure = _MEANT.get(found) or (near if near and meant(found, UNITS) == near and not _other_prefix(found, near) else None)
-    close = sure or next(other, None)
-    if not close:
-        ends = (start + len(_WHOLE_UNIT.match(text, start).group()), end)  # type: ignore[union-attr]
-        sure, stop = next(((unit, stop) for stop in ends if (unit := meant_unit(text[start:stop], wanted))), (None, end))
-        at, end, found, close = (start, stop, text[start:stop], sure) if sure else (at, end, found, near)
+    fitting = [unit for unit, (_, _, of) in UNITS.items() if of in wanted]
+    near = nearest(found, fitting) or nearest(found, UNITS)
+    slip = near if near and meant(found, UNITS) == near and len(found) > 1 and (found[0] == near[0] or found == "MM") else None
+    sure = _MEANT.get(found) or slip
+    close = sure or next((unit for unit in fitting if len(unit) == len(found) == 2 and unit[0] == found[0]), None)
+    for stop in (start + len(_WHOLE_UNIT.match(text, start).group()), end) if not close else ():  # type: ignore[union-attr]
+        product = meant_unit(text[start:stop], wanted)
+        if product is not None:
+            at, end, found, close, sure = start, stop, text[start:stop], product, product
+            break
+    close = close or near
     hint = f"; did you mean `{close}`?" if close else ""
     message = Hint(f"unknown unit `{shortened(found)}`{hint}", (found, sure) if sure else None)
-    return UnitError(
-        message, kind="unit", offset=at, end=end,
-        help=None if close else "units are for example mm, m, deg, rad, g, kg, s, N, N*m, rpm, kg/m^3, %",
-    )
-
-
-def _other_prefix(word: str, unit: str) -> bool:
-    """Whether a word may be something else than a slip of `unit`: `MN` is 10^9 `mN`, a `G` may be anything, and `grad` is not `rad`."""
-    return len(word) < 2 or (word[0] != unit[0] and word != "MM")
+    help = None if close else "units are for example mm, m, deg, rad, g, kg, s, N, N*m, rpm, kg/m^3, %"
+    return UnitError(message, kind="unit", offset=at, end=end, help=help)
 
 
 def meant_unit(text: str, wanted: tuple[Dimension, ...] = ()) -> str | None:
     """The unit of a wanted dimension (without any: of one that has a name) that is written as a person would outside of a program:
     `N*m*s/rad` for `Nms/rad`, `kg*m^2` for `kg m2`, `kgf*cm` for the `kg-cm` of a data sheet. None if there is none."""
-    spelled = [one[1:] for one in islice(_spellings(f"*{text.strip()}"), MAX_SPELLINGS)] if len(text) < 30 else []
+    spelled = list(islice(_spellings(text.strip()), MAX_CANDIDATES)) if 0 < len(text) <= LONGEST_UNIT else []
     spelled += [re.sub(r"\b(kg|lb)\b", r"\1f", one) for one in spelled]
     fitting = [one for one in spelled if any(fits(scan_unit(one, 0)[0][2], of) for of in wanted or _WORDS)]
     return min(fitting, key=lambda one: len(_OPERATOR.findall(one)), default=None)
 
 
-def _spellings(text: str, sign: str = "*") -> Iterator[str]:
-    """Every product of units that `text` may be without its signs, each with an operator before it."""
+def _spellings(text: str, sign: str = "") -> Iterator[str]:
+    """Every product of units that `text` may be without its signs, after a sign."""
     if not text:
         yield ""
-    joint = _JOINT.match(text).group()  # type: ignore[union-attr]
-    sign, at = "/" if "/" in joint else "*" if joint else sign, len(joint)
-    for end in range(min(len(text), at + 12), at, -1):
-        unit = _MEANT.get(text[at:end], text[at:end])
+    for end in range(min(len(text), 12), 0, -1):
+        unit = _MEANT.get(text[:end], text[:end])
         if unit in UNITS:
-            power = _LOOSE_POWER.match(text, end)
-            exponent = power.group(1)  # type: ignore[union-attr]
-            for rest in _spellings(text[power.end():], sign):  # type: ignore[union-attr]
-                yield f"{sign}{unit}{'^' if exponent else ''}{_SUPERSCRIPT.get(exponent, exponent)}{rest}"
+            written, power, joint = _LOOSE.match(text, end).group(0, 1, 2)  # type: ignore[union-attr]
+            following = "/" if "/" in joint or sign == "/" and not joint else "*"
+            for rest in _spellings(text[end + len(written):], following):
+                yield f"{sign}{unit}{'^' if power else ''}{_SUPERSCRIPT.get(power, power)}{rest}"
 
 
 def parse_quantity(text: str, wanted: tuple[Dimension, ...] = ()) -> Quantity:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 from thingc import dependencies, pipeline, stamp
 from thingc.brief import counted
 from thingc.cli import common
-from thingc.diagnostics import Diagnostic, Report, Severity, shown_path
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.environment import Environment, Options, attempted, store_of
 from thingc.pipeline import Compilation
 
@@ -58,7 +58,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 when nothing is wrong with any of the documents."""
     diagnostics: list[Diagnostic] = []
-    good: list[str] = []
     try:
         options = common.options_of(arguments)
         if not arguments.document and arguments.touched:
@@ -77,12 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
         return run_fix(arguments, documents, options, report_of)
     if arguments.no_code:
         return _answer(arguments, *_untrusted(arguments, documents, options), of=len(documents) if folders else None)
-    for document in common.present(documents, diagnostics):
-        said = check(document, options, strict=arguments.strict)
-        diagnostics.extend(d for d in said if d not in diagnostics)
-        if not said:
-            good.append(document)
-    return _answer(arguments, diagnostics, good, of=len(documents) if folders else None)
+    found = {document: check(document, options, strict=arguments.strict) for document in common.present(documents, diagnostics)}
+    return _answer(arguments, *_merged(found, diagnostics), of=len(documents) if folders else None)
 
 
 def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options: Options) -> tuple[list[Diagnostic], list[str]]:
@@ -90,7 +85,7 @@ def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options:
     from thingc.cli.confined import confined
 
     diagnostics: list[Diagnostic] = []
-    good: list[str] = []
+    found: dict[str, list[Diagnostic]] = {}
     try:
         common.refuse_modules_of_others()
         seconds = common.time_of("--time-limit", arguments.time_limit)
@@ -103,11 +98,29 @@ def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options:
         documents = names
     for document in common.present(documents, diagnostics):
         answer = confined(partial(_packed, document, options, arguments.strict), seconds)
-        said = [replace(answer, path=document)] if isinstance(answer, Diagnostic) else [stamp.unpacked(one) for one in answer]
-        diagnostics.extend(d for d in said if d not in diagnostics)
-        if all(d.severity is Severity.NOTE for d in said):
+        unpacked = [replace(answer, path=document)] if isinstance(answer, Diagnostic) else [stamp.unpacked(one) for one in answer]
+        found[document] = unpacked
+    return _merged(found, diagnostics)
+
+
+def _merged(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]) -> tuple[list[Diagnostic], list[str]]:
+    """All findings behind `diagnostics`, and the documents without any. An allowance that one document needs is needed."""
+    needed = {d.span for said in found.values() for d in said if d.code is Code.UNNEEDED and d.severity is Severity.NOTE}
+    good: list[str] = []
+    for document, said in found.items():
+        held = [d for d in said if d.code is not Code.UNNEEDED or d.span not in needed]
+        diagnostics.extend(d for d in held if d not in diagnostics)
+        if all(d.severity is Severity.NOTE for d in held):
             good.append(document)
     return diagnostics, good
+
+
+def findings(environment: Environment, compilation: Compilation, *, strict: bool) -> list[Diagnostic]:
+    """What there is to report about one document, and a note for each allowance that it needs (see `_merged`)."""
+    report = report_of(environment, compilation)
+    needed = sorted((one.where for one in report.needed), key=lambda where: (where.file, where.line, where.column))
+    notes = [Diagnostic(code=Code.UNNEEDED, severity=Severity.NOTE, message="is needed", span=where) for where in needed]
+    return [*common.final(report, strict=strict), *notes]
 
 
 def _concerned_without_code(files: Sequence[str]) -> list[str]:
@@ -119,7 +132,7 @@ def _concerned_without_code(files: Sequence[str]) -> list[str]:
 def without_code(document: str, options: Options, *, strict: bool) -> list[Diagnostic]:
     """What there is to say about one document when nothing of its workspace may run. Bounds are the caller's business."""
     with Environment(document, replace(options, lock=True, code=False)) as environment:
-        return common.final(report_of(environment, pipeline.check(environment)), strict=strict)
+        return findings(environment, pipeline.check(environment), strict=strict)
 
 
 def _packed(document: str, options: Options, strict: bool) -> list[dict[str, object]]:
@@ -156,9 +169,8 @@ def check(document: str, options: Options, *, strict: bool = False) -> list[Diag
 
     def work(environment: Environment) -> list[Diagnostic]:
         compilation = pipeline.check(environment)
-        report = report_of(environment, compilation)
-        diagnostics = common.final(report, strict=strict)
-        if not report.failed and report is compilation.report:
+        diagnostics = findings(environment, compilation, strict=strict)
+        if not compilation.report.failed and compilation.documents is not None and compilation.documents.root.kind != "variants":
             stamp.save(store, key, dependencies.inputs(environment, compilation), diagnostics, {})
         return diagnostics
 

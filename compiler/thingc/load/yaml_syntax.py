@@ -22,6 +22,8 @@ class SyntaxFault:
 
 _LONGEST_KEY = 200
 """Characters of a key without its colon, with what is before it: looking for more takes long where a text has millions."""
+_QUOTED = re.compile(r"""(?:^|(?<=[\s\[{,:]))(?:"(?:\\.|[^"\\])*"|'(?:''|[^'])*'|\#[^\n\r]*)""", re.MULTILINE | re.DOTALL)
+"""A text in quotes, or a comment."""
 _NO_SPACE = re.compile(r"\s*(?:-\s+)*(?P<key>[A-Za-z_][\w.*$-]*):(?P<value>[^\s:#].*)")
 
 
@@ -34,6 +36,13 @@ def explain(source: Source, *, problem: str, at: int, context: str, began: int) 
             message="a tab in the indentation; YAML indents with spaces", start=tab, end=tab + 1,
             help="replace the tab by spaces",
         )
+    for match in _QUOTED.finditer(text, 0, at):
+        start, end = match.start(), match.end() - 1
+        if source.line_at(start) < source.line_at(end) == source.line_at(at):
+            return SyntaxFault(
+                message="the quote opened here is not closed on its line", start=start, end=start + 1,
+                help=f"add `{text[start]}` at the end of the text", note=(f"the next `{text[start]}` closes it here", end),
+            )
     if "quoted scalar" in context and ("end of stream" in problem or "document indicator" in problem or "separator" in problem):
         quote = text[began : began + 1]
         return SyntaxFault(

@@ -151,6 +151,9 @@ def components(
     """The model's components, in document order. What is unsound has no definition, so that later passes leave it out."""
     defaults = table.spec.defaults.component if table.spec.defaults is not None else None
     below: tuple[tuple[object, Path], ...] = ((defaults, ("defaults", "component")),) if defaults is not None else ()
+    unused = Layers(below)  # type: ignore[arg-type]
+    said.material(table.scope, unused, table.materials, unreadable=unreadable)
+    said.overrides(table.scope, unused)
     made: list[Component] = []
     for node in table.nodes.values():
         place = ("component", table.document.relative, *context.route, node.name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Iterable, Mapping, Set
 from dataclasses import field, replace
 from typing import Any
@@ -231,7 +232,20 @@ def dimension_message(
     if isinstance(value, Quantity) and value.dimension == NUMBER and not text.startswith("="):
         unit = expected[0].example.partition(" ")[2]
         help = f"write `{text} {unit}`" if unit else None
+    elif isinstance(value, Quantity) and text == (written or "").strip() and not set(names).isdisjoint(re.findall(r"\w+", text)):
+        help = next(filter(None, (_converted(text, value.dimension, one) for one in expected)), None)
     return f"{what} is {wanted}, found {kind_of(value)} (`{text}`)", help
+
+
+def _converted(text: str, found: Dimension, wanted: Dimension) -> str | None:
+    """The help for an expression that is a factor of a unit off what is wanted: `=pinion / 1 rad`, `=count * 1 mm`, `=width / 1 mm`."""
+    body = text.removeprefix("=")
+    term = f"({body})" if re.search(r"[-+<>=]", body) else body
+    if found == NUMBER:
+        return f"write `={term} * 1 {wanted.example.partition(' ')[2]}`"
+    if wanted / found in (ANGLE, ANGLE**-1):
+        return f"write `={term} {'*' if wanted / found == ANGLE else '/'} 1 rad`"
+    return f"write `={term} / 1 {found.example.partition(' ')[2]}`" if wanted == NUMBER else None
 
 
 def _bound(value: float, dimension: Dimension) -> str:

@@ -66,6 +66,7 @@ from thingc.spec.sensors import SensorSpec
 from thingc.spec.stated_masses import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
 from thingc.spec.tendons import TendonSpec
 from thingc.spec.tests import TestSpec
+from thingc.typos import Hint
 
 UNIT_OF_ITS_OWN = "STEP, 3MF and glTF files carry the unit of their numbers"
 
@@ -240,11 +241,12 @@ class ComponentSpec(ComponentDefaults):
             named = " and ".join(f"`{k}`" for k in kinds)
             raise rule(
                 f"a component has exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}; here are {named}", "keep one of them",
+                kinds[1],
             )
-        if self.params and self.part is None:
-            raise rule(
-                "`params` belongs to a `part`", "a nested assembly takes `parameters`" if self.assembly else "take it out",
-            )
+        for key, kind, other, its in (("params", "part", "assembly", "parameters"), ("parameters", "assembly", "part", "params")):
+            if getattr(self, key) and getattr(self, kind) is None:
+                help = Hint(f"beside `{other}` write `{its}`", (key, its)) if getattr(self, other) else "remove it"
+                raise rule(f"`{key}` belongs beside `{kind}`", help, key)
         if self.unit is not None and self.file is None:
             raise rule("`unit` belongs to a `file`", "take it out: only files of numbers without a unit need it", "unit")
         if self.unit is not None and self.file is not None and self.file.lower().endswith(SUFFIXES_WITH_UNIT):
@@ -262,10 +264,8 @@ class ComponentSpec(ComponentDefaults):
                 )
         if self.mirror is not None and self.frame is not None:
             raise rule("`mirror` belongs to what has a shape: a frame is its own mirror image", "take it out", "mirror")
-        if self.parameters and self.assembly is None:
-            raise rule("`parameters` belongs to a nested `assembly`", "a part takes `params`" if self.part else "take it out")
         if self.attach is not None and self.at is not None:
-            raise rule("a component is placed by `attach` or by `at`, not by both", "keep one of them")
+            raise rule("a component is placed by `attach` or by `at`, not by both", "keep one of them", "at")
         if isinstance(self.attach, dict) and len(self.attach) != 1:
             raise rule(f"`attach` names one mate `{{my_mount: other.mount}}`; here are {len(self.attach)}",
                         "one mate places a component; a second one would have to agree with it" if self.attach

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 from pydantic_core import PydanticCustomError
 
 from thingc.diagnostics import Code, Report
-from thingc.source import Document, Path, ScalarNode, SequenceNode, Span, node_at
+from thingc.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, Span, node_at
 from thingc.spec.base import Model
 from thingc.spec.elsewhere import choice_hint, written_whole
 from thingc.spec.fields import found, read_value
@@ -17,7 +18,7 @@ from thingc.spec.joint_values import dimension_at
 from thingc.spec.keys import Unknown
 from thingc.spec.misplaced import message_of as misplaced
 from thingc.spec.pruning import MISPLACED, Fault
-from thingc.spec.shapes import AnnotationShape, alternatives, model_keys, one_of, shape_of, spoken
+from thingc.spec.shapes import AnnotationShape, alternatives, model_keys, one_of, spoken
 from thingc.typos import Hint, near_hint
 from thingc.units import shortened
 
@@ -202,9 +203,14 @@ def _mapping_hint(document: Document, path: Path, value: Any, shape: AnnotationS
         whole = written_whole(branch.model, texts, value) if branch.model is not None else None
         if whole is not None:
             return f"write `{whole}`"
-    entries = [shape_of(one.members[0]) for one in alternatives(shape) if one.kind == "dict"]
-    if isinstance(node, SequenceNode) and any(one.model is not None for one in entries):
-        return f"every one of the {path[-1]} has a name, which is its key: `{path[-1]}: {{NAME: {{...}}}}`"
+    if isinstance(node, SequenceNode) and any(one.kind == "dict" for one in alternatives(shape)):
+        first: Mapping[str, Node] = node.items[0].entries if node.items and isinstance(node.items[0], MappingNode) else {}
+        named, key = first.get("name"), next(iter(first), "")
+        if isinstance(named, ScalarNode):
+            return f"write `{shortened(named.text)}:` instead of `- name: {shortened(named.text)}`, and its other keys below it"
+        if len(first) == 1:
+            return f"remove the `-` of every item: write `{shortened(key)}:` instead of `- {shortened(key)}:`"
+        return f"write `{path[-1]}: {{NAME: ...}}`: each entry has its name as the key"
     return None
 
 
