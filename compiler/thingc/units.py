@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
-from itertools import islice
 from typing import TYPE_CHECKING, Union
 
 from thingc.frozen import dataclass
-from thingc.typos import MAX_CANDIDATES, Hint, meant, nearest
+from thingc.typos import Hint, meant, nearest
+from thingc.unit_spellings import SYNONYMS, spellings
 
 if TYPE_CHECKING:
     from fractions import Fraction
@@ -188,9 +187,7 @@ class Quantity:
         return f"{self.value:z.{digits}g} {symbol}" if symbol else f"{self.value:z.{digits}g}"
 
 
-_SHOWN = (
-    (LENGTH, "mm", 1e3), (ANGLE, "deg", 180.0 / math.pi), (MASS, "g", 1e3), (TORQUE, "N*m", 1.0), (FORCE, "N", 1.0),
-)
+_SHOWN = ((LENGTH, "mm", 1e3), (ANGLE, "deg", 180.0 / math.pi), (MASS, "g", 1e3), (TORQUE, "N*m", 1.0), (FORCE, "N", 1.0))
 
 _PI = 31415926535897932384626433832795028841971693993751058209749445923
 """Pi to 65 digits, so that angles are rounded once: pi = _PI / _PI_ONE."""
@@ -218,33 +215,16 @@ UNITS: dict[str, Unit] = {
 
 _DEGREE = UNITS["deg"]
 
-_MEANT = {
-    "mps": "m/s", "kmh": "km/h", "kph": "km/h", "rps": "rev/s", "oz": "ozf", "µm": "um", "μm": "um",
-    "micron": "um", "microns": "um", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
-    "centimeter": "cm", "centimetre": "cm", "meter": "m", "meters": "m", "metre": "m", "metres": "m", "inch": "in",
-    "inches": "in", "°": "deg", "degree": "deg", "degrees": "deg", "degs": "deg", "radian": "rad", "radians": "rad",
-    "rads": "rad", "turn": "rev", "turns": "rev", "RPM": "rpm", "gram": "g", "grams": "g", "gr": "g", "kilogram": "kg",
-    "kilograms": "kg", "kilo": "kg", "kgs": "kg", "lbs": "lb", "pound": "lb", "pounds": "lb", "sec": "s", "secs": "s",
-    "second": "s", "seconds": "s", "msec": "ms", "minute": "min", "minutes": "min", "hour": "h", "hours": "h",
-    "newton": "N", "newtons": "N", "Newton": "N", "hertz": "Hz", "percent": "%", "pct": "%", "µs": "us", "μs": "us",
-}
-"""What people write for units of the table."""
-
 _NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 _UNIT_WORD = re.compile(r"[^\W\d_²³]+|%|°")
 _POWER = re.compile(r"(?:\^|\*\*)\s*([-+]?\d{1,2})(?!\d)", re.ASCII)
 _SUPERSCRIPT = {"²": 2, "³": 3}
 _OPERATOR = re.compile(r"\s*([*/·])\s*")
-_WHOLE_UNIT = re.compile(r"[^\s()+,]*")
-_LOOSE = re.compile(r"(?:\^|\*\*)?(-?[1-9]|[²³]?)(\s*[*/·.-]?\s*)")
-"""What people write behind a unit: a power, and what is between it and the next one."""
 
 MAX_TEXT = 1000
 """Characters of one quantity or expression."""
 MAX_FACTORS = 12
 """Factors of one unit."""
-LONGEST_UNIT = 30
-"""Characters of a unit of which every reading is tried."""
 
 
 def exact(number: str) -> tuple[int, int]:
@@ -308,7 +288,7 @@ def scan_unit(text: str, at: int, *, compact: bool = False, wanted: tuple[Dimens
             )
         base = UNITS.get(word.group())
         if base is None:
-            raise unknown_unit(text, start, word.span(), wanted)
+            raise _unknown_unit(text, start, *word.span(), wanted)
         exponent, at = _power(text, word, compact=compact)
         dimension = dimension * base[2] ** (sign * exponent)
         up, down = base[0] ** abs(exponent), base[1] ** abs(exponent)
@@ -348,21 +328,19 @@ def _continues(text: str, at: int) -> bool:
     return at < len(text) and (text[at] in "_(." or text[at].isdigit())
 
 
-def unknown_unit(text: str, start: int, word: tuple[int, int], wanted: tuple[Dimension, ...] = ()) -> UnitError:
-    """The error for a word (its first and its next character) of the unit that begins at `start` of a text, with the unit that was meant:
+def _unknown_unit(text: str, start: int, at: int, end: int, wanted: tuple[Dimension, ...]) -> UnitError:
+    """The error for the characters `at` to before `end` of the unit that begins at `start` of a text, with the unit that was meant:
     one of a `wanted` dimension, if another second letter makes one of it (`mn` where there should be a length)."""
-    at, end = word
     found = text[at:end]
     fitting = [unit for unit, (_, _, of) in UNITS.items() if of in wanted]
     near = nearest(found, fitting) or nearest(found, UNITS)
     slip = near if near and meant(found, UNITS) == near and len(found) > 1 and (found[0] == near[0] or found == "MM") else None
-    sure = _MEANT.get(found) or slip
+    sure = SYNONYMS.get(found) or slip
     close = sure or next((unit for unit in fitting if len(unit) == len(found) == 2 and unit[0] == found[0]), None)
-    for stop in (start + len(_WHOLE_UNIT.match(text, start).group()), end) if not close else ():  # type: ignore[union-attr]
-        product = meant_unit(text[start:stop], wanted)
-        if product is not None:
-            at, end, found, close, sure = start, stop, text[start:stop], product, product
-            break
+    stops = (start + len(re.match(r"[^\s()+,]*", text[start:]).group()), end)  # type: ignore[union-attr]
+    product, stop = next(((unit, stop) for stop in stops if (unit := meant_unit(text[start:stop], wanted))), (None, end))
+    if product and not close:
+        at, end, found, close, sure = start, stop, text[start:stop], product, product
     close = close or near
     hint = f"; did you mean `{close}`?" if close else ""
     message = Hint(f"unknown unit `{shortened(found)}`{hint}", (found, sure) if sure else None)
@@ -373,23 +351,10 @@ def unknown_unit(text: str, start: int, word: tuple[int, int], wanted: tuple[Dim
 def meant_unit(text: str, wanted: tuple[Dimension, ...] = ()) -> str | None:
     """The unit of a wanted dimension (without any: of one that has a name) that is written as a person would outside of a program:
     `N*m*s/rad` for `Nms/rad`, `kg*m^2` for `kg m2`, `kgf*cm` for the `kg-cm` of a data sheet. None if there is none."""
-    spelled = list(islice(_spellings(text.strip()), MAX_CANDIDATES)) if 0 < len(text) <= LONGEST_UNIT else []
+    spelled = spellings(text.strip(), UNITS)
     spelled += [re.sub(r"\b(kg|lb)\b", r"\1f", one) for one in spelled]
     fitting = [one for one in spelled if any(fits(scan_unit(one, 0)[0][2], of) for of in wanted or _WORDS)]
     return min(fitting, key=lambda one: len(_OPERATOR.findall(one)), default=None)
-
-
-def _spellings(text: str, sign: str = "") -> Iterator[str]:
-    """Every product of units that `text` may be without its signs, after a sign."""
-    if not text:
-        yield ""
-    for end in range(min(len(text), 12), 0, -1):
-        unit = _MEANT.get(text[:end], text[:end])
-        if unit in UNITS:
-            written, power, joint = _LOOSE.match(text, end).group(0, 1, 2)  # type: ignore[union-attr]
-            following = "/" if "/" in joint or sign == "/" and not joint else "*"
-            for rest in _spellings(text[end + len(written):], following):
-                yield f"{sign}{unit}{'^' if power else ''}{_SUPERSCRIPT.get(power, power)}{rest}"
 
 
 def parse_quantity(text: str, wanted: tuple[Dimension, ...] = ()) -> Quantity:
@@ -424,10 +389,9 @@ def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -
     unit, end = scan_unit(text, at, wanted=wanted)
     if text[end:].strip():
         product = meant_unit(text[at:], wanted)
-        expression = "an expression begins with `=`" if re.search(r"[-+(]", text[end:]) else None
         raise UnitError(
             f"expected the end after `{text[:end].strip()}`, found `{shortened(text[end:].strip())}`", offset=end, end=len(text),
-            help=f"write `{number} {product}`" if product else expression,
+            help=f"write `{number} {product}`" if product else "an expression begins with `=`" if re.search(r"[-+(]", text[end:]) else None,
         )
     return Quantity(converted(number, unit), unit[2])
 
