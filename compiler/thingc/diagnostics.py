@@ -172,7 +172,7 @@ class Code(Enum):
     FAR = ("TC517", "far away from the robot", "Mend the number or its unit.", Stage.CHECK)
     MAGNET = ("TC518", "magnet far too weak or too strong", "Mend the number or its unit.", Stage.CHECK)
     IDLE_ACTUATOR = ("TC519", "actuator that drives nothing", "Name the component as the `drive` of the joint that it moves.", Stage.CHECK)
-    OVERLAP = ("TC520", "two parts in one place", "Take one of them away, or put it onto another mount.", Stage.BUILD)
+    OVERLAP = ("TC520", "parts that overlap", "Remove or move one of them, or cut out the room that it needs.", Stage.BUILD)
     STUCK = ("TC521", "joint that its drive cannot move", "Mend the number or its unit, or choose a stronger drive.", Stage.CHECK)
     BARE_MASS = ("TC522", "mass without a shape, of an unlikely weight or place", "Mend the number or its unit.", Stage.CHECK)
     LONG_STEP = ("TC523", "long time step", "Write 1 to 5 ms, as is usual.", Stage.CHECK)

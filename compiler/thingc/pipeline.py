@@ -146,14 +146,19 @@ def build(
     """The passes behind `root`: what lies in what (a warning), and `emit`, while the kernel writes the STEP file. `folder` is the absolute
     path of the folder that the files will lie in, where that is known."""
     from thingc.emit import emitted
-    from thingc.solids import check_overlaps
+    from thingc.robot import occurrence_poses
+    from thingc.solids import Overlaps, check_overlaps
 
     request = request_of(environment, compilation, folder=folder)
     if "step" in targets:
         from thingc.emit import step
 
         step.begin(request)
-    check_overlaps(request.assembly, environment.store, compilation.report, environment.memo)
+    robot = next(iter(compilation.robots), None)
+    start = None if robot is None else robot.start
+    poses = request.assembly.rest if robot is None or start is None else occurrence_poses(robot, start.q, start.base)
+    overlaps = Overlaps(environment.store, request.workspace.mesh.linear, environment.memo)
+    check_overlaps(request.assembly, poses, overlaps, compilation.report)
     return emitted(request, targets)
 
 

@@ -275,10 +275,10 @@ class Horn(Thing):
         self.screws: list[Hole] = [threaded_hole(mount.location, screw, thickness) for mount in self.hole]
 
     def result(self) -> Solid:
-        """Disc and hub, with the holes and one for the shaft's screw."""
+        """Disc and hub, with the threaded holes and a bore for the shaft."""
         p = self.p
         body = bevelled(p.diameter, p.thickness, 0.15 * p.thickness).fuse(disc(p.hub, 0.5 * p.thickness, p.thickness))
-        return body.cut(disc(0.35 * p.hub, 2 * p.thickness), *(hole(0.0).thread_hull for hole in self.screws)).solid()
+        return body.cut(disc(0.7 * p.hub, 2 * p.thickness), *(hole(0.0).thread_hull for hole in self.screws)).solid()
 
     def collision(self) -> list[Solid]:
         """The disc and its hub."""

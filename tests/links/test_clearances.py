@@ -138,3 +138,17 @@ def test_tests_of_a_document_of_links_say_what_is_near_and_low(folder: Path, mod
         lowest = min(heights, key=lambda name: heights[name])
         assert high["measured"] == {"clearance": pytest.approx(heights[lowest], abs=3e-6), "part": lowest}
         assert free["passed"] is (min(expected.values()) > 0.01)
+
+
+def test_neighbouring_links_are_skipped_because_their_shapes_are_approximate(tmp_path: Path, no_kernel: None) -> None:
+    tmp_path.joinpath("thingc.toml").write_text('thingc = "workspace/1"\n')
+    tmp_path.joinpath("pair.yaml").write_text(
+        "thingc: assembly/1\nname: pair\ncomponents:\n  one: {link: true, mass: 1 kg, shapes: [{sphere: {radius: 20 mm}}]}\n"
+        "  other: {link: true, mass: 1 kg, shapes: [{box: 20 20 20 mm}]}\njoints:\n"
+        "  hinge: {type: continuous, parent: one.origin, child: other.origin}\nmodes: {bench: {root: one}}\n"
+        "tests: {free: {no_collision: {}}}\n"
+    )
+    code, out = run("test", str(tmp_path / "pair.yaml"), "--format", "json", "--store", str(tmp_path / "store"))
+    (result,) = json.loads(out)["tests"]
+    assert code == 0 and result["measured"]["pairs"] == 0
+    assert result["measured"]["skipped"] == {"shapes of links are approximate": ["one and other"]}

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testing.rig import GROUND, HEAD, SLIDERS, Workspace
+from testing.rig import HEAD, SLIDERS, Workspace
 from thingc.graph.types import Surface
 from thingc.pose import Pose
 from thingc.primitives import Primitive, PrimitiveShape
@@ -81,15 +81,59 @@ def test_allowances(rig: Workspace) -> None:
     assert rig.test(SLIDERS + 'allow: {TC610: "they lie in the floor"}\n', tests, "--strict")["code"] == 1
 
 
-def test_neighbours_may_touch_and_what_is_rigid_may_overlap(rig: Workspace) -> None:
-    """A joint's two sides, and two components of one link."""
-    text = HEAD + "components:\n" + GROUND + (
-        "  base: {part: rig_parts:Block, at: {in: ground.origin}}\n"
-        "  same: {part: rig_parts:Block, at: {in: ground.origin, xyz: 5 0 0 mm}}\n"
-        "  slider: {part: rig_parts:Block}\n"
-        "joints:\n  one: {type: prismatic, parent: base.right, child: slider.left, limit: {lower: 0, upper: 200 mm}}\n"
-    )
-    assert rig.test(text, "  free: {no_collision: {joints: {one: all}}}\n")["by_name"]["free"]["passed"]
+NEIGHBOURS = HEAD + """\
+components:
+  base: {part: rig_parts:Block}
+  rigid: {part: rig_parts:Block, at: {in: base.origin, xyz: 0 RIGID 0 mm}}
+  slider: {part: rig_parts:Block}
+joints:
+  slide: {type: prismatic, parent: base.right, child: slider.left, limit: {lower: 0, upper: 200 mm}}
+poses: {near: {slide: SLIDE mm}}
+modes: {bench: {root: base, pose: near}}
+"""
+"""20 mm cubes: `rigid` beside `base` on one link, `slider` beside it across a joint."""
+
+
+def neighbours(rigid: int, slide: int) -> str:
+    return NEIGHBOURS.replace("RIGID", str(rigid)).replace("SLIDE", str(slide))
+
+
+@pytest.mark.parametrize(("rigid", "slide", "pair"), [
+    (20, 20, None), (15, 20, "`base` and `rigid`"), (20, 15, "`base` and `slider`"),
+])
+def test_parts_on_one_link_and_across_a_joint_may_touch_but_not_overlap(rig: Workspace, rigid: int, slide: int, pair: str | None) -> None:
+    """Of an overlap of 5 mm the layer has 2V/A = 2*5*400 / (2*400 + 4*100)."""
+    answer = rig.test(neighbours(rigid, slide), "  free: {no_collision: {clearance: 3 mm}}\n")
+    found = answer["by_name"]["free"]
+    assert found["passed"] is (pair is None) and found["measured"]["pairs"] == 3 and "skipped" not in found["measured"]
+    if pair is not None:
+        assert found["measured"]["overlap"] == pytest.approx(4e-3 / 1.2, rel=1e-4)
+        assert f"{pair} overlap by 3.333 mm on average (2000 mm^3)" in answer["diagnostics"][0]["message"]
+        assert "allow: {TC520" in answer["diagnostics"][0]["help"]
+
+
+@pytest.mark.parametrize(("written", "rigid", "pair"), [
+    ("rigid: {", 15, "base and rigid"), ("base: {", 15, "base and rigid"), ("slide: {", 20, "base and slider"),
+])
+def test_an_overlap_that_a_document_declares_is_listed_with_its_reason(rig: Workspace, written: str, rigid: int, pair: str) -> None:
+    """On either component, or on the joint between them."""
+    text = neighbours(rigid, 15 if pair.endswith("slider") else 20).replace(written, written + "allow: {TC520: a press fit}, ", 1)
+    found = rig.test(text, "  free: {no_collision: {}}\n")["by_name"]["free"]
+    assert found["passed"] and found["measured"]["skipped"] == {"allowed: a press fit": [pair]}
+
+
+def test_a_declared_overlap_leaves_other_pairs_to_be_compared(rig: Workspace) -> None:
+    text = neighbours(15, 15).replace("slide: {", "slide: {allow: {TC520: a press fit}, ", 1)
+    answer = rig.test(text, "  free: {no_collision: {}}\n  rest: {no_collision: {allow: [{pair: [base, rigid], reason: glued}]}}\n")
+    assert [result["passed"] for result in answer["tests"]] == [False, True]
+    assert "`base` and `rigid` overlap" in answer["diagnostics"][0]["message"] and answer["diagnostics"][0]["notes"] == []
+
+
+def test_a_sweep_compares_neighbours_at_every_position(rig: Workspace) -> None:
+    """Worst where both are in one place."""
+    answer = rig.test(neighbours(20, 20), "  free: {no_collision: {joints: {slide: all}, samples: 21}}\n")
+    message = answer["diagnostics"][0]["message"]
+    assert "`base` and `slider` overlap" in message and message.endswith("(8000 mm^3) at slide 0 mm")
 
 
 SIZES: dict[PrimitiveShape, int] = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
@@ -10,7 +11,7 @@ from pydantic import ConfigDict, Field, model_validator
 from thingc.brief import Brief, counted
 from thingc.checks.kind import CheckKind
 from thingc.checks.outcome import Failure, Measure, Outcome, shown
-from thingc.diagnostics import Code, Note, Report
+from thingc.diagnostics import Code, Note, Report, allow_hint
 from thingc.frozen import dataclass
 from thingc.source import Origin
 from thingc.spec.base import Model
@@ -52,7 +53,7 @@ class AllowSpec(Model):
 
 
 class NoCollisionTest(Model):
-    """No two components that move against each other overlap, or come too near, in poses or over ranges of joints."""
+    """No two components overlap, or come too near, in poses or over ranges of joints."""
 
     model_config = ConfigDict(json_schema_extra={"dependentRequired": {"samples": ["joints"]}})
 
@@ -94,8 +95,8 @@ class AllowedContact(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CollisionCheck(Brief):
-    """No components of links that move against each other overlap, or are nearer than `clearance` [m]; with `ranges` at
-    `samples` positions of them."""
+    """No components overlap, and none on links without a common joint are nearer than `clearance` [m]; with `ranges` at `samples` positions
+    of them."""
 
     ranges: tuple[JointRange, ...]
     samples: int
@@ -146,10 +147,12 @@ def run(case: Case, check: CollisionCheck) -> Outcome:
     nearest: Near | None = None
     worst: dict[tuple[int, int], Near] = {}
     needed: set[int] = set()
+    seen: set[object] = set()
     for frame in case.frames:
         at = occurrence_poses(case.robot, frame.q, frame.base)
         look = LOOK if nearest is None else nearest.gap
-        for near in collisions.near(at, frame, check.clearance, look, allowed, needed):
+        close = collisions.overlapping(at, frame, allowed, seen if check.ranges else None)
+        for near in chain(collisions.near(at, frame, check.clearance, look, allowed, needed), close):
             wrong = collisions.wrong(near, check.clearance)
             if near.allowance is not None:
                 needed.update((near.allowance,) if wrong else ())
@@ -159,7 +162,10 @@ def run(case: Case, check: CollisionCheck) -> Outcome:
             pair = near.one, near.other
             if wrong and (pair not in worst or near.badness > worst[pair].badness):
                 worst[pair] = near
-    measured: dict[str, Measure] = {"gap": nearest.gap if nearest is not None else None, "positions": len(case.frames)}
+    compared = len(collisions.pairs) + len(collisions.close)
+    measured: dict[str, Measure] = {"gap": nearest.gap if nearest is not None else None, "positions": len(case.frames), "pairs": compared}
+    if collisions.skipped:
+        measured["skipped"] = {reason: list(pairs) for reason, pairs in collisions.skipped.items()}
     if case.missing:
         measured["not_closing"] = case.missing
     if nearest is not None:
@@ -172,11 +178,12 @@ def run(case: Case, check: CollisionCheck) -> Outcome:
         measured["overlap"] = max(near.depth for near in worst.values())
         said = "1 pair collides" if len(worst) == 1 else f"{len(worst)} pairs collide"
     elif nearest is None:
-        said = f"every gap is over {Quantity(LOOK, LENGTH)}"
+        said = f"every gap between links without a common joint is over {Quantity(LOOK, LENGTH)}"
     else:
         said = f"least gap {shown(nearest.gap, LENGTH)}, {_pair_text(collisions.assembly, nearest, '')}"
     return Outcome(
-        measured=measured, expected={"clearance": check.clearance}, said=f"{said}{looked}", failure=failure, needed=frozenset(needed),
+        measured=measured, expected={"clearance": check.clearance}, failure=failure, needed=frozenset(needed),
+        said=f"{said}{looked}; {counted(compared, 'pair')} compared{_skipped_text(collisions)}",
     )
 
 
@@ -222,7 +229,16 @@ def _failure(case: Case, check: CollisionCheck, worst: Sequence[Near], collision
     return Failure(
         code=Code.TEST_COLLISION, key="clearance" if first.gap > 0.0 else "", notes=tuple(notes),
         message=f"{_how(assembly, first, check.clearance)}{_at(case, check, first)}",
-        help=f'if that is right, write `allow: [{{pair: [{names}], reason: "..."}}]`',
+        help=f"{allow_hint(Code.OVERLAP)} on one of the two" if (first.one, first.other) in collisions.close
+        else f'if that is right, write `allow: [{{pair: [{names}], reason: "..."}}]`',
+    )
+
+
+def _skipped_text(collisions: Collisions) -> str:
+    """The pairs that were skipped and why; the JSON answer lists all of them."""
+    return "".join(
+        f", {counted(len(pairs), 'pair')} skipped ({reason}: {next(iter(pairs))}{', ...' if len(pairs) > 1 else ''})"
+        for reason, pairs in collisions.skipped.items()
     )
 
 
@@ -250,11 +266,18 @@ def _at(case: Case, check: CollisionCheck, near: Near) -> str:
 
 
 PAGE = """\
-**No collision** is decided on the true shapes of the parts, tessellated within the workspace's `mesh` tolerance, whatever their
-[collision](#collision) shape is: every pair of parts on two links that no joint connects. `contacts.exclude` of a mode does not
-count. Parts that touch are right. An overlap counts where its mean depth (twice its volume by its surface) is more than twice the
-linear mesh tolerance, by which the two surfaces may be off. With a `clearance` a pair fails where the gap is smaller. A part whose
-surface is not closed is taken as its convex hull.
+**No collision** compares the true shapes of all pairs of parts, tessellated within the workspace's `mesh` tolerance. Their
+[collision](#collision) shapes and `contacts.exclude` of a mode do not matter. Parts may touch. An overlap counts if its mean depth (twice
+its volume by its surface) is more than twice the linear mesh tolerance, by which the two surfaces may be off.
+
+Parts on one link, and parts on two links that a joint connects, touch by design: only their overlaps count. For all other pairs the gap is
+measured, too, and with a `clearance` a pair fails if the gap is smaller. A part whose surface is not closed is replaced by its convex hull
+there.
+
+Declare an intended overlap, such as a press fit or a shaft in its bearing, once: `allow: {TC520: reason}` on one of the two components, or
+on the joint between them. Both this test and [`build`](codes/TC520.md) accept it. `allow` of the test accepts a pair in this test alone.
+The result lists the pairs that were not compared, or overlap as declared, with the reason (`skipped` in the JSON answer): parts that
+touch by design are skipped if they list approximate [shapes](#links-of-shapes) or their surface is not closed.
 
 Of a [link of shapes](#links-of-shapes) those count that touch, where none does those that are drawn: boxes, spheres and
 capsules exactly, cylinders and ellipsoids within 0.1 % of their radius, meshes as those of parts, and planes without an end, as
@@ -262,7 +285,8 @@ simulators have them.
 
 With `joints` it is a sweep: those joints move through their ranges, the others stay as in the pose. One joint is moved in equal steps from
 end to end; several go through positions that are spread evenly over all ranges and begin with their corners. The same
-positions are taken in every run. A sweep looks at positions, not between them.
+positions are taken in every run. A sweep looks at positions, not between them; parts that touch by design are compared once within about
+6 degrees and 2 mm.
 
 <!-- keys: NoCollisionTest -->
 | key | value | without it | |

@@ -8,7 +8,7 @@ from thingc.diagnostics import Code, Note
 from thingc.frozen import dataclass
 from thingc.units import Dimension, Quantity
 
-Measure = float | int | str | list[float] | dict[str, float] | None
+Measure = float | int | str | list[float] | dict[str, float] | dict[str, list[str]] | None
 """What a measured or expected value is in the JSON answer: SI."""
 
 ROUNDING = 1e-9

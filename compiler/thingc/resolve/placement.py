@@ -105,21 +105,31 @@ def check(table: Table, places: Places, *, unsure: bool) -> None:
         node.name for node in table.nodes.values()
         if node.doubtful and any(table.doubts.touch((*node.path, key)) for key in ("attach", "at"))
     }
+    free = [name for name in table.nodes if name not in places and name not in vague]
+    swapped = {
+        joint.child.path[0]: joint for joint in table.joints.values()
+        if joint is not None and not joint.loop and joint.parent.path[:1] in [(one,) for one in free[1:]]
+    }
     for name, ways in places.items():
         node = table.nodes[name]
         if len(ways) < 2 or name in vague:
             continue
         node.unplaced = True
         (first, there), (second, here) = ways[0], ways[1]
+        message, help = f"`{name}` is placed twice: by {first} and by {second}", "keep one of them" + _closes(second)
+        if name in swapped and (other := swapped[name].parent.path[0]) in free:
+            joint = swapped[name]
+            message += f"; `parent` and `child` of joint `{joint.name.joint}` look swapped, because nothing places `{other}`"
+            help = f"write `parent: {joint.child.text}` and `child: {joint.parent.text}` in joint `{joint.name.joint}`"
+            table.nodes[other].unplaced = True
+            free.remove(other)
         table.scope.report.add(
-            Code.PLACED_TWICE, f"`{name}` is placed twice: by {first} and by {second}", here,
-            help="keep one of them" + _closes(second), path=f"components.{name}",
+            Code.PLACED_TWICE, message, here, help=help, path=f"components.{name}",
             notes=[
                 Note(message=f"placed by {first} here", span=there),
                 *(Note(message=f"and by {how} here", span=span) for how, span in ways[2:]),
             ],
         )
-    free = [name for name in table.nodes if name not in places and name not in vague]
     if free:
         table.base = free[0]
     if unsure or table.unbuilt:

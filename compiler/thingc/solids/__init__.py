@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from thingc.solids.overlaps import check_overlaps
+from thingc.solids.overlaps import Overlaps, check_overlaps, contact_places, reason_to_skip
 
-__all__ = ["check_overlaps"]
+__all__ = ["Overlaps", "check_overlaps", "contact_places", "reason_to_skip"]

@@ -1,4 +1,4 @@
-"""Parts, and links of shapes, of one body that are in one place: a part given twice, or put onto the wrong mount."""
+"""Parts that overlap: one that is given twice, sits on the wrong mount, or has no room in its bracket."""
 
 from __future__ import annotations
 
@@ -17,88 +17,124 @@ from thingc.realize.store.local import Store
 from thingc.summing import plain_sum
 
 SHARE = 0.2
-"""How much of the smaller of two parts the other may take: screws in their holes and cells in their holders take a twentieth."""
-LEAST = 1e-8
-"""[m^3] What two parts may share however small they are."""
+"""How much of the smaller of two equal links of shapes the other may take."""
 
 DIGITS = 12
 """To how many digits [m] the poses of parts to each other are taken: what is behind them is rounding."""
 
 KIND = "overlaps"
-"""Documents in the store: pairs of parts, with their poses to each other, none of which lies in the other."""
+"""Documents in the store: what two parts share in a pose to each other."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Pair:
-    """Two parts of a body that may share too much, and where the other one is in the frame of the one."""
+class PartPair:
+    """Two occurrences in document order, and the pose of the `other` in the frame of the `one`."""
 
     one: Occurrence
     other: Occurrence
     at: Pose
 
-    @property
-    def smaller(self) -> Occurrence:
-        """The part with less volume."""
-        return min((self.one, self.other), key=_volume)
+
+class Overlaps:
+    """Intersections of parts, cached in memory and in the store. An intersection counts if its mean thickness is more than `deep` [m]:
+    each surface may be off by the `tolerance` [m] of the meshes."""
+
+    def __init__(self, store: Store, tolerance: float, memo: Memo) -> None:
+        self.deep = 2.0 * tolerance
+        self._store, self._memo = store, memo
+
+    def pairs(self, parts: Sequence[Occurrence], poses: Sequence[Pose]) -> list[PartPair]:
+        """The pairs of parts at poses whose bounding boxes overlap deep enough, in document order."""
+        placed = sorted(
+            ((pose.around(part.box), part, pose) for part, pose in zip(parts, poses, strict=True) if part.box is not None),
+            key=lambda one: one[0][0][0],
+        )
+        found: list[PartPair] = []
+        for number, (box, part, pose) in enumerate(placed):
+            for beside, neighbour, at in placed[number + 1 :]:
+                if beside[0][0] >= box[1][0]:
+                    break
+                if _thickness(box, beside) > 0.0 and not reason_to_skip(part, neighbour):
+                    (one, of_one), (other, of_other) = sorted(((part, pose), (neighbour, at)), key=lambda each: each[0].index)
+                    pair = PartPair(one, other, _rounded(of_one.inverse() @ of_other))
+                    found += [pair] if self._is_deep(pair) else []
+        return sorted(found, key=lambda pair: (pair.one.index, pair.other.index))
+
+    def shared(self, pair: PartPair, *, keep: bool = True) -> tuple[float, float] | None:
+        """The volume [m^3] and the mean thickness [m] of an intersection; None if it does not count. `keep` also caches it in the store."""
+        content = [self.deep, _made_of(pair.one), _made_of(pair.other), repr(pair.at)]
+        key = hashlib.sha256(json.dumps(content).encode()).hexdigest()
+        known = self._store.get_json(KIND, key) if keep else None
+        volume, depth = known or self._memo(("overlap", pair.one.path, pair.other.path), lambda _: self._intersect(pair), content)
+        if keep and known is None:
+            self._store.note_json(KIND, key, [volume, depth])
+        counts = depth > self.deep if pair.one.listed is None else volume > SHARE * min(_volume(pair.one), _volume(pair.other))
+        return (volume, depth) if counts else None
+
+    def _is_deep(self, pair: PartPair) -> bool:
+        """Whether the boxes of both parts, in the frame of either, leave room for an intersection that counts."""
+        one, other = pair.one.box, pair.other.box
+        assert one is not None and other is not None
+        return min(_thickness(one, pair.at.around(other)), _thickness(pair.at.inverse().around(one), other)) > self.deep
+
+    def _intersect(self, pair: PartPair) -> tuple[float, float]:
+        from thingc.solids.shapes import Solid, solid_of
+
+        def solid(part: Occurrence) -> Solid:
+            made = self._memo(("solid", part.definition.text), partial(solid_of, self._store, simplify=self.deep / 4.0), part.solids)
+            assert made is not None, "what has a volume is solid"
+            return made
+
+        return solid(pair.one).overlap(solid(pair.other).at(pair.at))
 
 
-def check_overlaps(assembly: Assembly, store: Store, report: Report, memo: Memo) -> None:
-    """A warning for each two parts of a link that share more than `SHARE` of the smaller one, and more than `LEAST`.
+def check_overlaps(assembly: Assembly, poses: Sequence[Pose], overlaps: Overlaps, report: Report) -> None:
+    """Warn of each two parts that overlap where they are at `poses`; each place of the documents once, however often it is used.
 
-    Boxes say which can; those are looked at exactly, unless all of them have been before.
+    Shapes of links are approximate: of these only equal ones of the same body are compared.
     """
-    pairs: list[_Pair] = []
-    for link in assembly.links:
-        parts = tuple(assembly.occurrences[member] for member in link.members)
-        pairs += memo(("overlaps", link.name), _candidates, parts, link.poses)
-    if not pairs:
-        return
-    content = [[_made_of(pair.one), _made_of(pair.other), repr(pair.at)] for pair in pairs]
-    key = hashlib.sha256(json.dumps([SHARE, LEAST, content]).encode()).hexdigest()
-    if store.get_json(KIND, key) is None and not _look(pairs, store, report, memo):
-        store.note_json(KIND, key, True)
-
-
-def _look(pairs: Sequence[_Pair], store: Store, report: Report, memo: Memo) -> bool:
-    """Whether any of the pairs is one too many; each such place of the documents is said once, however often it is used."""
-    overlapping = False
-    said: set[tuple[object, object]] = set()
-    for pair in pairs:
-        where = ("overlap", pair.one.path, pair.other.path)
-        shared = memo(where, partial(_shared, pair, store, memo), pair.one.solids, pair.other.solids, pair.at)
-        if shared <= max(LEAST, SHARE * _volume(pair.smaller)):
-            continue
-        overlapping = True
+    link_of = assembly.link_of
+    reported: set[tuple[object, object]] = set()
+    for pair in overlaps.pairs(assembly.occurrences, poses):
+        apart = link_of[pair.one.index] != link_of[pair.other.index]
         place = (pair.one.origin[:1], pair.other.origin[:1])
-        if place not in said and _warn(pair, shared, report):
-            said.add(place)
-    return overlapping
+        if (pair.one.listed is not None and apart) or place in reported:
+            continue
+        shared = overlaps.shared(pair)
+        if shared is not None and _warn(assembly, pair, shared[0], report):
+            reported.add(place)
 
 
-def _shared(pair: _Pair, store: Store, memo: Memo, *_: object) -> float:
-    """The volume [m^3] that two parts share."""
-    from thingc.solids.shapes import Solid, solid_of
-
-    def solid(part: Occurrence) -> Solid:
-        made = memo(("solid", part.path), partial(solid_of, store), part.solids)
-        assert made is not None, "candidates have a volume"
-        return made
-
-    return solid(pair.one).overlap(solid(pair.other).at(pair.at))[0]
+def reason_to_skip(one: Occurrence, other: Occurrence) -> str:
+    """Why two parts that touch by design cannot be compared; empty if they can."""
+    if one.definition != other.definition and (one.listed or other.listed):
+        return "shapes of links are approximate"
+    for part in (one, other):
+        if part.box is None or _volume(part) == 0.0 or not all(map(_is_closed, part.solids)):
+            return f"`{part.path}` has no closed surface"
+    return ""
 
 
-def _warn(pair: _Pair, shared: float, report: Report) -> bool:
-    smaller = pair.smaller
-    larger = pair.other if smaller is pair.one else pair.one
-    share = f"{min(100.0 * shared / _volume(smaller), 100.0):.0f} %"
+def contact_places(assembly: Assembly, one: Occurrence, other: Occurrence) -> list[Note]:
+    """The places at which a document may allow the overlap of two parts, besides that of `other`."""
+    links = {assembly.link_of[one.index], assembly.link_of[other.index]}
+    return [*(Note(message=f"`{one.path}` is here", span=span) for span in one.origin[:1]), *(
+        Note(message=f"joint `{mate.name or mate.loop}` connects them", span=mate.origin[0]) for mate in assembly.mates
+        if (mate.joints or mate.loop) and {assembly.link_of[mate.parent], assembly.link_of[mate.child]} == links and mate.origin
+    )]
+
+
+def _warn(assembly: Assembly, pair: PartPair, shared: float, report: Report) -> bool:
+    smaller, larger = sorted((pair.one, pair.other), key=_volume)
+    share = float(f"{min(100.0 * shared / _volume(smaller), 100.0):.2g}")
     twice = pair.one.definition == pair.other.definition
-    help = "take one of them away" if twice else "put one of them onto another mount"
+    help = "remove one of them" if twice and share >= 50.0 else "move one of them, or cut the room that it needs out of the other"
     return report.warn(
         Code.OVERLAP,
-        f"`{pair.other.path}` and `{pair.one.path}` are in one place: {share} of `{smaller.path}` is inside `{larger.path}` "
-        f"({_cubic(shared)})" + (f", which is a `{larger.definition.label}`, too" if twice else ""),
+        f"`{pair.other.path}` and `{pair.one.path}` overlap: {share:g} % of `{smaller.path}` is "
+        f"inside `{larger.path}` ({_cubic(shared)})" + (f", which is also a `{larger.definition.label}`" if twice else ""),
         pair.other.origin, path=pair.other.path, help=f"{help}; {allow_hint(Code.OVERLAP)}",
-        notes=[Note(message=f"`{pair.one.path}` is here", span=span) for span in pair.one.origin[:1]],
+        notes=contact_places(assembly, pair.one, pair.other),
     )
 
 
@@ -108,24 +144,10 @@ def _cubic(volume: float) -> str:
     return f"{float(f'{scale * volume:.3g}'):g} {unit}"  # 1000 mm^3, not 1e+03
 
 
-def _candidates(members: tuple[Occurrence, ...], poses: tuple[Pose, ...]) -> list[_Pair]:
-    """The pairs of a body's parts of which the boxes share as much as would be too much. What has a surface with gaps has no inside. Of
-    links those alone that list the same: others lie within each other rightly, for their shapes are rough ones that collide."""
-    pairs: list[_Pair] = []
-    parts = [
-        (part, pose, pose.around(part.box)) for part, pose in zip(members, poses, strict=True)
-        if part.box is not None and _volume(part) > 0.0 and all(map(_is_closed, part.solids))
-    ]
-    for number, (one, at_one, box) in enumerate(parts):
-        for other, at_other, beside in parts[number + 1 :]:
-            if one.definition != other.definition and (one.listed or other.listed):
-                continue
-            common = 1.0
-            for axis in range(3):
-                common *= max(0.0, min(box[1][axis], beside[1][axis]) - max(box[0][axis], beside[0][axis]))
-            if common > max(LEAST, SHARE * min(_volume(one), _volume(other))):
-                pairs.append(_Pair(one, other, _rounded(at_one.inverse() @ at_other)))
-    return pairs
+def _thickness(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> float:
+    """The least extent [m] of what two boxes share; an intersection within it has no greater mean thickness. Not positive if they
+    share nothing."""
+    return min(min(one[1][axis], other[1][axis]) - max(one[0][axis], other[0][axis]) for axis in range(3))
 
 
 def _rounded(pose: Pose) -> Pose:

@@ -80,13 +80,15 @@ class Solids:
         return self._solids[text]
 
 
-def solid_of(store: Store, surfaces: Sequence[Surface]) -> Solid | None:
-    """What is within some surfaces [m], in the frame that they are in; None where none of them has an inside."""
+def solid_of(store: Store, surfaces: Sequence[Surface], *, simplify: float = 0.0) -> Solid | None:
+    """The solid within some surfaces, in their frame, or None if none of them has an inside. `simplify` [m] is how far its facets may
+    move so that there are fewer of them: intersections then take half of the time."""
     made = [(_whole(store, surface), surface.solid) for surface in surfaces]
     inside = [(whole, solid) for whole, solid in made if not whole.is_empty()]
     if not inside:
         return None
-    return Solid(Manifold.batch_boolean([whole for whole, _ in inside], OpType.Add), tuple(_core(*one) for one in inside))
+    whole = Manifold.batch_boolean([whole for whole, _ in inside], OpType.Add)
+    return Solid(whole.simplify(simplify) if simplify else whole, tuple(_core(*one) for one in inside))
 
 
 def _whole(store: Store, surface: Surface) -> Any:

@@ -6,17 +6,21 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from thingc.diagnostics import Code
 from thingc.emit.request import EmitRequest
 from thingc.frozen import dataclass
 from thingc.graph.types import Assembly
 from thingc.pose import Pose
 from thingc.robot.types import Keyframe
+from thingc.solids import Overlaps, contact_places, reason_to_skip
 from thingc.solids.shapes import Solid, Solids
 
 LOOK = 0.01
 """How far [m] the smallest gap is looked for: beyond it nobody wants to know."""
 TOUCH = 1e-9
 """A gap [m] that is none."""
+CELL = (0.1, 0.1, 0.1, 0.002)
+"""The size of a cell of poses: of the rows of the rotation (about 6 deg), and of the translation [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,28 +43,57 @@ class Near:
 
 
 class Collisions:
-    """The pairs of an assembly that may collide, and their shapes. `tolerance` [m] is how far each tessellated surface may be
-    off the true one: an overlap counts from a mean depth of twice that."""
+    """The pairs of an assembly that may collide, and their shapes. `pairs` (indices) are on links without a common joint: their gaps are
+    measured. `close` are on one link, or on links that a joint connects: they touch by design, and only their overlaps count. `skipped`
+    are the pairs that are not compared, by reason."""
 
-    def __init__(self, assembly: Assembly, shapes: Solids, tolerance: float) -> None:
-        self.assembly = assembly
-        self.deep = 2.0 * tolerance
-        self._solids: dict[int, Solid] = {}
-        for occurrence in assembly.occurrences:
-            solid = shapes.solid(occurrence)
-            if solid is not None:
-                self._solids[occurrence.index] = solid
-        near, link_of = set(_neighbours(assembly)), assembly.link_of
+    def __init__(self, request: EmitRequest) -> None:
+        self.assembly, self.overlaps = request.assembly, Overlaps(request.store, request.workspace.mesh.linear, request.memo)
+        self._report, shapes = request.report, Solids(request.store)
+        self._solids = {one.index: solid for one in self.assembly.occurrences if (solid := shapes.solid(one)) is not None}
+        near, link_of = set(_neighbours(self.assembly)), self.assembly.link_of
         indices = sorted(self._solids)
-        self.pairs = [
-            (a, b) for k, a in enumerate(indices) for b in indices[k + 1 :]
-            if link_of[a] != link_of[b] and _ordered(link_of[a], link_of[b]) not in near
-        ]
-        self.hulls = [o.path for o in assembly.occurrences if o.definition.text in shapes.hulls]
+        self.pairs: list[tuple[int, int]] = []
+        self.close: set[tuple[int, int]] = set()
+        self.skipped: dict[str, dict[str, None]] = {}
+        for pair in ((a, b) for k, a in enumerate(indices) for b in indices[k + 1 :]):
+            one, other = (link_of[index] for index in pair)
+            if one != other and _ordered(one, other) not in near:
+                self.pairs.append(pair)
+            elif reason := reason_to_skip(*(self.assembly.occurrences[index] for index in pair)):
+                self._skip(pair, reason)
+            else:
+                self.close.add(pair)
+        self.hulls = [o.path for o in self.assembly.occurrences if o.definition.text in shapes.hulls]
+
+    def _skip(self, pair: tuple[int, int], reason: str) -> None:
+        self.skipped.setdefault(reason, {})[" and ".join(self.assembly.occurrences[index].path for index in pair)] = None
+
+    def overlapping(
+        self, poses: Sequence[Pose], frame: Keyframe, allowed: Mapping[tuple[int, int], int], seen: set[object] | None,
+    ) -> Iterator[Near]:
+        """The `close` pairs that overlap, unless the document allows that (`TC520`). A sweep passes the cells of poses `seen` so far: in
+        each of them a pair is compared once."""
+        for pair in self.overlaps.pairs(self.assembly.occurrences, poses):
+            one, other = indices = pair.one.index, pair.other.index
+            cell = (indices, *(round(number / size) for row, size in zip((*pair.at.rotation, pair.at.translation), CELL) for number in row))
+            if indices not in self.close or (seen is not None and cell in seen):
+                continue
+            if seen is not None:
+                seen.add(cell)
+            if (shared := self.overlaps.shared(pair, keep=seen is None)) is None:
+                continue
+            places = [*pair.other.origin, *(note.span for note in contact_places(self.assembly, pair.one, pair.other) if note.span)]
+            reason = next((one.reason for one in self._report.allowances if one.covers(Code.OVERLAP, places)), None)
+            if reason is None:
+                volume, depth = shared
+                yield Near(one=one, other=other, gap=0.0, depth=depth, volume=volume, allowance=allowed.get(indices), where=frame)
+            else:
+                self._skip(indices, f"allowed: {reason}")
 
     def wrong(self, near: Near, clearance: float) -> bool:
         """Whether two occurrences are nearer than they may be."""
-        return near.gap < clearance - TOUCH if clearance > 0.0 else near.depth > self.deep
+        return near.gap < clearance - TOUCH if clearance > 0.0 else near.depth > self.overlaps.deep
 
     def near(
         self, poses: Sequence[Pose], frame: Keyframe, clearance: float, look: float, allowed: Mapping[tuple[int, int], int],
@@ -99,7 +132,7 @@ def collisions_of(request: EmitRequest) -> Collisions:
     known = request.made.get("collisions")
     if isinstance(known, Collisions):
         return known
-    made = Collisions(request.assembly, Solids(request.store), request.workspace.mesh.linear)
+    made = Collisions(request)
     request.made["collisions"] = made
     return made
 

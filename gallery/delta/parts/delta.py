@@ -18,7 +18,7 @@ BASE = 62.0
 PLATFORM = 30.0
 """From the middle of the platform to the balls of a pair of rods."""
 
-SPACING = 56.0
+SPACING = 64.0
 """Between the two rods of an arm."""
 
 HORN = STS3215.drawing.depth / 2 + STS3215.drawing.horn[1]
@@ -79,12 +79,12 @@ class Arm(Thing):
     def result(self) -> Solid:
         """Bar, hub, axle and balls."""
         length = self.p.length
-        body = softened(bar(length, 14, 7, 6), 1)
+        body = softened(bar(length, 12, 7, 6), 1)
         holes = [disc(3.2, 20, -5, x, y) for x, y in ((4.95, 4.95), (-4.95, 4.95), (4.95, -4.95), (-4.95, -4.95))]
         window = bar(length - 48, 6, 3.5, 20, -5).translate((0, 26, 0))
-        axle = disc(8, SPACING - 10, -HORN - SPACING / 2 + 5, y=length)
+        axle = disc(8, SPACING - 14, -HORN - SPACING / 2 + 7, y=length)
         balls = [Solid.make_sphere(5, Plane(mount.location.position)) for mount in self.ball]
-        pins = [disc(4, 6, mount.location.position.Z - (5.5 if k == 0 else 0.5), y=length) for k, mount in enumerate(self.ball)]
+        pins = [disc(4, 8, mount.location.position.Z - (7.5 if k == 0 else 0.5), y=length) for k, mount in enumerate(self.ball)]
         return body.cut(*holes, window).fuse(axle, *balls, *pins).solid()
 
     def collision(self) -> list[Solid]:
@@ -112,7 +112,7 @@ class Rod(Thing):
         sockets = [turned([(0, -6), (4.5, -6), (6.8, -3.5), (6.8, 4), (3.6, 14), (3.6, 22), (0, 22)])]
         sockets.append(Location((0, 0, end), (180, 0, 0)) * sockets[0])
         balls = [Solid.make_sphere(5.2, Plane((0, 0, z))) for z in (0, end)]
-        slots = [block((16, 10.6, 10), (0, 0, z)) for z in (-3, end + 3)]
+        slots = [block((16, 10.6, 11), (0, 0, z)) for z in (-3, end + 3)]
         return disc(5, end - 30, 15).fuse(*sockets).cut(*balls, *slots).solid()
 
     def collision(self) -> list[Solid]:

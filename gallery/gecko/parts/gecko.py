@@ -62,7 +62,7 @@ class Chest(Thing):
         self.spine = MountPoint(Location(Plane((-20, 0, -HORN), x_dir=(0, 0, -1), z_dir=(-1, 0, 0))))
         self.top = MountPoint(Location((0, 0, THICKNESS)))
         self.belly = MountPoint(MATE)
-        self.neck = MountPoint(Location((66, 0, 0)))
+        self.neck = MountPoint(Location((68, 0, 0)))
 
     def result(self) -> Solid:
         """The plate and its wall."""

@@ -117,7 +117,7 @@ class Palm(Thing):
             forks.append(Location((x, 52, 0)) * forked(fork, reach, 8.5))
         post = Solid.make_cylinder(8, 20, Plane((-42, 40, -4), z_dir=(0, -1, 0)))
         hinge = block((8, 20, 16), (-38, 30, -4))
-        gap = block((30, 9, 40), (-49, 30, -4))
+        gap = block((31, 9, 40), (-48.5, 30, -4))
         slots = [block((8.8, 24, 40), (x, y - 3, 0)) for x, y in KNUCKLES]
         return body.fuse(*forks, post, hinge).cut(gap, *slots).solid()
 
