@@ -90,9 +90,9 @@ def write_tree(root: str, files: Mapping[str, bytes], links: Mapping[str, str]) 
             write_new(place, files[path])
 
 
-def write_new(path: str, data: bytes) -> None:
+def write_new(path: str, data: bytes, mode: int = 0o666) -> None:
     """Write a file that does not exist yet, with as few calls as possible. Raises `OSError`, also where a link is."""
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
     try:
         rest = memoryview(data)
         while rest:

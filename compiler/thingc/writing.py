@@ -7,14 +7,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from thingc import pipeline
-from thingc.diagnostics import Code, Diagnostic, Severity, Stage, shown_path
+from thingc.diagnostics import Code, Diagnostic, Severity, Stage
 from thingc.environment import Environment, Options
 from thingc.frozen import dataclass
-from thingc.layout import write_in_place
 from thingc.layout.setting import Keys, Unsettable, Written, changes, with_values
 from thingc.load import Documents, load
 from thingc.load.flow import is_flow, read_flow
 from thingc.memo import Memo
+from thingc.replacement import Refused, replace_files
 from thingc.source import Document, MappingNode, Node, SequenceNode, line_of, node_at
 from thingc.spec import validate
 from thingc.spec.choices import nested, parse
@@ -49,14 +49,15 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
         text = with_values(root, {keys: _written(text) for keys, text in values.items()}).text
     except Unsettable as fault:
         return ValuesWritten(found=(_wrong(str(fault), "write it by hand"),))
-    before, after = both(root, text)
+    before, after = document_change(root, text)
     _, diagnostics = checked(document, replace(options, texts={root.path: after}), strict=strict)
     found = tuple(diagnostics)
     if dry or any(d.severity is Severity.ERROR for d in found):
         return ValuesWritten(found=found, root=root, text=text)
-    refused = put(root, before, after)
-    if refused is not None:
-        return ValuesWritten(found=(refused,))
+    try:
+        replace_files({root.path: (before, after)})
+    except Refused as fault:
+        return ValuesWritten(found=(fault.diagnostic,))
     return ValuesWritten(found=found, root=root, text=text, done=tuple(changes(root, values)))
 
 
@@ -66,25 +67,11 @@ def named(path: str) -> str:
     return path if "." in name else name
 
 
-def both(root: Document, text: str) -> tuple[bytes, bytes]:
-    """The bytes of a document as they are, and as they would be with that text. Raises OSError where it cannot be read."""
-    with open(root.path, "rb") as stream:
-        before = stream.read()
-    return before, (b"\xef\xbb\xbf" if before.startswith(b"\xef\xbb\xbf") else b"") + text.encode()
-
-
-def put(root: Document, before: bytes, after: bytes) -> Diagnostic | None:
-    """Put new bytes into a document; why not, where it cannot be written or is not what was read any more."""
-    name = shown_path(root.path)
-    message = f"`{name}` has changed meanwhile, and is left as it is"
-    if hashlib.sha256(before).hexdigest() == root.sha256:
-        try:
-            write_in_place(root.path, after)
-        except OSError as fault:
-            message = f"cannot write `{name}`: {(fault.strerror or str(fault)).lower()}"
-        else:
-            return None
-    return Diagnostic(code=Code.OUTPUT, severity=Severity.ERROR, message=message)
+def document_change(root: Document, text: str) -> tuple[bytes, bytes]:
+    """The bytes of a document as they were read, and as they would be with that text. A byte order mark stays."""
+    before = root.text.encode()
+    mark = b"" if hashlib.sha256(before).hexdigest() == root.sha256 else b"\xef\xbb\xbf"
+    return mark + before, mark + text.encode()
 
 
 def opened(document: str, options: Options, memo: Memo) -> Documents | None:

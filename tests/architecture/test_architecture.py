@@ -24,7 +24,7 @@ PACKAGE = ROOT / "compiler" / "thingc"
 BASE = {
     "frozen", "brief", "shown", "source", "typos", "diagnostics", "units", "expressions", "pose", "inertia", "mirror", "primitives",
     "sensing",
-    "memo", "packaging", "exports", "unit_spellings", "file_names", "files", "heading", "circles", "summing", "syntax",
+    "memo", "packaging", "exports", "unit_spellings", "file_names", "files", "replacement", "heading", "circles", "summing", "syntax",
     "installed", "workspace",
 }
 # What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
@@ -35,7 +35,8 @@ ROOMS: dict[str, set[str]] = {
     "expressions": {"frozen", "diagnostics", "typos", "units"},
     "summing": set(), "syntax": set(), "pose": {"frozen", "summing"}, "inertia": {"frozen", "brief", "pose"}, "mirror": {"pose"},
     "primitives": {"frozen", "brief", "pose", "inertia", "summing"}, "sensing": {"frozen", "brief", "source", "units", "primitives"},
-    "memo": set(), "file_names": set(), "files": set(), "heading": set(), "circles": set(), "unit_spellings": set(), "installed": {"files"},
+    "memo": set(), "file_names": set(), "files": set(), "replacement": {"diagnostics", "files"},
+    "heading": set(), "circles": set(), "unit_spellings": set(), "installed": {"files"},
     "later": set(), "exports": set(), "packaging": {"frozen"},
     "archives": {"frozen"}, "gaps": set(), "csvcell": {"shown", "gaps"}, "webpage": {"shown"}, "exchange": set(),
     "workspace": BASE | {"load", "spec"},

@@ -65,16 +65,16 @@ entry()
 
 BETWEEN_FILES = """\
 import signal, sys
-import thingc.layout
+import thingc.replacement
 from thingc.__main__ import entry
 
-write = thingc.layout.write_in_place
+replace = thingc.replacement._replace
 
-def write_in_place(path, data):
-    write(path, data)
+def _replace(*change):
+    replace(*change)
     signal.raise_signal(signal.SIGINT)
 
-thingc.layout.write_in_place = write_in_place
+thingc.replacement._replace = _replace
 sys.argv = ["thingc", "rename", "finger.yaml", "mounts.seat", "socket"]
 entry()
 """

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import hashlib
-import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import get_args
 
@@ -16,12 +14,13 @@ from thingc.cli.stubs import BASES, STUBS, Addition
 from thingc.diagnostics import Diagnostic, Report, Severity, shown_path
 from thingc.environment import Options
 from thingc.joints.kind import JointType
-from thingc.layout import format_document, is_laid_out, write_in_place
+from thingc.layout import format_document, is_laid_out
 from thingc.layout.setting import Unsettable, with_values, without
 from thingc.load import Documents, read_tree, remember
 from thingc.memo import Memo
+from thingc.replacement import Change, provisional
 from thingc.source import Document
-from thingc.writing import both, checked, opened, put
+from thingc.writing import checked, document_change, opened
 
 EPILOG = """\
 Nothing is written unless all of the document would be right with what is added. It is a stub: change it as you like.
@@ -129,26 +128,22 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
 def _write(
     arguments: argparse.Namespace, options: Options, documents: Documents | None, addition: Addition, memo: Memo | None = None,
 ) -> int:
-    """Write files and document, unless something would be wrong then. `memo` knows the documents."""
-    with _files(addition.files) as keep:
+    """Write files and document, unless something would be wrong then. `memo` knows the documents. Raises `Refused`."""
+    with provisional(addition.files) as keep:
         diagnostics: list[Diagnostic] = []
+        changes: dict[str, Change] = {}
         if documents is not None:
             root = documents.root
             changed, memo = _with_addition(root, addition), memo or Memo()
-            before, after = both(root, changed.text)
+            before, after = document_change(root, changed.text)
             remember(replace(changed, sha256=hashlib.sha256(after).hexdigest()), memo)
             _, diagnostics = checked(root.path, replace(options, texts={root.path: after}), memo=memo)
             if _wrong(diagnostics):
                 _, already = checked(root.path, options)
                 return _say(arguments, already) if _wrong(already) else _say(arguments, diagnostics, texts={root.path: changed.text})
-            with interrupts.held():
-                refused = put(root, before, after)
-                if refused is None:
-                    keep()
-            if refused is not None:
-                return _say(arguments, [refused])
-        else:
-            keep()
+            changes[root.path] = before, after
+        with interrupts.held():
+            keep(changes)
     where = [] if documents is None else [f"{shown_path(documents.root.path)}: {'.'.join(keys)}" for keys in addition.values]
     done = [*(shown_path(path) for path in addition.files), *where]
     return _say(arguments, diagnostics, done=done)
@@ -172,49 +167,6 @@ def _with_addition(root: Document, addition: Addition) -> Document:
         return document
     tree = read_tree(document.path, laid_out, Report())
     return document if tree is None else replace(document, text=laid_out.decode(), tree=tree)
-
-
-@contextlib.contextmanager
-def _files(files: Mapping[str, str]) -> Iterator[Callable[[], None]]:
-    """The files written, and as they were again afterwards, unless what is given is called: then they stay."""
-    before: dict[str, bytes | None] = {}
-    made: list[str] = []
-    kept = False
-
-    def keep() -> None:
-        nonlocal kept
-        kept = True
-
-    try:
-        for path, text in files.items():
-            with interrupts.held():
-                if os.path.exists(path):
-                    with open(path, "rb") as stream:
-                        before[path] = stream.read()
-                    write_in_place(path, text.encode())
-                else:
-                    for folder in _missing(os.path.dirname(path)):
-                        os.mkdir(folder)
-                        made.append(folder)
-                    with open(path, "x", encoding="utf-8") as new:
-                        before[path] = None
-                        new.write(text)
-        yield keep
-    finally:
-        if not kept:
-            for path, data in before.items():
-                if data is None:
-                    os.unlink(path)
-                else:
-                    write_in_place(path, data)
-            for folder in reversed(made):
-                with contextlib.suppress(OSError):  # somebody else has put something there
-                    os.rmdir(folder)
-
-
-def _missing(folder: str) -> list[str]:
-    """The folder and those that it lies in, as far as they are not there, outermost first."""
-    return [] if os.path.isdir(folder or ".") else [*_missing(os.path.dirname(folder)), folder]
 
 
 def _article(what: str) -> str:

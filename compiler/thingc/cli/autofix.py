@@ -11,12 +11,12 @@ from dataclasses import replace
 from thingc import pipeline
 from thingc.brief import counted
 from thingc.cli import common
-from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
+from thingc.diagnostics import Diagnostic, Report, shown_path
 from thingc.environment import Environment, Options
 from thingc.layout.autofix import Looked, TextEdit, autofix
-from thingc.layout.formatting import write_in_place
 from thingc.load.paths import DOCUMENT_SUFFIXES
 from thingc.pipeline import Compilation
+from thingc.replacement import replace_files
 from thingc.workspace import Workspace
 
 ReportOf = Callable[[Environment, Compilation], Report]
@@ -41,9 +41,7 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
         mended += done
         diagnostics.extend(d for d in left if d not in diagnostics)
     if not arguments.diff:
-        refused = disk.write(texts)
-        if refused is not None:
-            return _say(arguments, [refused], [])
+        replace_files({file: (disk.known[file], data) for file, data in sorted(texts.items())})
     elif arguments.format == "text":
         _print_diff(texts, disk)
         places = counted(len(mended), "place")
@@ -83,22 +81,6 @@ class _Disk:
         if file not in self.known:
             self.known[file] = _bytes(file)
         return self.known[file]
-
-    def write(self, texts: Mapping[str, bytes]) -> Diagnostic | None:
-        """Write the files that have other contents now, each at once; says why not where one cannot be written or has been
-        changed by somebody else."""
-        for file, data in sorted(texts.items()):
-            message = None
-            if _bytes(file) != self.known[file]:
-                message = f"`{shown_path(file)}` has changed meanwhile, and is left as it is"
-            else:
-                try:
-                    write_in_place(file, data)
-                except OSError as fault:
-                    message = f"cannot write `{shown_path(file)}`: {(fault.strerror or str(fault)).lower()}"
-            if message is not None:
-                return Diagnostic(code=Code.OUTPUT, severity=Severity.ERROR, message=message)
-        return None
 
 
 def _bytes(file: str) -> bytes | None:

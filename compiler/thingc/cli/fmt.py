@@ -11,9 +11,10 @@ from collections.abc import Iterator
 from thingc.brief import counted
 from thingc.cli import common
 from thingc.diagnostics import Code, Report, shown_path
-from thingc.layout import format_document, write_in_place
+from thingc.layout import format_document
 from thingc.layout.formatting import schema_path
 from thingc.load import documents_in, is_document
+from thingc.replacement import Refused, replace_files
 from thingc.workspace import OWN_FILE, Workspace
 
 EPILOG = """\
@@ -108,9 +109,9 @@ def _one(path: str, arguments: argparse.Namespace, report: Report) -> bool:
         common.say(f"{path}: would be changed")
     else:
         try:
-            write_in_place(path, formatted)
-        except OSError as fault:
-            report.add(Code.OUTPUT, f"cannot write `{path}`: {(fault.strerror or str(fault)).lower()}", None)
+            replace_files({path: (data, formatted)})
+        except Refused as fault:
+            report.say(fault.diagnostic)
             return False
         common.say(f"{path}: changed")
     return True

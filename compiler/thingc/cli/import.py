@@ -12,6 +12,7 @@ from thingc.brief import counted
 from thingc.cli import common, interrupts
 from thingc.diagnostics import Diagnostic, Report, Severity, shown_path
 from thingc.output import OutputError, write_new
+from thingc.replacement import provisional
 from thingc.shown import quoted
 from thingc.source import dotted
 
@@ -94,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _again(arguments: argparse.Namespace, imported: Imported, earlier: Earlier, report: Report) -> dict[str, str]:
     """Import into a folder that has an import already; the text of the document that is spoken of. Raises `OutputError`."""
-    from thingc.importing import put, update
+    from thingc.importing import update
 
     if earlier.source != os.path.basename(arguments.file) and not arguments.update:
         message = f"`{shown_path(earlier.folder)}` has been imported from another file, `{earlier.source}` with the robot `{earlier.robot}`"
@@ -111,24 +112,15 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: Earlier, 
     if arguments.check:
         common.say(*_would(arguments, imported), *_merged(now, disputed=report.failed))
         return texts
-    fresh = {name: content for name, content in now.files.items() if not os.path.lexists(os.path.join(earlier.folder, name))}
-    try:
-        put(earlier.folder, fresh)
-        try:
-            faults = _faults(document, now.merged.text) if edited else []
-        except BaseException:  # an interrupt among others
-            put(earlier.folder, {}, [*fresh])
-            raise
+    fresh = {path: change for path, change in now.changes.items() if change[0] is None}
+    with provisional(fresh) as keep:
+        faults = _faults(document, now.merged.text) if edited else []
         if faults:
-            put(earlier.folder, {}, [*fresh])
             for fault in faults:
                 report.say(fault)
             return texts
         with interrupts.held():
-            put(earlier.folder, {name: content for name, content in now.files.items() if name not in fresh}, now.gone)
-    except OSError as fault:
-        why = (fault.strerror or str(fault)).lower()
-        raise OutputError(f"`{shown_path(earlier.folder)}` cannot be written: {why}", "mend that, and import again") from fault
+            keep({path: change for path, change in now.changes.items() if path not in fresh})
     common.say(*_told(arguments, imported, earlier.folder, _merged(now, disputed=report.failed)))
     return texts
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import difflib
 import os
 import sys
 from collections.abc import Mapping
+from functools import cache
 from typing import TYPE_CHECKING
 
 from thingc.cli import common, interrupts
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
+from thingc.files import beginning
+from thingc.replacement import Change, replace_files
 
 if TYPE_CHECKING:
     from thingc.lsp.names import Name
@@ -39,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 where it is renamed (with `--diff`: could be)."""
     from thingc.lsp.analysis import RequestRefused
     from thingc.lsp.renaming import renamed
-    from thingc.lsp.sight import sight_of
+    from thingc.lsp.sight import on_disk, sight_of
     from thingc.workspace import Workspace
 
     report = Report()
@@ -49,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
         if workspace is None:
             common.print_text(report.ordered(), stream=sys.stdout, debug=False)
             return common.exit_code(report.diagnostics)
-        sight = sight_of(workspace, {})
+        sight = sight_of(workspace, {}, disk=cache(on_disk))  # of each file one state is read
         declared = _named(sight, arguments.document, arguments.path)
         done = renamed(sight, declared, arguments.name)
     except common.WrongCommandLine as fault:
@@ -66,9 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
             )
     if not arguments.diff:
         with interrupts.held():
-            wrong = _write(done.texts, before)
-        if wrong is not None:
-            return _refuse(wrong)
+            replace_files(_changes(done.texts, before))
         for file in done.texts:
             count = sum(span.file == file for span in done.places)
             common.say(f"{shown_path(file)}: {declared.text} -> {arguments.name} ({count})")
@@ -96,26 +96,10 @@ def _named(sight: Sight, document: str, path: str) -> Name:
     return place.name
 
 
-def _write(texts: Mapping[str, str], before: Mapping[str, str]) -> str | None:
-    """Write the texts of files; why not, where one cannot be written: then all are as they were."""
-    from thingc.layout import write_in_place
-
-    done: list[tuple[str, bytes]] = []
-    for path, text in texts.items():
-        try:
-            with open(path, "rb") as stream:
-                old = stream.read()
-            mark = b"\xef\xbb\xbf" if old.startswith(b"\xef\xbb\xbf") else b""
-            if old != mark + before[path].encode():
-                raise OSError(None, "it has changed meanwhile")
-            write_in_place(path, mark + text.encode())
-        except OSError as fault:
-            for other, content in done:
-                with contextlib.suppress(OSError):
-                    write_in_place(other, content)
-            return f"cannot write `{shown_path(path)}`: {(fault.strerror or str(fault)).lower()}; nothing is renamed"
-        done.append((path, old))
-    return None
+def _changes(texts: Mapping[str, str], before: Mapping[str, str]) -> dict[str, Change]:
+    """The changes of files; a byte order mark stays. Raises `OSError`."""
+    marks = {path: mark if beginning(path, 3) == (mark := b"\xef\xbb\xbf") else b"" for path in texts}
+    return {path: (marks[path] + before[path].encode(), marks[path] + text.encode()) for path, text in texts.items()}
 
 
 def _refuse(message: str) -> int:

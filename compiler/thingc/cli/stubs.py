@@ -22,6 +22,7 @@ from thingc.load import Documents, read_tree
 from thingc.load.paths import DOCUMENT_SUFFIXES
 from thingc.load.scalars import core_value
 from thingc.realize.record import PartRecord, PartSchema
+from thingc.replacement import Change
 from thingc.source import Document, MappingNode, SequenceNode, node_at
 from thingc.syntax import syntax_tree
 from thingc.typos import did_you_mean, meant, nearest
@@ -38,12 +39,12 @@ NAME = r"[A-Za-z][A-Za-z0-9_]*"
 
 @dataclass(frozen=True, kw_only=True)
 class Addition:
-    """What is added: `values` in the document at their keys, of which `placed` (if any) is taken out before; `files` that are new, or have
-    other texts then, by path."""
+    """What is added: `values` in the document at their keys, of which `placed` (if any) is taken out before; `files` that are
+    new, or change, by path."""
 
     values: Mapping[Keys, Written]
     placed: tuple[Keys, ...] = ()
-    files: Mapping[str, str] = field(default_factory=dict)
+    files: Mapping[str, Change] = field(default_factory=dict)
 
 
 def _part(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
@@ -127,15 +128,16 @@ def _new_part(arguments: argparse.Namespace, documents: Documents | None, refere
     weight = {"material": "pla"} if documents is None else _weight(documents)
     material = weight.pop("material", None)
     text = new_part(name, None if material is None else str(material))
+    change: Change = None, text.encode()
     if os.path.exists(path):
-        text = _appended(path, name, text)
+        change = _appended(path, name, text)
     elif keyword.iskeyword(module) or _installed(module):
         what = "a word of Python" if keyword.iskeyword(module) else "a module that Python has already"
         raise common.WrongCommandLine(f"`{module}` is {what}", f"name the module yourself: `thingc add part {module}_parts:{name}`")
     if documents is None or placed is None:
-        return Addition(values={}, files={path: text})
+        return Addition(values={}, files={path: change})
     value = {"part": f"{module}:{name}", **_params(arguments), **weight, **placed}
-    return Addition(values={("components", component): value}, files={path: text})
+    return Addition(values={("components", component): value}, files={path: change})
 
 
 def _reference(word: str) -> str:
@@ -162,7 +164,7 @@ def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Add
         raise common.WrongCommandLine(f"`{shown_path(path)}` is there already", hint)
     name = _identifier(os.path.splitext(os.path.basename(path))[0])
     text = ASSEMBLY_TOML if path.lower().endswith(".toml") else ASSEMBLY
-    files = {} if there else {path: text.replace("NAME", name)}
+    files: dict[str, Change] = {} if there else {path: (None, text.replace("NAME", name).encode())}
     if documents is None:
         return Addition(values={}, files=files)
     root, component = documents.root, arguments.component or name
@@ -412,10 +414,11 @@ def _bound(module: ast.Module) -> set[str]:
     return names
 
 
-def _appended(path: str, name: str, text: str) -> str:
-    """The text of the module with the class of `text` behind its own, and the imports that it needs and has not."""
-    with open(path, encoding="utf-8") as stream:
-        before = stream.read()
+def _appended(path: str, name: str, text: str) -> Change:
+    """The change of a module that adds the class of `text` behind its own, and the imports that it needs and has not."""
+    with open(path, "rb") as stream:
+        data = stream.read()
+    before = data.decode()
     try:
         module = syntax_tree(before)
     except SyntaxError as fault:
@@ -434,6 +437,6 @@ def _appended(path: str, name: str, text: str) -> str:
     imports = [node for node in module.body if isinstance(node, (ast.Import, ast.ImportFrom))]
     doc = ast.get_docstring(module) is not None
     at = (imports[-1].end_lineno if imports else module.body[0].end_lineno if doc else 0) or 0
-    return "".join([*lines[:at], *missing, *lines[at:], "\n\n", text[text.index("class ") :]])
+    return data, "".join([*lines[:at], *missing, *lines[at:], "\n\n", text[text.index("class ") :]]).encode()
 
 

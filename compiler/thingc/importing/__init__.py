@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from thingc.importing.importing import Imported, import_robot
-from thingc.importing.updating import Earlier, Update, earlier_import, put, update
+from thingc.importing.updating import Earlier, Update, earlier_import, update
 
-__all__ = ["Earlier", "Imported", "Update", "earlier_import", "import_robot", "put", "update"]
+__all__ = ["Earlier", "Imported", "Update", "earlier_import", "import_robot", "update"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import field, replace
 from typing import Any
 
@@ -13,7 +13,7 @@ from thingc.diagnostics import Code, Report, shown_path
 from thingc.frozen import dataclass
 from thingc.importing.inertias import Repair
 from thingc.importing.merging import Merged, Text, Unmergeable, merged, read_text
-from thingc.layout import write_in_place
+from thingc.replacement import Change
 from thingc.source import dotted, span_at
 
 RECORD = "import.json"
@@ -44,20 +44,23 @@ class Earlier:
 
     def now(self, name: str) -> str | None:
         """The SHA-256 of a file as it is; None where there is none."""
+        data = self.read(name)
+        return None if data is None else _sha256(data)
+
+    def read(self, name: str) -> bytes | None:
+        """The bytes of a file; None if there is none."""
         try:
             with open(os.path.join(self.folder, name), "rb") as stream:
-                return _sha256(stream.read())
+                return stream.read()
         except OSError:
             return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Update:
-    """What to write into the folder, in this order, and which of our files are not needed any more; what was merged, and the files that a
-    person has changed."""
+    """The changes of files, by absolute path and in this order; what was merged, and the files that a person has changed."""
 
-    files: Mapping[str, bytes]
-    gone: tuple[str, ...]
+    changes: Mapping[str, Change]
     merged: Merged
     kept: tuple[str, ...]
 
@@ -88,9 +91,10 @@ def update(earlier: Earlier, document: str, files: Mapping[str, bytes], report: 
     new = files[document].decode()
     try:
         with open(path, "rb") as stream:
-            ours = stream.read().decode("utf-8-sig")
+            held: bytes | None = stream.read()
+        ours = (held or b"").decode("utf-8-sig")
     except FileNotFoundError:
-        ours = earlier.text
+        held, ours = None, earlier.text
     except (OSError, UnicodeDecodeError):
         message = f"`{shown_path(path)}`, which the last import wrote, cannot be read any more"
         report.add(Code.OUTPUT, message, None, help="mend or delete it")
@@ -106,27 +110,30 @@ def update(earlier: Earlier, document: str, files: Mapping[str, bytes], report: 
         report.add(Code.SOURCE_CONFLICT, f"the changes cannot be merged: {fault}", None, help="write it out, and import again")
         return None
     _say_conflicts(one, read_text(path, one.text, Report()) or texts[2], report)
-    written: dict[str, bytes] = {}
+    written: dict[str, Change] = {}
     for name, content in files.items():
-        now, before, after = earlier.now(name), earlier.meshes.get(name), _sha256(content)
+        there = earlier.read(name)
+        now, before, after = None if there is None else _sha256(there), earlier.meshes.get(name), _sha256(content)
         if name in (document, RECORD) or now == after:
             continue
         if now is None or now == before:
-            written[name] = content
+            written[name] = there, content
         elif after != before:
             report.add(
                 Code.SOURCE_CONFLICT, f"`{name}` was changed here, and in the source: it stays as it is here", None,
                 help="delete it, and import again, to have that of the source",
             )
     kept = tuple(name for name in earlier.edited() if name != earlier.document)
-    gone = tuple(
-        name for name, before in earlier.meshes.items() if name not in files and name not in one.text and earlier.now(name) == before
+    written[document] = held, one.text.encode()
+    written[RECORD] = earlier.read(RECORD), files[RECORD]
+    for name, before in earlier.meshes.items():
+        there = earlier.read(name)
+        if there is not None and _sha256(there) == before and name not in files and name not in one.text:
+            written[name] = there, None
+    return Update(
+        changes={os.path.join(earlier.folder, name): change for name, change in written.items() if change[0] != change[1]}, merged=one,
+        kept=kept,
     )
-    if earlier.now(document) != _sha256(one.text.encode()):
-        written[document] = one.text.encode()
-    if earlier.now(RECORD) != _sha256(files[RECORD]):
-        written[RECORD] = files[RECORD]
-    return Update(files=written, gone=gone, merged=one, kept=kept)
 
 
 def _say_conflicts(one: Merged, after: Text, report: Report) -> None:
@@ -135,20 +142,6 @@ def _say_conflicts(one: Merged, after: Text, report: Report) -> None:
             Code.SOURCE_CONFLICT, f"`{dotted(conflict.path)}` is {conflict.ours} here, and {conflict.new} in the source now: it stays "
             "as it is here", span_at(after.tree, conflict.path), help="both have changed it since the last import: write what is right",
         )
-
-
-def put(folder: str, files: Mapping[str, bytes], gone: Sequence[str] = ()) -> None:
-    """Write files into a folder that is there, one after the other, each at once, and delete others. Raises `OSError`."""
-    for name, content in files.items():
-        path = os.path.join(folder, name)
-        if os.path.lexists(path):
-            write_in_place(path, content)
-        else:
-            os.makedirs(os.path.dirname(path), exist_ok=True)
-            with open(path, "xb") as stream:
-                stream.write(content)
-    for name in gone:
-        os.unlink(os.path.join(folder, name))
 
 
 def _repair(how: object) -> Repair | None:

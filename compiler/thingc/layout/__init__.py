@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from thingc.exports import exported
-from thingc.layout.formatting import format_document, is_laid_out, write_in_place
+from thingc.layout.formatting import format_document, is_laid_out
 
 if TYPE_CHECKING:
     from thingc.layout.autofix import Looked, TextEdit, located, sure_edits
     from thingc.layout.setting import Unsettable, with_values
 
 __all__ = [
-    "Looked", "TextEdit", "Unsettable", "format_document", "is_laid_out", "located", "sure_edits", "with_values", "write_in_place",
+    "Looked", "TextEdit", "Unsettable", "format_document", "is_laid_out", "located", "sure_edits", "with_values",
 ]
 
 __getattr__ = exported(__name__, {

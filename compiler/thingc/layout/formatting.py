@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
-import os
 import re
 
 from thingc.diagnostics import Code, Report
@@ -120,24 +117,3 @@ def same(before: Node, after: Node, shape: AnnotationShape | None) -> bool:
             same(before.entries[name], after.entries[name], shape_below(shape, name)) for name in names
         )
     return False
-
-
-def write_in_place(path: str, data: bytes) -> None:
-    """Put new bytes into a file at once (a new file beside it takes its place), with the mode that it has.
-
-    Where the file is a symbolic link, what it points to is replaced. Raises OSError; the file is then as it was.
-    """
-    target = os.path.realpath(path)
-    mode = os.stat(target).st_mode & 0o7777
-    folder, name = os.path.split(target)
-    fresh = os.path.join(folder, f".{name}.thingc-{os.getpid()}-{hashlib.sha256(data).hexdigest()[:8]}")
-    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    try:
-        with open(descriptor, "wb") as stream:
-            stream.write(data)
-            os.fchmod(descriptor, mode)
-        os.replace(fresh, target)
-    except BaseException:
-        with contextlib.suppress(FileNotFoundError):  # it has taken its place already
-            os.unlink(fresh)
-        raise

@@ -49,13 +49,23 @@ class Sight:
         }, read, self.relative, self.folders)
 
 
+def on_disk(path: str) -> str | None:
+    """The text of a file with its line ends as they are."""
+    try:
+        with open(path, encoding="utf-8-sig", newline="") as stream:
+            return stream.read(MAX_TEXT)
+    except (OSError, ValueError):
+        return None
+
+
 def sight_of(
-    workspace: Workspace, texts: Mapping[str, str], last: Iterable[Document] = (), only: Iterable[str] | None = None,
+    workspace: Workspace, texts: Mapping[str, str], last: Iterable[Document] = (), only: Iterable[str] | None = None, *,
+    disk: Callable[[str], str | None] = on_disk,
 ) -> Sight:
     """What there is in a workspace, or of it in `only` these documents (absolute paths). `texts` are those of open files by absolute path,
-    `last` are documents as they were when they could be read, for those that cannot be now."""
+    `last` are documents as they were when they could be read, for those that cannot be now. `disk` reads the other files."""
     def read(path: str) -> str | None:
-        return texts[path] if path in texts else _on_disk(path)
+        return texts[path] if path in texts else disk(path)
 
     documents: dict[str, WrittenDocument] = {}
     broken: dict[str, str] = {}
@@ -95,15 +105,6 @@ def read_document(path: str, relative: str, text: str) -> WrittenDocument | None
         path=path, relative=relative, kind=said.partition("/")[0], tree=tree, sha256=hashlib.sha256(data).hexdigest(),
         text=text.removeprefix("\ufeff"),
     ))
-
-
-def _on_disk(path: str) -> str | None:
-    """The text of a file with its line ends as they are."""
-    try:
-        with open(path, encoding="utf-8-sig", newline="") as stream:
-            return stream.read(MAX_TEXT)
-    except (OSError, ValueError):
-        return None
 
 
 def mentioned(text: str, word: str) -> bool:
