@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import hashlib
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -14,30 +13,27 @@ from thingc.files import opened, write_new
 
 Change = tuple[bytes | None, bytes | None]
 """The bytes of a file as they were read, and as they are to be. None is a file that does not exist."""
-PATIENCE = 2.0
-"""How long [s] to wait for a lock. Whoever holds one longer is no command that replaces files."""
+ATTEMPTS, PAUSE = 200, 0.01
+"""How often to try to lock a folder, and the pause [s] after each. Whoever holds a lock longer is no command that replaces files."""
 
 
-class Refused(Exception):
+class ReplacementRefused(Exception):
     """Files were not replaced: `diagnostic` is the reason."""
 
-    def __init__(self, diagnostic: Diagnostic) -> None:
-        super().__init__(diagnostic.message)
-        self.diagnostic = diagnostic
-
-
-class FileChanged(OSError):
-    """A file no longer has the bytes that were read."""
+    def __init__(self, message: str, help: str | None = None) -> None:
+        super().__init__(message)
+        self.diagnostic = Diagnostic(code=Code.OUTPUT, severity=Severity.ERROR, message=message, help=help)
 
 
 def replace_files(changes: Mapping[str, Change]) -> None:
     """Replace the contents of files, all or none, each by an atomic rename.
 
     Every file must still have the bytes that were read: an editor may have saved it since. One whose bytes are to stay is only compared.
-    Commands that replace files in the same folders wait for each other. A link is followed, and a file keeps its mode. Raises `Refused`.
+    Commands that replace files in the same folders wait for each other. A link is followed, and a file keeps its mode.
+
+    Raises `ReplacementRefused`.
     """
     done: list[str] = []
-    path = ""
     with contextlib.ExitStack() as locks:
         for folder in sorted({os.path.dirname(os.path.realpath(path)) for path in changes}):
             _lock(folder, locks)
@@ -49,16 +45,11 @@ def replace_files(changes: Mapping[str, Change]) -> None:
                 done.append(path)
         except BaseException as fault:
             for other in done:
-                with contextlib.suppress(OSError):
+                with contextlib.suppress(OSError, ReplacementRefused):
                     _replace(other, *reversed(changes[other]))
-            if not isinstance(fault, OSError):
-                raise
-            name = f"`{shown_path(path)}`"
-            message = f"cannot write {name}: {(fault.strerror or str(fault)).lower()}"
-            help = None
-            if isinstance(fault, FileChanged):
-                message, help = f"{name} has changed while this command ran", "Run the command again."
-            raise Refused(Diagnostic(code=Code.OUTPUT, severity=Severity.ERROR, message=message, help=help)) from fault
+            if isinstance(fault, OSError):
+                raise ReplacementRefused(f"cannot write `{shown_path(path)}`: {(fault.strerror or str(fault)).lower()}") from fault
+            raise
 
 
 @contextlib.contextmanager
@@ -66,7 +57,7 @@ def provisional(files: Mapping[str, Change]) -> Iterator[Callable[[Mapping[str, 
     """Write files that a check of other files needs, and the folders that they need.
 
     Afterwards they are as they were, except those that somebody has changed meanwhile, unless the callback is called: it replaces the
-    other files, too. Both raise `Refused`.
+    other files, too. Both raise `ReplacementRefused`.
     """
     folders = list(dict.fromkeys(folder for path in files for folder in _missing(os.path.dirname(path))))
     kept = False
@@ -83,13 +74,12 @@ def provisional(files: Mapping[str, Change]) -> Iterator[Callable[[Mapping[str, 
         replace_files(files)
         yield keep
     finally:
-        if not kept:
-            for path, (before, after) in files.items():
-                with contextlib.suppress(Refused):
-                    replace_files({path: (after, before)})
-            for folder in reversed(folders):
-                with contextlib.suppress(OSError):  # somebody else has put something there
-                    os.rmdir(folder)
+        for path, (before, after) in files.items() if not kept else ():
+            with contextlib.suppress(ReplacementRefused):
+                replace_files({path: (after, before)})
+        for folder in reversed(folders):
+            with contextlib.suppress(OSError):  # there is something in it
+                os.rmdir(folder)
 
 
 def _missing(folder: str) -> list[str]:
@@ -102,15 +92,11 @@ def _lock(folder: str, locks: contextlib.ExitStack) -> None:
     with contextlib.suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
         locks.callback(os.close, descriptor)
-        end = time.monotonic() + PATIENCE
-        while True:
-            try:
+        for _ in range(ATTEMPTS):
+            with contextlib.suppress(BlockingIOError):
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 break
-            except BlockingIOError:
-                if time.monotonic() > end:
-                    break
-            time.sleep(0.01)
+            time.sleep(PAUSE)
 
 
 def _compare(path: str, before: bytes | None) -> None:
@@ -119,26 +105,24 @@ def _compare(path: str, before: bytes | None) -> None:
         with opened(path) as stream:
             now = stream.read()
     if now != before:
-        raise FileChanged
+        raise ReplacementRefused(f"`{shown_path(path)}` has changed while this command ran", "Run the command again.")
 
 
 def _replace(path: str, before: bytes | None, after: bytes | None) -> None:
-    if before == after:
-        return
     target = os.path.realpath(path)
-    if after is None:
+    if after is None and before is not None:
         _compare(path, before)
         os.unlink(target)
+    if after is None or after == before:
         return
     folder, name = os.path.split(target)
-    fresh = os.path.join(folder, f".{name}.thingc-{os.getpid()}-{hashlib.sha256(after).hexdigest()[:8]}")
+    fresh = os.path.join(folder, f".{name}.thingc-{os.getpid()}-{os.urandom(4).hex()}")
     try:
         write_new(fresh, after, 0o666 if before is None else 0o600)
         if before is not None:
             os.chmod(fresh, os.stat(target).st_mode & 0o7777)
         _compare(path, before)
         os.replace(fresh, target)
-    except BaseException:
-        with contextlib.suppress(FileNotFoundError):  # it has taken its place already
+    finally:
+        with contextlib.suppress(FileNotFoundError):  # it has taken its place
             os.unlink(fresh)
-        raise

@@ -14,7 +14,7 @@ from thingc.layout.setting import Keys, Unsettable, Written, changes, with_value
 from thingc.load import Documents, load
 from thingc.load.flow import is_flow, read_flow
 from thingc.memo import Memo
-from thingc.replacement import Refused, replace_files
+from thingc.replacement import ReplacementRefused, replace_files
 from thingc.source import Document, MappingNode, Node, SequenceNode, line_of, node_at
 from thingc.spec import validate
 from thingc.spec.choices import nested, parse
@@ -56,7 +56,7 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
         return ValuesWritten(found=found, root=root, text=text)
     try:
         replace_files({root.path: (before, after)})
-    except Refused as fault:
+    except ReplacementRefused as fault:
         return ValuesWritten(found=(fault.diagnostic,))
     return ValuesWritten(found=found, root=root, text=text, done=tuple(changes(root, values)))
 

@@ -15,7 +15,7 @@ import pytest
 
 from thingc import replacement
 from thingc.cli.main import main
-from thingc.replacement import Refused, provisional, replace_files
+from thingc.replacement import ReplacementRefused, provisional, replace_files
 
 ROBOT = """\
 thingc: assembly/1
@@ -137,11 +137,11 @@ def test_an_undone_addition_leaves_the_save_of_an_editor(folder: Path) -> None:
     with provisional(changes):
         Path(part).write_bytes(b"saved")
     assert Path(part).read_bytes() == b"saved" and not (folder / "deep").exists()
-    with pytest.raises(Refused, match="odd.py` has changed while this command ran"), provisional(changes):
+    with pytest.raises(ReplacementRefused, match="odd.py` has changed while this command ran"), provisional(changes):
         raise AssertionError("what was saved must not be replaced")
     with provisional({new: (None, b"new")}) as keep:
         Path(new).write_bytes(b"saved")
-        with pytest.raises(Refused):
+        with pytest.raises(ReplacementRefused):
             keep({part: (b"saved", b"lost")})
     assert Path(part).read_bytes() == b"saved" and Path(new).read_bytes() == b"saved"
 
@@ -153,7 +153,7 @@ def test_all_files_or_none(tmp_path: Path) -> None:
     deep.mkdir()
     good = {str(one): (b"old", b"new"), str(two): (b"old", b"new"), str(gone): (b"old", None)}
     for bad in ({str(deep): (b"old", b"new")}, {str(tmp_path / "no" / "file"): (None, b"new")}, {str(two): (b"other", b"new")}):
-        with pytest.raises(Refused):
+        with pytest.raises(ReplacementRefused):
             replace_files({**good, **bad})
         assert {path.name: path.read_bytes() for path in (one, two, gone)} == {"one": b"old", "two": b"old", "gone": b"old"}
     replace_files(good)
@@ -171,7 +171,7 @@ def test_links_modes_and_pipes(tmp_path: Path) -> None:
     replace_files({str(link): (b"old", b"new")})
     assert link.is_symlink() and file.read_bytes() == b"new" and stat.S_IMODE(file.stat().st_mode) == 0o640
     for path in (dangling, pipe):
-        with pytest.raises(Refused):
+        with pytest.raises(ReplacementRefused):
             replace_files({str(path): (None, b"new")})
     assert not (tmp_path.parent / "outside").exists() and stat.S_ISFIFO(pipe.stat().st_mode)
 
@@ -183,7 +183,7 @@ def count_up(path: str, times: int) -> None:
         try:
             replace_files({path: (before, str(int(before) + 1).encode())})
             done += 1
-        except Refused:
+        except ReplacementRefused:
             pass
 
 
@@ -196,7 +196,7 @@ def test_commands_that_write_the_same_file_wait_for_each_other(tmp_path: Path, m
     for one in processes:
         one.join(60)
     assert Path(path).read_bytes() == b"300"
-    monkeypatch.setattr(replacement, "PATIENCE", 0.05)
+    monkeypatch.setattr(replacement, "ATTEMPTS", 5)
     descriptor = os.open(tmp_path, os.O_RDONLY)
     fcntl.flock(descriptor, fcntl.LOCK_EX)  # as `flock . thingc set ...` does
     replace_files({path: (b"300", b"301")})

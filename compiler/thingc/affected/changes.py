@@ -46,15 +46,15 @@ def run_git(folder: str, *words: str, given: bytes = b"", trusted: bool = False)
     """
     if any("\0" in word for word in words):
         raise NotARepository("a revision cannot contain NUL")
-    options = list(_QUIET)
+    options = ["-c", "core.fsmonitor=false", "-c", "core.hooksPath=/dev/null"]
     environment = {**os.environ, "GIT_OPTIONAL_LOCKS": "0"}
     try:
         if not trusted:
-            environment |= {"GIT_NO_LAZY_FETCH": "1", "GIT_ALLOW_PROTOCOL": "", _EMPTY: ""}
+            environment |= {"GIT_NO_LAZY_FETCH": "1", "GIT_ALLOW_PROTOCOL": "", "THINGC_EMPTY": ""}
             listed = subprocess.run(["git", "config", "--list", "--show-scope", "--name-only", "-z"], cwd=folder, capture_output=True)
             fields = os.fsdecode(listed.stdout).split("\0")
             own = {key for scope, key in zip(fields[::2], fields[1::2]) if scope in ("local", "worktree") and key.startswith("filter.")}
-            options += [f"--config-env={key}={_EMPTY}" for key in sorted(own)]
+            options += [f"--config-env={key}=THINGC_EMPTY" for key in sorted(own)]  # `-c` cannot set a name that contains `=`
         done = subprocess.run(["git", *options, *words], cwd=folder, capture_output=True, input=given, env=environment)
     except FileNotFoundError as fault:
         raise NotARepository("git is not installed here") from fault
@@ -62,8 +62,3 @@ def run_git(folder: str, *words: str, given: bytes = b"", trusted: bool = False)
         said = os.fsdecode(done.stderr).strip().splitlines()
         raise NotARepository(said[0] if said else f"git {words[0]} found nothing in common with it")
     return done.stdout
-
-
-_QUIET = ("-c", "core.fsmonitor=false", "-c", "core.hooksPath=/dev/null")
-_EMPTY = "THINGC_EMPTY"
-"""The environment variable with the empty value of a filter's setting; `-c` cannot set a name that contains `=`."""

@@ -128,7 +128,7 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
 def _write(
     arguments: argparse.Namespace, options: Options, documents: Documents | None, addition: Addition, memo: Memo | None = None,
 ) -> int:
-    """Write files and document, unless something would be wrong then. `memo` knows the documents. Raises `Refused`."""
+    """Write files and document, unless something would be wrong then. `memo` knows the documents. Raises `ReplacementRefused`."""
     with provisional(addition.files) as keep:
         diagnostics: list[Diagnostic] = []
         changes: dict[str, Change] = {}

@@ -14,7 +14,7 @@ from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.environment import Options
 from thingc.files import listing, working_folder
 from thingc.printing import as_json, as_text, summary
-from thingc.replacement import Refused
+from thingc.replacement import ReplacementRefused
 from thingc.shown import json_text, shown, shown_line
 from thingc.typos import did_you_mean, file_meant, nearest
 
@@ -414,7 +414,7 @@ def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
 def of_exception(fault: Exception) -> Diagnostic:
     """What to say of an exception that reached the command line: what was asked for and cannot be, and the system's refusals, in words;
     else that thingc has failed."""
-    if isinstance(fault, WrongCommandLine | Refused):
+    if isinstance(fault, WrongCommandLine | ReplacementRefused):
         return fault.diagnostic
     from thingc.output import OutputError
     from thingc.pipeline import UnknownChoice

@@ -147,13 +147,11 @@ def _answer(arguments: argparse.Namespace, wanted: Asked, options: Options, stac
     tests, draw = not (arguments.no_tests or arguments.no_code), bool(arguments.html or arguments.pictures)
     if draw and options.code:
         ready()  # before the tests import MuJoCo, which decides then how it draws
-    work = partial(compared, options=options, tests=tests, names=names, draw=draw)
-    both = partial(laid_out, wanted, stack, code=options.code)
-    if not arguments.no_code:
-        return answered(*names, both(), work)
-    common.refuse_modules_of_others()
-    seconds = common.time_of("--time-limit", arguments.time_limit)
-    return answered(*names, both(), partial(_apart, work, seconds))
+    work: Callable[[Both], Comparison | BrokenSide] = partial(compared, options=options, tests=tests, names=names, draw=draw)
+    if arguments.no_code:
+        common.refuse_modules_of_others()
+        work = partial(_apart, work, common.time_of("--time-limit", arguments.time_limit))
+    return answered(*names, laid_out(wanted, stack, code=options.code), work)
 
 
 def _apart(work: Callable[[Both], Comparison | BrokenSide], seconds: float, both: Both) -> Comparison | BrokenSide:

@@ -14,7 +14,7 @@ from thingc.diagnostics import Code, Report, shown_path
 from thingc.layout import format_document
 from thingc.layout.formatting import schema_path
 from thingc.load import documents_in, is_document
-from thingc.replacement import Refused, replace_files
+from thingc.replacement import ReplacementRefused, replace_files
 from thingc.workspace import OWN_FILE, Workspace
 
 EPILOG = """\
@@ -110,7 +110,7 @@ def _one(path: str, arguments: argparse.Namespace, report: Report) -> bool:
     else:
         try:
             replace_files({path: (data, formatted)})
-        except Refused as fault:
+        except ReplacementRefused as fault:
             report.say(fault.diagnostic)
             return False
         common.say(f"{path}: changed")

@@ -6,14 +6,13 @@ import argparse
 import difflib
 import os
 import sys
-from collections.abc import Mapping
 from functools import cache
 from typing import TYPE_CHECKING
 
 from thingc.cli import common, interrupts
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.files import beginning
-from thingc.replacement import Change, replace_files
+from thingc.replacement import replace_files
 
 if TYPE_CHECKING:
     from thingc.lsp.names import Name
@@ -67,8 +66,9 @@ def run(arguments: argparse.Namespace) -> int:
                 difflib.unified_diff(before[file].splitlines(), text.splitlines(), name, name, lineterm="")
             )
     if not arguments.diff:
+        marks = {file: mark if beginning(file, 3) == (mark := b"\xef\xbb\xbf") else b"" for file in before}
         with interrupts.held():
-            replace_files(_changes(done.texts, before))
+            replace_files({file: (marks[file] + before[file].encode(), marks[file] + text.encode()) for file, text in done.texts.items()})
         for file in done.texts:
             count = sum(span.file == file for span in done.places)
             common.say(f"{shown_path(file)}: {declared.text} -> {arguments.name} ({count})")
@@ -94,12 +94,6 @@ def _named(sight: Sight, document: str, path: str) -> Name:
     if place is None or not span.holds(place.span) or place.role != "declared":
         raise common.WrongCommandLine(f"`{path}` is no name", "name for example `components.NAME` or `joints.NAME`")
     return place.name
-
-
-def _changes(texts: Mapping[str, str], before: Mapping[str, str]) -> dict[str, Change]:
-    """The changes of files; a byte order mark stays. Raises `OSError`."""
-    marks = {path: mark if beginning(path, 3) == (mark := b"\xef\xbb\xbf") else b"" for path in texts}
-    return {path: (marks[path] + before[path].encode(), marks[path] + text.encode()) for path, text in texts.items()}
 
 
 def _refuse(message: str) -> int:
