@@ -85,6 +85,19 @@ READERS = (
         "kinematics alone; it is given the leaders, and puts followers itself", alone=True,
     ),
     Reader(
+        "pybullet", ("URDF",), ("pybullet==3.2.7", "numpy==2.4.6"),
+        "is asked with a base that does not move, and followers put where they belong; its link poses are floats", floats=True,
+    ),
+    Reader(
+        "urdf_parser_py", ("URDF", "ROS"), ("urdf-parser-py==0.0.4", "lxml==6.1.3", "PyYAML==6.0.4"),
+        "parses only; every message of it is a fault, except that it does not know `<mujoco>` (in URDF) and `<ros2_control>` (in packages)",
+    ),
+    Reader(
+        "ikpy", ("URDF",), ("ikpy==4.2.1",),
+        "kinematics only, of the chains from the root to every leaf, with followers put where they belong; the chain that it chooses by "
+        "itself, of first children, must move",
+    ),
+    Reader(
         "drake", ("MJCF", FOR_DRAKE, "URDF", "SDF"), ("drake==1.51.1",),
         "takes no loops, so that joints that close them and hold mounts are taken out before; is asked with followers put where they "
         "belong; tells nobody what mimics, so that leaders are pushed and followers watched for 0.4 s; has efforts of what turns about or "

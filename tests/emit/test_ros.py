@@ -308,7 +308,12 @@ def test_rviz_reads_its_settings(made: Artifacts) -> None:
 # --- URDF and ros2_control ---------------------------------------------------------------------------------------------
 
 
-def test_the_urdf_is_that_of_urdf_but_for_its_meshes_and_ros2_control(tmp_path: Path) -> None:
+def whole(urdf: str) -> str:
+    """A file with what MuJoCo needs to keep fixed links, and meshes in their folders."""
+    return urdf.replace("</robot>", '<mujoco><compiler fusestatic="false" discardvisual="false" strippath="false"/></mujoco></robot>')
+
+
+def test_the_urdf_is_that_of_urdf_but_for_its_meshes_mujoco_and_ros2_control(tmp_path: Path) -> None:
     store = Store(str(tmp_path / "store"))
     whole = small_robot.assembly(store)
     bare = tuple(replace(one, overrides=replace(one.overrides, collision="none")) for one in whole.occurrences)
@@ -318,7 +323,9 @@ def test_the_urdf_is_that_of_urdf_but_for_its_meshes_and_ros2_control(tmp_path: 
         expected, found = plain.files[f"urdf/arm_{mode_}.urdf"], text(ours, f"urdf/arm_{mode_}.urdf")
         assert isinstance(expected, bytes)
         before, block, after = re.fullmatch(r"(.*\n)\n(  <ros2_control .*</ros2_control>\n)(</robot>\n)", found, re.S).groups()  # type: ignore[union-attr]
-        assert f"{before}{after}".replace("package://arm_description/", "") == expected.decode()
+        assert "mujoco" not in found, "MuJoCo reads no packages, and urdf_parser_py reports unknown tags"
+        plain_text = re.sub(r"  <mujoco>.*</mujoco>\n\n", "", expected.decode(), count=1, flags=re.S)
+        assert f"{before}{after}".replace("package://arm_description/", "") == plain_text
         assert block.count("<joint ") == 2
         assert before.count('filename="package://arm_description/meshes/') == before.count("filename=") > 3
     named = {name.removeprefix("ros/arm_description/") for name in ours.files if "/meshes/" in name}
@@ -502,7 +509,7 @@ def test_a_pose_is_where_mujoco_has_it(tmp_path: Path, root: str) -> None:
     begin = {joint.attrib["name"]: float(joint.findtext("state_interface/param") or "") for joint in urdf.iterfind("ros2_control/joint")}
     said = {joint.attrib["name"]: float(joint.attrib["value"]) for joint in state}
     assert said == {name: value for name, value in begin.items() if name != "nut_slide"}
-    model_ = mujoco.MjModel.from_xml_string(ElementTree.tostring(urdf).decode())
+    model_ = mujoco.MjModel.from_xml_string(whole(ElementTree.tostring(urdf).decode()))
     data = mujoco.MjData(model_)
     for name, value in begin.items():
         data.joint(name).qpos = value
@@ -663,7 +670,7 @@ def test_the_arm_is_built_and_loaded(root: Path, tmp_path: Path, shared_store: s
     package = tmp_path / "arm" / "ros" / "arm_description"
     for file in sorted((package / "urdf").iterdir()):
         resolved = file.read_text().replace("package://arm_description/", f"{package}/")
-        model = mujoco.MjModel.from_xml_string(resolved)
+        model = mujoco.MjModel.from_xml_string(whole(resolved))
         assert model.nmesh > 10 and model.njnt == 4
     pairs = ElementTree.parse(package / "config" / "arm_bench.srdf").getroot().findall("disable_collisions")
     assert [one.attrib["reason"] for one in pairs].count("Adjacent") == 4

@@ -129,6 +129,26 @@ def test_mujoco_puts_every_occurrence_and_frame_where_the_matrices_say(tree: Tre
 
 
 @settings(max_examples=30)
+@given(trees)
+def test_every_link_has_a_mass_and_moving_children_come_first(tree: Tree) -> None:
+    """PyBullet gives 1 kg to a link without `<inertial>`, and ikpy follows the first joint of a link."""
+    with tempfile.TemporaryDirectory() as folder:
+        request = asked(tree.assembly, folder)
+        made = emit(request)
+    for robot in request.robots:
+        root = tree_of(made, f"tree_{robot.mode.name}")
+        masses = [float(link.find("inertial/mass").attrib["value"]) for link in root.findall("link") if link.attrib["name"] != "world"]  # type: ignore[union-attr]
+        assert math.fsum(masses) == pytest.approx(math.fsum(link.properties.mass for link in tree.assembly.links), abs=1e-7)
+        first: dict[str, str] = {}
+        kinds: dict[str, set[str]] = {}
+        for joint in root.findall("joint"):
+            parent = joint.find("parent").attrib["link"]  # type: ignore[union-attr]
+            first.setdefault(parent, joint.attrib["type"])
+            kinds.setdefault(parent, set()).add(joint.attrib["type"])
+        assert all(kind != "fixed" or kinds[parent] == {"fixed"} for parent, kind in first.items())
+
+
+@settings(max_examples=30)
 @given(st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just(WITHOUT_LEAD)))
 def test_masses_mass_matrix_and_gravity_are_those_of_mjcf(tree: Tree) -> None:
     with tempfile.TemporaryDirectory() as folder:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, Never
 
-from thingc.emit.capabilities import Capabilities, Says
+from thingc.emit.capabilities import Capabilities, Omits, Says
 from thingc.emit.urdf.capabilities import BALL_DRIVE, JointForm, ShapeForm
 from thingc.emit.urdf.capabilities import CAPABILITIES as URDF
 
@@ -15,5 +15,8 @@ _CONTROL: Says[DriveForm] = Says("command interface", "ros2_control")
 CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
     **URDF,
     "drives": {"position": _CONTROL, "velocity": _CONTROL, "motor": _CONTROL, "universal": _CONTROL, "ball": BALL_DRIVE},
-    "modes": {**URDF["modes"], "poses": Says(None, "group states of the SRDF"), "exclude": Says(None, "disabled collisions of the SRDF")},
+    "modes": {
+        **URDF["modes"], "gravity": Omits(": URDF has none"), "poses": Says(None, "group states of the SRDF"),
+        "exclude": Says(None, "disabled collisions of the SRDF"),
+    },
 }

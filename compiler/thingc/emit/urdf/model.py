@@ -36,6 +36,9 @@ UNBOUNDED = 1e9
 BETWEEN = MassProperties(mass=1e-9, centre=(0.0, 0.0, 0.0), inertia=((1e-12, 0.0, 0.0), (0.0, 1e-12, 0.0), (0.0, 0.0, 1e-12)))
 """What a link weighs that moves and has no mass of its own: MuJoCo refuses one of none."""
 
+MASSLESS = MassProperties(mass=0.0)
+"""What a link weighs that is fixed and has no mass of its own. Without `<inertial>`, PyBullet gives it 1 kg, unless it is `world`."""
+
 LINK = "_link"
 """What the name of a link between the joints of a chain ends with, behind that of the joint before: components are called like joints."""
 
@@ -53,6 +56,14 @@ def model(robot: Robot, geometry: Geometry, report: Report, meshes: str = MESHES
     return _Builder(robot, geometry, report, meshes).build()
 
 
+def mujoco_extension(robot: Robot) -> Element:
+    """The options with which MuJoCo reads the whole file. By default it drops fixed links and what is only drawn."""
+    section = Element(tag="mujoco", attributes={}, origin=robot.mode.origin)
+    section.add("compiler", {"fusestatic": "false", "discardvisual": "false", "strippath": "false", "meshdir": ""})
+    section.add("option", {"gravity": numbers(robot.gravity)}, robot.mode.origin)
+    return section
+
+
 class _Builder:
     def __init__(self, robot: Robot, geometry: Geometry, report: Report, meshes: str) -> None:
         self.robot = robot
@@ -63,6 +74,7 @@ class _Builder:
         self.joints = Names("be the joint", "URDF", report)
         self.root = Element(tag="robot", attributes={"name": robot.assembly.name}, origin=robot.mode.origin)
         self.followers: list[Element] = []
+        self.frames: list[Element] = []
         self.transmissions: list[Element] = []
         in_tree = {joint.path for body in robot.bodies for joint in body.joints}
         self.edges = {joint.path: joint for joint in joints_of(robot.assembly) if joint.path in in_tree}
@@ -70,8 +82,10 @@ class _Builder:
         self.followed = {leader for path, (leader, _, _) in self.follows.items() if leader != path}
 
     def build(self) -> Element:
-        """Materials, the links from the root on, then joints, those that follow another behind it, and what drives joints."""
-        self._extension()
+        """Materials, links and joints from the root on, then joints that follow others, frames, and transmissions.
+
+        Frames come last because some readers, such as ikpy, go from a link to its first child.
+        """
         for name, (color, origin) in materials(self.geometry.shapes).items():
             self.root.add("material", {"name": name}, origin).add("color", {"rgba": numbers(channels(color))})
         lead = [self.robot.moves if body.parent is None else body.joints for body in self.robot.bodies]
@@ -94,15 +108,8 @@ class _Builder:
                 self._frame(names[index], f"{link.name}_frame", own[index].inverse(), link.origin, made)
             for site in sites.get(index, ()):
                 self._frame(names[index], site.path, own[index].inverse() @ site.pose, site.origin)
-        self.root.children += self.followers + self.transmissions
+        self.root.children += self.followers + self.frames + self.transmissions
         return self.root
-
-    def _extension(self) -> None:
-        """What MuJoCo must be told to read the file whole: by itself it drops links that do not move and what is only drawn."""
-        compiler = {"fusestatic": "false", "discardvisual": "false", "strippath": "false", "meshdir": ""}
-        section = self.root.add("mujoco")
-        section.add("compiler", compiler)
-        section.add("option", {"gravity": numbers(self.robot.gravity)}, self.robot.mode.origin)
 
     def _lead(self, parent: str, child: str, chain: tuple[Move, ...], X_PL: Pose) -> None:
         """The joints from a link to the next, and the links between them; to a base that stays where it is one that is fixed."""
@@ -200,18 +207,17 @@ class _Builder:
     def _frame(self, link: str, path: str, pose: Pose, origin: Origin, made: str | None = None) -> None:
         """A massless link for a frame."""
         if self.links.free(path, origin, made):
-            self.root.add("link", {"name": safe(path)}, origin)
+            frame = Element(tag="link", attributes={"name": safe(path)}, origin=origin)
+            _weigh(frame, MASSLESS)
             joint = self._joint(f"{path}_joint", "fixed", link, safe(path), pose, origin, f"the joint that fixes {made or f'`{path}`'}")
-            self.root.children.append(joint)
+            self.frames += frame, joint
 
     def _link(self, name: str, body: Body, X_CL: Pose) -> None:
         """A link with all that it holds, in its frame as URDF has it."""
         link = self._link_of(body)
         element = self.root.add("link", {"name": name}, link.origin)
-        if link.properties.mass > 0.0:
-            _weigh(element, link.properties.seen_from(X_CL))
-        elif body.joints:
-            _weigh(element, BETWEEN)
+        weight = BETWEEN if body.joints else MASSLESS
+        _weigh(element, link.properties.seen_from(X_CL) if link.properties.mass > 0.0 else weight)
         for member, pose in zip(link.members, link.poses, strict=True):
             shapes, at = self.geometry.shapes[member], X_CL @ pose
             for index, shape in enumerate(shapes.visual):

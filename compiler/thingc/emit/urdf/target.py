@@ -11,7 +11,7 @@ from thingc.emit.geometry import solid_geometry
 from thingc.emit.names import package_name
 from thingc.emit.request import EmitRequest
 from thingc.emit.urdf.capabilities import CAPABILITIES
-from thingc.emit.urdf.model import MESHES, model
+from thingc.emit.urdf.model import MESHES, model, mujoco_extension
 from thingc.emit.xml import write
 from thingc.heading import heading
 
@@ -25,6 +25,8 @@ def emit(request: EmitRequest) -> Artifacts:
     meshes = _uri(request)
     files: dict[str, Content] = {f"{FOLDER}/{file}": stored for file, stored in shapes.assets.items()}
     trees = [model(robot, shapes, request.report, meshes) for robot in request.robots]
+    for robot, tree in zip(request.robots, trees, strict=True):
+        tree.children.insert(0, mujoco_extension(robot))
     raw.lay(assembly, request.robots, "urdf", trees, request.report)
     for robot, tree in zip(request.robots, trees, strict=True):
         said = heading(assembly.definition.document, robot.mode.name)
