@@ -16,6 +16,8 @@ from scipy.spatial.transform import Rotation
 
 CONFIGURATIONS = 50
 STEPS = 50
+HELD = ":held"
+"""How the names of bodies and sites of MJCF end that only hold a mount."""
 PUSH = 0.2
 """How fast every joint is at most when a model is stepped [rad/s, m/s]."""
 
@@ -54,9 +56,10 @@ def question(file: Path, mjcf: Path, seed: int = 0, count: int = CONFIGURATIONS)
     model, format = mujoco.MjModel.from_xml_path(str(mjcf)), FORMATS[file.suffix]
     tree = ElementTree.Element("none") if format == "USD" else ElementTree.parse(file).getroot()
     types = {joint.attrib["name"]: joint.attrib.get("type", "") for joint in tree.iter("joint") if "name" in joint.attrib}
-    bodies = {model.body(k).name: ("body", k) for k in range(1, model.nbody)}
+    bodies = {model.body(k).name: ("body", k) for k in range(1, model.nbody) if not model.body(k).name.endswith(HELD)}
     # a `frame` component that names its link is the link's own frame
-    sites = {_safe(model.site(k).name): ("site", k) for k in range(model.nsite) if model.site(k).name not in bodies}
+    own = {model.site(k).name: k for k in range(model.nsite) if not model.site(k).name.endswith(HELD)}
+    sites = {_safe(name): ("site", k) for name, k in own.items() if name not in bodies}
     without: list[str] = []
     match format:
         case "URDF":

@@ -77,7 +77,7 @@ def test_limits_drives_and_springs(models: dict[str, mujoco.MjModel]) -> None:
     }
     assert model.joint("elbow").stiffness[0] == 3.5 and model.joint("shoulder").damping[0] == 0.7
     assert model.joint("shoulder").frictionloss[0] == 0.2
-    assert model.geom("base:collision").friction[0] == 0.7
+    assert model.geom("trunk").friction[0] == 0.7
 
 
 LINK = "<inertial><mass>1</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial>"

@@ -6,7 +6,7 @@ says itself (`Takes`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Literal
 
 from thingc.diagnostics import Code, Note, Report
@@ -111,6 +111,14 @@ def materials(shapes: Iterable[Shapes]) -> dict[str, tuple[str, Origin]]:
 def numbered(name: str, index: int) -> str:
     """The name of one of several: `hand/cap`, `hand/cap_1`."""
     return f"{name}_{index}" if index else name
+
+
+def shape_names(shapes: Iterable[Shape], usual: str) -> Iterator[str]:
+    """The name of each shape: that of the document for the first that has it, else the usual one with its number."""
+    used: set[str | None] = {None}
+    for index, shape in enumerate(shapes):
+        yield numbered(usual, index) if shape.name in used else shape.name or ""
+        used.add(shape.name)
 
 
 def channels(color: str) -> tuple[float, float, float, float]:

@@ -135,7 +135,7 @@ class _Sdf:
             self.losses.note(
                 f"that link `{key}` has no `<inertial>`", "it weighs 1 kg, with an inertia of 1 kg m^2, as SDF has it then", element.where,
             )
-        shapes = [self._shape(child) for child in element.children if child.tag in ("visual", "collision")]
+        shapes = [self._shape(child, key) for child in element.children if child.tag in ("visual", "collision")]
         weight = _USUAL if inertial is None else self._weight(inertial)
         return SourceLink(
             name=key, where=element.place("name"), shapes=tuple(shape for shape in shapes if shape is not None),
@@ -153,7 +153,7 @@ class _Sdf:
             return None if mass is None else replace(_USUAL, mass=mass, centre=pose.translation)
         return self.values.inertia(moments, mass, pose, usual=1.0)
 
-    def _shape(self, element: SourceElement) -> SourceShape | None:
+    def _shape(self, element: SourceElement, link: str) -> SourceShape | None:
         pose, geometry = self.frames.stated(element), self.values.one(element, "geometry")
         form = None if geometry is None else next(iter(geometry.children), None)
         if form is None:
@@ -178,6 +178,7 @@ class _Sdf:
         return SourceShape(
             kind=kind, use="visual" if element.tag == "visual" else "collision", size=size, pose=pose, where=form.where, mesh=mesh,
             color=self._color(element), friction=self._friction(element),
+            name=self.values.own_name(element, link, "_(visual|collision)"),
         )
 
     def _color(self, visual: SourceElement) -> tuple[float, float, float, float] | None:

@@ -153,7 +153,7 @@ class _Urdf:
         name = self.values.word(element, "name")
         inertial = self.values.one(element, "inertial")
         shapes = tuple(
-            shape for use in element.children if use.tag in ("visual", "collision") and (shape := self._shape(use)) is not None
+            shape for use in element.children if use.tag in ("visual", "collision") and (shape := self._shape(use, name or "")) is not None
         )
         slide = self.blocks.friction.get(name or "")
         if slide is not None:
@@ -180,7 +180,7 @@ class _Urdf:
             return None
         return Weight(properties=properties, where=inertial.where)
 
-    def _shape(self, element: SourceElement) -> SourceShape | None:
+    def _shape(self, element: SourceElement, link: str) -> SourceShape | None:
         (pose, rpy), geometry = self.values.origin(element), self.values.one(element, "geometry")
         forms = [] if geometry is None else [one for one in geometry.children if one.tag in INSIDE["geometry"]]
         if geometry is None or not geometry.children:
@@ -200,7 +200,8 @@ class _Urdf:
         for other in materials[1:]:
             self.losses.note("a second `<material>` of a `<visual>`", "the first one counts", other.where)
         color = self._color(materials[0]) if materials else None
-        return SourceShape(kind=kind, use=use, size=size, pose=pose, rpy=rpy, where=form.where, mesh=mesh, color=color)
+        name = self.values.own_name(element, link, "(:collision)?")
+        return SourceShape(kind=kind, use=use, size=size, pose=pose, rpy=rpy, where=form.where, mesh=mesh, color=color, name=name)
 
     def _color(self, material: SourceElement) -> Color | None:
         """The colour of a material: if it has a name, that of the first material that the file defines by that name."""

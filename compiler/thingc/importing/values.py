@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from thingc.diagnostics import Code, Report
 from thingc.importing.model import ShapeKind, Sizes
+from thingc.importing.naming import plain_name
 from thingc.importing.xml_source import SourceElement
 from thingc.inertia import MassProperties, symmetric
 from thingc.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, placed, rotation_of, transpose
@@ -47,6 +48,12 @@ class Values:
         if not text:
             self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", f"write {self.example(attribute, '...')}")
         return text or None
+
+    def own_name(self, element: SourceElement, link: str, suffix: str) -> str | None:
+        """The `name` of a shape of a link, unless it is one that files of thingc have for unnamed shapes: the link's with a `suffix`, a
+        pattern, and numbers."""
+        name, links = element.attributes.get("name", "").strip(), "|".join(map(re.escape, (link, plain_name(link, "link"))))
+        return None if re.fullmatch(rf"(({links}){suffix})?(_\d+)*", name) else name
 
     def number(self, element: SourceElement, attribute: str, default: float | None = None) -> float | None:
         """A finite number; `default` where it is not written, and where that is None a fault."""

@@ -72,6 +72,9 @@ class Words:
             plain = distinct([name], element.section, taken=[*taken, *self.added.values()])[name]
             self.added[element.section, name] = name if not name or is_file_name(name) and name not in taken else plain
         self.poses = distinct([one.name for one in robot.poses], "pose")
+        named = Counter((link.name, shape.use, shape.name) for link in robot.links for shape in link.shapes)
+        owners = Counter(name for _, name in {(link, name) for link, _, name in named})
+        self.repeated = {name for (_, _, name), count in named.items() if count > 1 or owners[name] > 1}
         self.usual = {id(shape): name for link in self.links for shape, name in self._usual(link)}
 
     def _paths(self, names: Sequence[str]) -> dict[str, str]:
@@ -150,8 +153,10 @@ class Words:
             "actuators": drives | magnets | self._of("actuator"), "equalities": self._of("equality"),
             "sensors": parts | self._of("sensor"), "poses": self.poses,
         }
-        shapes = (shape for name in self.links for shape in self.link_of[name].shapes if self.is_shown(shape))
-        kinds["geoms"] = {shape.name: self.title(shape) or self.usual[id(shape)] for shape in shapes if shape.name is not None}
+        kinds["geoms"] = {
+            f"{link}/{shape.name}" if shape.name in self.repeated else shape.name: self.title(shape) or self.usual[id(shape)]
+            for link in self.links for shape in self.link_of[link].shapes if self.is_shown(shape) and shape.name is not None
+        }
         return {kind: dict(names) for kind, names in kinds.items() if names}
 
     def _usual(self, link: str) -> Iterator[tuple[SourceShape, str]]:
@@ -163,9 +168,9 @@ class Words:
                 yield shape, self.links[link] if usual.endswith(":visual") else usual
 
     def title(self, shape: SourceShape) -> str | None:
-        """The name of a shape in the source, if its document must state it for models to have it."""
+        """The name of a shape in the source, if its document must state it for models to have it. Models have each name once."""
         name = shape.name
-        return name if name is not None and name != self.usual[id(shape)] and is_file_name(name) else None
+        return name if name is not None and name not in self.repeated and name != self.usual[id(shape)] and is_file_name(name) else None
 
     def _of(self, section: str) -> dict[str, str]:
         """The names of the elements that are added to a section."""

@@ -12,7 +12,7 @@ from typing import Literal, get_args
 from thingc.diagnostics import Report
 from thingc.emit.artifact import Loss
 from thingc.emit.connections import Connection, connections
-from thingc.emit.geometry import ENDLESS, Geometry, Shape, channels, numbered
+from thingc.emit.geometry import ENDLESS, Geometry, Shape, channels, shape_names
 from thingc.emit.names import Names, frames
 from thingc.emit.sdf.capabilities import CAPABILITIES
 from thingc.emit.sdf.chain import LINK, SdfAxis, SdfJoint, chain
@@ -188,14 +188,12 @@ class _Builder:
         _weigh(element, link.properties)
         for member, at in zip(link.members, link.poses, strict=True):
             shapes = self.geometry.shapes[member]
-            for number_, shape in enumerate(shapes.visual):
-                path = numbered(f"{shapes.path}_visual", number_)
+            for shape, path in zip(shapes.visual, shape_names(shapes.visual, f"{shapes.path}_visual"), strict=True):
                 visual = element.add("visual", {"name": self.parts.take(path, shapes.origin)}, shapes.origin)
                 _shape(visual, shape, at)
                 if shape.color is not None:
                     _paint(visual, shape.color)
-            for number_, shape in enumerate(shapes.collision):
-                path = numbered(f"{shapes.path}_collision", number_)
+            for shape, path in zip(shapes.collision, shape_names(shapes.collision, f"{shapes.path}_collision"), strict=True):
                 collision = element.add("collision", {"name": self.parts.take(path, shapes.origin)}, shapes.origin)
                 _shape(collision, shape, at)
                 _rub(collision, shape.material)

@@ -12,7 +12,7 @@ from typing import assert_never
 
 from thingc.diagnostics import Report
 from thingc.emit.capabilities import drive_cell, shape_cell, written
-from thingc.emit.geometry import Geometry, Shape, channels, material_name, materials
+from thingc.emit.geometry import Geometry, Shape, channels, material_name, materials, numbered, shape_names
 from thingc.emit.names import Names, frames, safe
 from thingc.emit.urdf.capabilities import CAPABILITIES
 from thingc.emit.urdf.chain import Move, moves, own_frame
@@ -220,18 +220,16 @@ class _Builder:
         _weigh(element, link.properties.seen_from(X_CL) if link.properties.mass > 0.0 else weight)
         for member, pose in zip(link.members, link.poses, strict=True):
             shapes, at = self.geometry.shapes[member], X_CL @ pose
-            for index, shape in enumerate(shapes.visual):
+            for shape, name in zip(shapes.visual, shape_names(shapes.visual, shapes.path), strict=True):
                 for number_, part in enumerate(parts(shape)):
-                    suffix = "".join(f"_{k}" for k in (index, number_) if k)
-                    visual = element.add("visual", {"name": f"{shapes.path}{suffix}"}, shapes.origin)
+                    visual = element.add("visual", {"name": numbered(name, number_)}, shapes.origin)
                     self._shape(visual, part, at)
                     material = material_name(shape.material, shape.color)
                     if material is not None:
                         visual.add("material", {"name": material})
-            for index, shape in enumerate(shapes.collision):
+            for shape, name in zip(shapes.collision, shape_names(shapes.collision, f"{shapes.path}:collision"), strict=True):
                 for number_, part in enumerate(parts(shape)):
-                    suffix = "".join(f"_{k}" for k in (index, number_) if k)
-                    self._shape(element.add("collision", {"name": f"{shapes.path}:collision{suffix}"}, shapes.origin), part, at)
+                    self._shape(element.add("collision", {"name": numbered(name, number_)}, shapes.origin), part, at)
 
     def _shape(self, element: Element, shape: Shape, pose: Pose) -> None:
         _origin(element, pose @ shape.pose)
