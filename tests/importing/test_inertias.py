@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import mujoco
 import numpy
 import pytest
 
@@ -133,6 +134,25 @@ def test_the_nearest_is_nearest() -> None:
             assert numpy.linalg.norm(near - second(wrong)) >= distance - 1e-9
     sound = ((0.01, 0.0, 0.0), (0.0, 0.02, 0.0), (0.0, 0.0, 0.025))
     assert numpy.allclose(nearest(sound, 1.0), sound, atol=1e-15)
+
+
+def test_the_nearest_is_one_that_simulators_accept(tmp_path: Path) -> None:
+    """A light link that stands still in the source moves when another link is the root."""
+    (tmp_path / "tiny.xml").write_text("""<mujoco model="tiny"><worldbody><body name="base">
+        <inertial pos="0 0 0" mass="1e-10" diaginertia="5e-20 5e-20 5e-20"/>
+        <body name="arm" pos="0 0 .1"><joint name="k" axis="0 1 0"/><geom size=".1" mass="1"/></body></body></worldbody></mujoco>""")
+    helps = {}
+    for how in (None, "shapes", "nearest"):
+        report = Report()
+        found = import_robot(str(tmp_path / "tiny.xml"), report, roots=["arm"], repair=how)  # type: ignore[arg-type]
+        helps[how] = [one.help for one in report.diagnostics]
+    assert found is not None and found.repaired[0].new.mass == 1e-10 and min(found.repaired[0].new.inertia[k][k] for k in range(3)) >= 1e-14
+    assert helps["nearest"] == [] and "--repair inertia=nearest" in str(helps[None]) and "--repair inertia=nearest" in str(helps["shapes"])
+    for name, content in found.files.items():
+        (tmp_path / name).write_bytes(content)
+    data = mujoco.MjData(thingc.compile(tmp_path / "tiny.yaml").modes["arm"].model())
+    mujoco.mj_step(data.model, data, 10)
+    assert numpy.isfinite(data.qpos).all()
 
 
 def test_mirror_pairs_that_differ(tmp_path: Path) -> None:

@@ -134,7 +134,7 @@ def test_meshes_say_what_inertia_a_link_has(tmp_path: Path) -> None:
 def test_an_open_mesh_says_nothing(tmp_path: Path) -> None:
     path, report = arm(tmp_path, stl(1.0, open_=True))
     assert import_robot(str(path), report, repair="shapes") is None
-    assert report.diagnostics[0].help == "there are no shapes, closed ones, that could say it: `--repair inertia=nearest`"
+    assert report.diagnostics[0].help == "it has no closed shapes to compute it from: use `--repair inertia=nearest`"
 
 
 @pytest.mark.parametrize(("data", "said"), [

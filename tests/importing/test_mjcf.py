@@ -286,3 +286,73 @@ def test_modes_begin_in_a_keyframe_where_a_joint_cannot_be_at_zero(tmp_path: Pat
         found[keys[11:15]] = [(model.key(k).name, float(model.key(k).qpos[0])) for k in range(model.nkey)][:1]
     assert found["bent"] == [("bent", -1.2)]
     assert found["zero"] == [("zero", pytest.approx(-numpy.pi / 6))] and found[""] == [("start", pytest.approx(-numpy.pi / 3, abs=1e-6))]
+
+
+def test_plugins_are_listed_and_the_rest_is_read(tmp_path: Path) -> None:
+    """An actuator that refers to an instance of a plugin among them, which MuJoCo reads."""
+    path, report = tmp_path / "p.xml", Report()
+    path.write_text("""<mujoco model="p">
+      <extension><plugin plugin="mujoco.pid"><instance name="pid"><config key="kp" value="40"/></instance></plugin></extension>
+      <worldbody><body name="a"><joint name="j" axis="0 1 0"/><geom size=".1"/></body></worldbody>
+      <actuator><plugin name="p" plugin="mujoco.pid" instance="pid" joint="j"/><motor name="m" joint="j" gear="3"/></actuator>
+    </mujoco>""")
+    assert mujoco.MjModel.from_xml_path(str(path)).nu == 2
+    found = import_robot(str(path), report)
+    assert found is not None and report.diagnostics == []
+    assert [(loss.what, loss.where.line) for loss in found.losses] == [("`<extension>`", 2), ("actuator `p`", 4)]
+    assert [one.drive.name for hanging in found.robot.hangings for one in hanging.joints if one.drive is not None] == ["m"]
+
+
+ARM = """<mujoco model="arm"><compiler angle="radian" meshdir="assets"/><include file="defaults.xml"/>
+<asset><mesh name="m" file="m.obj"/></asset>
+<worldbody><body name="link"><inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/>
+<joint name="j" axis="0 1 0" range="-1 1"/><geom type="mesh" mesh="m"/></body></worldbody>
+<actuator><motor name="mo" joint="j"/></actuator></mujoco>"""
+ATTACHING = """<mujoco model="top"><asset><model name="arm" file="parts/arm.xml"/></asset><worldbody><body name="base"><freejoint/>
+<geom size=".1" mass="1"/><frame pos="0 0 .5"><attach model="arm" body="link" prefix="l_"/></frame>
+<frame pos="0 .3 .5" euler="0 0 90"><attach model="arm" body="link" prefix="r_"/></frame></body></worldbody></mujoco>"""
+
+
+def attaching(tmp_path: Path) -> Path:
+    (tmp_path / "parts" / "assets").mkdir(parents=True)
+    (tmp_path / "parts" / "assets" / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    (tmp_path / "parts" / "defaults.xml").write_text("<mujoco><default><joint damping='0.3'/></default></mujoco>")
+    (tmp_path / "parts" / "arm.xml").write_text(ARM)
+    (tmp_path / "top.xml").write_text(ATTACHING)
+    return tmp_path / "top.xml"
+
+
+def test_attached_models_are_where_mujoco_has_them(tmp_path: Path) -> None:
+    path, report = attaching(tmp_path), Report()
+    found = import_robot(str(path), report)
+    assert found is not None and report.diagnostics == [] and found.name == "top"
+    for name, content in found.files.items():
+        (tmp_path / "out" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "out" / name).write_bytes(content)
+    models = mujoco.MjModel.from_xml_path(str(path)), thingc.compile(tmp_path / "out" / "top.yaml").modes["source"].model()
+    states = [mujoco.MjData(model) for model in models]
+    for data in states:
+        data.joint("l_j").qpos[0], data.joint("r_j").qpos[0] = 0.3, -0.5
+        mujoco.mj_forward(data.model, data)
+        assert data.model.joint("l_j").damping[0] == 0.3 and tuple(data.model.joint("r_j").range) == (-1.0, 1.0)
+        assert [data.model.actuator(k).name for k in range(data.model.nu)] == ["l_mo", "r_mo"]
+    for name in ("l_link", "r_link"):
+        assert abs(states[0].body(name).xpos - states[1].body(name).xpos).max() < 1e-12
+        assert abs(states[0].body(name).xmat - states[1].body(name).xmat).max() < 1e-12
+    (link,) = (one for one in found.robot.links if one.name == "l_link")
+    assert (Path(link.where.file).name, link.where.line) == ("arm.xml", 3)
+
+
+@pytest.mark.parametrize(("where", "old", "new", "line", "message"), [
+    ("parts/arm.xml", "m.obj", "none.obj", 2, "there is no file `parts/assets/none.obj`"),
+    ("parts/arm.xml", "<worldbody>", "<asset><model name='a' file='arm.xml'/></asset><worldbody>", 3, "`arm.xml` is included a second"),
+    ("top.xml", "parts/arm.xml", "parts/leg.xml", 1, "there is no file `parts/leg.xml`"),
+    ("top.xml", '<frame pos="0 0 .5">', "<replicate count='9999'>", 2, "the model has more than 100,000 elements"),
+])
+def test_faults_of_attached_models(tmp_path: Path, where: str, old: str, new: str, line: int, message: str) -> None:
+    path, report = attaching(tmp_path), Report()
+    text = (tmp_path / where).read_text().replace(old, new)
+    (tmp_path / where).write_text(text if "replicate" not in new else text.replace("</frame>", "</replicate>", 1))
+    assert import_robot(str(path), report) is None
+    first = report.ordered()[0]
+    assert first.span is not None and first.span.line == line and first.message.startswith(message), report.ordered()

@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy
 import pytest
+from trimesh.transformations import rotation_matrix
 
 import thingc
 from importing.as_original import in_files
@@ -169,12 +170,121 @@ def test_what_is_usual_is_taken_and_said(tmp_path: Path) -> None:
     assert [loss.what for loss in found.losses] == ["that link `a` has no `<inertial>`"]
 
 
+def test_included_models_are_those_that_drake_reads(tmp_path: Path) -> None:
+    """Placed by frames of their own, one in another, and by a package and a path; with screws and universal joints."""
+    rig, report = HERE / "robots" / "rig", Report()
+    found = import_robot(str(rig / "rig.sdf"), report)
+    assert found is not None and report.diagnostics == [] and found.losses == ()
+    model = compiled(found, tmp_path)
+    data, said = mujoco.MjData(model), json.loads((rig / "drake.json").read_text())
+    for name, q in said["q"].items():
+        data.joint(name).qpos[0] = q
+        if name.endswith("thread"):
+            data.joint(f"{name}:slide").qpos[0] = -0.05 * q / (2.0 * numpy.pi)
+    mujoco.mj_forward(model, data)
+    base = numpy.linalg.inv(pose(data, "base"))
+    bodies = {model.body(k).name for k in range(model.nbody)}
+    for name, theirs in said["frames in base"].items():
+        if name in bodies:  # the other is welded to the base
+            assert numpy.abs(base @ pose(data, name) - numpy.array(theirs)).max() < 1e-12, name
+    assert len(bodies & said["frames in base"].keys()) == 8
+
+
+@pytest.mark.parametrize(("wanted", "given"), [("parts/thing", {}), ("model://thing", {"thing": "../elsewhere/thing"})])
+def test_meshes_and_axes_of_an_included_file_are_its_own(tmp_path: Path, wanted: str, given: dict[str, str]) -> None:
+    """It is a file of SDF 1.4, whose axes are in the model."""
+    folder = tmp_path / "robot" / (given["thing"] if given else wanted)
+    (folder / "meshes").mkdir(parents=True)
+    (tmp_path / "robot").mkdir(exist_ok=True)
+    (folder / "meshes" / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    mesh = "<visual name='v'><geometry><mesh><uri>meshes/m.obj</uri></mesh></geometry></visual>"
+    (folder / "model.sdf").write_text(
+        f"<sdf version='1.4'><model name='t'><link name='a'>{LINK}{mesh}</link>"
+        f"<link name='b'><pose>0 0 0 0 0 {numpy.pi / 2}</pose>{LINK}</link>"
+        f"{joint('j', 'a', 'b', axis='<xyz>0 1 0</xyz>')}</model></sdf>"
+    )
+    path, report = tmp_path / "robot" / "m.sdf", Report()
+    path.write_text(f"<sdf version='1.9'><world name='w'><include><uri>{wanted}</uri></include>\n<include><uri>model://sun</uri></include></world></sdf>")
+    found = import_robot(str(path), report, packages={name: str(tmp_path / "robot" / one) for name, one in given.items()})
+    assert found is not None and [(one.code.code, one.span.line) for one in report.diagnostics if one.span is not None] == [("TC955", 2)]
+    assert found.files["meshes/m.obj"] == (folder / "meshes" / "m.obj").read_bytes()
+    assert [one.axis for hanging in found.robot.hangings for one in hanging.joints] == [pytest.approx((1.0, 0.0, 0.0))]
+    assert [loss.what for loss in found.losses] == ["`<include>` of `<world>`"]
+
+
+@pytest.mark.parametrize(("pitch", "lead"), [
+    ("<screw_thread_pitch>0.01</screw_thread_pitch>", 0.01), ("<thread_pitch>-12.566370614359172</thread_pitch>", 0.5),
+])
+def test_the_pitch_of_a_screw(pitch: str, lead: float, tmp_path: Path) -> None:
+    """As libsdformat converts it: `screw_thread_pitch` is `-2 pi / thread_pitch`."""
+    text = sdf(joint("j", "a", "b", "screw").replace("</joint>", f"{pitch}</joint>") + REST)
+    found, report = read(tmp_path, text)
+    assert found is not None and not report.failed
+    assert [one.lead for hanging in found.robot.hangings for one in hanging.joints if one.name == "j"] == [pytest.approx(lead)]
+
+
+@pytest.mark.parametrize("kind", ["universal", "revolute2"])
+def test_two_axes_that_need_not_be_square(kind: str, tmp_path: Path) -> None:
+    """The first is fixed in the parent, the second goes with it; each has its own limits, and can be mimicked."""
+    second = "<axis2><xyz>0 0.6 0.8</xyz><limit><lower>-1</lower><upper>2</upper><effort>3</effort></limit></axis2>"
+    two = joint("j", "a", "b", kind, "<xyz>0 1 0</xyz>").replace("</joint>", f"{second}</joint>")
+    follower = joint("k", "b", "c", axis="<xyz>1 0 0</xyz><mimic joint='j' axis='axis2'/>")
+    found, report = read(tmp_path, sdf(two + follower + joint("l", "c", "d")))
+    assert found is not None and not report.failed and found.losses == ()
+    model = compiled(found, tmp_path)
+    data = mujoco.MjData(model)
+    data.joint("j_0").qpos[0], data.joint("j_1").qpos[0] = 0.4, 0.7
+    mujoco.mj_forward(model, data)
+    expected = rotation_matrix(0.4, (0, 1, 0)) @ rotation_matrix(0.7, (0, 0.6, 0.8))
+    assert numpy.abs((numpy.linalg.inv(pose(data, "a")) @ pose(data, "b"))[:3, :3] - expected[:3, :3]).max() < 1e-12
+    assert tuple(model.joint("j_1").range) == (-1.0, 2.0) and model.actuator("j_1").ctrlrange[1] == 3.0
+    assert [one.follows.joint for hanging in found.robot.hangings for one in hanging.joints if one.follows is not None] == ["j_1"]
+
+
+def test_a_screw_closes_no_loop_that_another_joint_can(tmp_path: Path) -> None:
+    screws = {name: joint(name, *ends, "screw").replace("</joint>", "<screw_thread_pitch>1</screw_thread_pitch></joint>")
+              for name, ends in {"j": "ab", "k": "bc", "l": "cd", "m": "ad"}.items()}
+    found, report = read(tmp_path, sdf(CHAIN + screws["m"]))
+    assert found is not None and not report.failed
+    assert [loop.name for loop in found.robot.loops] == ["l"]
+    compiled(found, tmp_path)
+    found, report = read(tmp_path, sdf("".join(screws.values())))
+    assert found is None and [one.message for one in report.diagnostics] == ["the loop that joint `m` closes has screws only"]
+
+
+def test_what_is_built_of_screws_and_universal_joints_comes_in_again(tmp_path: Path) -> None:
+    inertia = "{ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}"
+    links = "\n".join(f"  {name}: {{link: true, mass: 1 kg, inertia: {inertia}, mounts: {{t: {{xyz: 0 0 100 mm}}}}}}" for name in "abc")
+    joints = "  s: {type: screw, parent: a.t, child: b.origin, lead: -8 mm}\n  u: {type: universal, parent: b.t, child: c.origin}"
+    (tmp_path / "r.yaml").write_text(f"thingc: assembly/1\nname: r\ncomponents:\n{links}\njoints:\n{joints}\n")
+    thingc.family(tmp_path / "r.yaml").write({}, tmp_path / "out", emit=["sdf"])
+    found = import_robot(str(tmp_path / "out" / "sdf" / "r_default" / "model.sdf"), Report())
+    assert found is not None
+    models = thingc.compile(tmp_path / "r.yaml").modes["default"].model(), compiled(found, tmp_path / "again")
+    states = [mujoco.MjData(model) for model in models]
+    for data in states:
+        for name, q in (("s", 0.8), ("s:slide", -0.008 * 0.8 / (2.0 * numpy.pi)), ("u_0", -0.4), ("u_1", 1.1)):
+            data.joint(name).qpos[0] = q
+        mujoco.mj_forward(data.model, data)
+    for name in "abc":
+        assert numpy.abs(pose(states[0], name) - pose(states[1], name)).max() < 1e-12
+
+
 @pytest.mark.parametrize(("text", "code", "line", "message"), [
     ("<robot/>", "TC951", 1, "an SDF file begins with `<sdf>`, and this one with `<robot>`"),
     (sdf(CHAIN, "2.0"), "TC952", 1, "`version` of `<sdf>`: expected 1.4 to 1.12, found `2.0`"),
     ("<sdf version='1.9'>\n</sdf>", "TC953", 1, "expected one model that is not static, found none"),
     ("<sdf version='1.9'><model name='a'/>\n<model name='b'/></sdf>", "TC953", 2, "expected one model that is not static, found `a`, `b`"),
-    (sdf(CHAIN + "<include><uri>model://x</uri></include>"), "TC952", 9, "included models are not read"),
+    (sdf(CHAIN + "<include merge='1'><uri>m.sdf</uri></include>"), "TC952", 9, "`merge` is not read"),
+    (sdf(CHAIN + "<include><uri>m.sdf</uri>\n<name>n</name></include>"), "TC952", 9,
+     "the file includes more than 100 models, or one that includes itself"),
+    (sdf(CHAIN + "<include><uri>none.sdf</uri></include>"), "TC956", 9, "there is no file `none.sdf`"),
+    (sdf(CHAIN + "<include><uri>m.sdf</uri><placement_frame>a</placement_frame></include>"), "TC952", 9,
+     "an `<include>` with `<placement_frame>` requires `<pose>`"),
+    (sdf(CHAIN + "<include/>"), "TC952", 9, "`<include>` has no `uri`"),
+    (sdf(joint("j", "a", "b", "universal") + REST), "TC952", 6, "this joint is `universal` and has no `<axis2>`"),
+    (sdf(joint("j", "a", "b", "screw") + REST), "TC952", 6, "`<joint>` has no `screw_thread_pitch`"),
+    (sdf(joint("j", "a", "b", "gearbox") + REST), "TC952", 6, "`gearbox` is no kind of joint that is read"),
     (sdf(CHAIN + joint("o", "a", "z")), "TC952", 9, "`z` is no link, joint, frame or model here"),
     (sdf(joint("j", "a", "b") + joint("k", "b", "c")), "TC953", 5, "the robot has 2 roots, links that hang on no other: `a`, `d`"),
     (sdf(CHAIN + "<frame name='f'><pose relative_to='g'/></frame>\n<frame name='g'><pose relative_to='f'/></frame>"), "TC953", 9,
@@ -193,8 +303,14 @@ def test_what_is_usual_is_taken_and_said(tmp_path: Path) -> None:
 def test_what_is_wrong_is_said_at_its_line(text: str, code: str, line: int, message: str, tmp_path: Path) -> None:
     found, report = read(tmp_path, text)
     assert found is None
-    said = [(one.code.code, one.span.line if one.span is not None else 0, one.message) for one in report.ordered()]
+    said = [(one.code.code, one.span.line if one.span is not None else 0, one.message.split("; looked")[0]) for one in report.ordered()]
     assert said == [(code, line, message)]
+
+
+def compiled(found: Imported, folder: Path) -> mujoco.MjModel:
+    folder.mkdir(exist_ok=True)
+    (folder / found.document).write_bytes(found.files[found.document])
+    return thingc.compile(folder / found.document).modes["source"].model()
 
 
 def pose(data: mujoco.MjData, word: str) -> numpy.ndarray:

@@ -53,6 +53,21 @@ def edit(path: Path, *pairs: tuple[str, str]) -> str:
     return text
 
 
+@pytest.mark.parametrize(("before", "after", "said"), [
+    ("-1.5707963267948966 1.5707963267948966", "-1.5707963267948966 1.5", "upper: 90 deg -> 1.5 rad"),
+    ("-1.5707963267948966 1.5", "-1.5707963267948966 1.5707963267948966", "upper: 1.5 rad -> 90 deg"),
+    ("-0.3 0.7", "-0.7853981633974483 0.7", "lower: -0.3 rad -> -45 deg"),
+])
+def test_one_bound_of_a_limit_changes_alone(lamp: Path, capsys: Said, before: str, after: str, said: str) -> None:
+    """Whatever unit its neighbour is written in."""
+    for numbers in (before, after):
+        lower, upper = numbers.split()
+        Path("lamp.urdf").write_text(URDF.replace('lower="-1" upper="1"', f'lower="{lower}" upper="{upper}"'))
+        capsys.readouterr()
+        assert main(["import", "lamp.urdf", "--update"]) == 0
+    assert f"taken over: 1 change of the source\n  joints.lift.limit.{said}\n" in capsys.readouterr().out
+
+
 def test_another_robot_does_not_take_its_place(lamp: Path, capsys: Said) -> None:
     before = lamp.read_text()
     Path("desk.urdf").write_text(URDF.replace('name="lamp"', 'name="desk"'))

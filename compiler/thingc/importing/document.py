@@ -16,7 +16,7 @@ from thingc.diagnostics import Report
 from thingc.frozen import dataclass
 from thingc.importing.model import Hanging, SourceJoint, SourceLink, SourceLoss, SourceRobot, SourceShape
 from thingc.importing.modes import mode_lines, sensor_lines
-from thingc.importing.motion import drive_words, dynamics_words, limit_words, tendon_lines
+from thingc.importing.motion import drive_words, dynamics_words, tendon_lines
 from thingc.importing.quantities import TURNS, angle, length, lengths, mass, pose_words, quantity, was
 from thingc.importing.raw import name_lines, quoted, raw_lines
 from thingc.importing.updating import Earlier
@@ -202,6 +202,8 @@ class _Document(Words):
             yield f"    child: {self.links[one.child]}.{mount if _child_mount(joint) else 'origin'}"
             if joint.kind not in FACING:
                 yield f"    axis: [{', '.join(quantity(value, '') for value in _clean(joint.axis))}]"
+            if joint.lead:
+                yield f"    lead: {length(joint.lead)}"
             yield from self._motion(joint)
         for loop in self.robot.loops:
             (parent, _), (child, _) = loop.ends
@@ -216,9 +218,9 @@ class _Document(Words):
         turns, of = joint.kind in TURNS, joint.ends
         force, speed = ("N*m", "rad/s") if turns else ("N", "m/s")
         place = angle if turns else length
-        lower, upper = (None, None) if of.lower is None or of.upper is None else limit_words(of.lower, of.upper, turns)
         limit: dict[str, str | None] = {
-            "lower": lower, "upper": upper, "cone": angle(of.upper) if joint.kind == "ball" and of.upper is not None else None,
+            **({} if of.lower is None or of.upper is None else {"lower": place(of.lower), "upper": place(of.upper)}),
+            "cone": angle(of.upper) if joint.kind == "ball" and of.upper is not None else None,
             "effort": None if not of.effort or joint.drive is not None else quantity(of.effort, force),
             "velocity": None if of.velocity in (None, joint.drive and joint.drive.velocity) else quantity(of.velocity, speed),
         }

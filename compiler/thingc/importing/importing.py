@@ -132,7 +132,7 @@ def _read(
         if root is None or root.tag == "mujoco":
             return None if root is None else read_mjcf(root, packages, report, meshes=meshes)
     if path.lower().endswith(".sdf"):
-        return read_sdf(path, data, report)
+        return read_sdf(path, data, packages, report)
     return read_urdf(path, data, report)
 
 

@@ -138,9 +138,11 @@ def _whole(members: Sequence[tuple[SourceLink, Pose]]) -> MassProperties:
 def _refuse(said: str, worst: Sequence[SourceLink], members: Sequence[SourceLink], how: Repair | None, report: Report) -> None:
     first = worst[0]
     where = first.where if first.weight is None else first.weight.where
-    help = "mend it, or have it repaired: `--repair inertia=nearest` (the nearest that a solid has), or `inertia=shapes`"
-    if how == "shapes":
-        help = "there are no shapes, closed ones, that could say it: `--repair inertia=nearest`"
+    help = {
+        None: "correct it, or repair it with `--repair inertia=nearest` (the nearest that a solid has) or `inertia=shapes`",
+        "shapes": "it has no closed shapes to compute it from: use `--repair inertia=nearest`",
+        "nearest": "write the mass and the inertia of these links into the file",
+    }[how]
     notes = [
         Note(message=f"`{link.name}` is fixed to it{', and has none that a solid has either' if link in worst else ''}", span=link.where)
         for link in members if link is not first and link.weight is not None
@@ -166,10 +168,11 @@ def _mended(link: SourceLink, how: Repair | None, matter: Matter) -> Repaired | 
 
 
 def nearest(inertia: Matrix, mass: float) -> Matrix:
-    """The nearest inertia [kg m^2] about the centre that a solid of that mass [kg] has, with a radius of gyration of 1 mm at least."""
+    """The nearest inertia [kg m^2] about the centre that a solid of that mass [kg] has, with a radius of gyration of 1 mm at least, and
+    moments that simulators accept."""
     moments, axes = principal_axes(inertia)
     half = (moments[0] + moments[1] + moments[2]) / 2.0
-    second = [max(half - moment, mass * LEAST) for moment in moments]
+    second = [max(half - moment, mass * LEAST, LEAST_MOMENT) for moment in moments]
     whole = math.fsum(second)
     a, b, c = (whole - one for one in second)
     return multiply(multiply(axes, ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))), transpose(axes))

@@ -104,15 +104,12 @@ def gathered(
         try:
             if os.path.splitext(uri)[1].lower() not in READ:
                 raise NotFound(f"`{uri}` is no mesh that is read: {', '.join(f'`{one}`' for one in READ)}", "`--no-meshes` leaves it out")
-            with open(packages.find(uri), "rb") as stream:
-                contents[uri] = stream.read()
+            contents[uri] = packages.read(uri)[1]
             bounded(os.path.splitext(uri)[1].lower(), contents[uri])
         except BadMesh as fault:
             report.add(Code.SOURCE_FILE, f"`{uri}` {fault}", shape.where, help="export it anew, or leave all meshes out with `--no-meshes`")
         except NotFound as fault:
             report.add(Code.SOURCE_FILE, str(fault), shape.where, help=fault.help)
-        except OSError as fault:
-            report.add(Code.SOURCE_FILE, f"cannot read `{uri}`: {(fault.strerror or str(fault)).lower()}", shape.where)
     digests = {uri: hashlib.sha256(content).hexdigest() for uri, content in contents.items()}
     first = {digest: uri for uri, digest in reversed(digests.items())}
     uris = list(dict.fromkeys(first[digest] for digest in digests.values()))

@@ -17,7 +17,7 @@ from thingc.pose import NO_POSE, Pose, Quaternion, Vector, rotate
 from thingc.sensing import SensorType
 from thingc.source import Span
 
-Kind = Literal["revolute", "continuous", "prismatic", "planar", "ball"]
+Kind = Literal["revolute", "continuous", "prismatic", "planar", "ball", "screw"]
 SourceBase = Literal["fixed", "free", "held"]
 ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "ellipsoid", "plane", "mesh"]
 Sizes = Vector | tuple[float, float] | tuple[float]
@@ -136,7 +136,7 @@ class SourceDrive:
 class SourceJoint(Brief):
     """A motion of a link: about, or along, the unit vector `axis` through `anchor` [m], both in the frame of the link as it hangs, where q
     is `start` [rad or m]. `damping` [N m s/rad or N s/m], `friction` [N m or N], `armature` [kg m^2 or kg], `stiffness` [N m/rad or N/m] of
-    a spring that does nothing at q = `rest` [rad or m]."""
+    a spring that does nothing at q = `rest` [rad or m]; a screw goes by `lead` [m] in one turn."""
 
     name: str
     kind: Kind
@@ -153,6 +153,7 @@ class SourceJoint(Brief):
     follows: Following | None = None
     drive: SourceDrive | None = None
     raw: Raw = ()
+    lead: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -230,7 +231,7 @@ class SourceLoop:
     """What keeps a point, a frame, or an axis (z) of two links together, each given in its link."""
 
     name: str
-    kind: Literal["ball", "fixed", "continuous", "prismatic"]
+    kind: Literal["ball", "fixed", "continuous", "prismatic", "screw"]
     ends: tuple[tuple[str, Pose], tuple[str, Pose]]
     where: Span
     raw: Raw = ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from thingc.importing.model import SourceDrive, SourceJoint, SourceStep, SourceTendon
-from thingc.importing.quantities import TURNS, angle, ends, length, quantity, scaled, was
+from thingc.importing.quantities import TURNS, angle, length, quantity, scaled, was
 from thingc.importing.words import Words
 
 
@@ -27,11 +27,6 @@ def drive_words(drive: SourceDrive, turns: bool) -> dict[str, str]:
     return {"kind": drive.kind, **{key: quantity(value, unit) for key, (value, unit) in values.items() if value is not None}}
 
 
-def limit_words(lower: float, upper: float, turns: bool) -> tuple[str, str]:
-    """Two ends [rad or m]."""
-    return ends(lower, upper) if turns else (length(lower), length(upper))
-
-
 def tendon_lines(words: Words) -> Iterator[str]:
     """The section `tendons`, where there are any."""
     if words.robot.tendons:
@@ -48,7 +43,8 @@ def tendon_lines(words: Words) -> Iterator[str]:
             yield f"    width: {length(one.width)}"
         values = {"dynamics": dynamics_words(one, one.turns)}
         if one.ends.lower is not None and one.ends.upper is not None:
-            values["limit"] = dict(zip(("lower", "upper"), limit_words(one.ends.lower, one.ends.upper, one.turns), strict=True))
+            place = angle if one.turns else length
+            values["limit"] = {"lower": place(one.ends.lower), "upper": place(one.ends.upper)}
         if one.drive is not None:
             values["drive"] = drive_words(one.drive, one.turns)
         for key in ("limit", "dynamics", "drive"):

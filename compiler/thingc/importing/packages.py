@@ -10,6 +10,7 @@ from glob import escape, glob
 from urllib.parse import unquote
 
 from thingc.diagnostics import shown_path
+from thingc.files import beginning
 
 MOST_BYTES = 200_000_000
 MANIFEST = "package.xml"
@@ -79,6 +80,14 @@ class Packages:
                 )
         slashed = uri.replace("\\", "/")
         raise fault if slashed == uri else NotFound(str(fault), f"write `/` between folders: `{slashed}`")
+
+    def read(self, uri: str) -> tuple[str, bytes]:
+        """Return that path, and what is in the file. Raises `NotFound`, also for a file that cannot be read."""
+        path = self.find(uri)
+        try:
+            return path, beginning(path, MOST_BYTES)
+        except OSError as fault:
+            raise NotFound(f"cannot read `{uri}`: {(fault.strerror or str(fault)).lower()}") from None
 
     def package(self, name: str) -> str:
         """The absolute path of a package. Raises `NotFound`."""

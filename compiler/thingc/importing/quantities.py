@@ -14,7 +14,7 @@ from decimal import Decimal
 from thingc.pose import Pose, Vector, rpy_of
 from thingc.shown import shown
 
-TURNS = ("revolute", "continuous", "ball")
+TURNS = ("revolute", "continuous", "ball", "screw")
 """Kinds of joints whose q is an angle."""
 NOISE = 1e-12
 """Lengths [m] and directions below it are rounding of whoever wrote the source, and 0."""
@@ -82,14 +82,6 @@ def angle(value: float) -> str:
         return "0"
     degrees = _degrees(value)
     return f"{scaled(value, 0)} rad" if degrees is None else f"{degrees} deg"
-
-
-def ends(lower: float, upper: float) -> tuple[str, str]:
-    """Of radians: two limits, in one unit."""
-    words = angle(lower), angle(upper)
-    if any(word.endswith("rad") for word in words):
-        words = quantity(lower, "rad"), quantity(upper, "rad")
-    return words
 
 
 def angles(values: Sequence[float]) -> str:

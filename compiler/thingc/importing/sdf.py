@@ -6,7 +6,9 @@ Poses are stated in frames of the model (`relative_to`), in any order; where eve
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 
 from thingc.diagnostics import Code, Report
@@ -26,7 +28,9 @@ from thingc.importing.model import (
     SourceSite,
     Weight,
 )
-from thingc.importing.sdf_frames import PUTS_IN_PLACE, WORLD, Frames, NamedFrame, key_of
+from thingc.importing.packages import Packages
+from thingc.importing.sdf_frames import WORLD, Frames, NamedFrame, key_of
+from thingc.importing.sdf_includes import Includes
 from thingc.importing.tree import look_at_mimics, root_of, spanned
 from thingc.importing.values import ChildValues
 from thingc.importing.xml_source import SourceElement, read_robot
@@ -35,30 +39,34 @@ from thingc.pose import IDENTITY, NO_POSE, Pose, Vector, along, rotate
 from thingc.summing import hypot
 from thingc.typos import did_you_mean
 
-KINDS: dict[str, Kind | None] = {
-    "revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic", "ball": "ball", "fixed": None,
+KINDS: dict[str, tuple[Kind, ...]] = {
+    "revolute": ("revolute",), "continuous": ("continuous",), "prismatic": ("prismatic",), "ball": ("ball",), "fixed": (),
+    "screw": ("screw",), "universal": ("revolute", "revolute"), "revolute2": ("revolute", "revolute"),
 }
-"""The kinds of joints that are read."""
-OTHER_KINDS = ("gearbox", "revolute2", "screw", "universal")
+"""The kinds of joints that are read, as joints one after the other, each about its own axis through one point."""
+OTHER_KINDS = ("gearbox",)
+AXES = ("axis", "axis2")
 _VERSION = re.compile(r"1\.(\d+)")
 _USUAL = MassProperties(mass=1.0, inertia=IDENTITY)
 """What a link weighs of which nothing is said."""
 ENDLESS = 1e16
 """A limit from which on there is none."""
 ATTRIBUTES: dict[str, set[str]] = {
-    "model": {"name", "canonical_link"}, "link": {"name"}, "joint": {"name", "type"}, "frame": {"name", "attached_to"},
+    "model": {"name", "canonical_link", "placement_frame"}, "link": {"name"}, "joint": {"name", "type"}, "frame": {"name", "attached_to"},
     "visual": {"name"}, "collision": {"name"}, "pose": {"relative_to", "frame", "degrees", "rotation_format"}, "xyz": {"expressed_in"},
-    "mimic": {"joint"},
+    "mimic": {"joint", "axis"},
 }
 """The attributes that are read, of elements that have any."""
 INSIDE: dict[str, set[str]] = {
     "model": {"pose", "link", "joint", "frame", "model", "static"}, "link": {"pose", "inertial", "visual", "collision"},
-    "joint": {"pose", "parent", "child", "axis"}, "frame": {"pose"}, "inertial": {"pose", "mass", "inertia"},
+    "joint": {"pose", "parent", "child", "axis", "axis2", "screw_thread_pitch", "thread_pitch"},
+    "frame": {"pose"}, "inertial": {"pose", "mass", "inertia"},
     "inertia": {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"}, "visual": {"pose", "geometry", "material"},
     "collision": {"pose", "geometry", "surface"}, "geometry": {"box", "sphere", "cylinder", "capsule", "ellipsoid", "mesh"},
     "box": {"size"}, "sphere": {"radius"}, "cylinder": {"radius", "length"}, "capsule": {"radius", "length"}, "ellipsoid": {"radii"},
     "mesh": {"uri", "scale"}, "material": {"diffuse", "ambient", "specular"},
-    "axis": {"xyz", "limit", "dynamics", "mimic", "use_parent_model_frame"}, "limit": {"lower", "upper", "effort", "velocity"},
+    **dict.fromkeys(("axis", "axis2"), {"xyz", "limit", "dynamics", "mimic", "use_parent_model_frame"}),
+    "limit": {"lower", "upper", "effort", "velocity"},
     "dynamics": {"damping", "friction", "spring_stiffness", "spring_reference"}, "mimic": {"multiplier", "offset", "reference"},
     "surface": {"friction"}, "friction": {"ode"}, "ode": {"mu"},
 }
@@ -71,43 +79,47 @@ AS_USUAL = {
 """Elements that say nothing where they say this."""
 
 
-def read_sdf(path: str, data: bytes, report: Report) -> SourceRobot | None:
+def read_sdf(path: str, data: bytes, packages: Packages, report: Report) -> SourceRobot | None:
     """The robot of a file, an absolute path, with these bytes; None where it is none, which has been reported: all that is wrong."""
     root = read_robot(path, data, report, "sdf", "an SDF")
-    return None if root is None else _Sdf(root, report).robot()
+    return None if root is None else _Sdf(root, packages, report).robot()
 
 
 class _Sdf:
-    def __init__(self, root: SourceElement, report: Report) -> None:
+    def __init__(self, root: SourceElement, packages: Packages, report: Report) -> None:
         self.root, self.report, self.values = root, report, ChildValues(report)
         self.losses = Losses()
-        self.old_axes = False
+        self.includes = Includes(root, packages, report, self.losses)
+        self.old_axes = {one.where.file for one in self.includes.roots if self._is_old(one)}
+        self.between: list[SourceLink] = []
 
     def robot(self) -> SourceRobot | None:
         """Everything that is wrong is said; then None."""
-        before = len(self.report.diagnostics)
-        self._look_at_version()
-        model = self._model()
+        model = None if self.report.failed else self._model()
         if model is None:
             return None
         name, frames = self.values.word(model, "name"), Frames(model, self.values)
-        if name is None or len(self.report.diagnostics) > before:  # what stands nowhere must not be said again of what stands on it
+        if name is None or self.report.failed:  # what stands nowhere must not be said again of what stands on it
             return None
         self.frames = frames
         links = [self._link(key, frame.element) for key, frame in frames.all("link")]
-        hangings = [one for key, frame in frames.all("joint") if (one := self._hanging(key, frame)) is not None]
-        moving = {key for key, frame in frames.all("joint") if frame.element.attributes.get("type") not in ("fixed", "ball")}
+        hangings = [one for key, frame in frames.all("joint") for one in self._hangings(key, frame)]
+        moving = {
+            name for key, frame in frames.all("joint") if frame.element.attributes.get("type") not in ("fixed", "ball")
+            for name in self._coordinates(key)
+        }
         look_at_mimics(hangings, moving, self.report)
         self.losses.unread(model, ATTRIBUTES, INSIDE, AS_USUAL)
-        return None if len(self.report.diagnostics) > before else self._stood(model, name, links, hangings)
+        return None if self.report.failed else self._stood(model, name, [*links, *self.between], hangings)
 
-    def _look_at_version(self) -> None:
-        version = self.root.attributes.get("version", "").strip()
+    def _is_old(self, root: SourceElement) -> bool:
+        """Whether axes of a file are in the frame of the model; a version that is not read is reported."""
+        version = root.attributes.get("version", "").strip()
         match = _VERSION.fullmatch(version)
         if match is None or not 4 <= int(match[1]) <= 12:
             help = "`gz sdf -p FILE` makes a newer one of an old one"
-            self.values.fault(self.root, "version", f"`version` of `<sdf>`: expected 1.4 to 1.12, found `{version}`", help)
-        self.old_axes = match is not None and int(match[1]) <= 4
+            self.values.fault(root, "version", f"`version` of `<sdf>`: expected 1.4 to 1.12, found `{version}`", help)
+        return match is not None and int(match[1]) <= 4
 
     def _model(self) -> SourceElement | None:
         """The one model of the file, right in it or in its world, that is no scenery."""
@@ -121,7 +133,7 @@ class _Sdf:
         found = ", ".join(f"`{one.attributes.get('name', '')}`" for one in robots[:6]) or "none"
         self.report.add(
             Code.SOURCE_TREE, f"expected one model that is not static, found {found}", (robots[1] if robots else self.root).where,
-            help="a document has one robot: make a file of each" if robots else PUTS_IN_PLACE,
+            help="a document has one robot: make a file of each" if robots else None,
         )
         return None
 
@@ -171,7 +183,7 @@ class _Sdf:
         sized, mesh = self.values.sized(form), self.values.word(form, "uri") if form.tag == "mesh" else None
         if sized is None or form.tag == "mesh" and mesh is None:
             return None
-        kind, size = sized
+        mesh, (kind, size) = None if mesh is None else self.includes.uri(mesh, form.where.file), sized
         if 0.0 in size:
             self.losses.note(f"a `<{form.tag}>`", "it has no volume", form.where)
             return None
@@ -199,36 +211,44 @@ class _Sdf:
         mu = self.values.above_zero(inner, "mu", zero=True)
         return () if mu is None else (mu,)
 
-    def _hanging(self, key: str, frame: NamedFrame) -> Hanging | None:
-        """How a joint's child hangs on its parent; a joint of one kind that is not read has been reported."""
+    def _coordinates(self, key: str) -> list[str]:
+        """The names of the joints that a joint is read as."""
+        kinds = KINDS.get(self.frames.named[key].element.attributes.get("type", ""), ()) if key in self.frames.named else ()
+        return [f"{key}_{number}" for number in range(len(kinds))] if len(kinds) > 1 else [key]
+
+    def _hangings(self, key: str, frame: NamedFrame) -> Iterator[Hanging]:
+        """How a joint's child hangs on its parent, by links that weigh nothing between several axes; what is wrong has been reported."""
         element, kind = frame.element, self.values.word(frame.element, "type")
         ends = {side: end for side in ("parent", "child") if (end := self._end(frame, side)) is not None}
         if kind is not None and kind not in KINDS:
             known = f"`{kind}` is no kind of joint that is read" if kind in OTHER_KINDS else f"`{kind}` is no kind of joint that SDF has"
             self.values.fault(element, "type", known, did_you_mean(kind, KINDS, what="kinds") or f"write one of {', '.join(KINDS)}")
-            return None
+            return
         if kind is None or len(ends) < 2:
-            return None
+            return
         parent, child = ends["parent"], ends["child"]
         if parent == child:
             self.values.fault(element, None, f"parent and child of this joint are both on link `{child}`", "join two links")
-            return None
-        here = self.frames.poses[child].inverse()
+            return
         around = NO_POSE if parent == WORLD else self.frames.poses[parent]
-        moving = KINDS[kind]
-        joint = None if moving is None else self._joint(key, frame, moving, here)
-        if moving is not None and joint is None:
-            return None
-        still = joint is not None and joint.ends.lower is not None and joint.ends.lower == joint.ends.upper
-        if joint is not None and still:
-            if joint.ends.lower != 0.0:
-                message = f"`lower` and `upper` are both {joint.ends.lower:g}: this joint cannot move, and not be at 0"
-                self.values.fault(element, None, message, "make it `fixed`, or give it ends")
-            self.losses.note(f"joint `{key}`, whose ends are both 0", "it is read as one that is fixed", element.where)
-        return Hanging(
-            name=key, parent=parent, child=child, pose=_clean(around.inverse() @ self.frames.poses[child]), where=element.where,
-            joints=() if joint is None or still else (joint,),
-        )
+        pose, names = _clean(around.inverse() @ self.frames.poses[child]), self._coordinates(key)
+        joints = [self._joint(name, key, one, tag) for name, one, tag in zip(names, KINDS[kind], AXES, strict=False)] or [None]
+        for number in reversed(range(len(names))):  # the last first: `spanned` then turns all of them around, or none
+            above = f"{key} link" if number else parent
+            if number:
+                self.between.append(SourceLink(name=above, where=element.where))
+            joint = joints[number]
+            still = joint is not None and joint.ends.lower is not None and joint.ends.lower == joint.ends.upper
+            if joint is not None and still:
+                if joint.ends.lower != 0.0:
+                    message = f"`lower` and `upper` are both {joint.ends.lower:g}: this joint cannot move, and not be at 0"
+                    self.values.fault(element, None, message, "make it `fixed`, or give it ends")
+                self.losses.note(f"joint `{names[number]}`, whose ends are both 0", "it is read as one that is fixed", element.where)
+            yield Hanging(
+                name=names[number], parent=above, child=child, pose=NO_POSE if number else pose, where=element.where,
+                joints=() if joint is None or still else (joint,),
+            )
+            child = above
 
     def _end(self, frame: NamedFrame, side: str) -> str | None:
         """The link that a joint stands on, or the world."""
@@ -248,15 +268,17 @@ class _Sdf:
             self.values.fault(frame.element, side, f"the {side} of this joint is `{name}`, which is on no link")
         return link
 
-    def _joint(self, key: str, frame: NamedFrame, kind: Kind, here: Pose) -> SourceJoint | None:
-        """What moves; `here` is the model's frame in that of its child link."""
-        element, at = frame.element, here @ self.frames.poses[key]
+    def _joint(self, name: str, key: str, kind: Kind, tag: str) -> SourceJoint | None:
+        """What moves about, or along, the axis `tag` of a joint."""
+        frame = self.frames.named[key]
+        element, here = frame.element, self.frames.poses[self._end(frame, "child") or ""].inverse()
+        at = here @ self.frames.poses[key]
         if kind == "ball":
             return SourceJoint(name=key, kind=kind, axis=(0.0, 0.0, 1.0), anchor=_clean(at).translation, where=element.where)
-        axis = self.values.one(element, "axis")
+        axis = self.values.one(element, tag)
         if axis is None:
-            message = f"this joint is `{element.attributes['type']}` and has no `<axis>`"
-            self.values.fault(element, None, message, "write <axis><xyz>...</xyz></axis>")
+            message = f"this joint is `{element.attributes['type']}` and has no `<{tag}>`"
+            self.values.fault(element, None, message, f"write <{tag}><xyz>...</xyz></{tag}>")
             return None
         direction = self._direction(axis, key, frame, here)
         ends, follows = self._ends(axis), self._mimic(axis, frame.scope)
@@ -264,7 +286,7 @@ class _Sdf:
             kind = "continuous"
         if kind == "prismatic" and ends.lower is None:
             ends = replace(ends, lower=-FAR, upper=FAR, made_up=True)
-            self.losses.note(f"slide `{key}` without ends", f"a document has them, at {FAR:g} m", element.where)
+            self.losses.note(f"slide `{name}` without ends", f"a document has them, at {FAR:g} m", element.where)
         dynamics = self.values.one(axis, "dynamics")
         damping = friction = stiffness = rest = 0.0
         if dynamics is not None:
@@ -273,11 +295,21 @@ class _Sdf:
                 for key in ("damping", "friction", "spring_stiffness")
             )
             rest = (self.values.number(dynamics, "spring_reference", 0.0) or 0.0) if stiffness else 0.0
-        drive = None if not ends.effort or follows else SourceDrive(name=key, kind="motor", where=element.where, effort=ends.effort)
+        drive = None if not ends.effort or follows else SourceDrive(name=name, kind="motor", where=element.where, effort=ends.effort)
         return SourceJoint(
-            name=key, kind=kind, axis=direction, anchor=_clean(at).translation, where=element.where, ends=ends, damping=damping,
-            friction=friction, stiffness=stiffness, rest=rest, follows=follows, drive=drive,
+            name=name, kind=kind, lead=self._lead(element) if kind == "screw" else 0.0, axis=direction, anchor=_clean(at).translation,
+            where=element.where, ends=ends, damping=damping, friction=friction, stiffness=stiffness, rest=rest, follows=follows,
+            drive=drive,
         )
+
+    def _lead(self, screw: SourceElement) -> float:
+        """How far a screw goes in one turn [m]: positive of a right-hand thread. `thread_pitch` [rad/m] has the other sign."""
+        older = self.values.written(screw, "screw_thread_pitch") is None and self.values.written(screw, "thread_pitch") is not None
+        tag = "thread_pitch" if older else "screw_thread_pitch"
+        pitch = self.values.number(screw, tag)
+        if pitch == 0.0:
+            self.values.fault(screw, tag, f"`{tag}` of this screw is 0", "make it `revolute`, or write how far it goes in one turn")
+        return -2.0 * math.pi / pitch if older and pitch else pitch or 0.0
 
     def _direction(self, axis: SourceElement, key: str, frame: NamedFrame, here: Pose) -> Vector:
         """A unit vector in the frame of the child link."""
@@ -291,7 +323,7 @@ class _Sdf:
         within = key
         if stated and xyz is not None:
             within = self.frames.known(xyz, "expressed_in", stated, frame.scope)
-        elif self._is(axis, "use_parent_model_frame") or self.old_axes and next(axis.all("use_parent_model_frame"), None) is None:
+        elif self._is(axis, tag := "use_parent_model_frame") or axis.where.file in self.old_axes and not any(axis.all(tag)):
             within = frame.scope
         turned = (here @ self.frames.poses[within]).rotation
         return _rounded(rotate(turned, (x / length, y / length, z / length)))
@@ -332,7 +364,9 @@ class _Sdf:
         if joint is None or multiplier is None or offset is None or reference is None:
             return None
         offset -= multiplier * reference
-        return Following(joint=key_of(joint, scope), multiplier=multiplier, offset=offset, where=mimic.place("joint"))
+        leaders = self._coordinates(key_of(joint, scope))
+        leader = leaders[-1 if mimic.attributes.get("axis") == "axis2" else 0]
+        return Following(joint=leader, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
 
     def _stood(self, model: SourceElement, name: str, links: list[SourceLink], hangings: list[Hanging]) -> SourceRobot | None:
         """The robot on its root: fixed where a joint holds it to the world, else free. What moves in the world stands on a link that weighs
@@ -346,13 +380,14 @@ class _Sdf:
         placed = self.values.one(model, "pose")
         if placed is not None and placed.attributes.get("relative_to", "").strip() not in ("", WORLD):
             self.losses.note("`relative_to` of the model's pose", "it is read as one in the world", placed.where)
-        here, grounded = self.frames.stated(model), [one for one in hangings if one.parent == WORLD]
+        here, grounded = self.frames.placed("", model), [one for one in hangings if one.parent == WORLD]
         if len(grounded) == 1 and not grounded[0].joints:
             hangings = [one for one in hangings if one is not grounded[0]]
         elif grounded:
             links = [SourceLink(name=WORLD, where=model.place("name")), *links]
             hangings = [replace(one, pose=_clean(here @ one.pose)) if one in grounded else one for one in hangings]
-        tree, closing = spanned(hangings)
+        screws = [one for one in hangings if any(joint.kind == "screw" for joint in one.joints)]
+        tree, closing = spanned([*screws, *(one for one in hangings if one not in screws)])  # another joint closes a loop
         root = root_of(links, tree, model.where, self.report)
         if root is None:
             return None
@@ -372,6 +407,9 @@ class _Sdf:
             why = "a joint that closes a loop has none of that"
             self.losses.note(f"limits, drive and dynamics of joint `{one.name}`", why, one.where)
         kind = "fixed" if joint is None else "continuous" if joint.kind == "revolute" else joint.kind
+        if kind == "screw":
+            help = "one joint of the loop has to be of another kind"
+            self.report.add(Code.SOURCE_TREE, f"the loop that joint `{one.name}` closes has screws only", one.where, help=help)
         assert kind != "planar"
         return SourceLoop(name=one.name, kind=kind, ends=((one.parent, _clean(one.pose @ at)), (one.child, at)), where=one.where)
 

@@ -18,7 +18,6 @@ from thingc.typos import did_you_mean
 
 WORLD = "world"
 MODEL = "__model__"
-PUTS_IN_PLACE = "`gz sdf -p FILE > robot.sdf` puts included models in their place"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +38,7 @@ class Frames:
         self.named: dict[str, NamedFrame] = {}
         self.poses: dict[str, Pose] = {"": NO_POSE}
         self.links: dict[str, str | None] = {}
+        self.offsets: dict[str, Pose] = {}
         self._find(model, "")
         self.named = {key: replace(frame, relative_to=self._relative_to(frame)) for key, frame in self.named.items()}
         for key in self.named:
@@ -50,10 +50,6 @@ class Frames:
 
     def _find(self, model: SourceElement, scope: str) -> None:
         """Everything in a model, and in the models in it, that has a frame."""
-        for include in model.all("include"):
-            self.values.fault(include, None, "included models are not read", PUTS_IN_PLACE)
-        if "placement_frame" in model.attributes:
-            self.values.fault(model, "placement_frame", "`placement_frame` is not read", "state the pose of the model itself")
         for child in model.children:
             if child.tag not in ("link", "frame", "joint", "model") or (name := self.values.word(child, "name")) is None:
                 continue
@@ -106,7 +102,19 @@ class Frames:
             way[key] = self.named[key]
             key = way[key].relative_to
         for key, frame in reversed(way.items()):
-            self.poses[key] = self.poses[frame.relative_to] @ self.stated(frame.element)
+            self.poses[key] = self.poses[frame.relative_to] @ self.placed(key, frame.element)
+
+    def placed(self, key: str, element: SourceElement) -> Pose:
+        """The pose of the frame of an element: of a model with `placement_frame`, that frame is where its `<pose>` says."""
+        name, pose, inner = element.attributes.get("placement_frame", "").strip(), self.stated(element), NO_POSE
+        if element.tag == "model" and name and key not in self.offsets:
+            at, way = self.known(element, "placement_frame", name, key), set[str]()
+            while at != key and at not in way:  # circles are reported elsewhere
+                way.add(at)
+                inner = self.placed(at, self.named[at].element) @ inner
+                at = self.named[at].relative_to
+            self.offsets[key] = inner.inverse()
+        return pose @ self.offsets.get(key, NO_POSE)
 
     def stated(self, element: SourceElement) -> Pose:
         """What the `<pose>` in an element says; no move where it has none."""

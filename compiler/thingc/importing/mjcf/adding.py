@@ -65,7 +65,7 @@ class Added:
             names[at] if (at := int(getattr(model, f"actuator_{word}type")[number])) < len(names) else ""
             for word, names in (("dyn", DYNAMICS), ("gain", GAINS), ("bias", BIASES))
         ]
-        if not acts_on or not all(words):
+        if not acts_on or not all(words) or model.actuator_plugin[number] >= 0:
             return False
         wanted = [*zip(("dyntype", "gaintype", "biastype"), words, strict=True)]
         wanted += [(f"{word}prm", numbers(getattr(model, f"actuator_{word}prm")[number])) for word in ("dyn", "gain", "bias")]

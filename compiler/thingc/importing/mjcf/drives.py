@@ -114,7 +114,7 @@ class Actuators:
         gain, *gains = floats(model.actuator_gainprm[number])
         constant, position, velocity, *others = floats(model.actuator_biasprm[number])
         affine, dynamic = int(model.actuator_biastype[number]) == AFFINE, int(model.actuator_dyntype[number])
-        if int(model.actuator_gaintype[number]) != FIXED_GAIN or any(gains) or gain == 0.0:
+        if int(model.actuator_gaintype[number]) != FIXED_GAIN or any(gains) or gain == 0.0 or model.actuator_plugin[number] >= 0:
             return None
         gear = floats(model.actuator_gear[number])[0]
         if gear == 0.0:

@@ -19,7 +19,7 @@ from thingc.importing.losses import Losses
 from thingc.importing.model import SourceLoss
 from thingc.importing.packages import NotFound, Packages
 from thingc.importing.values import NOT_FINITE
-from thingc.importing.xml_source import MOST_BYTES, SourceElement, read_xml
+from thingc.importing.xml_source import SourceElement, read_xml
 from thingc.source import Span
 
 MOST_COPIES, MOST_ELEMENTS = 10_000, 100_000
@@ -35,7 +35,6 @@ LEFT_OUT = {
     "text": "a document has no data of others", "tuple": "a document has no data of others", "extension": "a document has no plugins",
     "statistic": "MuJoCo works them out of the robot", "light": "lights belong to a scene", "visual": "how it is drawn belongs to a scene",
 }
-REFUSED = {"attach": "attached models are not read", "model": "attached models are not read"}
 ABSENT = ".absent"
 """The names of files that replace a mesh end with this, before their kind."""
 SMALL_SOLID = b"v 0 0 0\nv .001 0 0\nv 0 .001 0\nv 0 0 .001\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -45,13 +44,14 @@ FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flat:
     """A file without files: its `text`, the element that stands in each line, the `files` that MuJoCo is handed, by the names that the
-    text has for them; for each of these names the mesh's path from the source's folder; the roots of `included` files; and what was left
-    out."""
+    text has for them, and the texts of the `models` that it attaches; for each of these names the mesh's path from the source's folder; the
+    roots of `included` files; and what was left out."""
 
     root: SourceElement
     text: str
     lines: tuple[SourceElement, ...]
     files: Mapping[str, bytes]
+    models: Mapping[str, bytes]
     meshes: Mapping[str, str]
     included: tuple[SourceElement, ...]
     losses: tuple[SourceLoss, ...]
@@ -91,25 +91,40 @@ class _Flattening:
         self.elements: dict[int, tuple[SourceElement, ...]] = {}
         self.strip, self.folder = False, ""
         self.made = self.mesh_bytes = 0
-        self.contents: dict[str, bytes] = {}
         self.names: set[str | None] = set()
+        self.models: dict[str, bytes] = {}
+        self.words: dict[int, str] = {}
+        self.sizes: dict[str, int] = {}
 
     def flat(self) -> Flat | None:
         before = len(self.report.diagnostics)
-        self._include(self.root)
-        settings: dict[str, str] = {}
-        for compiler in self._children(self.root):
-            if compiler.tag == "compiler":
-                settings |= compiler.attributes
-        self.strip = settings.get("strippath") == "true"
-        self.folder = settings.get("meshdir", settings.get("assetdir", ""))
-        self._write(self.root, 1)
+        text = self._file(self.root)
         if len(self.report.diagnostics) > before:
             return None
         return Flat(
-            root=self.root, text="\n".join(self.texts), lines=tuple(self.lines), files=self.files, meshes=self.meshes,
+            root=self.root, text=text, models=self.models, lines=tuple(self.lines), files=self.files, meshes=self.meshes,
             included=tuple(one for roots in self.elements.values() for one in roots), losses=self.losses.all(),
         )
+
+    def _file(self, root: SourceElement) -> str:
+        """The text of a file, after that of all models that it attaches; no two texts have a line of the same number."""
+        self._include(root)
+        sections = [*self._children(root)]
+        for model in (one for section in sections if section.tag == "asset" for one in self._children(section) if one.tag == "model"):
+            if (attached := self._read(model)) is not None:
+                made, name = self.made, model.attributes.get("name") or attached.attributes.get("model", "")
+                self.models[f"{len(self.models)}.xml"] = self._file(attached).encode()
+                self.words[id(model)] = f"{len(self.models) - 1}.xml"
+                self.sizes[name] = max(self.sizes.get(name, 0), self.made - made)
+        settings: dict[str, str] = {}
+        for compiler in (one for one in sections if one.tag == "compiler"):
+            settings |= compiler.attributes
+        self.strip = settings.get("strippath") == "true"
+        beside = os.path.relpath(os.path.dirname(root.where.file), self.packages.folder)
+        self.folder = os.path.join(beside, settings.get("meshdir", settings.get("assetdir", "")))
+        start = len(self.texts)
+        self._write(root, 1)
+        return "\n" * start + "\n".join(self.texts[start:])
 
     def _children(self, element: SourceElement) -> Iterator[SourceElement]:
         """What stands in an element, with what is included there in its place."""
@@ -143,16 +158,11 @@ class _Flattening:
         beside = os.path.relpath(os.path.join(os.path.dirname(element.where.file), name), self.packages.folder)
         try:
             try:
-                path = self.packages.find(beside)
+                path, data = self.packages.read(beside)
             except NotFound:
-                path = self.packages.find(name)
-            with open(path, "rb") as stream:
-                data = stream.read(MOST_BYTES + 1)
+                path, data = self.packages.read(name)
         except NotFound as fault:
             self.report.add(Code.SOURCE_FILE, str(fault), where, help=fault.help)
-            return None
-        except OSError as fault:
-            self.report.add(Code.SOURCE_FILE, f"cannot read `{name}`: {(fault.strerror or str(fault)).lower()}", where)
             return None
         if path in self.included or path == self.root.where.file:
             notes = [Note(message="it was included here", span=self.included[path])] if path in self.included else []
@@ -165,14 +175,10 @@ class _Flattening:
         """The lines of an element, of which there are so many; none where there are too many already, which has been reported."""
         if self.made > MOST_ELEMENTS:
             return
-        self.made += copies
+        self.made += copies * (1 + self.sizes.get(element.attributes.get("model", ""), 0) if element.tag == "attach" else 1)
         if self.made > MOST_ELEMENTS:
             message = f"the model has more than {MOST_ELEMENTS:,} elements from here on, those that `<replicate>` copies among them"
             self.report.add(Code.SOURCE_VALUE, message, element.where, help="no robot needs so many")
-            return
-        if element.tag in REFUSED:
-            help = "open it in MuJoCo, and import what `MjSpec.to_xml` writes"
-            self.report.add(Code.SOURCE_VALUE, f"`<{element.tag}>`: {REFUSED[element.tag]}", element.where, help=help)
             return
         if element.tag == "replicate":
             written = re.match(r"\s*\+?(\d{1,12})", element.attributes.get("count", ""))  # what else stands there, MuJoCo does not read
@@ -184,7 +190,8 @@ class _Flattening:
         if element.tag in LEFT_OUT or element.tag == "geom" and ("hfield" in (element.attributes.get("type"), *element.attributes)):
             why = LEFT_OUT.get(element.tag, LEFT_OUT["hfield"])
             self.losses.note(f"`<{element.tag}>`", why, element.where)
-            return
+            if element.tag != "extension":  # without its instances MuJoCo does not read what refers to them
+                return
         if element.tag == "layer":
             return  # of a texture, which is a loss of its own
         if element.tag == "lengthrange" and _steps(element) > MOST_STEPS:
@@ -197,6 +204,8 @@ class _Flattening:
             attributes = {name: value for name, value in attributes.items() if name not in FOLDERS}
         elif element.tag == "material":
             attributes.pop("texture", None)
+        elif id(element) in self.words:
+            attributes["file"] = self.words[id(element)]
         elif element.tag == "mesh" and "file" in attributes:
             attributes |= self._mesh(element)
         self._line(f"<{element.tag}{''.join(f' {name}={quoteattr(value)}' for name, value in attributes.items())}>", element)
@@ -225,19 +234,14 @@ class _Flattening:
         uri = os.path.normpath(os.path.join(self.folder, file))
         name, ending = element.attributes.get("name", os.path.splitext(os.path.basename(file))[0]), os.path.splitext(uri)[1].lower()
         try:
-            path = self.packages.find(uri)
-            self.mesh_bytes += os.path.getsize(path)
+            _, content = self.packages.read(uri)
+            self.mesh_bytes += len(content)
             if self.mesh_bytes > MOST_MESH_BYTES:
                 message = f"with `{uri}` the meshes have more than {MOST_MESH_BYTES:,} bytes"
                 raise NotFound(message, "use meshes with fewer facets, and name each once")
-            if path not in self.contents:
-                with open(path, "rb") as stream:
-                    self.contents[path] = stream.read()
-            content = self.contents[path]
-        except (NotFound, OSError) as fault:
+        except NotFound as fault:
             if self.with_meshes:
-                what = str(fault) if isinstance(fault, NotFound) else f"cannot read `{uri}`: {(fault.strerror or str(fault)).lower()}"
-                self.report.add(Code.SOURCE_FILE, what, element.place("file"), help=getattr(fault, "help", None))
+                self.report.add(Code.SOURCE_FILE, str(fault), element.place("file"), help=fault.help)
                 return {}
             content, ending = SMALL_SOLID, f"{ABSENT}.obj"
         made_of = repr((uri, sorted(element.attributes.items()))).encode()

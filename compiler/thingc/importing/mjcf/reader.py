@@ -43,7 +43,7 @@ def _compiled(flat: Flat, report: Report) -> Original | None:
     import mujoco
 
     try:
-        spec = mujoco.MjSpec.from_string(flat.text, assets=dict(flat.files))
+        spec = mujoco.MjSpec.from_string(flat.text, include=dict(flat.models), assets=dict(flat.files))
         spec.compiler.fusestatic = spec.compiler.discardvisual = False
         spec.compiler.alignfree = False
         absent = [geom for geom in spec.geoms if geom.meshname and ABSENT in spec.mesh(geom.meshname).file]
