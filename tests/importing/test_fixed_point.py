@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 import re
 from pathlib import Path
 
@@ -94,3 +95,42 @@ def settled(first: Path, where: str, rounds: int, folder: Path) -> None:
     assert numbers[1] == pytest.approx(numbers[0], rel=1e-12, abs=1e-12)
     meshes = [sorted((path.name, path.read_bytes()) for path in file.parent.glob("*/*")) for file in files[-2:]]
     assert meshes[1] == meshes[0]
+
+
+def random_robot(form: str) -> str:
+    """A chain of six links with random poses, in all digits that a double has."""
+    numbers = random.Random(7)
+
+    def some(count: int, most: float) -> str:
+        return " ".join(repr(numbers.uniform(-most, most)) for _ in range(count))
+
+    if form == "mjcf":
+        bodies = "".join(
+            f'<body name="b{k}" pos="{some(3, 1)}" quat="{some(4, 1)}"><joint name="j{k}" axis="0 1 0" pos="{some(3, 1)}"/>'
+            f'<geom type="box" size=".1 .2 .3" mass="1" pos="{some(3, 1)}" quat="{some(4, 1)}"/><site name="s{k}" quat="{some(4, 1)}"/>'
+            for k in range(6)
+        )
+        return f'<mujoco model="m"><worldbody>{bodies}{6 * "</body>"}</worldbody></mujoco>'
+    inertia = '<inertia ixx="1" iyy="2" izz="2.5" ixy=".1" ixz=".2" iyz=".3"/>'
+    links = "".join(
+        f'<link name="b{k}"><inertial><origin xyz="{some(3, 1)}" rpy="{some(3, 1.5)}"/><mass value="1"/>{inertia}</inertial><visual>'
+        f'<origin xyz="{some(3, 1)}" rpy="{some(3, 1.5)}"/><geometry><box size="1 2 3"/></geometry></visual></link>' for k in range(6)
+    )
+    joints = "".join(
+        f'<joint name="j{k}" type="continuous"><origin xyz="{some(3, 1)}" rpy="{some(3, 1.5)}"/><parent link="b{k}"/>'
+        f'<child link="b{k + 1}"/><axis xyz="0 1 0"/></joint>' for k in range(5)
+    )
+    return f'<robot name="m">{links}{joints}</robot>'
+
+
+@pytest.mark.parametrize(("form", "where"), [("mjcf", "mjcf/m_source.xml"), ("urdf", URDF), ("sdf", SDF)])
+def test_after_one_round_every_byte_stays(form: str, where: str, tmp_path: Path) -> None:
+    """Of positions and rotations, too, however they are worked out."""
+    source = tmp_path / ("m.xml" if form == "mjcf" else "m.urdf")
+    source.write_text(random_robot(form))
+    files = [source]
+    for number in range(4):
+        files.append(written(files[-1], where, tmp_path / f"{number}"))
+    texts = [path.read_text().split("-->", 1)[1] for path in files[1:]]
+    documents = [(tmp_path / f"{number}" / "m.yaml").read_text().split("\n", 1)[1] for number in range(4)]
+    assert texts[1] == texts[2] == texts[3] and documents[1] == documents[2] == documents[3]

@@ -20,6 +20,9 @@ NOISE = 1e-12
 """Lengths [m] and directions below it are rounding of whoever wrote the source, and 0."""
 ROUNDED, SHORT = 4, 12
 """By how many last places a double may miss a number of so many digits that it stands for."""
+FIXED, FIXED_ANGLE = 15, 14
+"""Decimals of a position [m] and of a quaternion, and of an angle [rad] that is not a round number of degrees: more would change in every
+round trip."""
 _ROUND = 1e-11
 """By how much [rad] an angle may miss a round number of degrees that it stands for: 1.57079632679."""
 
@@ -89,7 +92,7 @@ def angles(values: Sequence[float]) -> str:
     values = [0.0 if abs(value) < NOISE else math.pi if value == -math.pi else value for value in values]
     degrees = [_degrees(value) for value in values]
     if None in degrees:
-        return _shared([scaled(value, 0) for value in values], "rad")
+        return _shared([scaled(round(value, FIXED_ANGLE), 0) for value in values], "rad")
     return _shared([word for word in degrees if word is not None], "deg")
 
 
@@ -110,11 +113,15 @@ def pose_words(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> st
     turned = ("rpy", angles(rpy if rpy is not None else rpy_of(pose.rotation)))
     if rpy is None and turned[1].endswith("rad"):
         turned = ("quat", quaternion_words(pose))
-    words = (("xyz", lengths(pose.translation)), turned)
+    words = (("xyz", lengths([round(one, FIXED) for one in pose.translation])), turned)
     said = [f"{key}: {value}" for key, value in words if value != "0 0 0"]
     return f"{before if said else ''}{', '.join(said)}"
 
 
 def quaternion_words(pose: Pose) -> str:
-    """`[1, 0, 0, 0]`."""
-    return f"[{', '.join(quantity(one, '') for one in pose.quaternion())}]"
+    """`[1, 0, 0, 0]`: the largest number follows from the others, which are rounded. Reading the words gives the same words."""
+    q = pose.quaternion()
+    largest = max(range(4), key=lambda k: abs(q[k]))
+    others = [0.0 if k == largest else round(one, FIXED) for k, one in enumerate(q)]
+    others[largest] = math.copysign(math.sqrt(1.0 - math.fsum(one * one for one in others)), q[largest])
+    return f"[{', '.join(quantity(one, '') for one in others)}]"
