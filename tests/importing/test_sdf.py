@@ -172,7 +172,7 @@ def test_what_is_usual_is_taken_and_said(tmp_path: Path) -> None:
 
 def test_included_models_are_those_that_drake_reads(tmp_path: Path) -> None:
     """Placed by frames of their own, one in another, and by a package and a path; with screws and universal joints."""
-    rig, report = HERE / "robots" / "rig", Report()
+    rig, report = HERE / "included", Report()
     found = import_robot(str(rig / "rig.sdf"), report)
     assert found is not None and report.diagnostics == [] and found.losses == ()
     model = compiled(found, tmp_path)
