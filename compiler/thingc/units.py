@@ -333,7 +333,7 @@ def _unknown_unit(text: str, start: int, at: int, end: int, wanted: tuple[Dimens
     one of a `wanted` dimension, if another second letter makes one of it (`mn` where there should be a length)."""
     found = text[at:end]
     fitting = [unit for unit, (_, _, of) in UNITS.items() if of in wanted]
-    near = nearest(found, fitting) or nearest(found, UNITS)
+    near = nearest(found, fitting) or nearest(found, UNITS) or SYNONYMS.get(nearest(found, SYNONYMS) or "")
     slip = near if near and meant(found, UNITS) == near and len(found) > 1 and (found[0] == near[0] or found == "MM") else None
     sure = SYNONYMS.get(found) or slip
     close = sure or next((unit for unit in fitting if len(unit) == len(found) == 2 and unit[0] == found[0]), None)
@@ -342,10 +342,9 @@ def _unknown_unit(text: str, start: int, at: int, end: int, wanted: tuple[Dimens
     if product and not close:
         at, end, found, close, sure = start, stop, text[start:stop], product, product
     close = close or near
-    hint = f"; did you mean `{close}`?" if close else ""
-    message = Hint(f"unknown unit `{shortened(found)}`{hint}", (found, sure) if sure else None)
+    message = f"unknown unit `{shortened(found)}`" + (f"; did you mean `{close}`?" if close else "")
     help = None if close else "units are for example mm, m, deg, rad, g, kg, s, N, N*m, rpm, kg/m^3, %"
-    return UnitError(message, kind="unit", offset=at, end=end, help=help)
+    return UnitError(Hint(message, (found, sure) if sure else None), kind="unit", offset=at, end=end, help=help)
 
 
 def meant_unit(text: str, wanted: tuple[Dimension, ...] = ()) -> str | None:
@@ -434,9 +433,10 @@ def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantit
 
 def _separated(text: str) -> str | None:
     """A hint for three values with commas or units between them."""
-    pieces = [piece.strip() for piece in text.split(",")]
+    pieces = [piece.strip() for piece in re.split("[,x×]", text)]
     if len(pieces) == 3 and all(scan_number(piece) for piece in pieces):
-        return f"write `[{shortened(', '.join(pieces))}]`"
+        shared = all(map(_NUMBER.fullmatch, pieces[:2]))
+        return f"write `{shortened(' '.join(pieces))}`" if shared else f"write `[{shortened(', '.join(pieces))}]`"
     values = re.fullmatch(rf"\s*({_NUMBER.pattern})\s*([^\W\d]+)\s+({_NUMBER.pattern})\s*\2\s+({_NUMBER.pattern})\s*\2\s*", text)
     return f"write `{values.group(1)} {values.group(3)} {values.group(4)} {values.group(2)}`" if values is not None else None
 

@@ -134,9 +134,12 @@ def in_doubt(documents: Documents, report: Report) -> bool:
     ("links: {b: a.2b}", Code.BAD_REFERENCE, "`a.2b` is no reference: `2b` in it is no name", None, "2b"),
     ("links: {b: 3}", Code.WRONG_TYPE, "expected a reference such as `plate.servo_seat`, found the number `3`", None, "3"),
     # nothing
-    ("parameters:", Code.NO_VALUE, "`parameters` has no value", "write a value after the colon, or remove the key", "parameters"),
-    ("poses: {home: }", Code.NO_VALUE, "`home` has no value", "write a value after the colon, or remove the key", "home"),
-    ("description: ~", Code.NO_VALUE, "`description` has no value", "write a value after the colon, or remove the key", "~"),
+    ("parameters:", Code.NO_VALUE, "`parameters` has no value",
+     "write a value after the colon, indent what belongs to the key, or remove it", "parameters"),
+    ("poses: {home: }", Code.NO_VALUE, "`home` has no value",
+     "write a value after the colon, indent what belongs to the key, or remove it", "home"),
+    ("description: ~", Code.NO_VALUE, "`description` has no value",
+     "write a value after the colon, indent what belongs to the key, or remove it", "~"),
     ("materials: [a.yaml, ]\nmounts: {a: null}", None, None, None, None),
 ])
 def test_one_fault_of_an_assembly(

@@ -204,7 +204,10 @@ def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
         )
     before = source.text[max(began, at - _LONGEST_KEY) : at]
     key = re.search(r"[{\[,]\s*([\w.$*-]+) +$", before) if rest in "{[" else None
+    second = re.search(r":.*\s([\w.$*-]+)$", before) if rest == ":" else None
     help = "text with `,`, `:` or quotes inside needs quotes around it"
+    if second is not None:
+        help = f"separate entries by `,`: write one before `{second[1]}`"
     if key is not None:
         help = f"a `:` and a space come after a key: `{key[1]}: {rest}`"
     return SyntaxFault(

@@ -350,9 +350,11 @@ class _Builder:
         start, end = first.start_mark.index, more[-1].end_mark.index
         span, text = self.source.span(start, end), " ".join(piece.value for piece in (first, *more))
         written = self.source.text[start:end]
+        shared = all(scan_number(piece.value) == (piece.value, len(piece.value)) for piece in (first, more[0]))
+        whole = text if shared else f"[{written}]"  # a unit at the end is that of all three
         self.report.add(
             Code.EXPRESSION_COMMA, "the comma ends the value: the three of a vector stand in `[]`, or have spaces between them", span,
-            help=Hint(f"write `[{shortened(written)}]`", (written, f"[{written}]") if "\n" not in written else None),
+            help=Hint(f"write `{shortened(whole)}`", (written, whole) if "\n" not in written else None),
         )
         return ScalarNode(value=text, text=text, span=span, damaged=True)
 

@@ -323,7 +323,10 @@ def _report_single(table: Table, scope: Scope, name: str, path: Path, key: bool)
         message, help = f"a mount is written `component.mount`, found `{name}`", suggested(
             name, table.nodes, what="components",
         )
-        if nearest(name, islice(table.nodes, MAX_SUGGESTED)) is not None:
+        having = [f"`{one.name}.{name}`" for one in table.nodes.values() if _shows(one, name)]
+        if 0 < len(having) <= 3:
+            help = f"did you mean {' or '.join(having)}?"
+        elif nearest(name, islice(table.nodes, MAX_SUGGESTED)) is not None:
             help = f"{help[:-1]}, with one of its mounts after a `.`?"
     scope.error(Code.REFERENCE, message, path, help=help, key=key, notes=notes)
 

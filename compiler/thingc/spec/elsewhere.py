@@ -81,7 +81,7 @@ KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
         **dict.fromkeys(("geoms", "visuals", "collisions"), "shapes"),
         **dict.fromkeys(("geometry", "box", "cylinder", "sphere", "shape", "size", "dimensions", "type", "kind"), _SHAPE),
         **dict.fromkeys(("parent", "origin", "pose", "pos", "position", "location", "placement", "transform", "translation", "on"), _PLACE),
-        "inertial": "`mass`, `com` and `inertia` stand in the component itself",
+        "weight": "mass", "inertial": "`mass`, `com` and `inertia` stand in the component itself",
         **dict.fromkeys(("color", "colour", "rgba", "density", "friction"), _MATERIAL),
         **dict.fromkeys(("joint", "joints"), "joints stand under `joints` of the document: `{type: revolute, parent: ..., child: ...}`"),
         **dict.fromkeys(("children", "child", "components"), "a component says what it sits on, not what sits on it"),
@@ -121,7 +121,7 @@ KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
     modes.ModeSpec: {
         **dict.fromkeys(("type", "fixed_base", "mount"), "base"), **dict.fromkeys(("start", "initial", "keyframe", "home"), "pose"),
         **dict.fromkeys(("keyframes", "keys"), "poses"), **dict.fromkeys(("parent", "base_link", "frame", "link", "component"), "root"),
-        **dict.fromkeys(("drives", "motors"), "actuators"), **dict.fromkeys(("weld", "pinned", "fixed"), "hold"),
+        **dict.fromkeys(("drives", "motors"), "actuators"), **dict.fromkeys(("weld", "pinned"), "hold"), "fixed": "write `base: fixed`",
         **dict.fromkeys(("inherits", "like"), "extends"),
     },
     modes.ContactsSpec: {
@@ -179,7 +179,7 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     "mocap": ("held",),
     **dict.fromkeys(("servo", "pd", "pid", "position_servo"), ("position",)), **dict.fromkeys(("speed", "intvelocity"), ("velocity",)),
     **dict.fromkeys(("torque", "effort", "force", "direct"), ("motor", "force")),
-    **dict.fromkeys(("convex", "convex_hull", "convexhull", "true", "yes"), ("hull",)),
+    **dict.fromkeys(("convex", "convex_hull", "convexhull", "true", "yes"), ("hull", "true")),
     **dict.fromkeys(("false", "no", "off", "nothing"), ("none",)), **dict.fromkeys(("decomposition", "coacd", "vhacd"), ("decompose",)),
     **dict.fromkeys(("primitive", "primitives", "own"), ("part",)), **dict.fromkeys(("trimesh", "stl", "exact"), ("mesh",)),
     **dict.fromkeys(("ground", "flat", "horizontal", "down", "earth"), ("floor",)),
@@ -205,7 +205,7 @@ WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
     assembly.MimicSpec: ("joint",), assembly.RepeatSpec: ("count",), assembly.AtSpec: ("in",), modes.ModeSpec: ("root",),
     stated_masses.InertiaMatrix: ("ixx", "iyy", "izz"), drives.DriveSpec: ("kind",), drives.DynamicsSpec: ("damping",),
     materials.MaterialSpec: ("density",), materials.FrictionSpec: ("slide",), materials.ProcessSpec: ("kind",),
-    sensors.SensorSpec: ("type",), modes.ContactsSpec: ("exclude",),
+    sensors.SensorSpec: ("type",), modes.ContactsSpec: ("exclude",), listed.RoundSpec: ("radius",), listed.LongSpec: ("radius", "length"),
 }
 """Mappings that people write as a value or a list of values, and the keys that those are of."""
 

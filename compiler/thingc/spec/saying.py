@@ -173,6 +173,8 @@ class _Reporter:
         elif shape.kind == "flag" and isinstance(value, str) and value.lower() in ("yes", "no", "on", "off"):
             flag = "true" if value.lower() in ("yes", "on") else "false"
             help = Hint(f"write `{flag}`", (value, flag))
+        elif help is None and isinstance(value, dict) and len(value) == 1 and any(member.kind == "list" for member in alternatives(shape)):
+            help = f"write a list, one item for each: `[{{{shortened(str(next(iter(value))))}: ...}}]`"
         elif help is None and isinstance(value, str) and any(member.kind == "list" for member in alternatives(shape)):
             numbers = re.fullmatch(r"[-+.\deE\s]+", value)  # `0 0 1` is three, and `mass < 2 kg` one rule
             help = f"write `[{shortened(', '.join(value.split()) if numbers else value)}]`"
