@@ -11,7 +11,7 @@ import pytest
 from graph.builder import Array, as_pose, assembly, box, component, joint, linked, mode, pose, ref, rx, rz, t, where, whole
 from modes.switching_robots import Made, bodies, emitted, frame, jacobian, joints_of, mass_matrix, same_motion, stir
 from thingc.diagnostics import Code
-from thingc.modes import BaseElsewhere, BaseMoves
+from thingc.modes import BaseElsewhere, BaseMoves, WrongData
 from thingc.resolve.model import Cut, Hold
 
 COUNT = 9
@@ -145,6 +145,54 @@ def test_of_a_bolted_robot_both_feet_must_be_where_they_stand(made: Made) -> Non
         robot.switch(("near", source), ("bolted", other))
     assert refused.value.angle == pytest.approx(0.25, abs=1e-9)
     assert (other.mocap_pos == before).all()
+
+
+# --- a model with other lengths ----------------------------------------------------------------------------------------
+
+
+def turned(model: mujoco.MjModel) -> None:
+    mujoco.mju_mulQuat(model.body_quat[3], model.body_quat[3].copy(), np.array([np.cos(5e-3), np.sin(5e-3), 0.0, 0.0]))
+
+
+def shifted_joint(model: mujoco.MjModel) -> None:
+    """Across its axis; along it nothing would change."""
+    axis = model.jnt_axis[4]
+    model.jnt_pos[4] += 5e-3 * np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+
+
+def tilted_joint(model: mujoco.MjModel) -> None:
+    model.jnt_axis[4] = rx(0.01)[:3, :3] @ rz(0.01)[:3, :3] @ model.jnt_axis[4]
+
+
+ELSEWHERE = {
+    "link c2": lambda model: model.body_pos.__setitem__(3, model.body_pos[3] + [0.0, 5e-3, 0.0]), "link c2 turned": turned,
+    "joint j5": shifted_joint, "joint j5 tilted": tilted_joint,
+    "mount c8/tip": lambda model: model.site("c8/tip").pos.__iadd__([5e-3, 0.0, 0.0]),
+}
+
+
+@pytest.mark.parametrize("name", ELSEWHERE)
+def test_a_model_with_something_in_another_place_is_refused(made: Made, name: str) -> None:
+    model = mujoco.MjModel.from_xml_string(made.xml["bridge"])
+    data = mujoco.MjData(model)
+    made.modes.read("bridge", data)
+    model.body_mass[:] *= 2.0  # is no place
+    made.modes.read("bridge", data)
+    ELSEWHERE[name](model)
+    kind, thing = name.split(" ")[:2]
+    with pytest.raises(WrongData, match=f"its {kind} `{thing}` is 0.0[01][0-9]* m"):
+        made.modes.read("bridge", data)
+    start = made.data("near")
+    with pytest.raises(WrongData, match="of another variant"):
+        made.modes.switch(("near", start), ("bridge", data))
+
+
+def test_the_same_robot_with_other_mounts_is_another_variant(made: Made) -> None:
+    other = chain(seed=5)
+    for name in made.modes:
+        with pytest.raises(WrongData):
+            made.modes.read(name, other.data(name))
+        other.modes.read(name, other.data(name))
 
 
 # --- loops -------------------------------------------------------------------------------------------------------------

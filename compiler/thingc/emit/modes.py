@@ -16,6 +16,7 @@ from collections.abc import Sequence
 
 from thingc.emit import jsontext
 from thingc.emit.artifact import Artifacts
+from thingc.emit.called import called
 from thingc.emit.jsontext import Fragment, fragment
 from thingc.emit.mjcf import tendons
 from thingc.emit.mjcf.closures import anchor_name
@@ -46,6 +47,11 @@ def emit(request: EmitRequest) -> Artifacts:
     between = separator(request.compat)
     described = {robot.mode.name: describe(robot, request.memo, between) for robot in request.robots}
     return Artifacts(files={"modes.json": jsontext.encode(described)})
+
+
+def alone(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
+    """`modes.json` of a build without its models, as an artifact of the first target."""
+    return {targets[0]: emit(called(request))}
 
 
 def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> dict[str, object]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, overload
 
 from thingc.api import CompileError
 from thingc.diagnostics import Diagnostic, Report
+from thingc.emit.modes import alone
 from thingc.environment import Options
 from thingc.expressions import Expression, ExpressionError, ExpressionValue, evaluate, plain
 from thingc.families.batching import Batches, batched
@@ -34,8 +35,20 @@ from thingc.variants.values import unit_in
 if TYPE_CHECKING:
     import mujoco
 
+    from thingc.modes import Modes
     from thingc.resolve import Sources
     from thingc.variants.planning import Plan
+
+
+class ModeNames(tuple[str, ...]):
+    """The names of the modes of a family. Called with settings, it gives their `thingc.modes.Modes`, to switch between at run time (those
+    named after them, else all); `NoModel`, which is false, if the settings are refused. Raises `UnknownChoice` for another mode."""
+
+    of: Callable[[Mapping[str, Any] | Variant, Sequence[str]], Modes | NoModel]
+
+    def __call__(self, settings: Mapping[str, Any] | Variant, *modes: str) -> Modes | NoModel:
+        """The modes of settings."""
+        return self.of(settings, modes)
 
 
 class RobotFamily:
@@ -82,10 +95,13 @@ class RobotFamily:
             self.close()
             raise CompileError(first.report.ordered())
         self.name: str = first.assembly.name
-        self.modes: tuple[str, ...] = self._plan.modes if self._plan is not None else tuple(one.name for one in first.assembly.modes)
+        names = self._plan.modes if self._plan is not None else tuple(one.name for one in first.assembly.modes)
+        self.modes = ModeNames(names)
+        self.modes.of = self._switching
         self.mode = self.modes[0] if mode is None else self._known(mode)
         self._models: dict[tuple[str, bool, bool], ModelsOfMode] = {}
         self._builds: dict[tuple[str, ...], Builds] = {}
+        self._switches: dict[tuple[str, ...], Builds] = {}
 
     def __enter__(self) -> RobotFamily:
         return self
@@ -162,8 +178,7 @@ class RobotFamily:
         builds = self._builds_of(tuple(map(str, named)))
         store = self._session.environment.store
         try:
-            planned = builds.planned(own)
-            files, problems = builds.passed(own) if planned is None else (planned.files(), planned.problems)
+            files, problems = builds.made(own)
             if files:
                 parent, name = os.path.split(os.path.abspath(os.fsdecode(folder)))
                 if not name or "\0" in name:
@@ -173,6 +188,22 @@ class RobotFamily:
             words = f"the store `{store.root}` no longer has the meshes of parts"
             raise OutputError(words, "make the family anew: what is not there is modelled again") from fault
         return problems
+
+    def _switching(self, settings: Mapping[str, Any] | Variant, modes: Sequence[str]) -> Modes | NoModel:
+        """See `ModeNames`."""
+        from thingc.modes import Modes
+
+        given, read = self._read(settings)
+        if read.report is not None:
+            return NoModel(settings=given, problems=tuple(read.report.ordered()))
+        chosen = tuple(map(self._known, modes or self.modes))
+        if chosen not in self._switches:
+            self._switches[chosen] = Builds(
+                self._session, self._reader, modes=chosen, targets=("mjcf",), verify=self._verify, emit=alone, patience=2,
+            )
+        files, problems = self._switches[chosen].made(self._reader.settings(read))
+        described = files.get("modes.json")
+        return Modes.parse(described) if isinstance(described, bytes) else NoModel(settings=given, problems=problems)
 
     def adopt(self, settings: Mapping[str, Any] | Variant) -> tuple[Diagnostic, ...]:
         """Make settings what the document of the assembly says, as `thingc set` does: comments and layout stay, and values are in the units

@@ -13,6 +13,7 @@ import numpy as np
 from thingc.modes.faults import WrongData
 from thingc.modes.frames import Array, pose, quaternion_of, rotation_of
 from thingc.modes.inertias import Inertias
+from thingc.modes.placements import find_displaced
 from thingc.modes.state import State
 from thingc.modes.tree import Mode
 
@@ -21,7 +22,8 @@ FREE_JOINT = "root"
 
 
 def check(mode: Mode, data: Any) -> None:
-    """Raises `WrongData` where the model of `data` is not that of `mode`: other links, other parents, another base."""
+    """Raises `WrongData` where the model of `data` is not that of `mode`: other links, other parents, another base,
+    or links, joints or mounts in other places."""
     model = data.model
     body_of = _bodies(mode, model)
     wanted = [*(link.name for link in mode.links), *(hold.anchor for hold in mode.holds)]
@@ -45,6 +47,11 @@ def check(mode: Mode, data: Any) -> None:
         raise WrongData(
             f"the data given for mode `{mode.name}` is of another mode's model: expected a {mode.base} `{mode.root_link}`, found "
             f"`{stands}` under the world"
+        )
+    if (elsewhere := find_displaced(mode, model, body_of)) is not None:
+        raise WrongData(
+            f"the data given for mode `{mode.name}` is of another variant: its {elsewhere[0]} is {elsewhere[1]:.3g} m (or rad) from where "
+            "`modes.json` has it; read the `modes.json` of that variant, or use `family.modes(settings)`"
         )
 
 

@@ -33,6 +33,8 @@ from thingc.session import Session
 from thingc.shown import json_text
 
 if TYPE_CHECKING:
+    from thingc.emit.artifact import Artifacts
+    from thingc.emit.request import EmitRequest
     from thingc.realize import GeometryService
 
 FOLLOWED = frozenset(("mjcf", "mjz", "stl", "step", "urdf", "ros", "sdf", "usd", "bom"))
@@ -41,6 +43,9 @@ settings and is laid out around them; `glb` and `html`, whose numbers are bytes.
 
 PATIENCE = 16
 """How many settings of a form are built by every pass before a plan is made, which takes as long as about as many of them."""
+
+Emit = Callable[["EmitRequest", Sequence[str]], "dict[str, Artifacts]"]
+"""What gives the artifacts of targets: `emitted`, or less than that."""
 
 Measured = Callable[[Compilation], "dict[str, Any] | None"]
 """What gives results of a compilation; None where there are none, and no build is wanted."""
@@ -60,13 +65,14 @@ class Build:
 
 
 class Builds:
-    """Builds of one document, for the same modes (none named: all) and targets; `measured` gives their results. `verify`: of each
+    """Builds of one document, for the same modes (none named: all) and targets; `measured` gives their results, `emit` their artifacts, and
+    a plan is made for the settings that are the `patience`-th (a power of two) of their form. `verify`: of each
     plan the first and then one in so many is compared with that by every pass, which MuJoCo compiles, too (None: the first, the second, the
     fourth, the eighth ...; 0: none)."""
 
     def __init__(
         self, session: Session, reader: SettingsReader, *, modes: Sequence[str], targets: Sequence[str], verify: int | None,
-        measured: Measured = lambda compilation: {},
+        measured: Measured = lambda compilation: {}, emit: Emit = emitted, patience: int = PATIENCE,
     ) -> None:
         self._session = session
         self._reader = reader
@@ -74,7 +80,8 @@ class Builds:
         self._targets = tuple(targets)
         self._measured = measured
         self._verify = verify
-        self._forms: Forms[_Template] = Forms(PATIENCE)
+        self._emit = emit
+        self._forms: Forms[_Template] = Forms(patience)
 
     def planned(self, settings: Settings) -> Build | None:
         """The build of settings by a plan; None where there is no plan that they are of: then nothing is known of them."""
@@ -95,6 +102,11 @@ class Builds:
             return None
         return made
 
+    def made(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
+        """The files by a plan or by every pass; none where the settings are refused; and all diagnostics."""
+        planned = self.planned(settings)
+        return self.passed(settings) if planned is None else (planned.files(), planned.problems)
+
     def passed(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
         """The files by every pass, of which MuJoCo takes every model; none where the settings are refused; and all that was said."""
         build, problems = self._passed(settings)
@@ -106,7 +118,8 @@ class Builds:
         if report.failed:
             return None, tuple(report.ordered())
         results = self._measured(compilation)
-        artifacts = self._session.emit(compilation, self._targets, verify=verify) if results is not None else {}
+        request = pipeline.request_of(self._session.environment, compilation, verify=verify)
+        artifacts = self._emit(request, self._targets) if results is not None else {}
         problems = tuple(report.ordered())
         if report.failed or results is None:
             return None, problems
@@ -156,7 +169,7 @@ class Builds:
         tape.writing = True
         try:
             request = pipeline.request_of(environment, compilation, verify=0)
-            artifacts = emitted(replace(request, geometry=cast("GeometryService", _Kernel(request.geometry))), self._targets)
+            artifacts = self._emit(replace(request, geometry=cast("GeometryService", _Kernel(request.geometry))), self._targets)
             files = pipeline.files(environment, replace(compilation, settings=settings), artifacts)
         finally:
             tape.writing = False

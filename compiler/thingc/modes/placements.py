@@ -1,0 +1,96 @@
+"""Whether a `mujoco.MjModel` has the lengths of a mode: the same links, joints and mounts can be placed elsewhere, in another variant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from thingc.modes.frames import Array, angle_between, pose, rotation_of
+from thingc.modes.tree import Mode
+
+CLOSE = 1e-6
+"""How far [m, rad] a placement can be from that of the mode."""
+
+SLIDE = 2
+"""`mjtJoint` of MuJoCo."""
+
+
+PLACES = ("names", "body_parentid", "body_pos", "body_quat", "jnt_type", "jnt_pos", "jnt_axis", "site_pos", "site_quat")
+"""What of a model is compared."""
+
+
+@lru_cache(maxsize=64)
+def _accepted(mode: Mode) -> list[list[bytes]]:
+    """The places of the last model that was found to be of a mode: most calls are for the same one."""
+    return []
+
+
+@lru_cache(maxsize=64)
+def _motions(mode: Mode) -> Array:
+    """(links, 6, joints): the twist of each link per unit of each v at q = 0, in the axes of the root link."""
+    return np.array(mode.jacobians(mode.state(base_pose=np.eye(4))))[:, :, 6:]
+
+
+def find_displaced(mode: Mode, model: Any, body_of: Mapping[str, int]) -> tuple[str, float] | None:
+    """The first link, joint or mount that `model`, which has the links of `mode` as bodies, places elsewhere, and how far [m, rad] that
+    is; None if there is none."""
+    places = [bytes(getattr(model, name)) for name in PLACES]
+    if places in _accepted(mode):
+        return None
+    displaced = next(((name, far) for name, far in _distances(mode, model, body_of) if far > CLOSE), None)
+    _accepted(mode)[:] = [places] if displaced is None else []
+    return displaced
+
+
+def _distances(mode: Mode, model: Any, body_of: Mapping[str, int]) -> Iterator[tuple[str, float]]:
+    root = body_of[mode.root_link]
+    X = {root: np.eye(4)}
+    for body in range(root + 1, model.nbody):
+        parent = int(model.body_parentid[body])
+        if parent in X:
+            X[body] = X[parent] @ pose(rotation_of(model.body_quat[body]), model.body_pos[body])
+    own = {number for number, link in enumerate(mode.links) if model.body(body_of[link.name]).name == link.name}
+    for number in sorted(own):
+        link = mode.links[number]
+        yield f"link `{link.name}`", _apart(link.X_root_link, X[body_of[link.name]])
+    motions = _motions(mode)
+    for column, joint in enumerate(mode.joints):
+        here = mode.links[joint.child].X_root_link[:3, 3]
+        found = sum(ratio * _motion(model, name, X, here, joint) for name, ratio in joint.in_model.items())
+        yield f"joint `{joint.name}`", float(np.abs(found - motions[joint.child, :, column]).max())
+    sites = {model.site(number).name: number for number in range(model.nsite)}
+    for carrier, name, X_LM, turns in _frames(mode):
+        if carrier in own and name in sites:
+            site = sites[name]
+            found = pose(X_LM[:3, :3] if turns else rotation_of(model.site_quat[site]), model.site_pos[site])
+            yield f"mount `{name}`", _apart(X_LM, found)
+
+
+def _frames(mode: Mode) -> Iterator[tuple[int, str, Array, bool]]:
+    """The frames on links (indices) that the model has as sites, by name, and whether these are points."""
+    for hold in mode.holds:
+        yield hold.link, hold.anchor.removesuffix(":held"), hold.X_LM, hold.turns
+    for cut in mode.cuts:
+        yield cut.parent, f"{cut.name}:parent", cut.X_PA, True
+        yield cut.child, f"{cut.name}:child", cut.X_CB, True
+
+
+def _motion(model: Any, name: str, X: Mapping[int, Array], here: Array, joint: Any) -> Array:
+    """(6,): the twist of what a joint of the model moves, at a point `here`, per unit of its v at q = 0."""
+    one = model.joint(name)
+    place = X[int(one.bodyid[0])]
+    if joint.ball is None:
+        axis = place[:3, :3] @ one.axis
+    else:
+        axis = place[:3, :3] @ joint.ball.R[:, joint.ball.coordinates.index(joint.name)]
+    if int(one.type[0]) == SLIDE:
+        return np.concatenate([axis, np.zeros(3)])
+    return np.concatenate([np.cross(axis, here - place[:3, 3] - place[:3, :3] @ one.pos), axis])
+
+
+def _apart(X: Array, other: Array) -> float:
+    """The larger of the distance [m] and the angle [rad] between two poses."""
+    return max(float(np.linalg.norm(X[:3, 3] - other[:3, 3])), angle_between(X[:3, :3], other[:3, :3]))
