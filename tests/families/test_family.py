@@ -312,3 +312,47 @@ def test_a_parameter_of_a_nested_document_is_a_number_in_si(tmp_path: Path) -> N
                 assert walkers.evaluate({"components.leg.parameters.length": length})["mass"] == pytest.approx(2.3, abs=1e-12)
             (problem,) = walkers.evaluate({"components.leg.parameters.length": 0.5}).problems
             assert "must be at most 400 mm, found `500 mm`" in problem.message
+
+
+BODY = "mass: 1 kg, inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}"
+FINGER = f"""\
+thingc: assembly/1
+name: finger
+components: {{base: {{frame: true, {BODY}}}, tip: {{frame: true, {BODY}}}}}
+joints: {{bend: {{type: revolute, parent: base.origin, child: tip.origin, limit: {{lower: -1 rad, upper: 1 rad}}}}}}
+mounts: {{knuckle: base.origin}}
+"""
+HAND = f"""\
+thingc: assembly/1
+name: hand
+components:
+  palm: {{frame: true, {BODY}}}
+  thumb: {{assembly: finger.yaml}}
+  index: {{assembly: finger.yaml, repeat: {{count: 2, as: k}}}}
+joints:
+  swing: {{type: revolute, parent: palm.origin, child: thumb.knuckle, limit: {{lower: -1 rad, upper: 1 rad}}}}
+  spread:
+    repeat: {{count: 2, as: k}}
+    type: revolute
+    parent: palm.origin
+    child: index_$k.knuckle
+    limit: {{lower: -1 rad, upper: 1 rad}}
+modes: {{free: {{root: palm, base: free}}}}
+"""
+
+
+@pytest.mark.parametrize(("pattern", "joints"), [
+    ("joints.*.dynamics.damping", {"swing", "spread_0", "spread_1", "thumb/bend", "index_0/bend", "index_1/bend"}),
+    ("joints.s*.dynamics.damping", {"swing", "spread_0", "spread_1"}),
+    ("joints.b*.dynamics.damping", {"thumb/bend", "index_0/bend", "index_1/bend"}),
+    ("components.*.joints.bend.dynamics.damping", {"thumb/bend", "index_0/bend", "index_1/bend"}),
+    ("components.t*.joints.*.dynamics.damping", {"thumb/bend"}),
+])
+def test_stars_reach_nested_documents(tmp_path: Path, shared_store: str, pattern: str, joints: set[str]) -> None:
+    (tmp_path / "finger.yaml").write_text(FINGER)
+    (tmp_path / "hand.yaml").write_text(HAND)
+    with thingc.family(tmp_path / "hand.yaml", store=shared_store) as hand:
+        for value in (0.25, 0.5, 0.75):
+            model = hand.model({pattern: value})
+            found = {model.joint(k).name: model.dof_damping[model.jnt_dofadr[k]] for k in range(1, model.njnt)}
+            assert found == {name: value if name in joints else 0.0 for name in found} and joints <= found.keys()

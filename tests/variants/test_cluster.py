@@ -12,6 +12,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -127,6 +128,22 @@ def test_dask_writes_what_the_local_engine_writes(tmp_path: Path, shared_store: 
 
 
 @pytest.mark.slow
+def test_a_worker_that_dies_during_the_check_is_left_out(tmp_path: Path, shared_store: str) -> None:
+    """A stopped worker does not answer, and is killed while the driver waits for it; another one is there."""
+    with dask(tmp_path / "dask", environment(shared_store), 2) as two:
+        engine = dask_cluster.DaskCluster(two.address)
+        two.workers[0].send_signal(signal.SIGSTOP)
+        killing = threading.Timer(1.0, two.workers[0].kill)
+        killing.start()
+        started = time.monotonic()
+        engine.check({str(two.file): hashlib.sha256(two.file.read_bytes()).hexdigest()})
+        assert time.monotonic() - started > 0.9, "it was alive when the check began"
+        killing.join()
+        with pytest.raises(BatchFault, match="sees another content of"):
+            engine.check({str(two.file): "0" * 64})
+        engine.shutdown()
+
+
 def test_workers_killed_on_the_way_take_nothing_along(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, faults=listed(dict.fromkeys(range(COUNT), "slow"), COUNT))
     env = environment(shared_store, with_emitter(tmp_path))

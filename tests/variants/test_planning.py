@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 import time
 from itertools import product
 from pathlib import Path
@@ -18,8 +19,9 @@ from scipy.stats import qmc
 from thingc.diagnostics import Code
 from thingc.environment import Options
 from thingc.expressions import text_of
+from thingc.stamp import state_of
 from thingc.units import ANGLE, FREQUENCY, INERTIA, LENGTH, MASS, NUMBER, TORQUE, Dimension, Quantity, parse_quantity
-from thingc.variants import Plan, PlanError, plan
+from thingc.variants import Plan, PlanError, description, places, plan
 from thingc.variants.sampling import points
 from thingc.variants.values import spaced
 from variants.robots import workspace
@@ -321,3 +323,21 @@ def test_a_grid_of_two_quadrillion_is_refused_before_it_is_worked_out(
                                      "  a: {from: 0 mm, to: 9 mm, count: 10}\n  b: {from: 0 mm, to: 9 mm, count: 10}\n")
     monkeypatch.setattr("thingc.variants.reading.MOST", 100)
     assert plan(str(tmp_path / "v.yaml"), options=Options(store=shared_store)).count == 100, "as many as may be"
+
+
+def test_machines_are_asked_for_files_of_the_workspace_alone(tmp_path: Path, shared_store: str) -> None:
+    """A document of an installed package is an input of the plan, and no file below the workspace."""
+    workspace(tmp_path, family=HEAD + "parameters: {length: [200 mm, 400 mm]}\n")
+    document = tmp_path / "pendulum.yaml"
+    text = document.read_text()
+    assert "materials:\n" in text
+    densities = "light: {density: 500 kg/m^3}, heavy: {density: 5000 kg/m^3}"
+    (tmp_path / "own.yaml").write_text(f"thingc: materials/1\nmaterials: {{{densities}}}\n")
+    listed = "materials: [own.yaml, thingc_stock.materials]\n"
+    document.write_text(re.sub(r"materials:\n( +.*\n){2}", listed, text, count=1))
+    found = plan(str(tmp_path / "family.yaml"), options=Options(store=shared_store))
+    (tmp_path / "batch").mkdir()
+    (tmp_path / "batch" / places.BATCH).write_text("{}")
+    files = description.seen(found, str(tmp_path / "batch"))
+    assert any("thingc_stock.materials" in name for name in found.inputs) and str(document) in files
+    assert {path: state_of(path) for path in files} == files

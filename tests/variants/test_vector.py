@@ -245,6 +245,31 @@ def test_an_end_must_be_seen_to_where_nothing_begins_anew(family: thingc.RobotFa
         worlds.step(np.zeros((2, 1)))
 
 
+def test_a_refused_draw_is_drawn_again(family: thingc.RobotFamily) -> None:
+    """Each world draws from its own source until settings are sound: what comes out is what that source draws among sound ones."""
+    def draw(source: np.random.Generator) -> dict[str, float]:
+        return {"length": source.uniform(0.2, 1.6)}  # at most 0.9 m is sound
+
+    worlds = make_vec_env(family, 6, mode="hanging", settings=draw, max_steps=1)
+    worlds.reset(seed=3)
+    expected = []
+    for k in range(6):
+        source = np.random.default_rng(3 + k)
+        expected.append(next(one["length"] for one in iter(lambda source=source: draw(source), None) if one["length"] <= 0.9))
+    assert [settings["length"] for settings in worlds.settings] == expected
+    for _ in range(4):
+        worlds.step(np.zeros((6, 1)))
+    assert sum(worlds.refused.values()) > 3 and all("at most 900 mm" in reason for reason in worlds.refused)
+    listed = make_vec_env(family, 3, mode="hanging", settings=[{"length": 7.0}, {"length": 0.3}, {"length": 0.4}])
+    listed.reset(seed=0)
+    assert {settings["length"] for settings in listed.settings} <= {0.3, 0.4}
+    with pytest.raises(FamilyError, match="at most 900 mm"):
+        listed.reset(options={"variant": 0})
+    never = make_vec_env(family, 2, mode="hanging", settings=lambda source: {"length": 1.0 + source.random()})
+    with pytest.raises(FamilyError, match="at most 900 mm"):
+        never.reset(seed=1)
+
+
 def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: Path) -> None:
     for given, kind, words in (
         ({"mode": "hangin"}, UnknownChoice, "has no mode `hangin`"),

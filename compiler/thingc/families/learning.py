@@ -12,7 +12,7 @@ by itself, as libraries that know no vectors take it, is `make_env`, or `gymnasi
 from __future__ import annotations
 
 import os
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from numbers import Integral
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from thingc.families.descriptors import Descriptor
 from thingc.families.family import RobotFamily, as_many
 from thingc.families.family import family as family_of
 from thingc.families.results import NoModel
@@ -49,6 +50,9 @@ __all__ = [
 ENVIRONMENT = "thingc/Family-v0"
 CACHED = 1024
 """Morphologies whose models are kept, besides those that are simulated, unless told otherwise."""
+
+DRAWS = 100
+"""How many settings in a row may be refused when an episode begins."""
 
 Settings = Mapping[str, Any]
 Draw = Callable[[np.random.Generator], Settings]
@@ -95,7 +99,8 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
     """Worlds of the robots of a family, stepped together in threads. Make it with `make_vec_env`, which says what it is given.
 
     A world does what a single environment of `thingc.variants.learning` does with that robot: observations, rewards and infos, and from the
-    same seed episodes are the same. A world that has ended begins anew as `metadata["autoreset_mode"]` says.
+    same seed episodes are the same. A world that has ended begins anew as `metadata["autoreset_mode"]` says. Settings that are refused are
+    drawn again; `refused` counts them by what is wrong.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}
@@ -118,16 +123,22 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         self._owned = owned
         self._threads = min(worlds.threads, num_envs)
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
-        self._kept: OrderedDict[Any, Morphology] = OrderedDict()
+        self._kept: OrderedDict[Any, Morphology | NoModel] = OrderedDict()
+        self.refused: Counter[str] = Counter()
         self._worlds: list[tuple[Any, Morphology, Episode] | None] = [None] * num_envs
         self._sources: list[np.random.Generator | None] = [None] * num_envs
         self._ended = np.zeros(num_envs, dtype=bool)
         if choices.many:
             self._likely = np.full(len(choices.many), 1.0 / len(choices.many)).cumsum()  # as numpy's `choice` has it
             self._likely /= self._likely[-1]
-        self._descriptor = _Descriptor(family, descriptor)
-        key, settings = (0, choices.many[0]) if choices.many else ((), {})
-        self._first = self._made([key], [settings], None)[0].model
+        self._descriptor = Descriptor(family, descriptor)
+        for key, settings in enumerate(choices.many or ({},)):
+            first = self._made([key if choices.many else ()], [settings], None)[0]
+            if isinstance(first, Morphology):
+                break
+        if isinstance(first, NoModel):
+            raise _refusal(first)
+        self._first = first.model
         length = self._first.nq + self._first.nv + len(descriptor)
         self.single_observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (length,), np.float64)
         self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (self._first.nu,), np.float64)
@@ -245,15 +256,26 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
             list(self._pool.map(_run, [episodes[k:: self._threads] for k in range(self._threads)]))
 
     def _begin(self, worlds: Sequence[int], infos: dict[str, Any], wanted: Any) -> None:
-        """A new episode in each of these worlds."""
-        drawn = [self._drawn(self._source(k), wanted) for k in worlds]
-        keys = [key for key, _ in drawn]
-        for k, key, morphology in zip(worlds, keys, self._made(keys, [settings for _, settings in drawn], self._first)):
-            episode = Episode(morphology.model, self._state(k, morphology), morphology.settings, self._rules, morphology.spans)
-            self._worlds[k] = (key, morphology, episode)
-            episode.begin(self._source(k), self._name(key))
-            self._see(k)
-            self._add_info(infos, self._called(k), k)
+        """A new episode in each of these worlds. A world whose settings are refused draws others from its own source. Raises
+        `FamilyError` for a wanted variant that is refused, or if too many are refused in a row."""
+        refused: NoModel | None = None
+        for _ in range(DRAWS if wanted is None else 1):
+            drawn = [self._drawn(self._source(k), wanted) for k in worlds]
+            keys, again = [key for key, _ in drawn], []
+            for k, key, morphology in zip(worlds, keys, self._made(keys, [settings for _, settings in drawn], self._first)):
+                if isinstance(morphology, NoModel):
+                    refused = morphology
+                    self.refused[morphology.reason] += 1
+                    again.append(k)
+                    continue
+                episode = Episode(morphology.model, self._state(k, morphology), morphology.settings, self._rules, morphology.spans)
+                self._worlds[k] = (key, morphology, episode)
+                episode.begin(self._source(k), self._name(key))
+                self._see(k)
+                self._add_info(infos, self._called(k), k)
+            worlds = again
+        if worlds and refused is not None:
+            raise _refusal(refused)
 
     def _drawn(self, source: np.random.Generator, wanted: Any) -> tuple[Any, Settings]:
         """Settings, and what they are kept by."""
@@ -278,14 +300,15 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
             raise UnknownVariant(f"there is no variant `{wanted}`: {known}")
         return int(wanted) % count
 
-    def _made(self, keys: Sequence[Any], many: Sequence[Settings], first: mujoco.MjModel | None) -> list[Morphology]:
-        """The morphologies of settings. Raises `FamilyError` for refused ones, and where a model has other sizes than the `first`."""
+    def _made(self, keys: Sequence[Any], many: Sequence[Settings], first: mujoco.MjModel | None) -> list[Morphology | NoModel]:
+        """The morphologies of settings, `NoModel` of refused ones. Raises `FamilyError` where a model has other sizes than the `first`."""
         new = {key: settings for key, settings in zip(keys, many) if key not in self._kept}
         simulated = self._simulated
         models = self.family.models(new.values(), mode=simulated.mode, visual=simulated.visual, floor=simulated.floor)
         for (key, settings), model in zip(new.items(), models):
             if isinstance(model, NoModel):
-                raise FamilyError(f"the settings {dict(settings)} are refused: {model.problems[0].message}")
+                self._kept[key] = model
+                continue
             if first is not None and (model.nq, model.nv, model.nu) != (first.nq, first.nv, first.nu):
                 sizes = [f"nq, nv, nu = {one.nq}, {one.nv}, {one.nu}" for one in (model, first)]
                 raise FamilyError(f"in mode `{self.mode}` the settings {dict(settings)} have {sizes[0]}, and others {sizes[1]}")
@@ -345,7 +368,8 @@ def make_vec_env(
     that the observation ends with, each scaled from its bounds to [-1, 1]. The models of `cache` morphologies are kept. `autoreset_mode`
     says when a world whose episode has ended begins anew (`NextStep`, `SameStep` or `Disabled`). All else is as in `make_env`.
 
-    Raises `FamilyError` where there is nothing to simulate or settings are refused, `UnknownVariant` for an unknown task or descriptor,
+    Settings that are refused are drawn again. Raises `FamilyError` where there is nothing to simulate, or if too many settings in a row are
+    refused, `UnknownVariant` for an unknown task or descriptor,
     `UnknownChoice` for a mode, `CompileError` for a document with errors.
     """
     made = rules(reward, terminated, frame_skip, max_steps, pose, noise)
@@ -457,34 +481,8 @@ def _key(settings: Settings) -> tuple[tuple[str, Any], ...]:
     return key
 
 
-class _Descriptor:
-    """The numbers of settings that an observation ends with, each scaled from its bounds to [-1, 1]. Raises `UnknownVariant` for a name
-    that is not there, and `FamilyError` for one without bounds."""
-
-    def __init__(self, family: RobotFamily, names: Sequence[str]) -> None:
-        self._names = tuple(names)
-        known = family.space.names if names else ()
-        spans: list[tuple[float, float]] = []
-        for name in names:
-            if name not in known:
-                raise UnknownVariant(f"`{family.name}` has nothing to set called `{name}`: {did_you_mean(str(name), known, what='names')}")
-            one = family.space[name]
-            numbers = [value for value in one.choices if isinstance(value, int | float)] or [one.low, one.high]
-            if None in numbers or len(numbers) < len(one.choices):
-                raise FamilyError(f"expected `{name}` to be a number between bounds")
-            spans.append((min(numbers), max(numbers)))
-        self._family = family
-        self._low = np.array([low for low, _ in spans])
-        self._span = np.array([high - low for low, high in spans])
-
-    def __call__(self, settings: Settings) -> Array:
-        """The scaled numbers (names,)."""
-        if not self._names:
-            return np.zeros(0)
-        numbers = self._family.numbers(settings)
-        values = np.array([numbers.get(name, self._family.space[name].value) for name in self._names], np.float64)
-        wide = self._span > 0.0
-        return np.where(wide, 2.0 * (values - self._low) / np.where(wide, self._span, 1.0) - 1.0, 0.0)
+def _refusal(refused: NoModel) -> FamilyError:
+    return FamilyError(f"the settings {dict(refused.settings)} are refused: {refused.reason}")
 
 
 def _run(episodes: Iterable[Episode]) -> None:

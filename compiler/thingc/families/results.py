@@ -57,9 +57,13 @@ class NoModel(Brief):
     def __bool__(self) -> bool:
         return False
 
+    @property
+    def reason(self) -> str:
+        """The messages of the errors."""
+        return "; ".join(dict.fromkeys(one.message for one in self.problems if one.severity is Severity.ERROR))
+
     def __repr__(self) -> str:
-        why = "; ".join(dict.fromkeys(one.message for one in self.problems if one.severity is Severity.ERROR))
-        return f"NoModel({dict(self.settings)}: {why})"
+        return f"NoModel({dict(self.settings)}: {self.reason})"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -59,7 +59,7 @@ def _distances(mode: Mode, model: Any, body_of: Mapping[str, int]) -> Iterator[t
     motions = _motions(mode)
     for column, joint in enumerate(mode.joints):
         here = mode.links[joint.child].X_root_link[:3, 3]
-        found = sum(ratio * _motion(model, name, X, here, joint) for name, ratio in joint.in_model.items())
+        found = np.sum([ratio * _motion(model, name, X, here, joint) for name, ratio in joint.in_model.items()], axis=0)
         yield f"joint `{joint.name}`", float(np.abs(found - motions[joint.child, :, column]).max())
     sites = {model.site(number).name: number for number in range(model.nsite)}
     for carrier, name, X_LM, turns in _frames(mode):

@@ -13,12 +13,17 @@ from typing import Any
 from thingc.diagnostics import Code, Report
 from thingc.expressions import Expression, ExpressionError, ExpressionValue, evaluate, parse_expression, text_of
 from thingc.frozen import dataclass
+from thingc.load import Documents
 from thingc.resolve import AssemblyParameters, Settings, Sources
-from thingc.source import SET, MappingNode, Node
-from thingc.spec import dimension_stated, stated_parameter, stated_value
+from thingc.source import SET, Document, MappingNode, Node
+from thingc.spec import dimension_stated, nested_document, stated_parameter, stated_value
 from thingc.spec.assembly import AssemblySpec
+from thingc.spec.choices import SECTIONS
 from thingc.typos import did_you_mean
 from thingc.units import NUMBER, Quantity, UnitError, parse_quantity
+
+EVERYWHERE = frozenset(("joints", "links", "sensors", "tendons"))
+"""Sections of which a name with stars means those of nested documents, too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +73,8 @@ class SettingsReader:
         return stated_parameter(self._documents, path)
 
     def meant(self, name: str) -> tuple[str, ...]:
-        """The names that one with stars stands for (`joints.*.dynamics.damping`, `leg_*` of parameters); one without is itself."""
+        """The names that one with stars stands for (`joints.*.dynamics.damping`, `leg_*` of parameters), in nested documents as well; one
+        without is itself."""
         known = self._meant.get(name)
         if known is None:
             if "*" not in name:
@@ -76,7 +82,7 @@ class SettingsReader:
             elif "." not in name:
                 known = tuple(one for one in self.parameters if fnmatchcase(one, name))
             else:
-                known = tuple(_matching(self._documents.root.tree, name.split(".")))
+                known = tuple(_everywhere(self._documents, self._documents.root, name.split(".")))
             self._meant[name] = known
         return known
 
@@ -224,12 +230,30 @@ def _stated(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue 
         return None
 
 
-def _matching(node: Node | None, words: Sequence[str], before: tuple[str, ...] = ()) -> list[str]:
+def _everywhere(documents: Documents, document: Document, words: Sequence[str], before: tuple[str, ...] = ()) -> list[str]:
+    """The paths that words with stars stand for, in a document and in those that it nests: `joints.*` are the joints of all of them."""
+    found = _matching(documents, document, document.tree, words, before)
+    components = document.tree.entries.get("components") if words[0] in EVERYWHERE else None
+    for name in components.entries if isinstance(components, MappingNode) else ():
+        inner = nested_document(documents, document, name)
+        if inner is not None:
+            found += _everywhere(documents, inner, words, (*before, "components", name))
+    return found
+
+
+def _matching(
+    documents: Documents, document: Document, node: Node | None, words: Sequence[str], before: tuple[str, ...],
+) -> list[str]:
     """The paths below a node that words with stars stand for; behind the last star a path need not be there yet."""
+    if before[-2:-1] == ("components",) and words and words[0] in SECTIONS and node is not document.tree:
+        inner = nested_document(documents, document, before[-1])
+        if inner is None:
+            return []
+        document, node = inner, inner.tree
     if not any("*" in word for word in words):
         return [".".join((*before, *words))]
     if not isinstance(node, MappingNode):
         return []
     first, *rest = words
     names = [key for key in node.entries if fnmatchcase(key, first)]
-    return [path for name in names for path in _matching(node.entries[name], rest, (*before, name))]
+    return [path for name in names for path in _matching(documents, document, node.entries[name], rest, (*before, name))]

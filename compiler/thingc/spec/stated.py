@@ -29,7 +29,7 @@ def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
     document, keys = _leading(documents, path)
     if document is None or len(keys) != 4 or (keys[0], keys[2]) != ("components", "parameters"):
         return None
-    document = _nested(documents, document, keys[1])
+    document = nested_document(documents, document, keys[1])
     if document is None:
         return None
     said = (_value(documents, document, ("parameters", keys[3], *inner)) for inner in ((), ("value",)))
@@ -48,11 +48,12 @@ def _leading(documents: Documents, path: str) -> tuple[Document | None, tuple[st
     document: Document | None = documents.root
     while document is not None and (through := nested(path)) is not None:
         component, path = through
-        document = _nested(documents, document, component)
+        document = nested_document(documents, document, component)
     return document, tuple(path.split("."))
 
 
-def _nested(documents: Documents, document: Document, component: str) -> Document | None:
+def nested_document(documents: Documents, document: Document, component: str) -> Document | None:
+    """The document that a component of another one nests; None of any other component."""
     text = node_at(document.tree, ("components", component, "assembly"))
     return documents.named(document, text.text) if isinstance(text, ScalarNode) else None
 

@@ -75,13 +75,17 @@ class DaskCluster(Carrier):
         return future
 
     def check(self, files: Mapping[str, str]) -> None:
-        """Ask every worker that is there now."""
+        """Ask every worker that is there now. Workers that die meanwhile are left out."""
         mine = dict(versions())
         try:
             answers: dict[str, Any] = self._client.run(seen, list(files), on_error="return")
         except Exception as fault:
             raise self._lost(_first_line(fault)) from None
-        for worker, answer in sorted(answers.items()):
+        died = (import_module("distributed.comm").CommClosedError, ConnectionError, TimeoutError)
+        there = {worker: answer for worker, answer in sorted(answers.items()) if not isinstance(answer, died)}
+        if answers and not there:
+            raise self._lost("no worker answers")
+        for worker, answer in there.items():
             if isinstance(answer, BaseException):
                 raise BatchFault(
                     Code.CLUSTER, f"the worker {worker} cannot run thingc: {_first_line(answer)}",

@@ -352,7 +352,10 @@ class _Planner:
         """The digests of the documents and of the code that the plan depends on, by path (in the workspace where it lies there)."""
         from thingc.stamp import state_of
 
-        digests = {path: one.sha256 for path, one in self.sources.documents.by_path.items()}
+        digests = {
+            path if os.path.lexists(os.path.join(self.workspace.root, path)) else OUTSIDE + path: one.sha256  # one of a package
+            for path, one in self.sources.documents.by_path.items()
+        }
         for path in sorted(self.environment.parts.inputs):
             name = self.workspace.relative(path) if self.workspace.contains(path) else OUTSIDE + os.path.basename(path)
             state = state_of(path)
