@@ -14,7 +14,7 @@ from emit.small_robot import assembly, petg, request
 from thingc.csvcell import cell
 from thingc.emit.bom import COLUMNS, emit, items, make_of
 from thingc.graph.hag import Definition
-from thingc.graph.types import Assembly
+from thingc.graph.types import Assembly, Occurrence
 from thingc.realize.record import PartDefinition
 from thingc.realize.store.local import Store
 from thingc.resolve.model import BomEntry, Overrides, Process
@@ -128,6 +128,27 @@ def test_a_mirror_image_is_a_row_of_its_own(whole: Assembly) -> None:
     rows = [row for row in items(changed(whole, "brace_b", definition=image)) if row.name.startswith("Brace")]
     assert [(row.name, row.definition, row.quantity) for row in rows] == [
         ("Brace", "arm:Brace(length=0.12)", 1), ("Brace (mirror=y)", "arm:Brace(length=0.12, mirror=y)", 1),
+    ]
+
+
+def test_the_mirror_image_of_a_bought_part_is_bought_as_the_part(whole: Assembly) -> None:
+    servo = next(o for o in whole.occurrences if o.path == "servo_b")
+    assert isinstance(servo.component.definition, PartDefinition)
+    image = Definition.of(servo.component.definition.mirrored("y"))
+    rows = [row for row in items(changed(whole, "servo_b", definition=image)) if row.name == "XM430"]
+    assert [(row.name, row.definition, row.quantity) for row in rows] == [("XM430", "stock:XM430", 2)]
+
+
+def test_items_of_a_repeat_are_one_row(whole: Assembly) -> None:
+    board = next(o for o in whole.occurrences if o.path == "board")
+
+    def item(name: str, key: str, number: str | None = None) -> Occurrence:
+        return replace(board, component=replace(board.component, name=name, key=key), bom=BomEntry(number=number))
+
+    pieces = (item("cell_0", "cell"), item("cell_1", "cell"), item("nut_left", "nut_left", "M3"), item("nut_right", "nut_right", "M3"))
+    rows = items(replace(whole, occurrences=(*pieces, item("fuse", "fuse"), item("fuse_holder", "fuse_holder"))))
+    assert [(row.number, row.name, row.quantity) for row in rows] == [
+        ("1", "cell", 2), ("M3", "nut_left", 2), ("2", "fuse", 1), ("3", "fuse_holder", 1),
     ]
 
 

@@ -256,6 +256,7 @@ def component(
 ) -> Component:
     return Component(
         name=name,
+        key=name,
         definition=part(definition) if isinstance(definition, str) else definition,
         frame=frame,
         placement=placement,
@@ -407,6 +408,7 @@ def occurrence(
     """An occurrence of a part, or a frame; without a mass, a colour and mounts where none are said."""
     component = Component(
         name=path.rpartition("/")[2],
+        key=path.rpartition("/")[2],
         definition=definition,
         frame=definition is None,
         placement=None,

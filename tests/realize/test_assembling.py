@@ -47,7 +47,7 @@ def instances(module_place: Any, define: Callable[..., Any]) -> list[Placed]:
         Placed(path="plate", definition="parts_:Block", brep=block.brep, pose=Pose(), color="#ff8000"),
         Placed(path="hand/cap", definition="parts_:Block", brep=block.brep, pose=shifted(0.1, 0, 0.05) @ turned_z(math.pi / 2),
                color="#0040ff"),
-        Placed(path="hand/inner/rod", definition="parts_:Rod", brep=rod.brep, pose=shifted(0, 0, 0.2), color=None),
+        Placed(path="hand/inner/rod", definition="Gehäuse Ø5 it's 𝒳.step", brep=rod.brep, pose=shifted(0, 0, 0.2), color=None),
         Placed(path="two", definition="parts_:Pair", brep=pair.brep, pose=shifted(0, 0, 0.3), color="#102030"),
         Placed(path="other", definition="parts_:Pair", brep=pair.brep, pose=shifted(0, 0, 0.4), color="#102030"),
     ]
@@ -143,7 +143,9 @@ def test_read_back(module_place: Any, instances: list[Placed], tmp_path: Path) -
     path.write_bytes(data)
     found, definitions = leaves(path)
     assert list(found) == ["plate", "hand/cap", "hand/inner/rod", "two", "other"]
-    assert definitions == {"parts_:Block", "parts_:Rod", "parts_:Pair"}
+    assert definitions == {"parts_:Block", "Gehäuse Ø5 it's 𝒳.step", "parts_:Pair"}
+    # ISO 10303-21, 6.4.3.3: U+00E4, U+00D8, U+1D4B3
+    assert b"PRODUCT('Geh\\X2\\00E4\\X0\\use \\X2\\00D8\\X0\\5 it''s \\X4\\0001D4B3\\X0\\.step'," in data and data.isascii()
     assert {name: color for name, (_, color) in found.items()} == {
         "plate": "#ff8000", "hand/cap": "#0040ff", "hand/inner/rod": None, "two": "#102030", "other": "#102030",
     }

@@ -56,7 +56,7 @@ export interface Mode extends Place {
 
 export interface BomRow {
   number: string; name: string; definition: string; quantity: number; make: string; material: string | null; mass: number;
-  source: string; supplier: string | null; cost: string | null;
+  source: string; supplier: string | null; cost: string | null; pieces: number[];
 }
 
 export interface Robot {

@@ -11,6 +11,7 @@ from thingc.emit import jsontext
 from thingc.emit.artifact import Artifacts
 from thingc.emit.request import EmitRequest
 from thingc.frozen import dataclass
+from thingc.graph.hag import Definition
 from thingc.graph.types import Assembly, Occurrence
 
 COLUMNS = ("number", "name", "definition", "quantity", "make", "material", "mass", "mass_source", "supplier", "cost")
@@ -100,7 +101,7 @@ def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...
         (BomRow(
             number=number,
             name=_name(group[0]),
-            definition=group[0].definition.text,
+            definition=_definition(group[0]).text,
             quantity=len(group),
             make=make_of(group[0]),
             material=_material(group[0]),
@@ -136,15 +137,24 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _key(occurrence: Occurrence) -> tuple[object, ...]:
-    """What a row says, apart from the mass, the quantity and a counted number."""
+    """What a row says, apart from the mass, the quantity and a counted number. The number of a frame or link identifies it, whatever the
+    component is called."""
+    number = _said(occurrence, "number")
     return (
-        occurrence.definition,
-        _name(occurrence),
+        _definition(occurrence),
+        _name(occurrence) if number is None or occurrence.definition.kind not in ("frame", "link") else None,
         make_of(occurrence),
         _material(occurrence),
         occurrence.mass_source,
-        *(_said(occurrence, key) for key in ("number", "supplier", "cost")),
+        number,
+        *(_said(occurrence, key) for key in ("supplier", "cost")),
     )
+
+
+def _definition(occurrence: Occurrence) -> Definition:
+    """What is made or bought. Nobody sells the mirror image of a part: where one is bought, it is the part itself."""
+    own = occurrence.definition
+    return own.plain if own.plain is not None and make_of(occurrence) == "buy" else own
 
 
 def _said(occurrence: Occurrence, key: str) -> str | None:
@@ -164,7 +174,7 @@ def _material(occurrence: Occurrence) -> str | None:
 def _name(occurrence: Occurrence) -> str:
     """What a person calls the piece: as the Thing says, else the class, the file without its ending, or the component; and how it is
     mirrored, if it is."""
-    mirror = occurrence.definition.mirror
+    mirror = _definition(occurrence).mirror
     return _plain_name(occurrence) + (f" (mirror={mirror})" if mirror is not None else "")
 
 
@@ -176,7 +186,7 @@ def _plain_name(occurrence: Occurrence) -> str:
         return definition.reference.rpartition(":")[2]
     if definition.kind == "file":
         return definition.reference.rpartition("/")[2].rpartition(".")[0] or definition.reference
-    return occurrence.component.name
+    return occurrence.component.key
 
 
 def _numbers(said: list[str | None]) -> list[str]:

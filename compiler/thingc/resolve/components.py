@@ -176,7 +176,7 @@ def _component(
     material: Material | None = None if nested else said.material(scope, layers, table.materials, unreadable=unreadable)
     over = said.NONE_SAID if nested else said.overrides(scope, layers)
     return Component(
-        name=node.name, definition=None if node.unsound else node.definition, frame=node.frame and not node.unsound,
+        name=node.name, key=str(node.path[-1]), definition=None if node.unsound else node.definition, frame=node.frame and not node.unsound,
         placement=None if node.unsound or node.unplaced else placement, material=material, overrides=over, mounts=node.mounts,
         bom=said.bom(layers), origin=scope.origin(node.path, key=True),
     )

@@ -10,10 +10,7 @@ export function bomPanel(panel: HTMLElement, viewer: Viewer): void {
   const build = (): void => {
     const { robot } = viewer;
     rows = robot.bom.map((one) => {
-      const pieces = robot.occurrences.flatMap((other, index) =>
-        other.make === one.make && robot.definitions[other.definition].text === one.definition && other.source === one.source
-        && Math.abs(other.mass - one.mass) <= 1e-12 ? [index] : [],
-      );
+      const { pieces } = one;
       const choose = (): void => viewer.choose(pieces);
       const row = make(
         "tr", { tabindex: 0, onclick: choose, onkeydown: (event) => { if (["Enter", " "].includes((event as KeyboardEvent).key)) { event.preventDefault(); choose(); } } },

@@ -15,7 +15,7 @@ import os
 import re
 from collections.abc import Sequence
 
-from thingc.emit.bom import items, listed, make_of
+from thingc.emit.bom import listed, make_of, with_pieces
 from thingc.emit.html.packed import Packed
 from thingc.graph import coordinates, joints_of
 from thingc.graph.types import Assembly, JointEdge, Mate, Occurrence, Surface
@@ -62,8 +62,9 @@ def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, 
             {
                 "number": row.number, "name": row.name, "definition": row.definition, "quantity": row.quantity, "make": row.make,
                 "material": row.material, "mass": row.mass, "source": row.mass_source, "supplier": row.supplier, "cost": row.cost,
+                "pieces": [one.index for one in pieces],
             }
-            for row in items(assembly)
+            for row, pieces in with_pieces(assembly)
         ],
         "modes": [_mode(robot, places) for robot in robots],
     }

@@ -125,7 +125,7 @@ def _name(label: Any, text: str) -> None:
     from OCP.TCollection import TCollection_ExtendedString
     from OCP.TDataStd import TDataStd_Name
 
-    TDataStd_Name.Set_s(label, TCollection_ExtendedString(text))
+    TDataStd_Name.Set_s(label, TCollection_ExtendedString(text, True))  # True: the text is UTF-8
 
 
 def _read(store: Store, sha256: str) -> Any:
@@ -138,8 +138,8 @@ def _read(store: Store, sha256: str) -> Any:
 
 
 def _neutral(data: bytes, name: str) -> bytes:
-    """With a header that says the same whenever and wherever it is written."""
-    escaped = "".join(character if 32 <= ord(character) < 127 else "_" for character in name).replace("'", "''")
+    """The same file with a fixed header, and in ASCII: not every CAD program reads UTF-8."""
+    escaped = "".join(character if character.isprintable() else "_" for character in name).replace("'", "''").replace("\\", "\\\\")
     header = (
         "HEADER;\n"
         "FILE_DESCRIPTION(('assembly'),'2;1');\n"
@@ -147,4 +147,12 @@ def _neutral(data: bytes, name: str) -> bytes:
         "FILE_SCHEMA(('AP242_MANAGED_MODEL_BASED_3D_ENGINEERING_MIM_LF { 1 0 10303 442 1 1 4 }'));\n"
         "ENDSEC;"
     )
-    return _HEADER.sub(lambda _: header.encode(), data, count=1)
+    text = _HEADER.sub(lambda _: header.encode(), data, count=1).decode()
+    return re.sub("[^\0-\x7f]+", lambda match: _escaped(match.group()), text).encode("ascii")
+
+
+def _escaped(text: str) -> str:
+    """Text in the encoding of ISO 10303-21, 6.4.3.3: four hexadecimal digits for each character, or eight beyond the basic plane."""
+    if max(text) > "\uffff":
+        return f"\\X4\\{text.encode('utf-32-be').hex().upper()}\\X0\\"
+    return f"\\X2\\{text.encode('utf-16-be').hex().upper()}\\X0\\"
