@@ -17,7 +17,7 @@ from thingc.graph.plausible_modes import check_modes
 from thingc.graph.plausible_processes import check_processes
 from thingc.graph.types import Assembly, JointEdge, Link, LinkedMode, Mate, Occurrence
 from thingc.graph.unroll import Instance, Tree
-from thingc.pose import Pose, Vector
+from thingc.pose import NO_POSE, Pose, Vector
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Joint, StatedValue
 from thingc.resolve.plausible import (
     LARGEST,
@@ -402,7 +402,8 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
                     path=one.path, help=f"mind the unit (`g`, `kg`); {allow_hint(Code.BARE_MASS)}",
                 )
             elif boxes and not findings.has_said(Code.FAR):
-                _check_place(one, pose.apply(one.properties.centre), boxes, findings)
+                # the frame of the link counts: a joint may be there, and the parts far along the link
+                _check_place(one, pose.apply(one.properties.centre), [*boxes, (((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), NO_POSE)], findings)
 
 
 def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector, Vector], Pose]], findings: Findings) -> None:

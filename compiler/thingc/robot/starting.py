@@ -30,11 +30,10 @@ ROUNDING = 1e-9
 
 
 def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, report: Report, memo: Memo) -> None:
-    """A warning for each mode that starts with a part under the plane; modes that start alike (they differ in gravity, say) share one.
-    A document without modes does not say where its robot is, and of one that is `on: floor` it has been worked out. The root of a
-    `fixed` or `held` base may reach into the ground that it is bolted to, unless all of it lies there.
+    """Warn about each mode that is meant to stand on the plane and starts with a part under it; modes that start alike (they differ in
+    gravity, say) share one warning. The root of a `fixed` base may reach into the ground that it is bolted to, unless all of it lies there.
 
-    Without an `mesh_vertices` (the vertices of a mesh) parts are looked at by their boxes: then it is said what is certain, that something
+    Without `mesh_vertices` (the vertices of a mesh) only the boxes of parts are known, and the warning gives a lower bound: something
     touches every side of a box. And a warning for each mode that has feet, and something else lower than them; and for each that starts
     without a pose, and so with a joint at 0, where that joint cannot be.
     """
@@ -43,13 +42,21 @@ def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, re
     spheres = [_sphere(link, robots[0].assembly) for link in robots[0].assembly.links] if robots else []
     alike: dict[tuple[int, float], list[Robot]] = {}
     for robot in robots:
-        if robot.mode.stated and not robot.mode.on_floor:
+        if _is_meant_to_stand(robot):
             deepest = min(_lowest(robot, spheres, mesh_vertices, memo), default=None)
             if deepest is not None and deepest[0] < -DEEP and not report.allows(Code.START_BELOW, robot.mode.origin):
                 alike.setdefault((deepest[1], round(-deepest[0], 6)), []).append(robot)
     for (number, depth), group in alike.items():
         others = [robot.mode.name for robot in group[1:]]
         _warn(group[0], others, group[0].assembly.occurrences[number], depth, mesh_vertices is None, report)
+
+
+def _is_meant_to_stand(robot: Robot) -> bool:
+    """Whether the document puts the robot on the plane: it says where (`at`), or what its feet are. A robot that is held, or whose root is
+    in the origin because nothing says otherwise (as in most imported files), may be anywhere. With `on: floor` it cannot be too low."""
+    mode = robot.mode
+    placed = mode.at.translation != (0.0, 0.0, 0.0) and (robot.base != "held" or mode.at.translation[2] < 0.0)
+    return mode.stated and not mode.on_floor and (placed or bool(mode.feet))
 
 
 def _warn(robot: Robot, others: Sequence[str], part: Occurrence, depth: float, bound: bool, report: Report) -> None:
