@@ -24,7 +24,7 @@ from modes.test_several_coordinates import GANTRY
 from thingc.cli import marks
 from thingc.cli.main import main
 from thingc.pose import NO_POSE
-from thingc.render import Shot
+from thingc.render import Shot, studio
 from thingc.render.camera import directions, fitted, upright
 from thingc.render.frames import BLUE, GREEN, JOINT, RED, Frame, JointAxis, placed
 from thingc.render.frames import drawn as painted
@@ -150,6 +150,16 @@ def test_there_is_a_shadow(drawn: dict[str, tuple[np.ndarray, np.ndarray]]) -> N
     image, mask = drawn["home"]
     ground = image[~around(mask, 2)].astype(int).max(axis=1)
     assert np.mean(ground < 0.85 * np.median(ground)) > 0.01
+
+
+@pytest.mark.parametrize(("lowest", "opaque"), [(0.3, True), (0.0, True), (-1e-6, True), (-0.02, False)])
+def test_the_floor_is_that_of_the_scene(lowest: float, opaque: bool) -> None:
+    """At z = 0, wherever the robot is; if the robot reaches below it, it is transparent."""
+    model = studio.spec_of(PRIMITIVES, {}, (64, 48), lowest).compile()
+    floor = model.geom(studio.BACKDROP)
+    assert floor.type[0] == mujoco.mjtGeom.mjGEOM_PLANE and floor.pos.tolist() == [0.0, 0.0, 0.0]
+    alpha = float(model.mat_rgba[model.material(studio.BACKDROP).id][3])
+    assert alpha == 1.0 if opaque else 0.2 < alpha < 0.8
 
 
 # --- the command -----------------------------------------------------------------------------------------------------

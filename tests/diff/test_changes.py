@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -184,3 +185,16 @@ def test_what_tests_measure_has_units_and_is_told_once() -> None:
         ": measured.rest [stand, up] 0.5 s -> 0.25 s (-50 %)", ": measured.moved [stand, up] 2 mm -> nothing",
         ": measured.margin 2 -> 3 (+50 %)",
     ]
+
+
+def test_what_turns_in_its_place_has_turned(crane: Portrait, tmp_path: Path, shared_store: str) -> None:
+    """The head of the mast turned by 52 deg: the boom turns about its heel, and the hook, 400 mm from there, moves as well."""
+    comparison = sound(crane, drawn(write(tmp_path, ("xyz: 0 0 500 mm, rpy: 90", "xyz: 0 0 500 mm, rpy: 142")), shared_store))
+    moved = {(c.path, c.field) for c in comparison.changes if c.what == "component" and c.change == "moved"}
+    assert {("boom", "turn"), ("hook", "turn"), ("hook", "place")} <= moved and ("boom", "place") not in moved
+    (sentence,) = [one for one in following(comparison) if one.what == "component"]
+    assert "boom" in sentence.paths and "hook" in sentence.paths
+    assert sentence.words == f": moved by up to {800 * math.sin(math.radians(26)):.0f} mm and turned by up to 52 deg"
+    (boom,) = [c for c in comparison.changes if (c.path, c.field) == ("boom", "turn")]
+    alone = replace(comparison, changes=(boom,))
+    assert [one.words for one in following(alone)] == [": turned by up to 52 deg"]

@@ -148,8 +148,13 @@ class _Following:
             if old.place is None or new.place is None:
                 continue
             place = back @ new.place
-            if not _same_pose(old.place, place):
-                difference = ("place", tuple(old.place.translation), tuple(place.translation))
+            before, after = old.place, place
+            differences: list[Difference] = []
+            if not _same(before.translation, after.translation):
+                differences.append(("place", tuple(before.translation), tuple(after.translation)))
+            if not all(map(_same, before.rotation, after.rotation)):
+                differences.append(("turn", tuple(rpy_of(before.rotation)), tuple(rpy_of(after.rotation))))
+            for difference in differences:
                 because = self._mover(new.path) or self.changes.structure()
                 self._add("component", (old.path, new.path), difference, because, change="moved")
 
@@ -211,7 +216,7 @@ class _Following:
 
     def _weighed(self, paths: Sequence[str]) -> dict[str, None]:
         causes = self.changes.causes("mass", paths)
-        causes |= self.changes.causes("component", [above for path in paths for above in above_of(path)], ("place", *MADE))
+        causes |= self.changes.causes("component", [above for path in paths for above in above_of(path)], ("place", "turn", *MADE))
         return causes
 
     def _whole(self) -> None:
@@ -225,7 +230,7 @@ class _Following:
         one, other = _reach(self.old), _reach(self.new)
         if not _near(one, other):
             moved = self.changes.causes("mount", [f"{path}/{name}" for path, one in self.new.occurrences.items() for name in one.mounts])
-            moved |= self.changes.causes("component", [*self.old.occurrences, *self.new.occurrences], ("place",))
+            moved |= self.changes.causes("component", [*self.old.occurrences, *self.new.occurrences], ("place", "turn"))
             self._add("geometry", ("", ""), ("robot.reach", one, other), moved or self.changes.structure())
 
     def _coordinates(self) -> None:
@@ -401,9 +406,11 @@ def _size(box: tuple[Sequence[float], Sequence[float]]) -> float:
 
 
 def _same_pose(old: Pose, new: Pose) -> bool:
-    return all(abs(a - b) < 1e-9 for a, b in zip(old.translation, new.translation, strict=True)) and all(
-        abs(a - b) < 1e-9 for one, other in zip(old.rotation, new.rotation, strict=True) for a, b in zip(one, other, strict=True)
-    )
+    return _same(old.translation, new.translation) and all(map(_same, old.rotation, new.rotation))
+
+
+def _same(old: Sequence[float], new: Sequence[float]) -> bool:
+    return all(abs(a - b) < 1e-9 for a, b in zip(old, new, strict=True))
 
 
 def _told(pose: Pose | None) -> Told:

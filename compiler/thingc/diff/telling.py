@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 from thingc.brief import counted
 from thingc.diff.answer import Differences
 from thingc.diff.change import PERHAPS, Change, How, Told, What
 from thingc.diff.comparing import Comparison
 from thingc.frozen import dataclass
+from thingc.pose import placed, turn_of
 from thingc.shown import shown, some
-from thingc.summing import dist
+from thingc.summing import dist, hypot
 from thingc.units import ANGLE, LENGTH, MASS, Dimension, Quantity
 
 MOVED = ": moved"
@@ -191,22 +193,29 @@ def _lines(changes: Iterable[Change]) -> Iterator[Sentence]:
         if len({one.field for one in ones}) == 1:
             words = _words(ones[0])
         if words == MOVED:
-            words = f": moved by up to {Quantity(max(_distance(one) for one in ones), LENGTH).shown(3)}"
+            distance, angle = (max(motion) for motion in zip(*map(_motion, ones), strict=True))
+            words = ": " + " and ".join([
+                *([f"moved by up to {Quantity(distance, LENGTH).shown(3)}"] if distance or not angle else []),
+                *([f"turned by up to {Quantity(angle, ANGLE).shown(3)}"] if angle else []),
+            ])
         paths = dict.fromkeys(one.path for one in ones)
         causes = dict.fromkeys(word for one in ones for word in one.because if word != PERHAPS)
         yield Sentence(what=what, sign=sign, paths=tuple(paths), words=words, because=tuple(causes), decides=_decides(ones[0]))
 
 
-def _distance(change: Change) -> float:
-    """How far [m] something has moved."""
-    places = [value[0] if isinstance(value, tuple) and isinstance(value[0], tuple) else value for value in (change.old, change.new)]
-    old, new = ([x for x in place if isinstance(x, float)] if isinstance(place, tuple) else [] for place in places)
-    return dist(old, new) if len(old) == len(new) else 0.0
+def _motion(change: Change) -> tuple[float, float]:
+    """How far [m] something has moved, and the angle [rad] that it has turned by. The value of a `place` is a translation, of a `turn`
+    three angles (roll, pitch, yaw), of a `pose` both."""
+    values: Any = (change.old, change.new)
+    pairs = {"place": [(value, (0.0,) * 3) for value in values], "turn": [((0.0,) * 3, value) for value in values]}
+    old, new = (placed(*pair) for pair in pairs.get(change.field or "", values))
+    angle = hypot(*turn_of((old.inverse() @ new).quaternion()))
+    return dist(old.translation, new.translation), angle if angle > 1e-9 else 0.0
 
 
 def _words(change: Change) -> str:
     """What is said of a thing."""
-    if change.change == "moved" and change.field in ("place", "pose"):
+    if change.change == "moved" and change.field in ("place", "turn", "pose"):
         return MOVED
     if change.change in ("added", "removed"):
         label = change.new if change.change == "added" else change.old

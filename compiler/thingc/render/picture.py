@@ -85,8 +85,7 @@ def picture(
 
     bare = mujoco.MjModel.from_xml_string(xml, assets)
     points = points_of(bare, posed(bare, pose))
-    floor = min(0.0, float(points[:, 2].min())) if len(points) else 0.0
-    spec = studio.spec_of(xml, assets, shot.size, floor)
+    spec = studio.spec_of(xml, assets, shot.size, lowest=float(points[:, 2].min()) if len(points) else 0.0)
     model = spec.compile()
     data = posed(model, pose)
     if not len(points):

@@ -54,7 +54,7 @@ def small_picture(
 
     seen = np.array(points)
     low, high = seen.min(axis=0), seen.max(axis=0)
-    spec = studio.spec_of(xml, assets, size, min(0.0, float(low[2])), shadow=SHADOW)
+    spec = studio.spec_of(xml, assets, size, float(low[2]), shadow=SHADOW)
     model = spec.compile()
     data = posed(model, _pose_of(model, pose))
     length = 0.75 * float(np.linalg.norm(high - low))

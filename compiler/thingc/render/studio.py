@@ -54,11 +54,13 @@ BEYOND = 0.5
 """How bright it is beyond the floor's end, in the light of one lamp."""
 
 BACKDROP = "backdrop"
+UNDER, GLASS = 0.5e-3, 0.4
+"""How far [m] a robot may be below the floor before the floor is drawn with this opacity."""
 
 
-def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], floor: float, *, shadow: int = SHADOW) -> Any:
-    """The `mujoco.MjSpec` of a model with the studio around it: a floor at z = `floor` [m] and two lamps, whose shadows are
-    `shadow` pixels wide."""
+def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: float, *, shadow: int = SHADOW) -> Any:
+    """The `mujoco.MjSpec` of a model with the studio around it: two lamps, whose shadows are `shadow` pixels wide, and the floor of its
+    scene at z = 0, which can be seen through if the `lowest` point of the robot [m] is below it."""
     spec = mujoco.MjSpec.from_string(xml, assets=assets)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = size
     spec.visual.quality.shadowsize, spec.visual.quality.offsamples = shadow, 0
@@ -68,9 +70,9 @@ def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], floor: fl
         name=BACKDROP, type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT, rgb1=[BEYOND] * 3,
         rgb2=[BEYOND] * 3, width=8, height=8,
     )
-    spec.add_material(name=BACKDROP, rgba=[1.0, 1.0, 1.0, 1.0], specular=0.0, shininess=0.0)
+    spec.add_material(name=BACKDROP, rgba=[1.0, 1.0, 1.0, 1.0 if lowest > -UNDER else GLASS], specular=0.0, shininess=0.0)
     spec.worldbody.add_geom(
-        name=BACKDROP, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05], pos=[0.0, 0.0, floor], material=BACKDROP,
+        name=BACKDROP, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05], material=BACKDROP,
         contype=0, conaffinity=0,
     )
     for down in (-1.0, 1.0):

@@ -158,8 +158,8 @@ class Component(Brief):
     `frame` means that it was wrong and has been reported; later passes leave it out silently. `placement` is None for
     the base and for what a joint places. `material` is what the document says (None: the Thing's default, looked up
     in the assembly's `materials`). In the mirror image of a document `image_of` is the component that it is the image of,
-    and where that part is its own image `mounts_mirrored` the axis along which its mounts are mirrored all the same. `key` is the name in the
-    document; the items of a `repeat` share it.
+    and where that part is its own image `mounts_mirrored` the axis along which its mounts are mirrored all the same. `key` is the
+    name in the document, which the items of a `repeat` share.
     """
 
     name: str
