@@ -18,7 +18,7 @@ CHANGES = (
     Change(what="component", change="added", path="lamp", new="lamps:Lamp"),
     Change(what="geometry", change="changed", path="arm", new_path="boom", field="volume", old=1e-6, new=2e-6, because=("reach",)),
     Change(what="component", change="moved", path="hook", field="place", old=(0.0, 0.0, 0.0), new=(0.0, 0.0, 0.1), because=("reach",)),
-    Change(what="component", change="moved", path="arm", new_path="boom", field="place", old=(0.0, 0.0, 0.0), new=(0.1, 0.0, 0.0), because=("reach",)),
+    Change(what="component", change="moved", path="arm", new_path="boom", field="place", old=(0.0,) * 3, new=(0.1,) * 3),
     Change(what="component", change="renamed", path="arm", new_path="boom", reason="the same <definition>"),
 )
 PICTURES = {"before": b"\x89PNG before", "after": b"\x89PNG after", "overlay": b"\x89PNG overlay"}

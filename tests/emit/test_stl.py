@@ -6,6 +6,7 @@ import hashlib
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trimesh
 
@@ -16,7 +17,7 @@ from thingc.emit.stl import emit
 from thingc.graph.hag import Definition
 from thingc.graph.types import Assembly
 from thingc.realize.store.local import Store
-from thingc.resolve.model import BomEntry
+from thingc.resolve.model import BomEntry, Overrides
 
 BRACE = f"stl/arm.Brace-{hashlib.sha256(b'arm:Brace(length=0.12)').hexdigest()[:8]}.stl"
 
@@ -92,3 +93,30 @@ def test_two_definitions_of_one_file_name(store: Store) -> None:
     assert said.span is not None and said.span.line == 19
     (note,) = said.notes
     assert note.message == "`cad.Motor/step` is used here" and note.span == cap.origin[0]
+
+
+@pytest.mark.parametrize("up", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (0.6, 0.0, 0.8), (0.48, -0.6, -0.64)])
+def test_a_print_file_lies_as_the_part_is_printed(store: Store, tmp_path: Path, up: tuple[float, float, float]) -> None:
+    """A box of 120 x 30 x 4 mm, turned: read by trimesh, its three edges have the lengths that they had, and `up` is z."""
+    def mesh_of(whole: Assembly) -> trimesh.Trimesh:
+        content = emit(request(whole, store)).files[BRACE]
+        path = tmp_path / "brace.stl"
+        path.write_bytes(content if isinstance(content, bytes) else store.read(content.sha256))
+        return trimesh.load_mesh(path)
+
+    whole = assembly(store)
+    plain = mesh_of(whole)
+    turned = mesh_of(changed(changed(whole, "brace_a", overrides=Overrides(up=up)), "brace_b", overrides=Overrides(up=up)))
+    assert turned.is_watertight and turned.volume == pytest.approx(plain.volume, rel=1e-6)
+    assert np.allclose(turned.triangles[:, :, 2], plain.triangles @ np.array(up), atol=1e-4)
+    for one, other in ((0, 1), (1, 2), (0, 2)):
+        before, after = (np.linalg.norm(mesh.triangles[:, one] - mesh.triangles[:, other], axis=1) for mesh in (plain, turned))
+        assert np.allclose(before, after, atol=1e-4)
+    assert np.allclose(turned.face_normals @ [0, 0, 1], plain.face_normals @ np.array(up), atol=1e-5)
+
+
+def test_a_part_that_is_printed_in_two_orientations(store: Store) -> None:
+    whole = changed(assembly(store), "brace_b", overrides=Overrides(up=(1.0, 0.0, 0.0)))
+    (loss,) = emit(request(whole, store)).losses
+    assert loss.path == "brace_b" and loss.how == "dropped"
+    assert loss.what == f"`arm:Brace(length=0.12)` is printed in two orientations, and `{BRACE}` has that of `brace_a`"

@@ -1,4 +1,4 @@
-"""`stl/<definition>.stl`: what a slicer takes. Millimetres, one file per definition that is made rather than bought."""
+"""`stl/<definition>.stl`: what a slicer takes. Millimetres, z away from the bed, one file per definition that is not bought."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from thingc.emit.artifact import Artifacts, Content, Loss, Stored
 from thingc.emit.bom import make_of
 from thingc.emit.request import EmitRequest
 from thingc.graph.types import Occurrence
+from thingc.pose import Vector
 from thingc.realize.record import PartDefinition
+from thingc.realize.slices import UPRIGHT
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """The print mesh of every definition with geometry of which at least one occurrence is not bought.
+    """The print mesh of every definition with geometry of which at least one occurrence is not bought, turned as it lies on the printer.
 
     A mesh that is not closed is written all the same and listed as a loss: a slicer may repair it or refuse it. Two
     definitions whose names make the same file name (`a/b.step` and `a.b.step`) are an error at the second.
@@ -28,19 +30,45 @@ def emit(request: EmitRequest) -> Artifacts:
             continue
         path = f"stl/{definition.stem}.stl"
         owner = owners.setdefault(path.casefold(), occurrence)
-        if owner is not occurrence:
-            if owner.definition != occurrence.definition:
-                request.report.add(
-                    Code.SAME_FILE,
-                    f"`{occurrence.definition.label}` and `{owner.definition.label}` would both be written as `{path}`",
-                    occurrence.origin,
-                    path=occurrence.path,
-                    help="rename one of the two files",
-                    notes=[Note(message=f"`{owner.definition.label}` is used here", span=owner.origin[0])],
-                )
+        up = _up(occurrence)
+        if owner is not occurrence and owner.definition == occurrence.definition:
+            if up != _up(owner):
+                what = f"`{occurrence.definition.label}` is printed in two orientations, and `{path}` has that of `{owner.path}`"
+                losses.append(Loss.of(occurrence.origin, "stl", None, occurrence.path, what, "dropped"))
             continue
-        files[path] = Stored(sha256=mesh.sha256, size=mesh.size)
+        if owner is not occurrence:
+            request.report.add(
+                Code.SAME_FILE,
+                f"`{occurrence.definition.label}` and `{owner.definition.label}` would both be written as `{path}`",
+                occurrence.origin,
+                path=occurrence.path,
+                help="rename one of the two files",
+                notes=[Note(message=f"`{owner.definition.label}` is used here", span=owner.origin[0])],
+            )
+            continue
+        own = Stored(sha256=mesh.sha256, size=mesh.size)
+        files[path] = own if up == UPRIGHT else _turned(request.store.read(mesh.sha256), up)
         if not mesh.closed:
             what = f"the surface of `{occurrence.definition.label}` is not closed, so it encloses no volume to print"
             losses.append(Loss.of(occurrence.origin, "stl", None, occurrence.path, what, "approximated"))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(losses))
+
+
+def _up(occurrence: Occurrence) -> Vector:
+    """The direction away from the bed, in the part's frame: as the document says, else as the Thing does."""
+    record = occurrence.record
+    return occurrence.overrides.up or (record.up if record is not None else None) or UPRIGHT
+
+
+def _turned(stl: bytes, up: Vector) -> bytes:
+    """A binary STL file turned about the origin of the part by the smallest angle that takes `up` to z."""
+    import numpy as np
+
+    x, y, z = up
+    # Rodrigues' formula with the axis up x z; upside down, about x
+    rotation = np.diag([1.0, -1.0, -1.0]) if z < -1.0 + 1e-12 else np.array([
+        [1.0 - x * x / (1.0 + z), -x * y / (1.0 + z), -x], [-x * y / (1.0 + z), 1.0 - y * y / (1.0 + z), -y], [x, y, z],
+    ])
+    facets = np.frombuffer(stl, dtype=[("vectors", "<f4", (4, 3)), ("attribute", "<u2")], offset=84).copy()
+    facets["vectors"] = facets["vectors"].astype(float) @ rotation.T + 0.0
+    return stl[:84] + facets.tobytes()
