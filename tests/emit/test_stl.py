@@ -118,5 +118,5 @@ def test_a_print_file_lies_as_the_part_is_printed(store: Store, tmp_path: Path, 
 def test_a_part_that_is_printed_in_two_orientations(store: Store) -> None:
     whole = changed(assembly(store), "brace_b", overrides=Overrides(up=(1.0, 0.0, 0.0)))
     (loss,) = emit(request(whole, store)).losses
-    assert loss.path == "brace_b" and loss.how == "dropped"
+    assert loss.path == "brace_b" and loss.how == "omitted"
     assert loss.what == f"`arm:Brace(length=0.12)` is printed in two orientations, and `{BRACE}` has that of `brace_a`"

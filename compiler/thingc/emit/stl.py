@@ -34,7 +34,7 @@ def emit(request: EmitRequest) -> Artifacts:
         if owner is not occurrence and owner.definition == occurrence.definition:
             if up != _up(owner):
                 what = f"`{occurrence.definition.label}` is printed in two orientations, and `{path}` has that of `{owner.path}`"
-                losses.append(Loss.of(occurrence.origin, "stl", None, occurrence.path, what, "dropped"))
+                losses.append(Loss.of(occurrence.origin, "stl", None, occurrence.path, what, "omitted"))
             continue
         if owner is not occurrence:
             request.report.add(
