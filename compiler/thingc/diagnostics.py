@@ -151,6 +151,7 @@ class Code(Enum):
     ROBOT_MASS = ("TC417", "robot of an unlikely mass", "Check the units of densities, masses and mesh files.", Stage.CHECK)
     UNSLICED = ("TC420", "part that cannot be cut into layers", "Mend the part, or write `estimate: skin` in its `process`.", Stage.CHECK)
     HIGH_LAYERS = ("TC421", "layers higher than lines", "Give the `process` a `layer` of at most its `line_width`.")
+    PART_STARVED = ("TC424", "part needs too much memory", "Make the part simpler, or allow more with `part_memory` in `thingc.toml`.")
     PROCESS = ("TC422", "process that no printer keeps to", "Mend the number or its unit.", Stage.CHECK)
     # --- TC5xx: the assembly (link) --------------------------------------------------------------------------------
     INCOMPLETE = ("TC501", "assembly cannot be linked", "Mend what the other messages name.")

@@ -9,6 +9,8 @@ from thingc.frozen import dataclass
 
 MAINTAINER = r"([^<>\s][^<>]{0,200}?)\s{0,10}<([A-Za-z0-9_%+-]+(?:\.[A-Za-z0-9_%+-]+)*@[A-Za-z0-9%-]+(?:\.[A-Za-z0-9%-]+)*\.[A-Za-z]{2,})>"
 """Who maintains a package: a name and, as ROS demands it, a mail address."""
+MEMORY = r"([1-9][0-9]{0,5}) ?(MB|GB)"
+"""An amount of memory."""
 VERSION = r"[0-9]+\.[0-9]+\.[0-9]+"
 """The version of a package (REP 149)."""
 KEYS = frozenset({"maintainer", "license", "version"})

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,7 @@ from thingc.diagnostics import Code, Report
 from thingc.files import NoPlainFile, beginning
 from thingc.frozen import dataclass
 from thingc.installed import dotted_name
-from thingc.packaging import KEYS, About
+from thingc.packaging import KEYS, MEMORY, About
 from thingc.shown import is_text
 from thingc.source import MappingNode, Path, Span, line_of
 from thingc.typos import did_you_mean
@@ -63,6 +64,9 @@ DEFAULT_SIMULATION = Tessellation(linear=1e-4, angular=0.5235987755982988)
 2.9 mm has a third of the facets, and that is where most of a robot's facets are (holes, screws, fillets)."""
 
 
+DEFAULT_MEMORY = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2 if hasattr(os, "sysconf") else 8_000_000_000
+"""Bytes that one part may need: half of what the machine has."""
+
 LIBRARIES = frozenset({"site-packages", "dist-packages"})
 """What folders of installed packages are called. An environment may lie in a workspace, and is no part of it."""
 
@@ -72,10 +76,10 @@ class Workspace:
     """A folder and its settings.
 
     `root` absolute; `parts` absolute folders whose modules may be named in `part:`; `packages` installed packages that
-    may be, too; `build` the absolute folder of outputs; `part_timeout` [s] for one part; `mesh` the tessellation that
-    is printed and checked, `simulation` that for simulators; `emit` the targets of a build that names none; `mesh_uri` one of
-    `MESH_URIS`; `about` what ROS packages say of themselves; `compat` those of `CONSUMERS` that shall read MuJoCo models; `origin` the
-    file that says so, None where the defaults stand.
+    may be, too; `build` the absolute folder of outputs; `part_timeout` [s] and `part_memory` [bytes] for one part; `mesh` the
+    tessellation that is printed and checked, `simulation` that for simulators; `emit` the targets of a build that names none;
+    `mesh_uri` one of `MESH_URIS`; `about` what ROS packages say of themselves; `compat` those of `CONSUMERS` that shall read MuJoCo
+    models; `origin` the file that says so, None where the defaults stand.
     `inputs` are the files that were looked at on the way, by absolute path, with the SHA-256 of their bytes (None: not there).
     """
 
@@ -86,6 +90,7 @@ class Workspace:
     part_timeout: float
     mesh: Tessellation
     simulation: Tessellation
+    part_memory: int = DEFAULT_MEMORY
     emit: tuple[str, ...] = ()
     mesh_uri: str = MESH_URIS[0]
     about: About = About()
@@ -246,6 +251,7 @@ class _Settings:
     packages: tuple[str, ...]
     build: str
     part_timeout: float
+    part_memory: int
     mesh: Tessellation
     simulation: Tessellation
     emit: tuple[str, ...]
@@ -256,9 +262,9 @@ class _Settings:
     @staticmethod
     def plain(table: dict[str, Any]) -> _Settings | None:
         """The settings of a table in which nothing is unusual; None (or ValueError, TypeError) where anything is."""
-        known = {"thingc", "parts", "packages", "build", "part_timeout", "mesh", "emit", "mesh_uri", "about", "compat", "$schema"}
+        known = {"thingc", "parts", "packages", "build", "part_timeout", "part_memory", "mesh", "emit", "mesh_uri", "about", "compat"}
         mesh, about = table.get("mesh", {}), table.get("about", {})
-        if table["thingc"] != "workspace/1" or not known.issuperset(table):
+        if table["thingc"] != "workspace/1" or not known.issuperset(table.keys() - {"$schema"}):
             return None
         if not isinstance(mesh, dict) or not isinstance(about, dict):
             return None
@@ -275,6 +281,7 @@ class _Settings:
             packages=_plain_texts(table["packages"]) if "packages" in table else DEFAULT_PACKAGES,
             build=build,
             part_timeout=_plain_value(table, "part_timeout", TIME, DEFAULT_TIMEOUT),
+            part_memory=bytes_of(table.get("part_memory")),
             mesh=fine,
             simulation=_plain_tessellation(simulation, DEFAULT_SIMULATION.coarser(fine)),
             emit=_plain_texts(table.get("emit", [])),
@@ -310,6 +317,15 @@ def _plain_value(table: dict[str, Any], key: str, dimension: Dimension, default:
     return value
 
 
+def bytes_of(memory: Any) -> int:
+    """Bytes of a text such as `4 GB`; None is the default. Raises `ValueError`, `TypeError`."""
+    if memory is None:
+        return DEFAULT_MEMORY
+    if (match := re.fullmatch(MEMORY, memory)) is None:
+        raise ValueError
+    return int(match[1], 10) * {"MB": 1_000_000, "GB": 1_000_000_000}[match[2]]
+
+
 def _workspace(settings: _Settings, root: str, span: Span | None, inputs: dict[str, str | None]) -> Workspace | None:
     """The workspace, or None where one of its folders is wrong."""
     folders = DEFAULT_PARTS if settings.parts is None else settings.parts
@@ -323,8 +339,8 @@ def _workspace(settings: _Settings, root: str, span: Span | None, inputs: dict[s
         return None
     return Workspace(
         root=root, parts=parts, packages=settings.packages, build=os.path.normpath(os.path.join(root, settings.build)),
-        part_timeout=settings.part_timeout, mesh=settings.mesh, simulation=settings.simulation, emit=settings.emit,
-        mesh_uri=settings.mesh_uri, about=settings.about, compat=settings.compat, origin=span, inputs=inputs,
+        part_timeout=settings.part_timeout, part_memory=settings.part_memory, mesh=settings.mesh, simulation=settings.simulation,
+        emit=settings.emit, mesh_uri=settings.mesh_uri, about=settings.about, compat=settings.compat, origin=span, inputs=inputs,
     )
 
 
@@ -404,7 +420,7 @@ def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
     mesh = tessellation(spec.mesh, ("mesh",), DEFAULT_MESH)
     return _Settings(
         parts=tuple(spec.parts) if "parts" in document.tree.entries else None, packages=tuple(spec.packages), build=spec.build,
-        part_timeout=value(spec.part_timeout, ("part_timeout",), DEFAULT_TIMEOUT),
+        part_timeout=value(spec.part_timeout, ("part_timeout",), DEFAULT_TIMEOUT), part_memory=bytes_of(spec.part_memory),
         mesh=mesh,
         simulation=tessellation(spec.mesh.simulation if spec.mesh else None, ("mesh", "simulation"), DEFAULT_SIMULATION.coarser(mesh)),
         emit=tuple(spec.emit),

@@ -25,7 +25,7 @@ BASE = {
     "frozen", "brief", "shown", "source", "typos", "diagnostics", "units", "expressions", "pose", "inertia", "mirror", "primitives",
     "sensing",
     "memo", "packaging", "exports", "unit_spellings", "file_names", "files", "replacement", "heading", "circles", "summing", "syntax",
-    "installed", "workspace",
+    "installed", "workspace", "mesh_bounds",
 }
 # What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
 ROOMS: dict[str, set[str]] = {
@@ -37,7 +37,7 @@ ROOMS: dict[str, set[str]] = {
     "primitives": {"frozen", "brief", "pose", "inertia", "summing"}, "sensing": {"frozen", "brief", "source", "units", "primitives"},
     "memo": set(), "file_names": set(), "files": set(), "replacement": {"diagnostics", "files"},
     "heading": set(), "circles": set(), "unit_spellings": set(), "installed": {"files"},
-    "later": set(), "exports": set(), "packaging": {"frozen"},
+    "mesh_bounds": set(), "later": set(), "exports": set(), "packaging": {"frozen"},
     "archives": {"frozen"}, "gaps": set(), "csvcell": {"shown", "gaps"}, "webpage": {"shown"}, "exchange": set(),
     "workspace": BASE | {"load", "spec"},
     "load": BASE,

@@ -248,17 +248,17 @@ def test_kinds_of_joints() -> None:
 
 
 def test_gravity_and_raw_kinds_and_bounds() -> None:
-    from thingc import workspace
+    from thingc import mesh_bounds, workspace
     from thingc.emit.mjcf import raw
     from thingc.expressions.terms import MAX_DEPTH
     from thingc.load.documents import MAX_CHAIN
     from thingc.load.text import MAX_ALIAS_NODES, MAX_ALL_BYTES, MAX_BYTES, MAX_LEVELS, MAX_NODES
+    from thingc.realize.worker.kernel.mesh_files import MOST as MOST_OF_PART
     from thingc.resolve import raw_fixed
     from thingc.resolve.assembly import MAX_DEFINITIONS
     from thingc.resolve.modes import GRAVITY, MAX_EXCLUDED, MAX_EXTENDED
     from thingc.resolve.repeats import MAX_OCCURRENCES, MAX_REPEAT
     from thingc.units import MAX_FACTORS, MAX_TEXT
-
     said = {row[0].strip("`"): tuple(map(float, row[1].strip("`").split())) for row in table(LANGUAGE, "gravity")}
     assert said == GRAVITY
     named, single, *_ = table(LANGUAGE, "raw")
@@ -271,6 +271,7 @@ def test_gravity_and_raw_kinds_and_bounds() -> None:
     numbers = [int(digits.replace(" ", "")) for cell in cells for digits in re.findall(r"\d[\d ]*\d|\d", cell)]
     expected = [MAX_BYTES, MAX_LEVELS, MAX_NODES, MAX_ALIAS_NODES, MAX_TEXT, MAX_DEPTH, MAX_REPEAT, MAX_OCCURRENCES, MAX_CHAIN]
     expected += [MAX_ALL_BYTES, MAX_DEFINITIONS, MAX_EXTENDED, MAX_EXCLUDED, workspace.MAX_BYTES]
+    expected += [mesh_bounds.LARGEST, mesh_bounds.MOST, MOST_OF_PART, mesh_bounds.INSTANCES]
     assert numbers == expected
     assert f"At most {MAX_FACTORS} factors" in "\n".join(paragraphs(LANGUAGE))
 

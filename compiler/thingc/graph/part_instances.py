@@ -44,6 +44,7 @@ _FAILED: Mapping[FailureKind, tuple[Code, str, str]] = {
     "crashed": (Code.PART_CRASHED, "crashed the interpreter", "change its `params`, or what the part asks of the CAD kernel"),
     "trespassed": (Code.PART_WRITES, "writes outside of its own folder", _WRITE_WHERE),
     "swarmed": (Code.PART_SWARMED, "starts too many processes", "let it start fewer, and wait for each"),
+    "starved": (Code.PART_STARVED, "needs too much memory", "make it simpler, or allow more with `part_memory` in `thingc.toml`"),
     "empty": (Code.PART_EMPTY, "has no volume", "let `result()` return a solid, or None for a part without geometry"),
     "refused": (Code.PART_REFUSED, "is refused", "take a part from the workspace's `parts` folders or its `packages`"),
     "missing": (Code.PART_MISSING, "is not there", "write `module:Class` with a module on the part path and a class in it"),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from thingc.meshes.files import LARGEST, MeshFile, bounded, mesh_file
+from thingc.mesh_bounds import LARGEST, BadMesh, bounded
+from thingc.meshes.files import MeshFile, mesh_file
 from thingc.meshes.kept import measured, mesh_records
-from thingc.meshes.record import BadMesh, MeshPiece, MeshRecord
+from thingc.meshes.record import MeshPiece, MeshRecord
 
 __all__ = ["LARGEST", "BadMesh", "MeshFile", "MeshPiece", "MeshRecord", "bounded", "measured", "mesh_file", "mesh_records"]

@@ -4,24 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 from collections.abc import Callable
 
 from thingc.brief import Brief
 from thingc.frozen import dataclass
 from thingc.load.paths import libraries
-from thingc.meshes.record import BadMesh
 from thingc.pose import Vector
 from thingc.realize.store.digests import digest_of
-
-LARGEST = 200_000_000
-"""Bytes of a mesh file: more is a mistake, or a bomb."""
-
-MOST = 5_000_000
-"""Triangles of a mesh file."""
-
-_HEAD, _TRIANGLE = 84, 50
-"""Bytes of a binary STL file: before its triangles, and of each."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,27 +52,3 @@ def mesh_file(absolute: str, path: str, scale: Vector, digest: Callable[[str], s
         path=path, sha256=digest(absolute), scale=scale, folder=folder,
         beside=tuple((name, digest(place)) for name, place in beside if os.path.isfile(place)),
     )
-
-
-def bounded(suffix: str, data: bytes) -> None:
-    """Raises `BadMesh` where a file says, before anybody makes room for them, that it has too many triangles, or is cut off."""
-    told: int | None = None
-    if not data:
-        raise BadMesh("is empty")
-    if suffix == ".stl" and not is_text(data):
-        if len(data) < _HEAD:
-            raise BadMesh(f"is cut off: it has {len(data)} bytes, and a binary STL file begins with {_HEAD}")
-        told, there = int.from_bytes(data[80:84], "little"), (len(data) - _HEAD) / _TRIANGLE
-        if told != there:
-            raise BadMesh(f"says that it has {told} triangles, and there are bytes for {there:.6g}")
-    elif suffix == ".ply" and (match := re.search(rb"^element face (\d+)", data[:10_000], re.MULTILINE)):
-        told = int(match[1])
-    elif suffix == ".obj":
-        told = data.count(b"\nf ")
-    if told is not None and told > MOST:
-        raise BadMesh(f"has {told} triangles, and {MOST} at most are read")
-
-
-def is_text(stl: bytes) -> bool:
-    """Whether an STL file is one of words."""
-    return b"\0" not in stl[:_HEAD] and stl.lstrip()[:5].lower() == b"solid"

@@ -10,8 +10,9 @@ from typing import Any
 from thingc.diagnostics import Code, Report
 from thingc.inertia import MassProperties
 from thingc.memo import Memo
+from thingc.mesh_bounds import BadMesh
 from thingc.meshes.files import MeshFile
-from thingc.meshes.record import BadMesh, MeshPiece, MeshRecord
+from thingc.meshes.record import MeshPiece, MeshRecord
 from thingc.realize.record_json import matrix_from_json, mesh_from_json, mesh_to_json, vector_from_json
 from thingc.realize.store.local import Store
 from thingc.source import Origin

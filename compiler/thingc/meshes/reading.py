@@ -14,8 +14,9 @@ import numpy as np
 import trimesh
 
 from thingc.inertia import MassProperties, symmetric
-from thingc.meshes.files import LARGEST, MOST, MeshFile, bounded, is_text
-from thingc.meshes.record import BadMesh, MeshPiece, MeshRecord
+from thingc.mesh_bounds import LARGEST, BadMesh, damaged, is_text, read_bounded, refuse_beyond
+from thingc.meshes.files import MeshFile
+from thingc.meshes.record import MeshPiece, MeshRecord
 from thingc.primitives import FARTHEST
 from thingc.realize.record import Mesh
 from thingc.realize.store.local import Store
@@ -70,19 +71,13 @@ class _Beside(trimesh.resolvers.Resolver):
 
 def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
     """What there is to know of a file; its triangles, and its bytes where MuJoCo reads them, are in the store then. Raises `BadMesh`."""
-    with open(os.path.join(file.folder, os.path.basename(file.path)), "rb") as stream:
-        data = stream.read(LARGEST + 1)
-    if len(data) > LARGEST:
-        raise BadMesh(f"is larger than {LARGEST // 1_000_000} MB")
+    data = read_bounded(os.path.join(file.folder, os.path.basename(file.path)), file.suffix)
     if hashlib.sha256(data).hexdigest() != file.sha256:
         raise BadMesh("changes while it is read")
-    bounded(file.suffix, data)
     colored = [(color, _placed(file, data, corners)) for color, corners in _triangles(file, data)]
     count = sum(len(corners) for _, corners in colored)
     if count == 0:
         raise BadMesh("holds no triangles")
-    if count > MOST:
-        raise BadMesh(f"has {count} triangles, and {MOST} at most are read")
     corners = _in_order([corners for _, corners in colored])
     if not np.isfinite(corners).all():
         raise BadMesh("has a coordinate that is not finite")
@@ -114,15 +109,19 @@ def _triangles(file: MeshFile, data: bytes) -> Iterator[tuple[str | None, NDArra
     """The corners of triangles (n x 3 x 3) in the file's numbers, by colour."""
     try:
         scene: Any = _scene(file, data)
+        count = 0
         for node in scene.graph.nodes_geometry:
             transform, name = scene.graph[node]
             geometry = scene.geometry[name]
             if not hasattr(geometry, "triangles") or len(geometry.faces) == 0:
                 continue
+            refuse_beyond(count := count + len(geometry.faces))
             corners = np.asarray(geometry.triangles, dtype=np.float64)
             turned = np.linalg.det(transform[:3, :3]) < 0.0
             moved = corners @ transform[:3, :3].T + transform[:3, 3]
             yield _color(geometry, file), moved[:, ::-1] if turned else moved
+    except MemoryError:
+        raise BadMesh("needs more memory than there is") from None
     except BadMesh:
         raise
     except Exception as fault:
@@ -133,8 +132,7 @@ def _unreadable(file: MeshFile, data: bytes, fault: Exception) -> str:
     """Why a file cannot be read. Of XML that is no COLLADA, such as the page of a server that has no such file, trimesh only stumbles."""
     if file.suffix == ".dae" and isinstance(fault, AttributeError):
         return "shows nothing: it has no `<scene>`" if _COLLADA.search(data) else "is no COLLADA: it has no `<COLLADA xmlns=...>`"
-    name = type(fault).__name__
-    return f"is no {file.suffix[1:].upper()} that trimesh can read ({name}: {str(fault).removeprefix(f'{name}: ')})"
+    return str(damaged(file.suffix, fault))
 
 
 def _scene(file: MeshFile, data: bytes) -> Any:

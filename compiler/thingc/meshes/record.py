@@ -9,10 +9,6 @@ from thingc.pose import Vector
 from thingc.realize.record import Mesh
 
 
-class BadMesh(Exception):
-    """Why a file is no mesh, in words that follow its name."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeshPiece(Brief):
     """The triangles of one colour (`#rrggbb`, `#rrggbbaa`; None: the file says none)."""

@@ -44,7 +44,7 @@ class PartRequests:
 
     def around(self, code: CodeIngredients | None) -> dict[str, Any]:
         """What every request says about where it runs."""
-        return {**self._parts.around(code), "store": self._store.root, "timeout": self._timeout}
+        return {**self._parts.around(code), "store": self._store.root, "timeout": self._timeout, "memory": self._workspace.part_memory}
 
     def given(self, definition: PartDefinition) -> dict[str, Value]:
         """The parameters of a definition that are not what its class says by itself; all of them where it has not been described."""

@@ -326,8 +326,8 @@ class PartRecord(Brief):
 
 
 FailureKind = Literal[
-    "refused", "missing", "raised", "trespassed", "hung", "crashed", "swarmed", "empty", "invalid", "unbounded", "resultless", "stale",
-    "unlocked", "absent",
+    "refused", "missing", "raised", "trespassed", "hung", "crashed", "swarmed", "starved", "empty", "invalid", "unbounded",
+    "resultless", "stale", "unlocked", "absent",
 ]
 """How it goes wrong that a part is described or modelled; `absent`: nobody was there to do it."""
 

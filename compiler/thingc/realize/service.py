@@ -368,7 +368,10 @@ class GeometryService:
         self._decide(task.subject, False, task.reason)
         self._printed(definition.label, answer)
         if "failed" in answer:
-            return self._broken(task.subject, answer)
+            broken = self._broken(task.subject, answer)
+            if definition.kind == "file" and broken.kind == "crashed" and broken.message.startswith("killed by"):
+                return replace(broken, kind="invalid", message=f"the file is damaged, or the CAD kernel cannot read it ({broken.message})")
+            return broken
         given = with_left(answer["answer"], answer.get("left", ()))
         reads, ran, slices = given.pop("reads"), given.pop("ran", None), given.pop("slices", ())
         code = self._code_of_definition(definition)

@@ -32,9 +32,9 @@ from thingc.workspace import DEFAULT_PARTS
 
 _FAILURES: Mapping[FailureKind, Code] = {
     "missing": Code.PART_MISSING, "refused": Code.PART_REFUSED, "raised": Code.PART_RAISED, "hung": Code.PART_HUNG,
-    "crashed": Code.PART_CRASHED, "trespassed": Code.PART_WRITES, "swarmed": Code.PART_SWARMED, "empty": Code.PART_EMPTY,
-    "invalid": Code.PART_INVALID, "resultless": Code.NO_RESULT, "stale": Code.LOCK_STALE, "unlocked": Code.NOT_LOCKED,
-    **dict.fromkeys(("unbounded", "absent"), Code.PART_INVALID),
+    "crashed": Code.PART_CRASHED, "trespassed": Code.PART_WRITES, "swarmed": Code.PART_SWARMED, "starved": Code.PART_STARVED,
+    "empty": Code.PART_EMPTY, "invalid": Code.PART_INVALID, "resultless": Code.NO_RESULT, "stale": Code.LOCK_STALE,
+    "unlocked": Code.NOT_LOCKED, **dict.fromkeys(("unbounded", "absent"), Code.PART_INVALID),
 }
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from thingc.packaging import MAINTAINER, VERSION, one_line
+from thingc.packaging import MAINTAINER, MEMORY, VERSION, one_line
 from thingc.spec.base import Model
 from thingc.spec.fields import AngleField, Checked, LengthField, TimeField, fault, found
 
@@ -53,13 +53,21 @@ def _version(value: Any) -> str:
     return value
 
 
+def _memory(value: Any) -> str:
+    if not isinstance(value, str) or re.fullmatch(MEMORY, value) is None:
+        raise fault("type", f"expected an amount of memory, found {found(value)}", help="write for example `4 GB`")
+    return value
+
+
 _MAINTAINER_HINT = "write for example `Ada Lovelace <ada@example.org>`"
 
 if TYPE_CHECKING:
     MaintainerField = str
     LicenseField = str
     VersionField = str
+    MemoryField = str
 else:
+    MemoryField = Annotated[str, Checked(_memory, "an amount of memory", {"type": "string", "pattern": f"^{MEMORY}$"})]
     MaintainerField = Annotated[str, Checked(_maintainer, "a name and a mail address", {"type": "string", "pattern": f"^{MAINTAINER}$"})]
     LicenseField = Annotated[str, Checked(_license, "a license", {"type": "string", "pattern": r"\S"})]
     VersionField = Annotated[str, Checked(_version, "a version", {"type": "string", "pattern": f"^{VERSION}$"})]
@@ -97,4 +105,6 @@ class WorkspaceSpec(Model):
     """The programs besides MuJoCo that read its models, unless `--compat` or `compat=` gives others."""
     part_timeout: TimeField | None = None
     """Longest time for one part; 120 s unless written."""
+    part_memory: MemoryField | None = Field(default=None, examples=["4 GB"])
+    """Most memory for one part; by default half of the machine's."""
     mesh: MeshSpec | None = Field(default=None, examples=[{"linear": "0.1 mm", "angular": "10 deg"}])

@@ -22,6 +22,7 @@ from thingc.realize.worker import process_tree
 from thingc.realize.worker.confining import PROCESSES, confine
 from thingc.realize.worker.libc import prctl
 from thingc.realize.worker.scratch import settle
+from thingc.workspace import DEFAULT_MEMORY
 
 KEPT = 8192
 """How many bytes of the end of a child's standard error are looked at."""
@@ -33,6 +34,8 @@ LAST_WORDS = 3.0
 """How long [s] a child that is about to end may take to do so, and to say where it was."""
 WATCH = 0.05
 """How often [s] to look whether children run and how many processes they have."""
+OUT_OF_MEMORY = 91
+"""How a child exits that asks for more memory than there is."""
 _PARENT_DEATH_SIGNAL = 1
 """`PR_SET_PDEATHSIG`."""
 
@@ -93,11 +96,15 @@ class Child:
         return not process_tree.descendants(self.process)
 
     def over(self, now: float) -> str | None:
-        """Whether it is time to end the child, which has not answered: `hung`, `swarmed` (too many processes), or `crashed`."""
+        """Whether it is time to end the child, which has not answered: `hung`, `swarmed` (too many processes), `starved` (too much memory),
+        or `crashed`."""
         if self.deadline <= now:
             return "hung"
-        if len(process_tree.descendants(self.process)) > PROCESSES:
+        started = process_tree.descendants(self.process)
+        if len(started) > PROCESSES:
             return "swarmed"
+        if process_tree.exceeds((self.process, *started), self.request.get("memory", DEFAULT_MEMORY)):
+            return "starved"
         return "crashed" if self._ended() else None
 
     def wait(self) -> dict[str, Any]:
@@ -116,7 +123,7 @@ class Child:
         number = {"id": self.request.get("id")}
         if not self.answered and over in (None, "crashed"):
             self._wait()
-        elif over == "swarmed":
+        elif over in ("swarmed", "starved"):
             process_tree.stop(self.process)
             process_tree.end_descendants(self.process)
             self._kill(signal.SIGABRT)  # it says where it is
@@ -133,10 +140,14 @@ class Child:
             tail = self.errors.read().decode("utf-8", "replace")
         finally:
             self.errors.close()
-        if over == "swarmed":
-            return {**number, "failed": over, "words": f"more than {PROCESSES} of its processes were alive at once", "detail": tail}
-        if over == "hung":
-            return {**number, "failed": over, "words": "", "detail": tail}
+        if self.status is not None and self.status >> 8 == OUT_OF_MEMORY:
+            over = "starved"
+        words = {
+            "hung": "", "swarmed": f"more than {PROCESSES} of its processes were alive at once",
+            "starved": f"more than {self.request.get('memory', DEFAULT_MEMORY) / 1e9:.3g} GB",
+        }
+        if over in words:
+            return {**number, "failed": over, "words": words[over], "detail": tail}
         return {**number, "failed": "crashed", "words": in_words(self.status), "detail": tail}
 
     def _end_processes(self, others: Collection[int]) -> list[str]:
@@ -238,9 +249,10 @@ def start(
             status = 0
             while os.getppid() == server:  # as long as it lives, everybody can see what it has started
                 signal.pause()
-        except BaseException:
+        except BaseException as fault:
             import traceback
 
+            status = OUT_OF_MEMORY if isinstance(fault, MemoryError) else 1
             os.write(errors.fileno(), traceback.format_exc().encode("utf-8", "replace"))
         finally:
             os._exit(status)

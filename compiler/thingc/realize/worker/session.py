@@ -143,6 +143,8 @@ class PartSession:
         """What went wrong, in words, with the innermost place in the authors' files."""
         from thingc.things.parameters import ParameterError, SignatureError
 
+        if isinstance(fault, MemoryError):
+            raise fault  # how much there is depends on the machine: no answer to cache
         detail: str | None = "".join(traceback.format_exception(fault))
         places = [(one.filename, one.lineno) for one in traceback.extract_tb(fault.__traceback__) if self.is_own(one.filename)]
         if isinstance(fault, SyntaxError) and fault.filename is not None and self.is_own(fault.filename):

@@ -5,14 +5,17 @@
 
 from __future__ import annotations
 
+import io
 import math
-import os
 import zipfile
+from array import array
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
+from xml.parsers import expat
 
 import numpy as np
 
+from thingc.mesh_bounds import LARGEST, BadMesh, damaged, read_bounded, refuse_beyond, unfold
 from thingc.realize.worker.kernel.meshing import Triangles, together, without_slivers
 
 if TYPE_CHECKING:
@@ -27,14 +30,15 @@ SUFFIXES = (*PLAIN, *GLTF, ".3mf")
 NEAR = 1e-6
 """Corners that are this part of the whole size apart are one, where the surface is not closed otherwise."""
 
-_STL_HEAD, _STL_TRIANGLE = 84, 50
-"""Bytes of a binary STL file: a text of 80 and the number of triangles, then the triangles."""
+MOST = 1_000_000
+"""Triangles of a part: the kernel needs some 3.5 kB for each."""
 
 FARTHEST = 1e9
 """Coordinates [mm] beyond are a slip: the kernel leaves gaps between faces of that size."""
 
 _UNITS_3MF = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
-_CORE_3MF = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
+_CORE_3MF = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
+_BUILD = "what is built"
 
 
 class BadPartFile(ValueError):
@@ -42,16 +46,24 @@ class BadPartFile(ValueError):
 
 
 def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str, ...]]:
-    """The surface in a file [mm], closed, and in words what had to be mended; `unit` [mm] is that of the numbers in a file that
-    does not say its own. z is up: what a glTF file calls y. Raises `BadPartFile`, also where the surface stays open."""
-    if suffix == ".3mf":
-        mesh = _from_3mf(path)
-    elif suffix in GLTF:
-        surface = _from_trimesh(path, suffix)
-        x, y, z = surface.vertices.T
-        mesh = Triangles(1000.0 * np.column_stack([x, -z, y]) + 0.0, surface.faces)
-    else:
-        mesh = _from_trimesh(path, suffix).scaled(unit)
+    """The surface in a file [mm], closed, and in words what had to be fixed; `unit` [mm] is that of the numbers in a file that
+    does not say its own. z is up: what a glTF file calls y. Raises `BadPartFile`, also if the surface stays open."""
+    try:
+        data = read_bounded(path, suffix, MOST)
+        if suffix == ".3mf":
+            mesh = _from_3mf(data)
+        elif suffix in GLTF:
+            surface = _from_trimesh(path, suffix, data)
+            x, y, z = surface.vertices.T
+            mesh = Triangles(1000.0 * np.column_stack([x, -z, y]) + 0.0, surface.faces)
+        else:
+            mesh = _from_trimesh(path, suffix, data).scaled(unit)
+    except BadMesh as fault:
+        raise BadPartFile(f"the file {fault}") from fault.__cause__
+    except (BadPartFile, MemoryError):
+        raise
+    except Exception as fault:
+        raise BadPartFile(f"the file {damaged(suffix, fault)}") from fault
     if len(mesh.faces) == 0:
         raise BadPartFile("the file holds no triangles")
     farthest = float(np.abs(mesh.vertices).max())
@@ -67,36 +79,14 @@ def reads_with_trimesh(path: str) -> bool:
     return path.lower().endswith((*PLAIN, *GLTF))
 
 
-def _from_trimesh(path: str, suffix: str) -> Triangles:
+def _from_trimesh(path: str, suffix: str, data: bytes) -> Triangles:
     import trimesh
 
-    if suffix == ".stl":
-        _whole_stl(path)
-    try:
-        scene = trimesh.load_scene(path, file_type=suffix[1:], process=False)
-        corners = np.asarray(scene.triangles if scene.geometry else (), dtype=np.float64)
-    except Exception as fault:
-        said = f"{type(fault).__name__}: {fault}".replace(path, os.path.basename(path))
-        raise BadPartFile(f"not {suffix[1:].upper()} that trimesh can read ({said})") from fault
+    beside = trimesh.resolvers.FilePathResolver(path) if suffix == ".gltf" else None
+    scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], resolver=beside, process=False)
+    refuse_beyond(sum(len(getattr(scene.geometry[scene.graph[node][1]], "faces", ())) for node in scene.graph.nodes_geometry), MOST)
+    corners = np.asarray(scene.triangles if scene.geometry else (), dtype=np.float64)
     return _welded(_finite(corners.reshape(-1, 3)))
-
-
-def _whole_stl(path: str) -> None:
-    """Raises `BadPartFile` for an STL file that is cut off, of which trimesh says that it holds no triangles."""
-    with open(path, "rb") as stream:
-        head = stream.read(_STL_HEAD)
-        text = (head + stream.read()).lower() if b"\0" not in head else None
-        size = stream.seek(0, os.SEEK_END)
-    if text is not None:
-        if b"facet" in text and b"endsolid" not in text:
-            raise BadPartFile("the file is cut off: it has no `endsolid`")
-    elif size < _STL_HEAD:
-        raise BadPartFile(f"the file is cut off: it has {size} bytes, and a binary STL file begins with {_STL_HEAD}")
-    else:
-        told, there = int.from_bytes(head[-4:], "little"), (size - _STL_HEAD) / _STL_TRIANGLE
-        if told != there:
-            what = "is cut off" if told > there else "goes on behind its end"
-            raise BadPartFile(f"the file {what}: it says that it has {told} triangles, and there are bytes for {there:.6g}")
 
 
 def _welded(corners: NDArray[np.float64]) -> Triangles:
@@ -180,66 +170,78 @@ def open_edges(mesh: Triangles) -> int:
 # --- 3MF --------------------------------------------------------------------------------------------------------------
 
 
-def _from_3mf(path: str) -> Triangles:
-    try:
-        with zipfile.ZipFile(path) as archive:
-            name = next((entry for entry in sorted(archive.namelist()) if entry.lower().endswith(".model")), None)
-            if name is None:
-                raise BadPartFile("the 3MF file holds no model")
-            root = ElementTree.fromstring(archive.read(name))
-    except (zipfile.BadZipFile, ElementTree.ParseError, OSError) as fault:
-        raise BadPartFile(f"not a 3MF file ({fault})") from None
-    scale = _UNITS_3MF.get(root.get("unit", "millimeter"))
-    if scale is None:
-        raise BadPartFile(f"unknown unit `{root.get('unit')}` in the 3MF file")
-    objects = {item.get("id"): item for item in root.iter(_CORE_3MF + "object")}
-    meshes = [
-        mesh
-        for item in root.iter(_CORE_3MF + "item")
-        for mesh in _object_3mf(objects, item.get("objectid"), _affine(item.get("transform")), 0)
-    ]
+class _Object3mf:
+    """An object of a 3MF file: coordinates, vertex numbers of triangles, and the objects in it with their transforms."""
+
+    def __init__(self) -> None:
+        self.points, self.faces = array("d"), array("q")
+        self.components: list[tuple[str, str | None]] = []
+
+
+def _from_3mf(data: bytes) -> Triangles:
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        name = next((entry for entry in sorted(archive.namelist()) if entry.lower().endswith(".model")), None)
+        if name is None:
+            raise BadMesh("holds no model")
+        refuse_beyond(archive.getinfo(name).file_size, LARGEST, "bytes of XML")
+        unit, objects = _read_3mf(archive.read(name))
+    if unit not in _UNITS_3MF:
+        raise BadMesh(f"has the unknown unit `{unit}`")
+
+    def parts(name: str) -> list[str]:
+        if name not in objects:
+            raise BadMesh(f"names an object `{name}` that is not there")
+        return [one for one, _ in objects[name].components]
+
+    unfold(_BUILD, parts)
+    meshes = _placed_3mf(objects, _BUILD, _affine(None))
     if not meshes:
-        raise BadPartFile("the 3MF file builds nothing")
-    return together(meshes).scaled(scale)
+        raise BadMesh("builds nothing")
+    return together(meshes).scaled(_UNITS_3MF[unit])
 
 
-def _object_3mf(objects: dict[Any, Any], name: str | None, transform: NDArray[np.float64], depth: int) -> list[Triangles]:
-    item = objects.get(name)
-    if item is None or depth > 50:
-        raise BadPartFile(f"the 3MF file names an object `{name}` that is not there")
-    surfaces: list[Triangles] = []
-    mesh = item.find(_CORE_3MF + "mesh")
-    if mesh is not None:
-        points = _numbers([[v.get("x"), v.get("y"), v.get("z")] for v in mesh.iter(_CORE_3MF + "vertex")])
-        faces = np.array(
-            [[int(t.get("v1")), int(t.get("v2")), int(t.get("v3"))] for t in mesh.iter(_CORE_3MF + "triangle")], dtype=np.int64
-        ).reshape(-1, 3)
-        if faces.size and (faces.min() < 0 or faces.max() >= len(points)):
-            raise BadPartFile("a triangle of the 3MF file names a vertex that is not there")
-        moved = points @ transform[:3] + transform[3]
-        if np.linalg.det(transform[:3]) < 0.0:
-            faces = faces[:, ::-1]
-        surfaces.append(_welded(moved[faces.ravel()]))
-    for component in item.iter(_CORE_3MF + "component"):
-        own = _affine(component.get("transform"))
+def _read_3mf(model: bytes) -> tuple[str, dict[str, _Object3mf]]:
+    """The unit of a model, and its objects by their numbers; what is built is another, `_BUILD`."""
+    unit, last = "millimeter", _Object3mf()
+    objects: dict[str, _Object3mf] = {_BUILD: last}
+
+    def start(tag: str, said: Mapping[str, str]) -> None:
+        nonlocal unit, last
+        match tag.removeprefix(_CORE_3MF):
+            case "model":
+                unit = said.get("unit", unit)
+            case "object":
+                last = objects[said.get("id", "")] = _Object3mf()
+            case "vertex":
+                last.points.extend(float(said[key]) for key in ("x", "y", "z"))
+            case "triangle":
+                last.faces.extend(int(said[key]) for key in ("v1", "v2", "v3"))
+            case "component" | "item" as kind:
+                (last if kind == "component" else objects[_BUILD]).components.append((said.get("objectid", ""), said.get("transform")))
+
+    parser = expat.ParserCreate(namespace_separator="}")
+    parser.StartElementHandler = start
+    parser.Parse(model, True)
+    return unit, objects
+
+
+def _placed_3mf(objects: Mapping[str, _Object3mf], name: str, transform: NDArray[np.float64]) -> list[Triangles]:
+    """The surfaces in an object, those in its components included, where a transform puts them."""
+    item, surfaces = objects[name], list[Triangles]()
+    points, faces = np.array(item.points).reshape(-1, 3), np.array(item.faces, dtype=np.int64).reshape(-1, 3)
+    if faces.size and (faces.min() < 0 or faces.max() >= len(points)):
+        raise BadMesh("names a vertex that is not there")
+    if faces.size:
+        moved = _finite(points) @ transform[:3] + transform[3]
+        surfaces.append(_welded(moved[(faces[:, ::-1] if np.linalg.det(transform[:3]) < 0.0 else faces).ravel()]))
+    for inner, text in item.components:
+        own = _affine(text)
         combined = np.vstack([own[:3] @ transform[:3], own[3] @ transform[:3] + transform[3]])
-        surfaces.extend(_object_3mf(objects, component.get("objectid"), combined, depth + 1))
+        surfaces.extend(_placed_3mf(objects, inner, combined))
+        refuse_beyond(sum(len(one.faces) for one in surfaces), MOST)
     return surfaces
 
 
 def _affine(text: str | None) -> NDArray[np.float64]:
     """A 3MF transform: 4 x 3, points are rows on its left."""
-    if text is None:
-        return np.vstack([np.eye(3), np.zeros(3)])
-    rows = _numbers([text.split()])
-    if rows.shape != (4, 3):
-        raise BadPartFile(f"`{text}` is no transform of 3MF")
-    return rows
-
-
-def _numbers(rows: list[Any]) -> NDArray[np.float64]:
-    try:
-        coordinates = np.array(rows, dtype=np.float64).reshape(-1, 3)
-    except (TypeError, ValueError) as fault:
-        raise BadPartFile(f"a coordinate is no number ({fault})") from None
-    return _finite(coordinates)
+    return _finite(np.array((text or "1 0 0 0 1 0 0 0 1 0 0 0").split(), dtype=np.float64).reshape(4, 3))

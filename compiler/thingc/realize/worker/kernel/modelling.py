@@ -35,9 +35,9 @@ from thingc.realize.worker.kernel import convert, meshing
 from thingc.realize.worker.kernel.colors import hexadecimal, named
 from thingc.realize.worker.kernel.fits import fit_all
 from thingc.realize.worker.kernel.measure import Measures, bodies_of, explored, measure, solids_of
-from thingc.realize.worker.kernel.mesh_files import SUFFIXES
+from thingc.realize.worker.kernel.mesh_files import SUFFIXES, BadPartFile
 from thingc.realize.worker.kernel.mirroring import SolidMirror
-from thingc.realize.worker.kernel.part_files import kernel_shape, read_part
+from thingc.realize.worker.kernel.part_files import kernel_shape, read_part, unusable
 from thingc.realize.worker.kernel.primitives import primitive_of
 from thingc.realize.worker.kernel.simplifying import deviation, simplified
 from thingc.realize.worker.kernel.tessellating import tessellate
@@ -130,6 +130,8 @@ def model(definition: dict[str, Any], tessellations: Tessellations, around: Requ
             raise
         except BaseException as fault:
             session.stop()
+            if definition["kind"] == "file" and not isinstance(fault, (NoPart, BadPartFile, MemoryError)):
+                fault = unusable(fault)
             failure = session.failure(text, fault)
             if failure.file is None and definition["kind"] == "code":
                 failure = replace(failure, **_place(definition["reference"], session))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,6 +29,13 @@ def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tup
     raise BadPartFile(f"`{suffix or path}` is no format of parts")
 
 
+def unusable(fault: BaseException) -> BadPartFile:
+    """The reason for a file of which the kernel reads something, and then fails."""
+    reason = BadPartFile("the file is damaged, or holds a shape that the CAD kernel cannot use")
+    reason.__cause__ = fault
+    return reason
+
+
 def kernel_shape(shape: Any) -> TopoDS_Shape | None:
     """The kernel's shape in a build123d shape, or None where it is empty."""
     try:
@@ -45,7 +53,7 @@ def _from_step(path: str) -> tuple[list[TopoDS_Shape], set[str]]:
     try:
         whole = import_step(path)
     except Exception as fault:
-        raise BadPartFile("not a STEP file that the kernel can read") from fault
+        raise BadPartFile("the file is damaged, or is not STEP") from fault
     shape = kernel_shape(whole)
     if shape is None:
         raise BadPartFile("the STEP file holds no shape")
@@ -55,10 +63,14 @@ def _from_step(path: str) -> tuple[list[TopoDS_Shape], set[str]]:
 def _from_brep(path: str) -> TopoDS_Shape:
     from build123d import import_brep
 
+    with open(path, "rb") as stream:
+        stream.seek(max(0, os.path.getsize(path) - 100))
+        if re.search(rb"[+-]\d+ \d+\s*$", stream.read(100)) is None:  # the last line names the whole: without it the kernel reads for ever
+            raise BadPartFile("the file is cut off, or is not BREP")
     try:
         shape = kernel_shape(import_brep(path))
     except Exception as fault:
-        raise BadPartFile("not a BREP file that the kernel can read") from fault
+        raise BadPartFile("the file is damaged, or is not BREP") from fault
     if shape is None:
         raise BadPartFile("the BREP file holds no shape")
     return shape

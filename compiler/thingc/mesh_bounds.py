@@ -1,0 +1,121 @@
+"""Bounds of mesh files, checked before memory is allocated for what they contain."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import re
+from collections.abc import Callable, Iterable
+from typing import TypeVar
+from xml.etree import ElementTree
+
+LARGEST = 200_000_000
+"""Bytes of a mesh file, or of the model in a 3MF file when it is inflated."""
+MOST = 5_000_000
+"""Triangles of a mesh file."""
+INSTANCES = 10_000
+"""Objects that a mesh file places, each as often as it is placed."""
+LEVELS = 100
+"""How deep objects of a mesh file may nest."""
+
+_HEAD, _TRIANGLE = 84, 50
+"""Bytes of a binary STL file: before its triangles, and of each."""
+_FACET, _FACE = re.compile(rb"endfacet", re.IGNORECASE), re.compile(rb"^[ \t]*f[ \t]", re.MULTILINE)
+"""Of an STL file of words, and of an OBJ file: once per facet."""
+
+_T = TypeVar("_T")
+
+
+class BadMesh(Exception):
+    """Why a file is not a mesh, in words that follow its name."""
+
+
+def damaged(suffix: str, fault: Exception) -> BadMesh:
+    """The reason for a file on which its reader failed: what Python reports of its own values is left out."""
+    said = " ".join(str(fault).removeprefix(f"{type(fault).__name__}: ").split())
+    inner = isinstance(fault, (LookupError, TypeError, AttributeError, NameError, OSError)) or not said
+    return BadMesh(f"is damaged, or is not {suffix[1:].upper()}" + ("" if inner else f" ({said})"))
+
+
+def read_bounded(path: str, suffix: str, most: int = MOST) -> bytes:
+    """Read a mesh file. Raises `OSError`, and `BadMesh` as `bounded` does."""
+    with open(path, "rb") as stream:
+        data = stream.read(LARGEST + 1)
+    bounded(suffix, data, most)
+    return data
+
+
+def bounded(suffix: str, data: bytes, most: int = MOST) -> None:
+    """Raises `BadMesh` for a file that is empty, too large or cut off, or that declares more than `most` triangles or too many objects."""
+    told: int | None = None
+    if not data:
+        raise BadMesh("is empty")
+    if len(data) > LARGEST:
+        raise BadMesh(f"is larger than {LARGEST // 1_000_000} MB")
+    if suffix == ".stl" and is_text(data):
+        told = sum(1 for _ in _FACET.finditer(data))
+        if b"facet" in data and b"endsolid" not in data.lower():
+            raise BadMesh("is cut off: it has no `endsolid`")
+    elif suffix == ".stl":
+        if len(data) < _HEAD:
+            raise BadMesh(f"is cut off: it has {len(data)} bytes, and a binary STL file begins with {_HEAD}")
+        told, there = int.from_bytes(data[80:84], "little"), (len(data) - _HEAD) / _TRIANGLE
+        if told != there:
+            what = "is cut off" if told > there else "goes on behind its end"
+            raise BadMesh(f"{what}: it says that it has {told} triangles, and there are bytes for {there:.6g}")
+    elif suffix == ".ply" and (match := re.search(rb"^element face (\d+)", data[:10_000], re.MULTILINE)):
+        told = int(match[1])
+    elif suffix == ".obj":
+        told = sum(1 for _ in _FACE.finditer(data))
+    elif suffix == ".dae" and b"instance_node" in data:
+        with contextlib.suppress(ElementTree.ParseError):  # which its reader reports
+            _unfold_collada(ElementTree.fromstring(data))
+    elif suffix in (".glb", ".gltf"):
+        told = _told_by_gltf(data if suffix == ".gltf" else data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    refuse_beyond(told or 0, most)
+
+
+def refuse_beyond(count: int, most: int = MOST, what: str = "triangles") -> None:
+    """Raises `BadMesh` for a file of more than `most` triangles, or whatever is counted."""
+    if count > most:
+        raise BadMesh(f"has {count} {what}, and {most} at most are read")
+
+
+def is_text(stl: bytes) -> bool:
+    """Whether an STL file is one of words."""
+    return b"\0" not in stl[:_HEAD] and stl.lstrip()[:5].lower() == b"solid"
+
+
+def unfold(root: _T, parts: Callable[[_T], Iterable[_T]]) -> None:
+    """Raises `BadMesh` if `root`, which is made of its `parts`, places more than `INSTANCES` objects, or contains itself."""
+    known: dict[_T, int] = {}
+
+    def count(one: _T, level: int) -> int:
+        if level > LEVELS:
+            raise BadMesh(f"has objects that contain themselves, or are nested deeper than {LEVELS} levels")
+        if one not in known:
+            known[one] = 1 + sum(count(part, level + 1) for part in parts(one))
+        return known[one]
+
+    refuse_beyond(count(root, 0), INSTANCES, "objects, each counted as often as it is placed")
+
+
+def _unfold_collada(root: ElementTree.Element) -> None:
+    named = {f"#{node.get('id')}": node for node in root.iter() if node.tag.endswith("}node")}
+
+    def parts(node: ElementTree.Element) -> Iterable[ElementTree.Element]:
+        yield from (named[url] for one in node.findall("{*}instance_node") if (url := one.get("url", "")) in named)
+        yield from node.findall("{*}node")
+
+    for scene in root.iter():
+        if scene.tag.endswith("}visual_scene"):
+            unfold(scene, parts)
+
+
+def _told_by_gltf(text: bytes) -> int:
+    """The triangles that the accessors of a glTF file declare, at least: a sparse one need not have bytes for them."""
+    with contextlib.suppress(ValueError, LookupError, TypeError, AttributeError, RecursionError):  # which its reader reports
+        document = json.loads(text)
+        refuse_beyond(len(document.get("nodes", ())), INSTANCES, "nodes")
+        return max(int(accessor["count"]) for accessor in document["accessors"]) // 3
+    return 0
