@@ -180,6 +180,7 @@ class Code(Enum):
     GRAVITY_UP = ("TC524", "gravity that points up", "Write `gravity: floor`, or `gravity: ceiling` if it hangs from one.", Stage.CHECK)
     OTHER_MOUNT = ("TC525", "mount shown by the name of another", "Name the mount that is meant, or show it by another name.", Stage.CHECK)
     ALIKE = ("TC526", "two modes that are the same", "Write what is to be different in one of them, or take it out.", Stage.CHECK)
+    MIRRORED_TURN = ("TC528", "mirrored part that is turned", "Add the `turn` that makes both sides mirror images.", Stage.CHECK)
     HELD_OFF = ("TC527", "held at a magnet that is off", "Root the mode at the magnet that is on, or let this one pull, too.", Stage.CHECK)
     MIRRORED_BOUGHT = ("TC580", "mirror image of a bought part", "Take `mirror` out, or write its order number.", Stage.CHECK)
     OWN_IMAGE = ("TC581", "part that is its own mirror image", "Take `mirror` out: the part is the same without it.", Stage.CHECK)

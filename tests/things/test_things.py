@@ -9,10 +9,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import pytest
-from build123d import Box, BuildPart, Cylinder, Part, Pos, Shape
+from build123d import Box, BuildPart, Cylinder, Part, Plane, Pos, Shape, Vector
 
 from thingc import Angle, Count, Length, Mass, MountPoint, ParameterError, Range, Ratio, Thing
 from thingc.things.inspection import build, is_part, parameters_of
+from thingc.things.mounts import MATE
 from thingc.things.parameters import CallError, Parameter, SignatureError
 
 if TYPE_CHECKING:
@@ -519,3 +520,17 @@ def test_adjustments_are_checked(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError) as caught:
         Servo().adjust(**changes)
     assert str(caught.value) == message
+
+
+@pytest.mark.parametrize("normal", [(0, 0, 1), (0, 1, 0), (-1, 0, 0), (1, 2, 3)])
+def test_directions_of_two_mounts_coincide_whatever_their_planes(normal: tuple[float, float, float]) -> None:
+    """`mate_x` of the seat and `facing` of what sits on it, both across their z axes."""
+    z = Vector(*normal).normalized()
+    across = z.cross(Vector(3, -1, 0.5)).normalized()
+    seat = MountPoint(Plane((1, 2, 3), z_dir=z), mate_x=across + 2 * z)
+    part = MountPoint(Plane((4, 5, 6), z_dir=(0, -1, 0)), facing=(1, 0, 0))
+    placed = Plane(seat.location * MATE * part.location.inverse())
+    assert (placed.x_dir - across).length < 1e-9 and (seat.location.position - Vector(1, 2, 3)).length < 1e-9
+    for wrong in ({"facing": z}, {"mate_x": -z}, {"facing": across, "mate_x": across}):
+        with pytest.raises(ValueError, match="a MountPoint takes one of `facing` and `mate_x`"):
+            MountPoint(Plane((1, 2, 3), z_dir=z), **wrong)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from build123d import Location, Plane
+from build123d import Location, Plane, Vector
 
 from thingc.things.resolver import Framed, TransformResolver
 
 if TYPE_CHECKING:
+    from build123d import VectorLike
+
     from thingc.things.thing import Thing
 
 MATE = Location(Plane(origin=(0, 0, 0), x_dir=(0, -1, 0), z_dir=(0, 0, -1)))
@@ -25,15 +27,19 @@ class MountPoint(Framed):
 
     `location` is the frame in the Thing's own frame [mm] (a `Plane` or another mount will do), `interface` names what fits
     there (`"x430-horn"`, `"m2.5-clearance"`), `tolerance` [mm] is how far the real frame may be off.
+    `facing` or `mate_x` turn the frame about its z; both are directions in the Thing's frame. `facing` is the direction of the mount's x
+    axis. `mate_x` is the direction along which `facing` of the mount that is mated with this one comes to lie. Use `mate_x` for seats, and
+    `facing` for the mounts of what sits on them.
     Assigned to an attribute of a Thing (alone, or in a list or dict) it becomes a mount of that name (`hip_0`, `hip_left`).
 
-    Raises `TypeError` where `location` is no frame, `ValueError` for a tolerance that is negative.
+    Raises `TypeError` where `location` is no frame, `ValueError` for a tolerance that is negative, and for a direction along z.
     """
 
     __slots__ = ("_expected", "_interface", "_local", "_name", "_owner", "_tolerance", "_view")
 
     def __init__(
-        self, location: Location | Plane | MountPoint, interface: str | None = None, tolerance: float | None = None
+        self, location: Location | Plane | MountPoint, interface: str | None = None, tolerance: float | None = None, *,
+        facing: VectorLike | None = None, mate_x: VectorLike | None = None,
     ) -> None:
         if isinstance(location, (Plane, MountPoint)):
             location = location.location
@@ -43,6 +49,8 @@ class MountPoint(Framed):
             raise TypeError(f"the interface of a MountPoint is a text, found {interface!r}")
         if tolerance is not None and not 0 <= tolerance < float("inf"):
             raise ValueError(f"the tolerance of a MountPoint must be at least 0 mm and finite, found {tolerance!r}")
+        if facing is not None or mate_x is not None:
+            location = _directed(location, facing, mate_x)
         self._local = Location(location.wrapped)
         self._view = Location()
         self._interface = interface
@@ -107,6 +115,15 @@ class MountPoint(Framed):
         moved._view = view * self._view
         moved._owner, moved._name = self._owner, self._name
         return moved
+
+
+def _directed(location: Location, facing: VectorLike | None, mate_x: VectorLike | None) -> Location:
+    """`location` turned about its z, so that its x axis, or that of a mount that is mated with it, lies along a direction."""
+    z, wanted = Plane(location).z_dir, Vector(facing if facing is not None else mate_x)
+    along = wanted - z * wanted.dot(z)
+    if (facing is not None and mate_x is not None) or along.length < 1e-6:
+        raise ValueError(f"a MountPoint takes one of `facing` and `mate_x`, a direction across its z axis; found {facing!r} and {mate_x!r}")
+    return Location(Plane(location.position, x_dir=along if facing is not None else z.cross(along), z_dir=z))
 
 
 def origin_of(thing: Thing) -> MountPoint:
