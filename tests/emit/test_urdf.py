@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 from emit import small_robot
 from graph.builder import (
+    LEAD,
     as_matrix,
     box,
     component,
@@ -370,6 +371,17 @@ def test_a_screw_is_a_turn_and_a_slide_that_follows() -> None:
     thread = float(follows.attrib["multiplier"])
     assert sorted([-thread, 2 * thread]) == [float(ends.attrib["lower"]), float(ends.attrib["upper"])]
     assert ("j1", "its thread: a slide mimics the turn, and readers without mimics leave it loose", "approximated") in set(said(made))
+
+
+def test_the_slide_of_a_screw_that_follows_is_its_turn_times_the_pitch() -> None:
+    """The turn is 2 q + 0.25, so the slide is (2 q + 0.25) LEAD / (2 pi)."""
+    leader, pitch = coordinates_of("j1", "c0.a", "c1.b", "revolute", lower=-1, upper=2), LEAD / (2.0 * math.pi)
+    made = emit(robot_of([*leader, *coordinates_of("j2", "c1.a", "c2.b", "screw", mimic=mimic("j1", 2.0, 0.25))]))
+    follows = [follows.attrib for name in ("j2", "j2_slide") if (follows := element(made, name).find("mimic")) is not None]
+    assert [one["joint"] for one in follows] == ["j1", "j1"]
+    found = [(abs(float(one["multiplier"])), abs(float(one["offset"]))) for one in follows]
+    assert found == [(2.0, 0.25), (pytest.approx(2.0 * pitch), pytest.approx(0.25 * pitch))]
+    assert float(follows[1]["multiplier"]) / float(follows[1]["offset"]) == pytest.approx(8.0)
 
 
 def test_a_ball_is_three_turns_and_says_so() -> None:

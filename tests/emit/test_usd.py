@@ -182,6 +182,18 @@ def test_limits_are_in_degrees_and_gains_per_degree(every: Compiled) -> None:
     assert driven == {"rail"}
 
 
+@pytest.mark.parametrize("lead", [5.0, -5.0])
+def test_the_thread_of_a_screw_slides_between_the_ends_of_its_turn(lead: float, tmp_path: Path) -> None:
+    """From -90 to 180 degrees: a quarter of the lead one way, half of it the other way."""
+    screw = f"joints: {{s: {{type: screw, parent: c0.a, child: c1.b, lead: {lead} mm, limit: {{lower: -90 deg, upper: 180 deg}}}}}}\n"
+    made = Compiled(tmp_path, MIMICS.partition("  c2:")[0] + screw + "modes: {m: {root: c0}}\n", "usd")
+    prim = read(made, "m").joints["s"].prim
+    limits = {name: UsdPhysics.LimitAPI(prim, name) for name in ("rotZ", "transZ")}
+    ends = {name: (limit.GetLowAttr().Get(), limit.GetHighAttr().Get()) for name, limit in limits.items()}
+    slide = sorted((-0.25e-3 * lead, 0.5e-3 * lead))
+    assert ends == {"rotZ": (-90.0, 180.0), "transZ": pytest.approx(slide, rel=1e-6)}
+
+
 MIMIC = ", which Newton and, of turns with limits, PhysX read, where both turn or both slide"
 
 

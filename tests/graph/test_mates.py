@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,6 +33,7 @@ from graph.builder import (
 )
 from thingc.graph import coordinates, joints_of, poses
 from thingc.graph.types import Assembly
+from thingc.joints import Twist
 
 SEAT = t(0.05, 0.01, 0.02) @ ry(0.7)
 BACK = t(-0.03, 0.02, -0.02) @ rx(2.0) @ rz(0.4)
@@ -95,6 +97,19 @@ def test_joints_move_after_turn_and_gap_and_before_the_mate(kind: str, q: float)
     expected = mated(SEAT, BACK, turn=0.3, gap=0.002, kind=kind, q=q, offset=0.2)
     assert at(found, "arm", {"j": q}) == pytest.approx(expected, abs=1e-14)
     assert len(found.links) == 2
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_turn_and_gap_are_about_and_along_the_axis_of_a_joint(kind: str) -> None:
+    """A joint with an `axis` has no mate: at q = 0 without `turn` and `gap` both mounts coincide."""
+    axis = (0.6, 0.0, 0.8)
+    twist = Twist(angular=axis) if kind == "revolute" else Twist(linear=axis)
+    one = replace(joint("j", "plate.seat", "arm.back", kind, turn=0.3, gap=0.002, lower=-1.0, upper=1.0), axis=axis, twist=twist)
+    model = assembly("a", [component("plate", "p:Plate"), component("arm", "p:Arm")], [one])
+    found = linked(model, box("p:Plate", mounts={"seat": SEAT}), box("p:Arm", mounts={"back": BACK}))
+    tilted = ry(np.arctan2(0.6, 0.8))  # takes z to the axis
+    moved = rz(0.3) @ t(0, 0, 0.002) @ (rz(0.4) if kind == "revolute" else t(0, 0, 0.4))
+    assert at(found, "arm", {"j": 0.4}) == pytest.approx(SEAT @ tilted @ moved @ inv(tilted) @ inv(BACK), abs=1e-14)
 
 
 def test_a_fixed_joint_fuses() -> None:

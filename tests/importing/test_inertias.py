@@ -79,6 +79,22 @@ def test_what_is_fixed_to_a_sound_link_stays(tmp_path: Path) -> None:
     assert thingc.compile(tmp_path / "robot.yaml").diagnostics == ()
 
 
+@pytest.mark.parametrize(("place", "sound"), [("0 1 0", True), ("1 0 0", False)])
+def test_links_behind_a_turned_link_count_where_they_are(place: str, sound: bool, tmp_path: Path) -> None:
+    """`arm` alone has an ixx that is too large. A mass on its x axis adds to iyy and izz, one on its y axis to ixx. `turned` is turned by
+    90 degrees about z, so that its y axis is the x axis of `arm`."""
+    links = '<link name="world"/><link name="turned"/>'
+    links += LINK.format(name="arm", mass=1, ixx=0.05) + LINK.format(name="end", mass=1, ixx=0.01)
+    joints = f"""<joint name="j" type="continuous"><parent link="world"/><child link="arm"/></joint>
+<joint name="f" type="fixed"><parent link="arm"/><child link="turned"/><origin rpy="0 0 1.5707963267948966"/></joint>
+<joint name="g" type="fixed"><parent link="turned"/><child link="end"/><origin xyz="{place}"/></joint>"""
+    report = Report()
+    imported = import_robot(str(written(tmp_path, links, joints)), report)
+    assert (imported is not None, [d.message.partition(":")[0] for d in report.ordered()]) == (
+        (True, []) if sound else (False, ["link `arm` moves, and cannot"])
+    )
+
+
 def test_a_root_that_is_another_one_moves_the_old_one(tmp_path: Path) -> None:
     links = LINK.format(name="arm", mass=1, ixx=0.01) + '<link name="a"/>'
     path = written(tmp_path, links, '<joint name="j" type="continuous"><parent link="a"/><child link="arm"/></joint>')

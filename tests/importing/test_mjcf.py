@@ -149,6 +149,47 @@ def test_paths_that_a_document_has_not_are_losses_and_so_are_their_drives(steps:
     assert lost[-2:] == [("tendon `cord`", why), ("actuator `pull`", "its tendon is left out")]
 
 
+COUPLED = """\
+<mujoco>
+  <compiler angle="radian"/>
+  <default><geom type="capsule" fromto="0 0 0 0.1 0.2 0" size="0.02"/></default>
+  <worldbody>
+    <body name="a" pos="0.1 0 0"><joint name="a" axis="0 0 1" ref="0.2"/><geom/>
+      <body name="b" pos="0.1 0.2 0" euler="0.4 0 0.3"><joint name="b" axis="0 1 0" ref="-0.3"/><geom/></body>
+    </body>
+    <body name="c" pos="0 0.3 0" euler="0 0.2 0"><joint name="c" axis="1 0 0" ref="0.5"/><geom/>
+      <body name="d" pos="0.1 0.2 0"><joint name="d" axis="0 0 1" ref="-0.7"/><geom/></body>
+    </body>
+  </worldbody>
+  <equality>
+    {equality}
+  </equality>
+  <actuator><motor name="a" joint="a"/></actuator>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("equality", [
+    '<joint joint1="a" joint2="b" polycoef="0.3 -1 0 0 0"/>', '<joint joint1="c" joint2="d" polycoef="0.1 0.5 -0.4 0.3 0.2"/>',
+    '<connect body1="b" body2="d" anchor="0.1 0.02 0.03"/>', '<weld body1="b" body2="d"/>',
+])
+def test_an_equality_is_violated_as_in_the_source(equality: str, tmp_path: Path) -> None:
+    """At random coordinates. No `ref` is 0, and `a`, which is driven, leads `b` instead."""
+    imported = _imported(tmp_path, COUPLED.replace("{equality}", equality))
+    source = mujoco.MjModel.from_xml_string(COUPLED.replace("{equality}", equality))
+    model = thingc.compile(tmp_path / "out" / imported.document).modes["source"].model()
+    rng = numpy.random.default_rng(3)
+    for _ in range(5):
+        q, found = rng.uniform(-1.0, 1.0, 4), []
+        for one in (source, model):
+            data = mujoco.MjData(one)
+            for name, value in zip("abcd", q, strict=True):
+                data.joint(name).qpos[0] = value
+            mujoco.mj_forward(one, data)
+            found.append(numpy.linalg.norm(data.efc_pos[: data.ne]))
+        assert found[0] > 0.01 and found[1] == pytest.approx(found[0], abs=1e-12)
+
+
 def test_a_hidden_geom_that_a_tendon_goes_around_is_no_shape() -> None:
     imported = import_robot(str(ROBOTS / "cables.xml"), Report())
     assert imported is not None

@@ -163,6 +163,18 @@ def test_how_it_stands(parent: str, kind: str, base: str, root: str, tmp_path: P
     assert found is not None and not report.failed and (found.robot.base, found.robot.root) == (base, root)
 
 
+def test_pose_with_a_quaternion(tmp_path: Path) -> None:
+    """`quat_xyzw` writes w last; the length of the quaternion does not matter."""
+    turned = f"<link name='e'><pose rotation_format='quat_xyzw'>1 2 3 0.2 0.4 0.8 1.0</pose>{LINK}</link>"
+    found, report = read(tmp_path, sdf(f"{turned}{CHAIN}{joint('n', 'a', 'e', 'fixed')}"))
+    assert found is not None and not report.failed
+    (hanging,) = (one for one in found.robot.hangings if one.child == "e")
+    expected = numpy.zeros(9)
+    mujoco.mju_quat2Mat(expected, numpy.array([1.0, 0.2, 0.4, 0.8]) / numpy.sqrt(1.84))
+    assert hanging.pose.translation == pytest.approx((1.0, 2.0, 3.0))
+    assert numpy.array(hanging.pose.rotation) == pytest.approx(expected.reshape(3, 3), abs=1e-12)
+
+
 def test_what_is_usual_is_taken_and_said(tmp_path: Path) -> None:
     found, _ = read(tmp_path, "<sdf version='1.9'><model name='m'><link name='a'/></model></sdf>")
     assert found is not None and found.robot.links[0].weight is not None

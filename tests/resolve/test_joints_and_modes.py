@@ -199,6 +199,18 @@ def test_modes(tmp_path: Path) -> None:
     assert outcome.good.simulation == {"timestep": 0.002, "integrator": "implicitfast"}
 
 
+@pytest.mark.parametrize(("friction", "value"), [("0", 0.0), ("0.6", 0.6), ("-0.1", None)])
+def test_friction_of_feet(friction: str, value: float | None, tmp_path: Path) -> None:
+    where = f"standing_on: {{mounts: [body.sole], friction: {friction}}}"
+    outcome = run(tmp_path, {"robot.yaml": ROBOT.replace("base: free\n", f"base: free\n    {where}\n", 1), "hand.yaml": HAND})
+    said = [one for one in outcome.said if f"robot.yaml:{line_of('    at: {xyz: 0 0 300 mm')}:" in one]
+    if value is None:
+        assert len(said) == 1 and "the friction" in said[0]
+    else:
+        feet = outcome.mode("second").standing
+        assert said == [] and feet is not None and (feet.friction, [foot.text for foot in feet.mounts]) == (value, ["body.sole"])
+
+
 def test_a_document_without_modes_has_one(tmp_path: Path) -> None:
     outcome = run(tmp_path, {"hand.yaml": HAND.replace("modes: {broken: {root: nowhere}}\nsimulation: {timestep: 0}\n", "")})
     (mode,) = outcome.good.modes

@@ -32,10 +32,11 @@ from graph.builder import (
     t,
     whole,
 )
-from thingc.diagnostics import Report
+from thingc.diagnostics import Code, Report
 from thingc.graph.types import Assembly
+from thingc.memo import Memo
 from thingc.pose import Vector
-from thingc.robot import body_poses, link_names, mass_properties, occurrence_poses, root
+from thingc.robot import body_poses, check_starts, link_names, mass_properties, occurrence_poses, root
 from thingc.robot.types import Robot
 
 SEAT = t(0.04, 0.0, 0.02) @ ry(0.3)
@@ -136,6 +137,19 @@ def test_no_negative_zeros_are_written() -> None:
     )
     (core,) = robots(linked(model, BASE, ARM))["m"].bodies[1].joints
     assert [math.copysign(1, x) for x in core.twist.axis] == [1, 1, -1]
+
+
+@pytest.mark.parametrize(("lower", "upper", "outside"), [
+    (0.1, 1.0, True), (-1.0, -0.1, True), (None, -0.1, True), (0.1, None, True), (0.0, 1.0, False), (-1.0, 0.0, False), (-1.0, 1.0, False),
+])
+def test_a_mode_without_a_pose_starts_with_joints_at_zero(lower: float | None, upper: float | None, outside: bool) -> None:
+    model = assembly(
+        "two", [component("base", "p:Base"), component("arm", "p:Arm")],
+        [joint("j", "base.origin", "arm.origin", lower=lower, upper=upper)], modes=[mode("m", whole("arm"))],
+    )
+    report = Report()
+    check_starts(tuple(robots(linked(model, BASE, ARM)).values()), None, report, Memo())
+    assert [d.code for d in report.diagnostics] == ([Code.START_LIMITS] if outside else [])
 
 
 def test_world_poses_start_from_another_base_pose_when_asked() -> None:
