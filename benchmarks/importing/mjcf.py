@@ -2,7 +2,8 @@
 
 Material: the wheels of robosuite 1.5 and dm_control 1.0.50, unpacked. A file is read by MuJoCo as it is, and imported, with five random
 links as further roots; compared are, in random states, poses, mass matrix, bias, forces and contacts, then shapes, limits, gains and
-keyframes, 200 steps with random controls, and for each root poses relative to it and the mass matrix with it held. What differs has to be
+keyframes, the order of actuators and sensors,
+200 steps with random controls, and for each root poses relative to it and the mass matrix with it held. What differs has to be
 explained by a loss. MuJoCo finds contacts of meshes, and of a few other pairs, by iteration, of a mesh in axes that it has laid itself:
 these agree to 1e-4 m, and explain a trajectory and what adheres, if both are the same without contacts.
 """
@@ -90,12 +91,12 @@ def one(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel, states: int) ->
             first = next(one.message for one in fault.diagnostics if one.severity is Severity.ERROR)
             return [str(len(roots)), took, f"COMES IN, and is refused: {first}"], False
     named = {"body": original.bodies, "joint": original.joints, "site": original.sites, "tendon": original.tendons,
-             "actuator": original.actuators}
+             "actuator": original.actuators, "sensor": original.sensors}
     pair = Pair(theirs, ours, named, in_files(imported))
     weights = {one.link.name: one.new for one in with_roots.repaired}
     for root, model in zip(roots, others, strict=True):
         pair.compare_rooted(model, root, weights)
-    worst = pair.compare(states=states)
+    worst = pair.compare(states=states) | {"order": float(reordered(pair))}
     differ = {kind for kind, far in worst.items() if not far <= TOLERANCES.get(kind, EXACT)}
     lost = [loss.what for loss in imported.losses]
     why = {kind: sorted({what.split("`")[0].strip() for what in lost if what.startswith(EXPLAINS.get(kind, ()))}) for kind in differ}
@@ -107,6 +108,15 @@ def one(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel, states: int) ->
             why[kind].append("contacts by iteration")
     words = [f"{kind}: {', '.join(why[kind]) or f'DIFFERS by {worst[kind]:.1g}'}" for kind in sorted(differ)]
     return [str(len(roots)), took, "; ".join(words) or "as it was"], all(why.values())
+
+
+def reordered(pair: Pair) -> bool:
+    """Whether actuators or sensors that are in both models are in another order, or sensors that only ours has are before one of them."""
+    sensors = pair.words.get("sensors", {})
+    named = {number: sensors[name] for number, name in pair.named["sensor"].items() if name in sensors}
+    places = [pair.ours.sensor(name).id for _, name in sorted(named.items())]
+    drives = [pair.ours.actuator(name).id for _, name in sorted(pair.drives.items())]
+    return drives != [*range(len(drives))] or places != [*range(len(places))]
 
 
 def rooted(file: Path, roots: list[str]) -> Imported:

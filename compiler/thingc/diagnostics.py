@@ -182,6 +182,7 @@ class Code(Enum):
     ALIKE = ("TC526", "two modes that are the same", "Write what is to be different in one of them, or take it out.", Stage.CHECK)
     MIRRORED_TURN = ("TC528", "mirrored part that is turned", "Add the `turn` that makes both sides mirror images.", Stage.CHECK)
     HELD_OFF = ("TC527", "held at a magnet that is off", "Root the mode at the magnet that is on, or let this one pull, too.", Stage.CHECK)
+    NESTED_SIMULATION = ("TC532", "simulation of a nested document", "Write it in the document that nests it.", Stage.CHECK)
     MIRRORED_BOUGHT = ("TC580", "mirror image of a bought part", "Take `mirror` out, or write its order number.", Stage.CHECK)
     OWN_IMAGE = ("TC581", "part that is its own mirror image", "Take `mirror` out: the part is the same without it.", Stage.CHECK)
     # --- TC6xx: modes (root) ---------------------------------------------------------------------------------------

@@ -73,7 +73,7 @@ class Pair:
         self.drives = {k: drives[name] for k, name in self.named["actuator"].items() if name in drives}
         free = [k for k in range(self.theirs.njnt) if self.theirs.jnt_type[k] == FREE]
         self.base = [k for k in free if int(self.theirs.jnt_bodyid[k]) in self.bodies]
-        self.dofs = [self._addresses(k, word) for k, word in [*self.joints.items(), *((k, "root") for k in self.base)]]
+        self.dofs = [self._addresses(k, word) for k, word in [*self.joints.items(), *((k, self.ours.joint(0).name) for k in self.base)]]
         for geom in range(self.theirs.ngeom):
             body = int(self.theirs.geom_bodyid[geom])
             if body not in self.bodies or body == 0 and self.theirs.geom_type[geom] == 0:

@@ -205,7 +205,7 @@ def test_joints_that_cannot_be_at_zero_start_in_the_middle(tmp_path: Path) -> No
     imported = import_robot(str(written(tmp_path, links, joint)), Report(), roots=["b"])
     assert imported is not None
     text = imported.files["robot.yaml"].decode()
-    assert "  start: {j: 0.75 rad}  # 0 is outside of their limits" in text
+    assert "  start: {j: 0.75 rad}  # from the source" in text
     assert "  source: {root: a, base: fixed, pose: start}" in text and "  b: {root: b, base: held, pose: start}" in text
 
 

@@ -216,6 +216,7 @@ def _told(arguments: argparse.Namespace, imported: Imported, folder: str, change
         said.append(f"repaired: {quoted([one.link.name for one in imported.repaired], 6)}; old and new numbers are in import.json")
     if imported.losses:
         said.append(f"not in the document: {len(imported.losses)}, listed in {os.path.join(here, 'import.json')}")
+        said += [f"  {one.what}: {one.why}" for one in imported.losses if one.what.startswith("the indices of")]
     document = shlex.quote(os.path.join(here, imported.document))
     steps = [
         (f"thingc check {document}", "is it right?"), (f"thingc view {document}", "the robot in your browser; it follows every save"),

@@ -74,7 +74,7 @@ def _mode(tree: Tree, mode: Mode, link_of: Sequence[int], findings: Findings) ->
         name=mode.name, root=root, base=mode.base, at=mode.at, gravity=mode.gravity, poses=mode.poses, actuators=mode.actuators,
         exclude=tuple(pairs), adhesion=adhesion, simulation=mode.simulation, origin=mode.origin, pose=mode.pose,
         holds=tuple(_holds(tree, mode, findings)), cut=mode.cut, on_floor=mode.on_floor, stated=mode.stated,
-        feet=tuple(_feet(tree, mode, findings)),
+        feet=tuple(_feet(tree, mode, findings)), at_in=mode.at_in,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.diagnostics import Code
+from thingc.file_names import TAKEN
 from thingc.graph.findings import Findings, noted
 from thingc.graph.types import Connected, FileNames, JointEdge, LinkedTendon, Occurrence
 from thingc.graph.unroll import Tree
@@ -31,7 +32,7 @@ def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings:
     things: dict[NamedKind, Iterable[tuple[str, Origin]]] = {
         "components": ({one.path: one.origin for one in robot.occurrences} | {link.name: link.origin for link in robot.links}).items(),
         "mounts": ((mount.path, mount.origin) for mount in robot.exported),
-        "joints": ((mate.name, mate.origin) for mate in robot.mates if mate.name is not None),
+        "joints": [*((mate.name, mate.origin) for mate in robot.mates if mate.name is not None), *((one, ()) for one in TAKEN["joints"])],
         "tendons": ((tendon.path, tendon.origin) for tendon in robot.tendons),
         "actuators": ((one.path, one.actuator.origin) for one in driven if one.actuator is not None),
         "sensors": ((sensor.path, sensor.origin) for sensor in robot.sensors),

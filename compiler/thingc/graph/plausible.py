@@ -14,7 +14,7 @@ from thingc.frozen import dataclass
 from thingc.graph.findings import Findings, noted, written_at
 from thingc.graph.part_instances import doubted
 from thingc.graph.plausible_mirrors import check_mirrored_pairs
-from thingc.graph.plausible_modes import check_modes
+from thingc.graph.plausible_modes import check_modes, check_nested_simulation
 from thingc.graph.plausible_processes import check_processes
 from thingc.graph.types import Assembly, JointEdge, Link, LinkedMode, Mate, Occurrence
 from thingc.graph.unroll import Instance, Tree
@@ -72,6 +72,7 @@ def check_plausible(tree: Tree, assembly: Assembly, findings: Findings) -> None:
     _check_mounts(tree, mates, findings)
     check_mirrored_pairs(assembly, findings)
     if tree.top.assembly is not None:
+        check_nested_simulation(tree, tree.top.assembly, findings)
         check_modes(tree.top.assembly, modes, assembly.adhesions, plain_sum(link.properties.mass for link in links), findings)
     sizes = {one.index: dist(*one.box) for one in occurrences if one.box is not None}
     if sizes and all(one.record is None or one.record.exact for one in occurrences):

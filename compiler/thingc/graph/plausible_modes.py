@@ -7,6 +7,7 @@ from collections.abc import Collection, Sequence
 from thingc.diagnostics import Code, allow_hint
 from thingc.graph.findings import Findings, noted
 from thingc.graph.types import Adhesion, LinkedMode
+from thingc.graph.unroll import Tree
 from thingc.resolve.model import AssemblyDefinition, Mode
 from thingc.resolve.plausible import times_words
 from thingc.units import FORCE, Quantity
@@ -17,6 +18,22 @@ LONG_STEP = 10e-3
 """[s] Time steps from here on: contacts of MuJoCo want a fifth of it."""
 GRAVITY = 9.81
 """[m/s^2], for weights, whatever a mode's own gravity is."""
+
+
+def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: Findings) -> None:
+    """Warn of settings in `simulation` of nested documents that neither the top document nor a mode of it states."""
+    stated = {*top.simulation, *(key for mode in top.modes for key in mode.simulation)}
+    nested = {definition.document: (definition, instance) for instance, definition in tree.assemblies if instance is not tree.top}
+    for definition, instance in nested.values():
+        unused = {key: f"{value} s" if key == "timestep" else value for key, value in definition.simulation.items() if key not in stated}
+        if unused:
+            said = ", ".join(f"{key}: {value}" for key, value in unused.items())
+            findings.warn(
+                Code.NESTED_SIMULATION,
+                f"`simulation: {{{said}}}` of the nested document `{definition.name}` is not used, and `{top.name}` does not state it",
+                (definition.step_origin or definition.origin) + instance.origin, path=instance.path,
+                help=f"write `simulation: {{{said}}}` in the document of `{top.name}`; {allow_hint(Code.NESTED_SIMULATION)}",
+            )
 
 
 def check_modes(

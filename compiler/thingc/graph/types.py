@@ -357,7 +357,8 @@ class LinkedMode(Brief):
     """A mode of the top document with its references worked out; `exclude` are pairs of link indices, `adhesion` by path.
 
     `pose` is the mode's own, the first of `poses`; `cut` the joints (by path) it wants loops cut at. Of a mode that is `on_floor` the
-    height of `at` is 0 until the pass `stand` has found it, which then says in `at_in` where `at` is in each of its poses.
+    height of `at` is 0 until the pass `stand` has found it, which then adds where `at` is in its poses to
+    `at_in`, which has those that the document states.
     """
 
     name: str
@@ -455,6 +456,7 @@ class Assembly(Brief):
     sensors: tuple[LinkedSensor, ...] = ()
     tests: tuple[LinkedTest, ...] = ()
     names: FileNames | None = None
+    free_joint: JointPath = "root"
     between: frozenset[int] = frozenset()
 
     @property

@@ -6,6 +6,7 @@ fixed (URDF has at most one, MJCF several). Defaults of the format are resolved,
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from typing import Literal
@@ -96,10 +97,16 @@ class Ends:
     velocity: float | None = None
     made_up: bool = False
 
+    def nearest(self, value: float) -> float:
+        """The value that is nearest to one of a hinge or a slide."""
+        return min(max(value, -math.inf if self.lower is None else self.lower), math.inf if self.upper is None else self.upper)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Following:
-    """q is `multiplier * q(joint) + offset`, or the `polynomial` of q(joint) with these coefficients, from that of q^0 on, all in rad and
+    """`name` is that of an equality.
+
+    q is `multiplier * q(joint) + offset`, or the `polynomial` of q(joint) with these coefficients, from that of q^0 on, all in rad and
     m."""
 
     joint: str
@@ -108,6 +115,7 @@ class Following:
     where: Span
     polynomial: tuple[float, ...] = ()
     raw: Raw = ()
+    name: str = ""
 
     def at(self, q: float) -> float:
         """Where it is when the other joint is at `q`."""
@@ -135,7 +143,8 @@ class SourceDrive:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceJoint(Brief):
     """A motion of a link: about, or along, the unit vector `axis` through `anchor` [m], both in the frame of the link as it hangs, where q
-    is `start` [rad or m]. `damping` [N m s/rad or N s/m], `friction` [N m or N], `armature` [kg m^2 or kg], `stiffness` [N m/rad or N/m] of
+    is `start` [rad or m], or `begin` if that is beyond its ends (None: the middle of these).
+    `damping` [N m s/rad or N s/m], `friction` [N m or N], `armature` [kg m^2 or kg], `stiffness` [N m/rad or N/m] of
     a spring that does nothing at q = `rest` [rad or m]; a screw goes by `lead` [m] in one turn."""
 
     name: str
@@ -150,6 +159,7 @@ class SourceJoint(Brief):
     stiffness: float = 0.0
     rest: float = 0.0
     start: float = 0.0
+    begin: float | None = None
     follows: Following | None = None
     drive: SourceDrive | None = None
     raw: Raw = ()
@@ -292,12 +302,13 @@ class SourceSensor:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourcePose:
     """A state that has a name: q of joints [rad or m, of a ball the unit quaternion w, x, y, z], and what controls its drives and adhesions
-    are at, by their names in the source."""
+    are at, by their names in the source; `at` is where the base is, if not where the robot stands."""
 
     name: str
     q: Mapping[str, float | Quaternion]
     controls: Mapping[str, float]
     where: Span
+    at: Pose | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -314,7 +325,7 @@ class SourceRobot(Brief):
     """All that a reader has found. A robot stands with its link `root` at `pose` in the world; `links` and `hangings` are in the order of
     the source. Links that are `excluded` never touch; `gravity` [m/s^2] where it is not 9.81 downwards; `simulation` as the language has
     it, `options` as MuJoCo has what the language has not, by their paths, `added` whole elements; `order` lists the names of the actuators
-    and the sensors of the source; `files` are meshes that the source has
+    and the sensors of the source, `free_joint` is the name of that of its base, if any; `files` are meshes that the source has
     not in files of their own, by the names that shapes have for them, `mesh_folder` is where meshes are that are not where it names them,
     seen from its file."""
 
@@ -332,6 +343,7 @@ class SourceRobot(Brief):
     sensors: tuple[SourceSensor, ...] = ()
     added: tuple[SourceAdded, ...] = ()
     order: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    free_joint: str = ""
     poses: tuple[SourcePose, ...] = ()
     excluded: tuple[tuple[str, str], ...] = ()
     gravity: Vector | None = None

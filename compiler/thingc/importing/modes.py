@@ -14,21 +14,24 @@ from thingc.units import ACCELERATION, ANGLE, ANGULAR_VELOCITY, FORCE, LENGTH, T
 
 
 def _start(words: Words) -> tuple[dict[str, str], str | None]:
-    """A value within its limits for each joint that has 0 outside of them, the middle; and the first pose of the source that has all of
-    these within their limits, if one does."""
+    """Where the joints start that do not start at 0; and the first pose of the source in which all joints are within their limits that are
+    not where the source starts, if there are any."""
     moving = [joint for one in words.order for joint in one.joints if joint.follows is None]
     outside = {
         joint: (joint.ends.lower, joint.ends.upper) for joint in moving
-        if joint.ends.lower is not None and joint.ends.upper is not None and not joint.ends.lower <= 0.0 <= joint.ends.upper
+        if joint.ends.lower is not None and joint.ends.upper is not None and not joint.ends.lower <= joint.start <= joint.ends.upper
     }
 
     def fits(state: SourcePose) -> bool:
         values = ((state.q.get(joint.name, 0.0), *ends) for joint, ends in outside.items())
         return all(isinstance(value, float) and lower <= value <= upper for value, lower, upper in values)
 
-    middle = {joint: round((lower + upper) / 2.0, 6) for joint, (lower, upper) in outside.items()}
-    stated = (words.poses[state.name] for state in words.robot.poses if outside and fits(state))
-    return {words.joints[one.name]: (angle if one.kind in TURNS else length)(value) for one, value in middle.items()}, next(stated, None)
+    begins = {joint: joint.start for joint in moving if joint.start}
+    begins |= {
+        joint: round((lower + upper) / 2.0, 6) if joint.begin is None else joint.begin for joint, (lower, upper) in outside.items()
+    }
+    stated = (words.poses[state.name] for state in words.robot.poses if begins and fits(state))
+    return {words.joints[one.name]: (angle if one.kind in TURNS else length)(value) for one, value in begins.items()}, next(stated, None)
 
 
 def mode_lines(words: Words, roots: Sequence[str]) -> Iterator[str]:
@@ -41,11 +44,13 @@ def mode_lines(words: Words, roots: Sequence[str]) -> Iterator[str]:
             values = ", ".join(f"{joint}: {value}" for joint, value in _state(words, state).items())
             yield f"  {words.poses[state.name]}: {{{values}}}{was(words.poses[state.name], state.name)}"
         if start and stated is None:
-            yield f"  {word}: {{{', '.join(f'{joint}: {value}' for joint, value in start.items())}}}  # 0 is outside of their limits"
+            yield f"  {word}: {{{', '.join(f'{joint}: {value}' for joint, value in start.items())}}}  # from the source"
         yield ""
     yield "modes:"
     at, begin, shared = pose_words(words.robot.pose), f", pose: {word}" if start else "", _shared(words)
     place, more = (f", at: {{{at}}}" if at else ""), "".join(f", {key}: {value}" for key, value in shared.items())
+    moved = {words.poses[state.name]: pose_words(state.at) or "xyz: 0 0 0" for state in words.robot.poses if state.at is not None}
+    place += f", at_in: {{{', '.join(f'{name}: {{{said}}}' for name, said in moved.items())}}}" if moved else ""
     yield f"  {SOURCE_MODE}: {{root: {words.links[words.robot.root]}, base: {words.robot.base}{place}{begin}{more}}}"
     # A robot that is held elsewhere would stand in the floor of its scene; how high it stands is worked out where something touches.
     floor = any(shape.use == "collision" for link in words.robot.links for shape in link.shapes)
@@ -65,7 +70,7 @@ def mode_lines(words: Words, roots: Sequence[str]) -> Iterator[str]:
         elif floor:
             turned = f"on: floor, {turned}" if turned else "on: floor"
         where = f", at: {{{turned}}}" if turned else ""
-        extends = "extends: source, " if shared else ""
+        extends = f"extends: source, {'at_in: {}, ' if moved else ''}" if shared else ""
         yield f"  {mode}: {{{extends}root: {(words.links | words.frames)[name]}, base: held{where}{'' if shared else begin}}}"
     if words.robot.simulation:
         yield ""

@@ -120,7 +120,7 @@ class Words:
         kinds: dict[str, list[tuple[str, str, str]]] = {  # what it is called here, in the source, and in files without a word
             "components": [(word, name, word) for name, word in self.links.items()],
             "mounts": [(word, name, word) for name, word in (*self.frames.items(), *self.sites.items())],
-            "joints": [(word, name, word) for name, word in (*self.joints.items(), *moving.items())],
+            "joints": [(word, name, word) for name, word in (*self.joints.items(), *moving.items(), (self.robot.free_joint, "root"))],
             "tendons": [(word, name, word) for name, word in self.tendons.items()],
             "actuators": [(word, drive.name, usual) for word, drive, usual in drives if drive is not None],
             "sensors": [
@@ -148,9 +148,11 @@ class Words:
         }
         second = {other: self.sites[site.name] for link in self.robot.links for site in link.sites for other in site.others}
         second |= {name: f"{self.links[link.name]}.origin" for link in self.robot.links for name in link.frames}
+        tied = {one.follows.name: f"{self.joints[one.name]}:mimic" for hanging in self.order for one in hanging.joints if one.follows}
+        tied |= {name: f"{word}:loop" for name, word in self.loops.items()} | self._of("equality")
         kinds = {
             "sites": self.sites | second, "loops": self.loops, "tendons": self.tendons,
-            "actuators": drives | magnets | self._of("actuator"), "equalities": self._of("equality"),
+            "actuators": drives | magnets | self._of("actuator"), "equalities": {name: word for name, word in tied.items() if name},
             "sensors": parts | self._of("sensor"), "poses": self.poses,
         }
         kinds["geoms"] = {

@@ -17,8 +17,8 @@ from thingc.modes.placements import find_displaced
 from thingc.modes.state import State
 from thingc.modes.tree import Mode
 
-FREE_JOINT = "root"
-"""The name of a free base's joint."""
+FREE = 0
+"""MuJoCo's number of free joints."""
 
 
 def check(mode: Mode, data: Any) -> None:
@@ -42,7 +42,7 @@ def check(mode: Mode, data: Any) -> None:
         )
         for joint in mode.joints
     )
-    if base != mode.base or not trees or (base == "free" and joints.get(FREE_JOINT) != model.body_jntadr[root]):
+    if base != mode.base or not trees or (base == "free" and model.jnt_type[model.body_jntadr[root]] != FREE):
         stands = next((name for name, number in body_of.items() if number and model.body_parentid[number] == 0), "nothing")
         raise WrongData(
             f"the data given for mode `{mode.name}` is of another mode's model: expected a {mode.base} `{mode.root_link}`, found "
@@ -63,12 +63,17 @@ def _link_above(model: Any, body: int, links: Collection[int]) -> int:
     return above
 
 
+def _free_joint(mode: Mode, data: Any) -> Any:
+    """The joint of a free base, whatever its name is."""
+    return data.joint(int(data.model.body_jntadr[_bodies(mode, data.model)[mode.root_link]]))
+
+
 def read(mode: Mode, data: Any) -> State:
     """The state in `data`. Of a fixed base the pose is the model's; a base that is not free is at rest. Raises `WrongData`."""
     check(mode, data)
     twist = np.zeros(6)
     if mode.base == "free":
-        free = data.joint(FREE_JOINT)
+        free = _free_joint(mode, data)
         X, twist = pose(rotation_of(free.qpos[3:]), free.qpos[:3]), np.array(free.qvel)
     elif mode.part is not None:
         here = [data.joint(name) for name in mode.part.joints]
@@ -97,7 +102,7 @@ def write(mode: Mode, state: State, data: Any) -> None:
     check(mode, data)
     position, quaternion = state.base_pose[:3, 3], quaternion_of(state.base_pose[:3, :3])
     if mode.base == "free":
-        free = data.joint(FREE_JOINT)
+        free = _free_joint(mode, data)
         free.qpos, free.qvel = np.concatenate([position, quaternion]), state.base_twist
     elif mode.part is not None:
         positions, speeds = mode.part.qpos(state.base_pose), mode.part.qvel(state.base_pose, state.base_twist)
@@ -134,7 +139,7 @@ def carry(modes: tuple[Mode, Mode], source: Any, target: Any) -> tuple[str, ...]
 def _warm_start(modes: tuple[Mode, Mode], source: Any, target: Any) -> None:
     old, new = modes
     if new.base == "free":
-        target.joint(FREE_JOINT).qacc_warmstart = np.zeros(6)
+        _free_joint(new, target).qacc_warmstart = np.zeros(6)
     for name in () if new.part is None else new.part.joints:
         target.joint(name).qacc_warmstart = 0.0
     names = {joint.name for joint in old.joints}

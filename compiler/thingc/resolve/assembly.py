@@ -44,7 +44,7 @@ def resolved(
 ) -> Table:
     """The table of a document, its `definition` filled in; equal parameters and choices of one document give the same table.
 
-    Only of the top document are modes and simulation worked out: a parent does not use them.
+    Only of the top document are modes worked out: a parent does not use them.
     """
     document = context.documents.by_path[relative]
     own = declared(context, document, spec)
@@ -121,7 +121,7 @@ def _definition(
     scope, spec = table.scope, table.spec
     stated = (spec.modes, context.values(scope, "modes", spec.modes), *context.around(table))
     own_modes = context.sound("modes", stated, lambda: modes(table, scope)) if top else ()
-    stepped = Layers(((spec.simulation, ("simulation",)),)) if top and spec.simulation else Layers(())
+    stepped = Layers(((spec.simulation, ("simulation",)),)) if spec.simulation else Layers(())
     pulled = tuple(tendons(table, scope))
     return AssemblyDefinition(
         document=table.document.relative, name=spec.name, description=spec.description, parameters=table.parameters, text=table.text,

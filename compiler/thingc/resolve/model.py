@@ -352,7 +352,8 @@ class Cut(Brief):
 class Mode(Brief):
     """One simulation model. `extends` has been merged. `root.mount` None: a component root.
 
-    `at` is the world side's pose, of a mode that is `on_floor` but for its height, which is 0 here; `gravity` [m/s^2] in the world
+    `at` is the world side's pose, of a mode that is `on_floor` but for its height, which is 0 here, `at_in` in some poses;
+    `gravity` [m/s^2] in the world
     frame; `poses` in keyframe order, the mode's own `pose` first; `actuators` joint paths, None for all; `exclude` pairs of component
     references; `adhesion` [N] per mount. The mode of a document that states none is not `stated`. `step_origin` is where its own
     `timestep` is written, `gravity_origin` where its gravity is written in numbers, empty where they are not. One that has an
@@ -379,6 +380,7 @@ class Mode(Brief):
     step_origin: Origin = ()
     gravity_origin: Origin = ()
     worked_out: bool = False
+    at_in: dict[str, Pose] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -133,8 +133,24 @@ def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode 
         poses=((pose,) if pose else ()) + tuple(one for one in poses if one != pose), actuators=actuators, exclude=exclude,
         adhesion=adhesion, simulation=simulation(scope, stepped), origin=scope.origin(("modes", name), key=True), holds=held, cut=cut,
         on_floor=on_floor, standing=stands, step_origin=step_origin(scope, stepped), gravity_origin=gravity_origin,
-        worked_out=any(scope.works_out(path) for _, path in layers.items),
+        worked_out=any(scope.works_out(path) for _, path in layers.items), at_in=_at_in(table, scope, layers, kind),
     )
+
+
+def _at_in(table: Table, scope: Scope, layers: Layers, base: BaseType) -> dict[str, Pose]:
+    """The world side of the root in some poses."""
+    said, path = layers.pick("at_in") or ({}, ())
+    poses: dict[str, Pose] = {}
+    if said and base not in ("free", "held"):
+        scope.error(Code.STANDING, f"the base is `{base}`: it is at the same place in all poses", path, help="take `at_in` out")
+    for name, spec in said.items():
+        place = (*path, name)
+        pose = scope.pose(spec, place)
+        if name not in table.poses:
+            scope.error(Code.UNKNOWN_POSE, f"there is no pose `{name}`", place, key=True, help=suggested(name, table.poses, what="poses"))
+        elif pose is not None:
+            poses[name] = pose
+    return poses
 
 
 def _at(scope: Scope, name: str, layers: Layers) -> tuple[Pose, bool]:

@@ -26,7 +26,7 @@ def names(table: Table, scope: Scope) -> Iterator[NameInFiles]:
     of_kind: tuple[tuple[NamedKind, dict[str, str], Iterable[str], str, Code], ...] = (
         ("components", spec.components, table.nodes, "component", Code.UNKNOWN_COMPONENT),
         ("mounts", spec.mounts, table.exports, "exported mount", Code.UNKNOWN_MOUNT),
-        ("joints", spec.joints, [*dict.fromkeys(name.joint for name in joints)], "joint that moves", Code.UNKNOWN_JOINT),
+        ("joints", spec.joints, [*dict.fromkeys(name.joint for name in joints), *TAKEN["joints"]], "joint that moves", Code.UNKNOWN_JOINT),
         ("tendons", spec.tendons, table.spec.tendons, "tendon", Code.UNKNOWN_TENDON),
         ("actuators", spec.actuators, driven, "driven joint or tendon", Code.UNKNOWN_JOINT),
         ("sensors", spec.sensors, sensors, "sensor", Code.REFERENCE),

@@ -61,7 +61,7 @@ def _stood(assembly: Assembly, mode: LinkedMode, mesh_vertices: MeshVertices | N
         for name in mode.poses:
             height = start if name == mode.pose else _height(assembly, mode, by_name.get(name), mesh_vertices, memo)
             at_in[name] = _raised(mode.at, start if height is None else height)
-    return replace(mode, at=_raised(mode.at, start), at_in=at_in)
+    return replace(mode, at=_raised(mode.at, start), at_in=at_in | mode.at_in)
 
 
 def _raised(at: Pose, height: float) -> Pose:

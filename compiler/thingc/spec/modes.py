@@ -15,7 +15,7 @@ from thingc.spec.fields import (
     TimeField,
     Vector3Acceleration,
 )
-from thingc.spec.named import ComponentField, JointPattern, ModeField, PoseField, RootField, ShownMountField
+from thingc.spec.named import ComponentField, JointPattern, ModeField, OwnPoseKey, PoseField, RootField, ShownMountField
 from thingc.spec.poses import PoseSpec
 
 StandsOn = Literal["floor", "wall", "ceiling"]
@@ -92,6 +92,8 @@ class ModeSpec(Model):
     """`fixed` (default), `held`, `free`, `planar` (in the x-y plane of `at`) or `ball` (about the root's origin)."""
     at: WorldAtSpec | None = Field(default=None, examples=[{"xyz": "0 0 300 mm", "rpy": "0 0 90 deg"}, {"on": "floor"}])
     """Where in the world the root is; its origin unless written."""
+    at_in: dict[OwnPoseKey, PoseSpec] | None = Field(default=None, examples=[{"sit": {"xyz": "0 0 100 mm"}}])
+    """Where in the world the root of a `free` or `held` base is in some of its poses; at `at` in the others."""
     gravity: StandsOn | Vector3Acceleration | None = Field(default=None, examples=["wall", "0 0 -1.62 m/s^2"])
     """What the robot stands on or hangs from, or a vector in the world frame; `floor` unless written."""
     pose: PoseField | None = None

@@ -23,7 +23,7 @@ from thingc.robot.types import CoreJoint, Robot
 from thingc.summing import plain_sum
 
 FREE_JOINT = BASE
-"""The name of a free base's joint, and of that of one that turns as a ball; a planar one has `root_0`, `root_1` and `root_2`."""
+"""The name of the joint of a base that turns as a ball; a planar one has `root_0`, `root_1` and `root_2`."""
 
 INTEGRATORS = {"euler": "Euler", "rk4": "RK4", "implicit": "implicit", "implicitfast": "implicitfast"}
 RESERVED_CLASSES = frozenset({"main", "visual", "collision", holding.CLASS})
@@ -165,7 +165,7 @@ class _Builder:
             if link.properties.mass > 0.0:
                 self.grow(element, ("inertial", link.name), elements.inertial_of, link.properties, link.origin)
             if body.parent is None and self.robot.base == "free":
-                element.add("freejoint", {"name": FREE_JOINT}, self.robot.mode.origin)
+                element.add("freejoint", {"name": self.assembly.free_joint}, self.robot.mode.origin)
             joints = self.robot.moves if body.parent is None else body.joints
             if is_ball(joints):
                 place = ("joint", self.robot.mode.name, joints[0].path)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.diagnostics import Code, Report
-from thingc.emit.mjcf.model import FREE_JOINT, class_name
+from thingc.emit.mjcf.model import class_name
 from thingc.emit.xml import Element, unwritable
 from thingc.graph.types import Assembly
 from thingc.resolve.model import RawAttribute
@@ -63,6 +63,8 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
             if placed:
                 ranks.setdefault(id(element), len(ranks))
             else:
+                if element.tag == "freejoint" and attribute.path[-1] not in ("align", "group"):  # which has no other attributes
+                    element.tag, element.attributes = "joint", {**element.attributes, "type": "free"}
                 element.lay(attribute.path[-1], attribute)
         if not elements and robots and not _elsewhere(attribute, assembly):
             _report_unknown(attribute, robots, models, report)
@@ -174,7 +176,7 @@ def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
     if len(attribute.origin) > 1 and (kind == "key" or magnet or attribute.path[-1] == IN_ORDER):
         return True  # of a nested document, whose poses and modes are not used
     if kind == "joint":
-        return name == FREE_JOINT
+        return name == assembly.free_joint
     if kind == "actuator":
         return _slashed(name) in map(_slashed, assembly.drives.values())
     if kind == "tendon":

@@ -67,6 +67,7 @@ class Couplings:
         self.follows[one] = Following(
             joint=original.joints[other], multiplier=multiplier, offset=first + offset, where=original.where("equality", number),
             polynomial=(first + offset, multiplier, *rest) if any(rest) else (), raw=self._raw(number, STIFF),
+            name=original.equalities[number],
         )
         return ""
 

@@ -200,6 +200,8 @@ class _Flattening:
             return
         attributes = dict(element.attributes)
         self._look_at_numbers(element)
+        if element.tag == "inertial" and element.attributes.get("mass", "").strip().startswith("-"):
+            self.losses.note(f"a mass of {element.attributes['mass'].strip()}", "MuJoCo takes it for 0", element.place("mass"))
         if element.tag == "compiler":
             attributes = {name: value for name, value in attributes.items() if name not in FOLDERS}
         elif element.tag == "material":

@@ -38,6 +38,7 @@ def joint_of(original: Original, joint: int, drives: Actuators, couplings: Coupl
         ends = replace(ends, effort=strongest)
     stiffness = float(model.jnt_stiffness[joint])
     rest = float(model.qpos_spring[model.jnt_qposadr[joint]]) if kind != "ball" else 0.0
+    begin = None if kind == "ball" else ends.nearest(start)
     if start:
         why = "MuJoCo takes it from where its reference is, which is q = 0 in a document"
         original.losses.note(f"how soft constraints are at the reference of joint `{name}`, {start:g}", why, where)
@@ -47,11 +48,19 @@ def joint_of(original: Original, joint: int, drives: Actuators, couplings: Coupl
             original.losses.note(f"what of joint `{name}` is not linear", "damping and stiffness of a document are numbers", where)
     (x, y, z), (u, v, w) = floats(model.jnt_pos[joint]), floats(model.jnt_axis[joint])
     return SourceJoint(
-        name=name, kind=kind, axis=(u, v, w), anchor=(x, y, z), where=where, ends=ends, start=start, stiffness=stiffness,
+        name=name, kind=kind, axis=(u, v, w), anchor=(x, y, z), where=where, ends=ends, start=start, begin=begin, stiffness=stiffness,
         rest=rest if stiffness else 0.0,
         damping=float(model.dof_damping[dof]), friction=float(model.dof_frictionloss[dof]), armature=float(model.dof_armature[dof]),
         follows=follows, drive=drive, raw=_raw(model, joint, dof, ends.effort),
     )
+
+
+def free_joint(original: Original, joint: int) -> Raw:
+    """What a free joint does by itself, in MuJoCo's words: the language has none."""
+    model, dof = original.model, int(original.model.jnt_dofadr[joint])
+    wanted = [("stiffness", numbers([model.jnt_stiffness[joint]]))]
+    wanted += [(name, numbers([getattr(model, f"dof_{name}")[dof]])) for name in ("damping", "frictionloss", "armature")]
+    return *differing(wanted, {name: "0" for name, _ in wanted}), *_raw(model, joint, dof, None)
 
 
 def _raw(model: Any, joint: int, dof: int, effort: float | None) -> Raw:

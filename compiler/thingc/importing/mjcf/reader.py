@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import accumulate
 
 from thingc.diagnostics import Code, Report
 from thingc.heading import mode_of
@@ -13,7 +14,7 @@ from thingc.importing.mjcf.adding import Added
 from thingc.importing.mjcf.couplings import Couplings
 from thingc.importing.mjcf.drives import Actuators
 from thingc.importing.mjcf.flat import ABSENT, Flat, flattened
-from thingc.importing.mjcf.joints import joint_of
+from thingc.importing.mjcf.joints import free_joint, joint_of
 from thingc.importing.mjcf.original import WORLD, Original, floats, numbers, pose_of
 from thingc.importing.mjcf.sensing import sensors
 from thingc.importing.mjcf.settings import options, poses, simulation, touching
@@ -93,6 +94,9 @@ class _Reader:
             return None
         root = min(kept)
         on = self._carriers(kept, root)
+        for body in (body for body in sorted(kept) if self.model.body_mass[body] <= 0.0 and any(floats(self.model.body_inertia[body]))):
+            what = f"the inertia of body `{self.original.bodies[body]}`"
+            self.original.losses.note(what, "the body has no mass", self.original.where("body", body))
         links = [body for body in sorted(kept) if on[body][0] == body or body in self._mounts]
         joints = {joint for body in kept for joint in self.joints[body]}
         sites = {site for site in range(self.model.nsite) if int(self.model.site_bodyid[site]) in kept}
@@ -112,6 +116,9 @@ class _Reader:
         gravity = floats(self.model.opt.gravity)
         states = poses(self.original, on, root, base, {joint.name: joint for one in hangings for joint in one.joints})
         simulated, set_up = simulation(self.original), options(self.original)
+        free = self.joints[root][0] if base == "free" else -1
+        set_up += tuple((("joint", "root", name), value) for name, value in (free_joint(self.original, free) if base == "free" else ()))
+        self._lose_layout(root, hangings, bool(states), {name for one in sensed for name, _ in one.parts}, added)
         named = self.original.flat.named(self.original.element("body", min(body for body in kept if body != WORLD)))
         return SourceRobot(
             name=_name(named), where=named.place("model"), root=self.original.bodies[root], links=(*whole, *between),
@@ -119,10 +126,50 @@ class _Reader:
             losses=self.original.losses.all(), loops=couplings.loops, adhesions=drives.adhesions,
             tendons=tendons.driven(drives.of_tendon), sensors=sensed, poses=states, excluded=excluded,
             added=tuple(added.elements),
+            free_joint=self.original.written["joint"][free].name if base == "free" else "",
             order={"actuator": [*self.original.actuators.values()], "sensor": [*self.original.sensors.values()]},
             gravity=None if gravity == (0.0, 0.0, -9.81) else (gravity[0], gravity[1], gravity[2]),
             simulation=simulated, options=set_up, files=self.shapes.files,
         )
+
+    def _lose_layout(self, root: int, hangings: Sequence[Hanging], posed: bool, sensed: set[str], added: Added) -> None:
+        """Note what of the arrays of `MjData` is elsewhere in models of the document, and unless there are poses what starts elsewhere."""
+        for joint in (joint for one in hangings for joint in one.joints if not posed and joint.follows is None):
+            if joint.begin is not None and abs(joint.begin - joint.start) > _ALIKE:
+                what = f"where joint `{joint.name}` starts, {joint.start:g}"
+                self.original.losses.note(what, f"it is beyond its limits, and starts at the nearest, {joint.begin:g}", joint.where)
+        sensed |= {one.name for one in added.elements if one.section == "sensor"}
+        self._lose_indices("data.ctrl", [1] * self.model.nu, sorted(added.kept["actuator"]))
+        self._lose_indices("data.sensordata", self.model.sensor_dim, [k for k, name in self.original.sensors.items() if name in sensed])
+        order = self._joint_order(root, hangings)
+        for array, sizes in (("data.qpos", {FREE: 7, 1: 4}), ("data.qvel", {FREE: 6, 1: 3})):
+            self._lose_indices(array, [sizes.get(int(one), 1) for one in self.model.jnt_type], order)
+
+    def _joint_order(self, root: int, hangings: Sequence[Hanging]) -> list[int]:
+        """The numbers of the joints in the order of a model of the document."""
+        numbers_of, below = {name: number for number, name in self.original.joints.items()}, dict[str, list[Hanging]]()
+        for one in hangings:
+            below.setdefault(one.parent, []).append(one)
+        order, waiting = [*self.joints[root]][: root in self.free], [*reversed(below.get(self.original.bodies[root], ()))]
+        while waiting:
+            one = waiting.pop()
+            order += [numbers_of[joint.name] for joint in one.joints]
+            waiting += reversed(below.get(one.child, ()))
+        return order
+
+    def _lose_indices(self, array: str, sizes: Sequence[int], kept: Sequence[int]) -> None:
+        """Note which entries of an array have other indices in a model of the document, where the `kept` elements are, of these sizes."""
+        starts, runs, here = [0, *accumulate(map(int, sizes))], list[list[int]](), 0
+        for there, size in ((starts[number], int(sizes[number])) for number in kept):
+            if runs and runs[-1][0] + runs[-1][2] == there:
+                runs[-1][2] += size
+            else:
+                runs.append([there, here, size])
+            here += size
+        moved = [f"[{there}:{there + size}] is [{here}:{here + size}]" for there, here, size in runs if there != here]
+        if moved:
+            why = f"not everything is in the document in that order: {', '.join(moved)} in its models"
+            self.original.losses.note(f"the indices of `{array}`", why, self.original.flat.root.where)
 
     def _hangings(
         self, body: int, on: dict[int, tuple[int, Pose]], between: list[SourceLink], drives: Actuators, couplings: Couplings,

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Set
 from typing import Any
 
 from thingc.importing.mjcf.adding import Added
-from thingc.importing.mjcf.original import Original, floats, numbers
-from thingc.importing.model import Ends, SourceBase, SourceJoint, SourcePose
+from thingc.importing.mjcf.original import Original, floats, numbers, pose_of
+from thingc.importing.model import SourceBase, SourceJoint, SourcePose
 from thingc.pose import Pose, Quaternion
 
 INTEGRATORS = ("euler", "rk4", "implicit", "implicitfast")
@@ -111,6 +110,9 @@ def _excluded(original: Original, on: Mapping[int, tuple[int, Pose]]) -> Iterato
     numbers_of = {name: number for number, name in original.bodies.items()}
     for one in original.spec.excludes:
         first, second = (numbers_of[name] for name in (one.bodyname1, one.bodyname2))
+        if one.name:
+            what = f"the name of exclude `{one.name}`"
+            original.losses.note(what, "a document excludes pairs without names", original.flat.place(one.info))
         if first in on and second in on:
             yield first, second
         else:
@@ -157,7 +159,7 @@ def _meet(ours: tuple[int, int], theirs: tuple[int, int]) -> bool:
 def poses(
     original: Original, on: Mapping[int, tuple[int, Pose]], root: int, base: SourceBase, joints: Mapping[str, SourceJoint],
 ) -> tuple[SourcePose, ...]:
-    """Keyframes, within the limits of the joints. A base that stands elsewhere in one, speeds and activations are losses."""
+    """Keyframes, within the limits of the joints. Speeds and activations are losses."""
     model, poses = original.model, []
     places = [one.where for one in original.flat.lines if one.tag == "key"][::2]
     following = {joint.name: joint.follows for joint in joints.values() if joint.follows is not None}
@@ -171,20 +173,18 @@ def poses(
                 q[original.joints[joint]] = (w, x, y, z)
             elif int(model.jnt_bodyid[joint]) in on and kind > 1:
                 name_of, value = original.joints[joint], float(model.key_qpos[number][at])
-                q[name_of] = _within(value, joints[name_of].ends)
-                if abs(value - _within(value, joints[name_of].ends)) > _ALIKE:
+                q[name_of] = joints[name_of].ends.nearest(value)
+                if abs(value - joints[name_of].ends.nearest(value)) > _ALIKE:
                     what = f"of keyframe `{name}` joint `{name_of}` at {value:g}"
                     original.losses.note(what, "it is beyond its limit, and laid onto it", where)
         for name_of, follows in following.items():
             was, leader = q.pop(name_of), q[follows.joint]
             if isinstance(was, float) and isinstance(leader, float) and abs(was - follows.at(leader)) > 1e-6:
                 original.losses.note(f"of keyframe `{name}` joint `{name_of}` at {was:g}", f"it follows `{follows.joint}`", where)
-        elsewhere = base == "free" and any(
-            abs(a - b) > _ALIKE for at in [int(model.jnt_qposadr[model.body_jntadr[root]])]
-            for a, b in zip(floats(model.key_qpos[number][at : at + 7]), floats(model.qpos0[at : at + 7]), strict=True)
-        )
+        first = int(model.jnt_qposadr[model.body_jntadr[root]]) if base == "free" else 0
+        here, usual = (floats(qpos[first : first + 7]) for qpos in (model.key_qpos[number], model.qpos0))
+        moved = base == "free" and any(abs(a - b) > _ALIKE for a, b in zip(here, usual, strict=True))
         lost = [
-            (elsewhere, "where its base stands", "a mode of a document says where it stands"),
             (any(floats(model.key_qvel[number])), "its speeds", "a pose of a document is at rest"),
             (any(floats(model.key_act[number])), "its activations", "a pose of a document has none"),
         ]
@@ -192,9 +192,6 @@ def poses(
             if is_lost:
                 original.losses.note(f"of keyframe `{name}` {what}", why, where)
         controls = floats(model.key_ctrl[number])
-        poses.append(SourcePose(name=name, q=q, controls={original.actuators[k]: controls[k] for k in range(len(controls))}, where=where))
+        poses.append(SourcePose(name=name, q=q, controls={original.actuators[k]: controls[k] for k in range(len(controls))}, where=where,
+                                at=pose_of(here[:3], here[3:]) if moved else None))
     return tuple(poses)
-
-
-def _within(value: float, ends: Ends) -> float:
-    return min(max(value, -math.inf if ends.lower is None else ends.lower), math.inf if ends.upper is None else ends.upper)

@@ -195,16 +195,17 @@ def _needed(robot: Robot) -> list[str]:
 
 
 def _adhesions(robot: Robot, root: Element) -> Iterator[Loss]:
-    """Without actuators of adhesions, the last ones, and what keyframes have for them."""
+    """Without actuators of adhesions, and what keyframes have for them."""
     section, keys = root.find("actuator"), root.find("keyframe")
     if section is None or not robot.assembly.adhesions:
         return
-    section.children = [element for element in section.children if element.tag != "adhesion"]
+    kept = [place for place, element in enumerate(section.children) if element.tag != "adhesion"]
+    section.children = [section.children[place] for place in kept]
     if not section.children:
         root.children.remove(section)
     for key in keys.children if keys is not None else ():
         control = key.attributes.get("ctrl", "").split()
-        key.attributes["ctrl"] = " ".join(control[: len(section.children)])
+        key.attributes["ctrl"] = " ".join(control[place] for place in kept if control)
         if not key.attributes["ctrl"]:
             del key.attributes["ctrl"]
     for magnet in robot.assembly.adhesions:

@@ -1,0 +1,97 @@
+"""Where an imported robot starts, and what its free joint does, is as in the MJCF file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy
+import pytest
+
+import thingc
+from importing.test_mjcf_names import imported_from
+from thingc.modes import Modes
+
+LIFT = """\
+<mujoco model="lift">
+  <worldbody>
+    <body name="post"><geom type="box" size="0.1 0.1 0.05" mass="3"/>
+      <body name="sled"><joint name="up" type="slide" axis="0 0 1" ref="0.5" range="0 1"/><geom size="0.05" mass="1"/>
+        <body name="arm"><joint name="turn" axis="0 1 0" ref="-50" range="-120 -20"/><geom size="0.04" mass="1"/>
+          <body name="hand"><joint name="bent" axis="0 1 0" range="10 40"/><geom pos="0.2 0 0" size="0.03" mass="1"/></body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  KEYS
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(("keys", "name", "wanted"), [
+    ("", "start", [0.5, -50.0, 10.0]),
+    ('<keyframe><key name="home" qpos="0.2 -1 0.3"/><key name="up" qpos="0.9 -1 0.3"/></keyframe>', "home", None),
+])
+def test_the_source_mode_starts_where_the_file_starts(keys: str, name: str, wanted: list[float] | None, tmp_path: Path) -> None:
+    """At `ref`, or the limit that is nearest to it; keyframes of the source stay the first ones."""
+    text = LIFT.replace("KEYS", keys)
+    imported, theirs = imported_from(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    assert [one.what for one in imported.losses if one.what.startswith("where")] == (["where joint `bent` starts, 0"] if wanted else [])
+    mode = thingc.compile(tmp_path / imported.document).modes["source"]
+    ours = mode.model()
+    expected = theirs.key_qpos[0] if wanted is None else numpy.array([wanted[0], *numpy.radians(wanted[1:])])
+    assert ours.key(0).name == name
+    numpy.testing.assert_allclose(ours.key_qpos[0], expected, atol=1e-6)
+    one, other = mujoco.MjData(theirs), mujoco.MjData(ours)
+    one.qpos[:], other.qpos[:] = expected, ours.key_qpos[0]
+    mujoco.mj_kinematics(theirs, one)
+    mujoco.mj_kinematics(ours, other)
+    numpy.testing.assert_allclose(other.body("hand").xpos, one.body("hand").xpos, atol=1e-6)
+
+
+FLOATING = """\
+<mujoco model="dog">
+  <default><joint armature="0.3" damping="0.2" frictionloss="0.1"/></default>
+  <worldbody>
+    <body name="ball" pos="2 0 1">
+      <freejoint/><geom size="0.1"/>
+      <body><joint name="spin"/><geom size="0.01"/></body>
+    </body>
+    <body name="trunk" pos="0 0 1">
+      <joint name="floating_base_joint" type="free"/>
+      <geom size="0.1"/>
+      <body name="leg">
+        <joint name="knee" axis="0 1 0"/><joint name="twist"/>
+        <geom size="0.05" pos="0 0 -0.2"/>
+        <body name="tip" pos="0 0 -0.1"><inertial mass="-1" pos="0 0 0" diaginertia="0 0 0"/></body>
+      </body>
+    </body>
+  </worldbody>
+  <contact><exclude name="apart" body1="trunk" body2="leg"/></contact>
+  <actuator><motor name="roll" joint="spin"/><motor name="bend" joint="knee"/></actuator>
+  <keyframe><key name="home" qpos="2 0 1 1 0 0 0 0 0.1 0.2 0.4 0.6 0.8 0 0 0.1 0.2"/></keyframe>
+</mujoco>
+"""
+
+
+def test_a_free_base_keeps_its_name_its_dynamics_and_its_place_in_keyframes(tmp_path: Path) -> None:
+    imported, theirs = imported_from(FLOATING, tmp_path), mujoco.MjModel.from_xml_string(FLOATING)
+    compiled = thingc.compile(tmp_path / imported.document)
+    ours = compiled.modes["source"].model()
+    one, other = theirs.joint("floating_base_joint"), ours.joint("floating_base_joint")
+    for field in ("armature", "damping", "frictionloss"):
+        numpy.testing.assert_array_equal(getattr(other, field), getattr(one, field))
+    numpy.testing.assert_allclose(ours.key("home").qpos, theirs.key("home").qpos[8:], atol=1e-12)
+    data = mujoco.MjData(ours)
+    mujoco.mj_resetDataKeyframe(ours, data, 0)
+    state = Modes.parse(compiled.modes["source"].files["modes.json"]).read("source", data)
+    numpy.testing.assert_allclose(state.base_pose[:3, 3], [0.1, 0.2, 0.4])
+
+
+def test_indices_that_change_are_losses_with_their_mapping(tmp_path: Path) -> None:
+    imported = imported_from(FLOATING, tmp_path)
+    said = {loss.what: loss.why.partition(": ")[2] for loss in imported.losses}
+    assert said["the indices of `data.ctrl`"] == "[1:2] is [0:1] in its models"
+    assert said["the indices of `data.qpos`"] == "[8:17] is [0:9] in its models"
+    assert said["the indices of `data.qvel`"] == "[7:15] is [0:8] in its models"
+    assert "a mass of -1" in said and "the name of exclude `apart`" in said and "the indices of `data.sensordata`" not in said
