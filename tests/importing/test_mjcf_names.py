@@ -54,6 +54,30 @@ def test_geoms_keep_their_names(tmp_path: Path) -> None:
     assert {"torso:visual", "foot.L", "shin:collision"} <= {ours.geom(k).name for k in range(ours.ngeom)}
 
 
+TIED = """\
+<mujoco model="tied">
+  <worldbody>
+    <body name="palm">
+      <geom size="0.1"/>
+      <body name="a"><joint name="first.L" axis="0 1 0"/><geom size="0.05"/><site name="s"/></body>
+      <body name="b"><joint name="second" axis="0 1 0"/><geom size="0.05"/></body>
+      <body name="c"><joint name="third" axis="0 1 0"/><geom size="0.05"/></body>
+    </body>
+  </worldbody>
+  <equality>
+    <joint name="couple" joint1="first.L" joint2="second" solref="0.05 1"/>
+    <connect name="clo-se" body1="b" body2="c" anchor="0 0 0.1" solref="0.06 1"/>
+  </equality>
+</mujoco>
+"""
+
+
+def test_equalities_keep_their_names(tmp_path: Path) -> None:
+    theirs, ours = mujoco.MjModel.from_xml_string(TIED), built_from(TIED, tmp_path)
+    for name in ("couple", "clo-se"):
+        assert [*ours.equality(name).solref] == [*theirs.equality(name).solref] and ours.equality(name).type == theirs.equality(name).type
+
+
 LEG = """\
 thingc: assembly/1
 name: leg

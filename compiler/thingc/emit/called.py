@@ -73,7 +73,9 @@ class _Caller:
             "sensors": names.sensors, "tendons": names.tendons,
         }
         self.raw = {
-            "joint": joints, "numeric": joints, "equality": names.mounts | joints,
+            "joint": joints, "numeric": joints,
+            "equality": names.mounts | joints
+            | {f"{own}:{mark}": name for own, name in names.equalities.items() for mark in ("mimic", "loop")},
             "body": names.components, "link": names.components, "site": names.mounts, "key": names.poses,
             "actuator": joints | names.tendons | names.actuators, "sensor": names.sensors, "camera": names.sensors,
             "tendon": names.tendons,
@@ -117,12 +119,15 @@ class _Caller:
         return {**fields, "names": None}
 
     def _drive(self, of: JointEdge | CoreJoint | LinkedTendon, fields: dict[str, Any]) -> dict[str, Any]:
-        own = self.names.actuators.get(of.path)
+        own, tied = self.names.actuators.get(of.path), self.names.equalities.get(of.path)
+        if not isinstance(of, LinkedTendon) and of.mimic is not None and tied is not None:
+            fields = {**fields, "mimic": replace(fields["mimic"], name=tied)}
         return fields if of.actuator is None or own is None else {**fields, "actuator": replace(of.actuator, name=own)}
 
     def _closure(self, closure: Closure, fields: dict[str, Any]) -> dict[str, Any]:
         kind = "mounts" if closure.hold else "joints"
-        return {**fields, "path": self.named[kind].get(closure.path, closure.path)}
+        name = None if closure.hold else self.names.equalities.get(closure.path)
+        return {**fields, "path": self.named[kind].get(closure.path, closure.path), "name": name}
 
     def _sensor(self, sensor: LinkedSensor, fields: dict[str, Any]) -> dict[str, Any]:
         names, begin = self.names.sensors, f"{sensor.path}:"

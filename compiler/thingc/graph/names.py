@@ -35,6 +35,7 @@ def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings:
         "joints": [*((mate.name, mate.origin) for mate in robot.mates if mate.name is not None), *((one, ()) for one in TAKEN["joints"])],
         "tendons": ((tendon.path, tendon.origin) for tendon in robot.tendons),
         "actuators": ((one.path, one.actuator.origin) for one in driven if one.actuator is not None),
+        "equalities": (),  # MuJoCo reports two of one name
         "sensors": ((sensor.path, sensor.origin) for sensor in robot.sensors),
         "poses": ((pose.name, pose.origin) for pose in poses),
     }

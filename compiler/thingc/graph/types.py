@@ -392,13 +392,15 @@ class MountAt(Brief):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileNames(Brief):
     """What files call things that have another path: components (which is what links are called after), exported mounts, whole joints,
-    tendons, drives by the coordinate or tendon that they drive, sensors (or a part of one, `imu:gyro`) and poses."""
+    tendons, drives by the coordinate or tendon that they drive, equalities by the joint that mimics or closes a loop, sensors (or a part of
+    one, `imu:gyro`) and poses."""
 
     components: dict[str, str] = field(default_factory=dict)
     mounts: dict[str, str] = field(default_factory=dict)
     joints: dict[str, str] = field(default_factory=dict)
     tendons: dict[str, str] = field(default_factory=dict)
     actuators: dict[str, str] = field(default_factory=dict)
+    equalities: dict[str, str] = field(default_factory=dict)
     sensors: dict[str, str] = field(default_factory=dict)
     poses: dict[str, str] = field(default_factory=dict)
 

@@ -238,13 +238,14 @@ class Hanging:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceLoop:
-    """What keeps a point, a frame, or an axis (z) of two links together, each given in its link."""
+    """What keeps a point, a frame, or an axis (z) of two links together, each given in its link; `equality` is its name in MJCF, if any."""
 
     name: str
     kind: Literal["ball", "fixed", "continuous", "prismatic", "screw"]
     ends: tuple[tuple[str, Pose], tuple[str, Pose]]
     where: Span
     raw: Raw = ()
+    equality: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -123,6 +123,9 @@ class Words:
             "joints": [(word, name, word) for name, word in (*self.joints.items(), *moving.items(), (self.robot.free_joint, "root"))],
             "tendons": [(word, name, word) for name, word in self.tendons.items()],
             "actuators": [(word, drive.name, usual) for word, drive, usual in drives if drive is not None],
+            "equalities": [
+                (word.rpartition(":")[0], name, word) for name, word in self._tied().items() if word.endswith((":mimic", ":loop"))
+            ],
             "sensors": [
                 named for one, word in zip(self.robot.sensors, self.sensors, strict=True)
                 for named in ([(f"{word}:{part}", of, f"{word}:{part}") for of, part in one.parts] or [(word, one.name, word)])
@@ -148,11 +151,9 @@ class Words:
         }
         second = {other: self.sites[site.name] for link in self.robot.links for site in link.sites for other in site.others}
         second |= {name: f"{self.links[link.name]}.origin" for link in self.robot.links for name in link.frames}
-        tied = {one.follows.name: f"{self.joints[one.name]}:mimic" for hanging in self.order for one in hanging.joints if one.follows}
-        tied |= {name: f"{word}:loop" for name, word in self.loops.items()} | self._of("equality")
         kinds = {
             "sites": self.sites | second, "loops": self.loops, "tendons": self.tendons,
-            "actuators": drives | magnets | self._of("actuator"), "equalities": {name: word for name, word in tied.items() if name},
+            "actuators": drives | magnets | self._of("actuator"), "equalities": self._tied(),
             "sensors": parts | self._of("sensor"), "poses": self.poses,
         }
         kinds["geoms"] = {
@@ -173,6 +174,12 @@ class Words:
         """The name of a shape in the source, if its document must state it for models to have it. Models have each name once."""
         name = shape.name
         return name if name is not None and name not in self.repeated and name != self.usual[id(shape)] and is_file_name(name) else None
+
+    def _tied(self) -> dict[str, str]:
+        """The equalities that have a name in the source, with those that models have without `names`."""
+        tied = {one.follows.name: f"{self.joints[one.name]}:mimic" for hanging in self.order for one in hanging.joints if one.follows}
+        tied |= {one.equality: f"{self.loops[one.name]}:loop" for one in self.robot.loops} | self._of("equality")
+        return {name: word for name, word in tied.items() if name}
 
     def _of(self, section: str) -> dict[str, str]:
         """The names of the elements that are added to a section."""

@@ -82,13 +82,14 @@ _NUMBERED = re.compile(r"(.*)\[(\d+)\]")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mimic(Brief):
     """q = offset + multiplier * x + higher[0] * x^2 + higher[1] * x^3 ... with x = q(joint), SI; `joint` is a coordinate of the same
-    document, as that calls it."""
+    document, as that calls it. `name` is that of its equality in files, if any is given."""
 
     joint: CoordinateName
     multiplier: float
     offset: float
     origin: Origin
     higher: tuple[float, ...] = ()
+    name: str | None = None
 
     @property
     def polynomial(self) -> tuple[float, ...]:

@@ -277,7 +277,7 @@ class LinkName(Brief):
     origin: Origin
 
 
-NamedKind = Literal["components", "mounts", "joints", "tendons", "actuators", "sensors", "poses"]
+NamedKind = Literal["components", "mounts", "joints", "tendons", "actuators", "equalities", "sensors", "poses"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -352,12 +352,10 @@ class Cut(Brief):
 class Mode(Brief):
     """One simulation model. `extends` has been merged. `root.mount` None: a component root.
 
-    `at` is the world side's pose, of a mode that is `on_floor` but for its height, which is 0 here, `at_in` in some poses;
-    `gravity` [m/s^2] in the world
-    frame; `poses` in keyframe order, the mode's own `pose` first; `actuators` joint paths, None for all; `exclude` pairs of component
-    references; `adhesion` [N] per mount. The mode of a document that states none is not `stated`. `step_origin` is where its own
-    `timestep` is written, `gravity_origin` where its gravity is written in numbers, empty where they are not. One that has an
-    expression is `worked_out`: what it comes to may be another thing with other parameters.
+    `at` is the world side's pose (without its height if `on_floor`), `at_in` that in some poses; `gravity` [m/s^2] in the world frame;
+    `poses` in keyframe order, the mode's own `pose` first; `actuators` joint paths, None for all; `exclude` pairs of component references;
+    `adhesion` [N] per mount. A document without modes has one that is not `stated`. `step_origin` and `gravity_origin` are where its own
+    `timestep` and a gravity in numbers are written, else empty. `worked_out` modes have expressions, and depend on parameters.
     """
 
     name: str

@@ -85,7 +85,7 @@ class Closure(Brief):
 
     over the `joints` that were cut, their `twists` in A with the coordinates after them at 0 and their offsets in `X_PA`. Without any
     it is a weld, or where it `turns` only the origins of A and B meet. One on the world holds a mount: `hold` is true, `path` the mount's,
-    B its frame; else `path` is the joint's.
+    B its frame; else `path` is the joint's. `name` is that of its equality in files, if any is given.
     """
 
     path: JointPath | SitePath
@@ -98,6 +98,7 @@ class Closure(Brief):
     twists: tuple[Twist, ...]
     origin: Origin
     turns: bool = False
+    name: str | None = None
 
     @property
     def at_once(self) -> bool:

@@ -48,6 +48,8 @@ class NamesSpec(Model):
     """Tendons."""
     actuators: dict[DrivenKey, FileName] = Field(default={}, examples=[{"knee": "knee_motor"}])
     """Drives, by their joints or tendons, in MuJoCo's models; without it they are called as these are."""
+    equalities: dict[OwnJointKey, FileName] = Field(default={}, examples=[{"finger": "coupling"}])
+    """Equalities of MuJoCo's models, by the joint that mimics another one or closes a loop."""
     sensors: dict[SensorKey, FileName] = Field(default={}, examples=[{"imu": "torso-imu", "imu:gyro": "torso_gyro"}])
     """Sensors, or what MuJoCo has for a part of one: `imu:gyro`."""
     poses: dict[OwnPoseKey, FileName] = Field(default={}, examples=[{"home": "home pose"}])

@@ -89,7 +89,7 @@ def equality(closure: Closure) -> Literal["weld", "connect", "two connects", "co
 
 def equality_name(closure: Closure) -> str:
     """`rear_foot/sole:hold`, `rod:loop`."""
-    return f"{closure.path}:{'hold' if closure.hold else 'loop'}"
+    return closure.name or f"{closure.path}:{'hold' if closure.hold else 'loop'}"
 
 
 def anchor_name(closure: Closure) -> str:

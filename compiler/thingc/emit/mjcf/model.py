@@ -208,7 +208,7 @@ class _Builder:
                 section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.origin)
             if joint.mimic is not None and joint.mimic.joint.path in self.joints:
                 polynomial = numbers((*joint.mimic.polynomial, 0.0, 0.0, 0.0)[:5])
-                names = {"name": f"{joint.path}:mimic", "joint1": joint.path, "joint2": joint.mimic.joint.path}
+                names = {"name": joint.mimic.name or f"{joint.path}:mimic", "joint1": joint.path, "joint2": joint.mimic.joint.path}
                 section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.mimic.origin)
         closures.equalities(self.robot, section, [link.name for link in self.links])
 

@@ -67,7 +67,7 @@ class Couplings:
         self.follows[one] = Following(
             joint=original.joints[other], multiplier=multiplier, offset=first + offset, where=original.where("equality", number),
             polynomial=(first + offset, multiplier, *rest) if any(rest) else (), raw=self._raw(number, STIFF),
-            name=original.equalities[number],
+            name=original.written["equality"][number].name,
         )
         return ""
 
@@ -80,6 +80,7 @@ class Couplings:
             name=self.original.equalities[number].removesuffix(":loop"),  # which models of ours add
             kind="ball" if kind == CONNECT else "fixed", ends=(ends[0], ends[1]),
             where=self.original.where("equality", number), raw=self._raw(number, {}),
+            equality=self.original.written["equality"][number].name,
         )
 
     def _ends(self, number: int) -> Iterator[tuple[str, Pose]]:
