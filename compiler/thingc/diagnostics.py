@@ -238,7 +238,6 @@ class Code(Enum):
     PART_UNREADABLE = ("TC807", "a part file that does not load", "Mend the part file at the line named.")
     NO_GRAPHICS = ("TC808", "no picture can be drawn here", "Install EGL (Debian, Ubuntu: apt install libegl1), or set MUJOCO_GL.")
     WORKING_FOLDER = ("TC810", "the working folder is gone", "Go to a folder that is there, and try again.")
-    EDITOR_SETTINGS = ("TC820", "settings of an editor that cannot be read", "Mend the file, or use --no-wire.")
     INTERNAL = ("TC899", "a defect of thingc", "Report it with the document and what --debug shows.")
     # --- TC9xx: variants (batch) -----------------------------------------------------------------------------------
     VARIANT_VALUE = ("TC901", "a value that variants cannot have", "Write values, ranges and counts as the message says.")

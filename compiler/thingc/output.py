@@ -129,9 +129,9 @@ KEPT = ".git"
 """What may be in a folder that a new workspace is written into: nothing is written there."""
 
 
-def write_new(folder: str, files: Mapping[str, bytes], finish: Callable[[str], None]) -> str:
+def write_new(folder: str, files: Mapping[str, bytes]) -> str:
     """Make a folder that is not there, or has nothing in it but `.git`, with `files` (by path in it, with `/`); its absolute path. Folders
-    above it are made. `finish` is called with the folder where all of this is written aside, and may write there, too.
+    above it are made.
 
     A new folder appears at once. Into one that is there, for somebody may be in it, files are moved one after the other; what lies there
     just as it would be written stays, so that another run goes on where one was killed.
@@ -154,7 +154,6 @@ def write_new(folder: str, files: Mapping[str, bytes], finish: Callable[[str], N
             _delete(fresh)
             try:
                 _write_files(fresh, files, None)
-                finish(fresh)
                 if there:
                     ours = {KEPT, *(os.path.basename(_beside(aside, what)) for what in ("lock", "new"))}
                     before = sorted(set(os.listdir(folder)) - ours)

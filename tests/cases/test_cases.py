@@ -41,7 +41,6 @@ ELSEWHERE = {
     "INCOMPLETE": "tests/graph/test_link_faults.py",  # what earlier passes should have caught
     "UNREACHED": "tests/robot/test_spanning_tree.py",
     "INTERNAL": "tests/cases/test_folders.py",
-    "EDITOR_SETTINGS": "tests/editor/test_wiring.py",  # a file that is no document
     "TOO_COSTLY": "tests/safety/test_bounds.py",  # takes its time
     "NO_GRAPHICS": "tests/cli/test_render.py",  # a machine without EGL
     "LIBRARY": "tests/resolve/test_components.py",  # a machine without the library

@@ -164,7 +164,7 @@ def test_between_files_that_belong_together(here: Path, shared_store: str) -> No
 def test_a_workspace_comes_whole_and_its_lock_goes(here: Path, shared_store: str) -> None:
     done = run(here, shared_store, ["-c", WITH_A_LOCK])
     assert (done.returncode, done.stderr) == (130, SAID)
-    assert (here / "rover/.vscode/settings.json").exists() and not any(path.name.startswith(".rover") for path in here.iterdir())
+    assert (here / "rover/.vscode/extensions.json").exists() and not any(path.name.startswith(".rover") for path in here.iterdir())
 
 
 def test_a_workspace_that_another_command_makes_is_not_waited_for(here: Path, shared_store: str) -> None:
@@ -206,5 +206,5 @@ def test_at_any_moment(seconds: float, here: Path, shared_store: str) -> None:
     _, said = process.communicate(timeout=60.0)
     made = (here / "rover").exists()
     assert (process.returncode, said) in ([(0, ""), (130, ""), (130, SAID)] if made else [(130, SAID), (130, "")])
-    assert not made or (here / "rover/.vscode/settings.json").exists(), "a whole workspace"
+    assert not made or (here / "rover/.vscode/extensions.json").exists(), "a whole workspace"
     assert not any(path.name.startswith(".rover") for path in here.iterdir())

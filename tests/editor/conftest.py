@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from editor.language_server import LanguageServer
-from editor.running import ROOT, thingc, wired
+from editor.running import ROOT, schemas_of, thingc
 
 HERE = Path(__file__).resolve().parent
 MODULES = HERE / "node_modules"
@@ -48,6 +48,6 @@ def workspace(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Pa
 def server(node_modules: Path, workspace: Path) -> Iterator[LanguageServer]:
     """A server that was started in the workspace as VS Code does it."""
     program = node_modules / "yaml-language-server" / "bin" / "yaml-language-server"
-    server = LanguageServer(program, workspace, wired(workspace))
+    server = LanguageServer(program, workspace, schemas_of(workspace))
     yield server
     server.close()

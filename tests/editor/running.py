@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import json
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,8 @@ def thingc(folder: Path, store: str, *words: str) -> str:
     return out.getvalue()
 
 
-def wired(folder: Path) -> dict[str, Any]:
-    """`yaml.schemas` as it stands in the settings of VS Code."""
-    found: dict[str, Any] = json.loads((folder / ".vscode" / "settings.json").read_text())["yaml.schemas"]
-    return found
+def schemas_of(folder: Path) -> dict[str, Any]:
+    """`yaml.schemas`, as a person writes it into the settings of an editor: which document each schema in `.thingc/schema/` is for."""
+    top = folder / ".thingc" / "schema"
+    names = [path.relative_to(top).as_posix().removesuffix(".json") for path in sorted(top.rglob("*.yaml.json"))]
+    return {f"./.thingc/schema/{name}.json": name for name in names}

@@ -1,4 +1,4 @@
-"""What a person sees in an editor: a real yaml-language-server with the settings that `thingc schema` writes."""
+"""What a person sees in an editor: a real yaml-language-server with the schemas that `thingc schema` writes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from editor.language_server import LanguageServer
-from editor.running import ROOT, thingc, wired
+from editor.running import ROOT, schemas_of, thingc
 
 ARM = "assemblies/arm.yaml"
 
@@ -191,7 +191,7 @@ mounts:
     (tmp_path / "many.yaml").write_text(text)
     thingc(tmp_path, shared_store, "schema")
     program = node_modules / "yaml-language-server" / "bin" / "yaml-language-server"
-    server = LanguageServer(program, tmp_path, wired(tmp_path))
+    server = LanguageServer(program, tmp_path, schemas_of(tmp_path))
     try:
         assert server.show("many.yaml", text) == []
         assert {"screw_0.seat", "screw_399.seat"} <= server.complete("many.yaml", edited(text, "screw_399.seat", "|")).keys()

@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from editor.running import ROOT, thingc
+from thingc.cli.main import main
 
 PLAIN = """\
 thingc: assembly/1
@@ -110,7 +111,6 @@ def test_the_folder_is_never_in_git_and_stale_schemas_go(small: Path, shared_sto
     shutil.rmtree(small / "deep")
     assert "1 removed" in thingc(small, shared_store, "schema")
     assert not (small / ".thingc/schema/deep").exists()
-    assert "other" not in (small / ".vscode/settings.json").read_text()
 
 
 def test_the_rest_of_a_wrong_document_is_known(small: Path, shared_store: str) -> None:
@@ -195,7 +195,17 @@ def test_no_model_starts_no_kernel(small: Path, tmp_path_factory: pytest.TempPat
 def test_one_document_alone(small: Path, shared_store: str) -> None:
     (small / "other.yaml").write_text(PLAIN.replace("small", "other"))
     assert thingc(small, shared_store, "schema", "other.yaml") == ".thingc/schema: schemas of 1 document: 1 written, 0 as they were\n"
-    assert not (small / ".thingc/schema/small.yaml.json").exists() and not (small / ".vscode").exists()
+    assert not (small / ".thingc/schema/small.yaml.json").exists()
+
+
+@pytest.mark.parametrize("option", ["--watch", "--no-wire"])
+def test_removed_options_name_what_to_use(small: Path, option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(small)
+        assert main(["schema", option]) != 0
+    error = capsys.readouterr().err
+    assert f"error[TC801]: `{option}` was removed" in error and "`thingc lsp` keeps up with every save" in error
+    assert not (small / ".thingc").exists()
 
 
 def test_other_files_are_no_documents(small: Path, shared_store: str) -> None:

@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
                 common.say(*_would(arguments, imported))
             else:
                 with interrupts.held():
-                    folder = write_new(arguments.output or imported.name, imported.files, lambda _: None)
+                    folder = write_new(arguments.output or imported.name, imported.files)
                 common.say(*_told(arguments, imported, folder, []))
         except OutputError as fault:
             fault.diagnose(report)

@@ -45,8 +45,8 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         name = robot_name(arguments.place)
         files = files_of(arguments.template, name)
-        with interrupts.held():  # a third of a second; nothing would be half there, but the lock might stay
-            folder = write_new(arguments.place, files, lambda fresh: _wire(fresh, report))
+        with interrupts.held():  # for an instant; nothing would be half there, but the lock might stay
+            folder = write_new(arguments.place, files)
     except ValueError as fault:
         hint = f"write for example `thingc new {name}_robot`"
         raise common.WrongCommandLine(f"a robot cannot be called so: {fault}", hint) from fault
@@ -91,22 +91,6 @@ def _plain(word: str) -> str:
     from unicodedata import combining, normalize
 
     return "".join(one for one in normalize("NFKD", word.replace("ß", "ss")) if not combining(one))
-
-
-def _wire(root: str, report: Report) -> None:
-    """Schemas of the documents, as far as they are known without modelling a part, and the settings that name them to editors."""
-    from thingc.editor.parts import ask
-    from thingc.editor.refresh import Schemas, workspace_of
-    from thingc.editor.wiring import wire
-    from thingc.environment import Options, store_of
-    from thingc.realize import NoWorkers
-
-    workspace = workspace_of(root, report)
-    if workspace is None:
-        return
-    with ask(workspace, store_of(Options()), timeout=workspace.part_timeout, workers=NoWorkers()) as geometry:
-        outcome = Schemas(workspace, geometry).refresh()
-    wire(root, outcome.documents, report)
 
 
 def _next_steps(arguments: argparse.Namespace, folder: str, name: str) -> list[str]:

@@ -8,25 +8,12 @@ from typing import TYPE_CHECKING, Protocol
 
 from thingc.diagnostics import Report
 from thingc.editor.facts import Names, Records, usual_mounts
-from thingc.realize import ABSENT
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
-from thingc.watching import Watched
 
 if TYPE_CHECKING:
     from thingc.environment import Progress
     from thingc.realize import GeometryService, Store, Workers
     from thingc.workspace import Workspace
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Missing:
-    """What the store does not have: references that were not described, definitions that were not modelled."""
-
-    references: tuple[str, ...] = ()
-    definitions: tuple[PartDefinition, ...] = ()
-
-    def __bool__(self) -> bool:
-        return bool(self.references or self.definitions)
 
 
 class PartsInReach(Protocol):
@@ -58,7 +45,6 @@ class Parts:
     records: dict[str, PartRecord | PartFailure] = field(default_factory=dict)
     unreadable: frozenset[str] = frozenset()
     _reach: tuple[str, ...] | None = None
-    _inputs: Watched = field(default_factory=Watched)
 
     def describe(self, references: Iterable[str]) -> Mapping[str, PartSchema | PartFailure]:
         """What every class in reach takes, and those that are named."""
@@ -110,24 +96,6 @@ class Parts:
 
     def _broken(self, reference: str) -> bool:
         return reference.partition(":")[0] in self.unreadable
-
-    def missing(self, definitions: Iterable[PartDefinition]) -> Missing:
-        """What only workers can tell."""
-        return Missing(
-            references=tuple(sorted(name for name, one in self.schemas.items() if isinstance(one, PartFailure) and one.kind == ABSENT)),
-            definitions=tuple({
-                one.text: one for one in definitions
-                if isinstance(failure := self.records.get(one.text), PartFailure) and failure.kind == ABSENT
-            }.values()),
-        )
-
-    def note(self) -> None:
-        """Remember what the files that the answers depend on are like."""
-        self._inputs.note(self.service.inputs)
-
-    def current(self) -> bool:
-        """Whether they are still like that."""
-        return self._inputs.current()
 
 
 def ask(

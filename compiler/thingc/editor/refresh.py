@@ -11,14 +11,14 @@ from thingc.diagnostics import Report
 from thingc.editor import folder
 from thingc.editor.facts import Facts, Records, facts_of
 from thingc.editor.narrowing import Surroundings, narrowed, remembered
-from thingc.editor.parts import Missing, Parts, PartsInReach
+from thingc.editor.parts import Parts, PartsInReach
 from thingc.editor.reading import KINDS, Reading, read
 from thingc.editor.symbols import DocumentSymbols, near, of_variants, read_symbols, symbols_of
 from thingc.frozen import dataclass
 from thingc.load import documents_in, packaged_documents
 from thingc.realize.record import PartDefinition, PartFailure, PartSchema
 from thingc.source import MappingNode, ScalarNode
-from thingc.watching import Stat, Watched, stat_of
+from thingc.watching import Stat, stat_of
 from thingc.workspace import OWN_FILE, Workspace
 
 if TYPE_CHECKING:
@@ -35,13 +35,12 @@ MAX_OTHERS = 100
 class RefreshOutcome:
     """What a refresh did, by the documents' paths in the workspace: all `documents`, those whose schema was `written` or was
     the `same`, those that are not readable now and `kept` their last schema, and those `removed` because there is no such
-    document any more. `missing` is what only workers can tell."""
+    document any more."""
 
     documents: tuple[str, ...]
     written: tuple[str, ...]
     kept: tuple[str, ...]
     removed: tuple[str, ...]
-    missing: Missing
 
 
 class Schemas:
@@ -61,26 +60,6 @@ class Schemas:
         self._done: dict[str, tuple[object, Surroundings]] = {}
         self._narrowed: dict[str, tuple[tuple[Facts, Surroundings], dict[str, Any]]] = {}
         self._looked = float("-inf")
-        self._settings = Watched(workspace.inputs)
-
-    def changed(self) -> bool:
-        """Whether a document or a file that parts depend on is another than at the last refresh."""
-        return self._scan() != self._seen or not self._parts.current()
-
-    def moved(self) -> bool:
-        """Whether the workspace's own file has changed: then it may be another workspace."""
-        return not self._settings.current()
-
-    def outdated(self) -> bool:
-        """Whether a file that parts depend on has changed: then `renew` comes before the next refresh."""
-        return not self._parts.current()
-
-    def renew(self, geometry: PartsInReach) -> None:
-        """Ask another service, which has seen nothing yet."""
-        self.geometry = geometry
-        self._parts = Parts(geometry)
-        self._models.clear()
-        self._done.clear()
 
     def _scan(self) -> dict[str, Stat]:
         paths = documents_in(self.workspace.root, self.workspace)
@@ -106,7 +85,6 @@ class Schemas:
         definitions = self._definitions(readings)
         wanted = (*definitions, *self._parts.defaults().values())
         self._parts.realize(wanted)
-        self._parts.note()
         usual = self._parts.usual(definitions)
         written, kept = [], []
         for name in relatives.values():
@@ -121,7 +99,6 @@ class Schemas:
         chosen = [name for name in relatives.values() if self.only is None or name in self.only]
         return RefreshOutcome(
             documents=tuple(chosen), written=tuple(written), kept=tuple(kept), removed=tuple(removed),
-            missing=self._parts.missing(wanted),
         )
 
     def general(self, kind: str) -> dict[str, Any] | None:
