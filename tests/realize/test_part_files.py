@@ -236,7 +236,7 @@ def binary(faces: list[list[tuple[float, ...]]], count: int) -> bytes:
         ("head.stl", bytes(50), "the file is cut off: it has 50 bytes, and a binary STL file begins with 84"),
         ("text.stl", b"solid box\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\n", "the file is cut off: it has no `endsolid`"),
         ("far.stl", binary([[(1e38, 0.0, 0.0), *BOX[0][1:]], *BOX[1:]], 12), "a coordinate is 1e+38 mm: no part is so large"),
-        ("words.brep", b"no shape at all", "the file is damaged, or is not BREP"),
+        ("words.brep", b"no shape at all", "the file is cut off, or is not BREP"),
         ("words.step", b"no shape at all", "the STEP file holds no shape"),
         ("gone.gltf", b'{"asset": {"version": "2.0"}, "buffers": [{"uri": "gone", "byteLength": 9}]}', "the file is damaged, or is not G"),
         ("endless.off", b"OFF\n3 1 0\n0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n", "a coordinate is not finite"),
