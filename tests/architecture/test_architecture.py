@@ -107,8 +107,8 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
     "reporting": {},
     "editor": {
         "environment": {"Options", "Progress", "geometry_of"},
-        "load": {"Documents", "Source", "documents_in", "load", "packaged_documents", "read_tree"},
-        "realize": {"ABSENT", "EndingWorkers", "GeometryService", "NoWorkers", "Store", "Workers", "read_lock"},
+        "load": {"Documents", "documents_in", "load", "packaged_documents", "read_tree"},
+        "realize": {"GeometryService", "Store", "Workers", "read_lock"},
         "realize.record": ANY,
         "resolve": {"Settings", "Sources", "part_definitions", "resolve"},
         "resolve.model": ANY,
