@@ -191,7 +191,7 @@ def test_a_folder_that_is_empty_but_for_git_is_taken_and_stays_the_one_that_it_i
     assert main(["check", "--strict", str(here / "my-rover/my_rover.yaml")]) == 0
 
 
-@pytest.mark.parametrize("instant", ["thingc.cli.new._wire", "os.rename"])
+@pytest.mark.parametrize("instant", ["thingc.output._write_files", "os.rename"])
 def test_interrupted_it_leaves_nothing(
     instant: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:
