@@ -257,3 +257,18 @@ def test_where_an_array_is_written_wrongly_models_are_compiled(sliders: Path, mo
     family = load(sliders)
     monkeypatch.setattr(patched.Statistics, "write", lambda self, values, index: None)
     assert [arrays(one) for one in family.models()] == [arrays(variant.model()) for variant in family]
+
+
+def test_variants_with_the_same_meshes_share_what_mujoco_was_given(tmp_path: Path) -> None:
+    """Each has links to them in a folder of its own."""
+    from thingc.variants.loading import _Meshes
+
+    meshes, seen = _Meshes(), []
+    (tmp_path / "mesh.obj").write_bytes(b"v 0 0 0")
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "mesh.obj").hardlink_to(tmp_path / "mesh.obj")
+        stated = (tmp_path / name / "mesh.obj").stat()
+        with meshes.mounted({"mesh.obj": ((stated.st_dev, stated.st_ino), str(tmp_path / name / "mesh.obj"))}) as files:
+            seen.append(files)
+    assert seen[0] is seen[1]

@@ -365,7 +365,7 @@ class _Meshes:
         self._size = 0
         self._kept: OrderedDict[File, bytes] = OrderedDict()
         self._lock = threading.Lock()
-        self._last: tuple[Mapping[str, tuple[File, str]], mujoco.MjVfs] | None = None
+        self._last: tuple[Mapping[str, File], mujoco.MjVfs] | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Workers of environments and process pools are handed families and variants."""
@@ -393,12 +393,13 @@ class _Meshes:
     def mounted(self, wanted: Mapping[str, tuple[File, str]]) -> Iterator[mujoco.MjVfs]:
         import mujoco
 
+        own = {name: file for name, (file, _) in wanted.items()}  # each variant has links to the same files in a folder of its own
         with self._lock:
-            if self._last is None or self._last[0] != wanted:
+            if self._last is None or self._last[0] != own:
                 files = mujoco.MjVfs()
                 for name, data in self._read(wanted).items():
                     files[name] = data
-                self._last = wanted, files
+                self._last = own, files
             yield self._last[1]
 
 
