@@ -40,7 +40,7 @@ MOVES = ("contacts of", "a contact pair", "how soft", "actuator", "tendon", "equ
 EXPLAINS = {
     "contacts": TOUCHING, "contacts by iteration": TOUCHING, "shapes": ("mesh `",), "limits": ("slide",),
     "actuators": ("actuator", "tendon"), "passive": ("tendon", "what of joint", "drag of"), "gains": ("the gain of",),
-    "keyframes": ("of keyframe",), "trajectory": MOVES,
+    "trajectory": MOVES,
 }
 
 

@@ -197,6 +197,7 @@ class Code(Enum):
     START_BELOW = ("TC610", "mode that starts under the floor", "Raise the root: `at: {xyz: ...}`, or `at: {on: floor}`.", Stage.BUILD)
     START_CONTACT = ("TC611", "links that start in each other", "Change the pose or a `collision`, or exclude the pair.", Stage.BUILD)
     CHATTER = ("TC612", "gain that chatters", "Lower the gain, state the rotor's `armature`, or take shorter steps.", Stage.BUILD)
+    POSE_MOVED = ("TC618", "pose changed to close a loop", "Write values with which the loops close, or leave some out.", Stage.CHECK)
     OFF_FEET = ("TC790", "mode that does not stand on its feet", "Start in a pose that puts the feet down.", Stage.CHECK)
     START_LIMITS = ("TC791", "mode that starts outside joint limits", "Give the mode a pose within the limits.", Stage.CHECK)
     COLLISION_MISSING = ("TC704", "no such collision shape", "Choose another `collision`, or give the Thing a `collision()`.")

@@ -48,6 +48,55 @@ def in_files(imported: Imported) -> dict[str, dict[str, str]]:
     return found
 
 
+def nearest_closed(model: mujoco.MjModel, qpos: numpy.ndarray) -> numpy.ndarray:
+    """The qpos nearest to this one (rad and m alike) within the limits of its joints, with all equalities met: by MuJoCo's Jacobians."""
+    model = copy.copy(model)
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    data, q, back = mujoco.MjData(model), numpy.array(qpos), numpy.zeros(model.nv)
+    for _ in range(60):
+        data.qpos[:] = q
+        mujoco.mj_fwdPosition(model, data)
+        J, error = data.efc_J.reshape(-1, model.nv)[: data.ne], data.efc_pos[: data.ne]
+        mujoco.mj_differentiatePos(model, back, 1.0, q, qpos)
+        fixed = numpy.zeros(model.nv, bool)
+        for _ in range(model.njnt):
+            step = numpy.where(fixed, back_to(model, q, back), back)
+            step[~fixed] -= numpy.linalg.pinv(J[:, ~fixed], rcond=1e-9) @ (error + J @ step)
+            past = beyond(model, q, step) & ~fixed
+            if not past.any():
+                break
+            fixed |= past
+        mujoco.mj_integratePos(model, q, step, 1.0)
+    return q
+
+
+def back_to(model: mujoco.MjModel, q: numpy.ndarray, back: numpy.ndarray) -> numpy.ndarray:
+    """The step that takes every limited joint to the limit on the side of which it is, or wants to go."""
+    step = numpy.array(back)
+    for k in (k for k in range(model.njnt) if model.jnt_limited[k] and model.jnt_type[k] > BALL):
+        at, dof = int(model.jnt_qposadr[k]), int(model.jnt_dofadr[k])
+        low, high = model.jnt_range[k]
+        step[dof] = (low if abs(q[at] + back[dof] - low) < abs(q[at] + back[dof] - high) else high) - q[at]
+    return step
+
+
+def beyond(model: mujoco.MjModel, q: numpy.ndarray, step: numpy.ndarray) -> numpy.ndarray:
+    """Which dofs a step takes beyond the limits of their joints."""
+    past = numpy.zeros(model.nv, bool)
+    for k in (k for k in range(model.njnt) if model.jnt_limited[k] and model.jnt_type[k] > BALL):
+        at, dof = int(model.jnt_qposadr[k]), int(model.jnt_dofadr[k])
+        past[dof] = not model.jnt_range[k][0] - 1e-12 <= q[at] + step[dof] <= model.jnt_range[k][1] + 1e-12
+    return past
+
+
+def closed_residual(model: mujoco.MjModel, qpos: numpy.ndarray) -> float:
+    """How far the equalities are from met [m, rad]: the largest of them."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_fwdPosition(model, data)
+    return float(numpy.abs(data.efc_pos[: data.ne]).max(initial=0.0))
+
+
 @dataclass
 class Pair:
     """Two models, and what in `ours` each body, joint, site, tendon and actuator of `theirs` is called. `named` are the names of theirs by
@@ -304,10 +353,21 @@ class Pair:
             if at < 0:
                 self.say("keyframes", [MISSING], [0.0])
                 continue
-            for qpos, here, _, _ in self.dofs:
-                self.say("keyframes", self.ours.key_qpos[at][here], self.theirs.key_qpos[number][qpos])
+            self.keyframe(at, number)
             for k, drive in self.drives.items():
                 self.say("keyframes", self.ours.key_ctrl[at][self.ours.actuator(drive).id], self.theirs.key_ctrl[number][k])
+
+    def keyframe(self, at: int, number: int) -> None:
+        """Values are as in theirs; or, where theirs breaks limits or equalities, closed and as near to them as it gets."""
+        wanted, q, apart = self.theirs.key_qpos[number], numpy.array(self.theirs.key_qpos[number]), numpy.zeros(self.theirs.nv)
+        for qpos, here, _, _ in self.dofs:
+            q[qpos] = self.ours.key_qpos[at][here]
+        nearest = nearest_closed(self.theirs, wanted)
+        mujoco.mj_differentiatePos(self.theirs, apart, 1.0, wanted, q)
+        far = numpy.linalg.norm(apart)
+        mujoco.mj_differentiatePos(self.theirs, apart, 1.0, wanted, nearest)
+        if not (numpy.linalg.norm(apart) > NOTHING and closed_residual(self.theirs, q) < NOTHING and far < 1.05 * numpy.linalg.norm(apart)):
+            self.say("keyframes", q, wanted)
 
     def trajectory(self, random: numpy.random.Generator, steps: int) -> None:
         """From where theirs begins, with random controls; then it is known whether a contact was found by iteration on the way."""

@@ -80,14 +80,14 @@ def mode_lines(words: Words, roots: Sequence[str]) -> Iterator[str]:
 
 
 def _state(words: Words, state: SourcePose) -> dict[str, str]:
-    """The values of a pose, those that are not 0."""
+    """The values of a pose. Zeros are left out if the robot has no loops: a joint without a value may move to close a loop."""
     kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
     said: dict[str, str] = {}
     for name, value in state.q.items():
         if isinstance(value, tuple):
-            if value != (1.0, 0.0, 0.0, 0.0):
+            if words.loops or value != (1.0, 0.0, 0.0, 0.0):
                 said[words.joints[name]] = f"{{quat: [{', '.join(quantity(one, '') for one in value)}]}}"
-        elif value:
+        elif value or words.loops:
             said[words.joints[name]] = (angle if kinds[name] in TURNS else length)(value)
     return said
 

@@ -223,7 +223,11 @@ def _moved(loops: Loops, start: SolverState, solution: Solution, following: Coll
 
 
 def _closed(loops: Loops, start: SolverState, named: Collection[str], base_moves: bool) -> Solution:
-    """The loops closed from a pose, with as little moved as it takes; the best of what was tried where they do not close."""
+    """Close the loops from a pose; the best solution found if they do not close.
+
+    Coordinates without a given value (not in `named`) move first. If that is not enough, the result is the closed state nearest to
+    the given values.
+    """
     as_written = Solution(state=start, residuals=loops.residuals(start))
     inside = all(c.lower - STILL <= start.q[c.path] <= c.upper + STILL for c in loops.coordinates)
     if inside and all(p <= MET and w <= MET for p, w in as_written.residuals):
@@ -231,14 +235,18 @@ def _closed(loops: Loops, start: SolverState, named: Collection[str], base_moves
     unnamed = frozenset(c.path for c in loops.coordinates if c.path not in named)
     stages: list[frozenset[str] | None] = [frozenset()] if base_moves else []
     stages += [unnamed, None] if unnamed and len(unnamed) < len(loops.coordinates) else [None]
-    best: Solution | None = None
+    best = as_written
     for movable in stages:
         solution = loops.close(start, movable, base_moves=base_moves)
-        if solution.closed:
+        if solution.closed and (movable is not None or not named):
             return solution
-        if best is None or _measure(loops, solution) < _measure(loops, best):
-            best = solution
-    return best or as_written
+        if solution.closed:
+            other = solution if best is as_written else loops.close(best.state, None, base_moves=base_moves)
+            closed = [solution, *([other] if other.closed and other is not solution else [])]
+            nearest = [loops.nearest(start, one, named, base_moves=base_moves) for one in closed]
+            return min(nearest, key=lambda one: loops.distance(start, one.state, named))
+        best = min(best, solution, key=lambda one: _measure(loops, one))
+    return best
 
 
 def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:

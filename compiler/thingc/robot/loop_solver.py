@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from thingc.frozen import dataclass
 from thingc.graph import balls, bent, coordinates, in_cones, leaders
@@ -30,8 +31,14 @@ CLOSED, ALIGNED = 1e-7, 1e-6
 """A closure is closed to within this [m], and this [rad], which is less than anybody is told. Newton's method usually ends at 1e-15; but
 where a linkage moves in a plane nothing mends what the numbers of a document leave out across it, which are often of 6 or 9 digits."""
 
+FREE = 100.0
+"""How much farther a coordinate without a given value moves at the same cost as one with a given value, in `nearest`."""
+
 SAMPLES = 50
 """At how many values of its leader, either way, it is looked whether what follows it by a polynomial is within its limits."""
+
+PROJECTION, NEAR, GAIN = 1e-10, 1e-9, 1e-4
+"""Of `nearest`: the damping, the step [rad] below which it has converged, and the share of the squared distance that it must gain."""
 
 STEPS = 120
 """Steps before giving up."""
@@ -206,6 +213,34 @@ class Loops:
             cost = _square(error)
         return Solution(state=state, residuals=self.residuals(state))
 
+    def nearest(self, start: SolverState, closed: Solution, given: Collection[str], *, base_moves: bool) -> Solution:
+        """Move a closed solution along the closures to the state nearest to `start`.
+
+        The distance is the sum of squares over the coordinates in `given` (paths; rad, slides in lengths of the robot). Steps are those
+        of Gauss and Newton for a least-squares problem with constraints; shorter ones are tried if they do not converge.
+        """
+        weighted = [c if c.path in given else replace(c, unit=FREE * c.unit) for c in self.coordinates]
+        for share in (1.0, 0.3, 0.1):
+            state = closed.state
+            for _ in range(STEPS):
+                columns = self._columns(state, weighted, base_moves)
+                back = [(start.q[c.path] - state.q[c.path]) / c.unit if c.path in given else 0.0 for c in weighted]
+                back += [0.0] * (len(columns) - len(back))
+                step = self._step(state, weighted, columns, self._stacked(state), PROJECTION, back)
+                if step is None or max(map(abs, step)) < NEAR:
+                    break
+                state = self._moved(state, weighted, [share * value for value in step], base_moves)
+            else:
+                continue
+            found = self.close(state, None, base_moves=base_moves)
+            if found.closed and self.distance(start, found.state, given) < (1.0 - GAIN) * self.distance(start, closed.state, given):
+                return found
+        return closed
+
+    def distance(self, start: SolverState, state: SolverState, given: Collection[str]) -> float:
+        """The sum of squares that `nearest` minimizes."""
+        return plain_sum(((start.q[c.path] - state.q[c.path]) / c.unit) ** 2 for c in self.coordinates if c.path in given)
+
     def _stacked(self, state: SolverState) -> list[float]:
         """All residuals in one list, rotations as the lengths that they make at the robot's size."""
         stacked: list[float] = []
@@ -262,16 +297,20 @@ class Loops:
 
     def _step(
         self, state: SolverState, chosen: Sequence[Coordinate], columns: Sequence[Sequence[float]], error: Sequence[float],
-        damping: float,
+        damping: float, back: Sequence[float] | None = None,
     ) -> list[float] | None:
-        """The damped step in the units of the coordinates; None where the equations cannot be solved to any digit."""
+        """The damped step in the units of the coordinates, of all least-squares steps the nearest to `back` (None: the shortest);
+        None where the equations cannot be solved to any digit."""
+        back = [0.0] * len(columns) if back is None else back
         step = [0.0] * len(columns)
-        free = [k for k, column in enumerate(columns) if any(column)]
+        free = [k for k, column in enumerate(columns) if any(column) or back[k]]
         left = list(error)
         while free:
-            changes = solve([columns[k] for k in free], left, damping)
-            if changes is None:
+            chosen_columns, wanted = [columns[k] for k in free], [back[k] for k in free]
+            rest = solve(chosen_columns, _linear(left, chosen_columns, wanted), damping)
+            if rest is None:
                 return None
+            changes = [want + change for want, change in zip(wanted, rest, strict=True)]
             past: list[tuple[int, float]] = []
             for k, value in zip(free, changes, strict=True):
                 if k < len(chosen):

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 
 from thingc.diagnostics import Code, Note, Report, allow_hint, shown_path
+from thingc.graph import joints_of
 from thingc.graph.types import Assembly, Link, Occurrence
 from thingc.memo import Memo
 from thingc.pose import Pose, Vector
@@ -25,6 +26,9 @@ Box = tuple[Vector, Vector]
 DEEP = 0.5e-3
 """[m] How far under the plane a part may start: soles are pressed on by less."""
 
+MOVED = {True: math.radians(0.5), False: 0.5e-3}
+"""How far closing the loops may move a given value of a pose without a warning: of a turn [rad], of a slide [m]."""
+
 ROUNDING = 1e-9
 """[rad, m] How far 0 may be beyond a limit."""
 
@@ -35,10 +39,11 @@ def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, re
 
     Without `mesh_vertices` (the vertices of a mesh) only the boxes of parts are known, and the warning gives a lower bound: something
     touches every side of a box. And a warning for each mode that has feet, and something else lower than them; and for each that starts
-    without a pose, and so with a joint at 0, where that joint cannot be.
+    without a pose, and so with a joint at 0, where that joint cannot be. And a warning for each pose that a loop changes.
     """
     _check_feet(robots, report)
     _check_limits(robots, report)
+    _check_poses(robots, report)
     spheres = [_sphere(link, robots[0].assembly) for link in robots[0].assembly.links] if robots else []
     alike: dict[tuple[int, float], list[Robot]] = {}
     for robot in robots:
@@ -146,6 +151,25 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
                 *([Note(message=f"so it is in {others}")] if others else []),
             ],
             help=f"give the mode a `pose` that sets `{first.path.replace('/', '.')}`; {allow_hint(Code.START_LIMITS)}",
+        )
+
+
+def _check_poses(robots: Sequence[Robot], report: Report) -> None:
+    """Warn once for each pose with given values that move far when the loops of joints are closed. Holds are meant to move joints."""
+    looped = [robot for robot in robots if robot.closures and not any(closure.hold for closure in robot.closures)]
+    frames = {frame.name: frame for robot in looped for frame in (*robot.unclosed, *robot.keyframes)}
+    for pose in (one for one in looped[0].assembly.poses if one.name in frames) if looped else ():
+        joints = {joint.path: joint for joint in joints_of(looped[0].assembly) if joint.path in pose.values}
+        moved = {path: by for path, by in frames[pose.name].moved.items() if path in joints and abs(by) > MOVED[joints[path].twist.turns]}
+        if not moved or report.allows(Code.POSE_MOVED, pose.origin):
+            continue
+        path, *more = sorted(moved, key=lambda one: -abs(moved[one]))
+        old, new = (joints[path].twist.shown(value) for value in (pose.values[path], pose.values[path] + moved[path]))
+        others = f" ({len(more)} other joint{'s' if len(more) > 1 else ''} also move{'' if len(more) > 1 else 's'} by more than 0.5 deg or 0.5 mm)"
+        report.warn(
+            Code.POSE_MOVED, f"pose `{pose.name}` sets `{path}` to {old}, but its loops close nearest to it at {new}{others if more else ''}",
+            pose.origins[path], path=pose.name,
+            help=f"write `{path.replace('/', '.')}: {new}`, or leave out joints that may move; {allow_hint(Code.POSE_MOVED)}",
         )
 
 

@@ -9,6 +9,7 @@ from thingc.importing.mjcf.adding import Added
 from thingc.importing.mjcf.original import Original, floats, numbers, pose_of
 from thingc.importing.model import SourceBase, SourceJoint, SourcePose
 from thingc.pose import Pose, Quaternion
+from thingc.summing import hypot
 
 INTEGRATORS = ("euler", "rk4", "implicit", "implicitfast")
 CONES = ("pyramidal", "elliptic")
@@ -19,6 +20,8 @@ OPTIONS = (
     "o_solimp", "o_friction",
 )
 _ALIKE = 1e-9
+_OPEN = 1e-4
+"""How far [m] a loop may be open in a keyframe without a loss."""
 
 
 def simulation(original: Original) -> tuple[tuple[str, float | str], ...]:
@@ -184,6 +187,9 @@ def poses(
         first = int(model.jnt_qposadr[model.body_jntadr[root]]) if base == "free" else 0
         here, usual = (floats(qpos[first : first + 7]) for qpos in (model.key_qpos[number], model.qpos0))
         moved = base == "free" and any(abs(a - b) > _ALIKE for a, b in zip(here, usual, strict=True))
+        for loop, gap in _open_loops(original, number):
+            what = f"of keyframe `{name}` the values: loop `{loop}` is open by {gap:.2g} m"
+            original.losses.note(what, "a build takes the nearest values that close it", where)
         lost = [
             (any(floats(model.key_qvel[number])), "its speeds", "a pose of a document is at rest"),
             (any(floats(model.key_act[number])), "its activations", "a pose of a document has none"),
@@ -195,3 +201,18 @@ def poses(
         poses.append(SourcePose(name=name, q=q, controls={original.actuators[k]: controls[k] for k in range(len(controls))}, where=where,
                                 at=pose_of(here[:3], here[3:]) if moved else None))
     return tuple(poses)
+
+
+def _open_loops(original: Original, key: int) -> Iterator[tuple[str, float]]:
+    """The equalities between bodies that a keyframe violates by more than `_OPEN`, by name, with the distance [m]."""
+    import mujoco
+
+    model, data = original.model, mujoco.MjData(original.model)
+    mujoco.mj_resetDataKeyframe(model, data, key)
+    mujoco.mj_fwdPosition(model, data)
+    between = {int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)}
+    for number in (number for number in range(model.neq) if int(model.eq_type[number]) in between):
+        rows = [k for k in range(data.ne) if data.efc_id[k] == number]  # equalities come first, the distance before the rotation
+        gap = hypot(*floats(data.efc_pos[rows[:3]]))
+        if gap > _OPEN:
+            yield original.equalities[number], gap
