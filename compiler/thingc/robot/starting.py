@@ -16,7 +16,7 @@ from thingc.pose import Pose, Vector
 from thingc.resolve.coordinates import Limit
 from thingc.robot.kinematics import body_poses
 from thingc.robot.standing import MeshVertices, of_box, of_points, vertices_of
-from thingc.robot.types import Robot
+from thingc.robot.types import Robot, Unclosed
 from thingc.summing import hypot, plain_sum
 from thingc.units import LENGTH, Quantity
 
@@ -165,9 +165,11 @@ def _check_poses(robots: Sequence[Robot], report: Report) -> None:
             continue
         path, *more = sorted(moved, key=lambda one: -abs(moved[one]))
         old, new = (joints[path].twist.shown(value) for value in (pose.values[path], pose.values[path] + moved[path]))
-        others = f" ({len(more)} other joint{'s' if len(more) > 1 else ''} also move{'' if len(more) > 1 else 's'} by more than 0.5 deg or 0.5 mm)"
+        lost = ", too far for a keyframe" if isinstance(frames[pose.name], Unclosed) else ""
+        others = f" ({len(more)} more of its values move)" if more else ""
         report.warn(
-            Code.POSE_MOVED, f"pose `{pose.name}` sets `{path}` to {old}, but its loops close nearest to it at {new}{others if more else ''}",
+            Code.POSE_MOVED,
+            f"pose `{pose.name}` sets `{path}` to {old}, but its loops close nearest to it at {new}{lost}{others}",
             pose.origins[path], path=pose.name,
             help=f"write `{path.replace('/', '.')}: {new}`, or leave out joints that may move; {allow_hint(Code.POSE_MOVED)}",
         )
