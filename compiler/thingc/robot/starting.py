@@ -16,7 +16,7 @@ from thingc.pose import Pose, Vector
 from thingc.resolve.coordinates import Limit
 from thingc.robot.kinematics import body_poses
 from thingc.robot.standing import MeshVertices, of_box, of_points, vertices_of
-from thingc.robot.types import Robot, Unclosed
+from thingc.robot.types import Keyframe, Robot, Unclosed
 from thingc.summing import hypot, plain_sum
 from thingc.units import LENGTH, Quantity
 
@@ -157,7 +157,9 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
 def _check_poses(robots: Sequence[Robot], report: Report) -> None:
     """Warn once for each pose with given values that move far when the loops of joints are closed. Holds are meant to move joints."""
     looped = [robot for robot in robots if robot.closures and not any(closure.hold for closure in robot.closures)]
-    frames = {frame.name: frame for robot in looped for frame in (*robot.unclosed, *robot.keyframes)}
+    frames: dict[str, Keyframe | Unclosed] = {}
+    for robot in looped:
+        frames |= {frame.name: frame for frame in robot.unclosed} | {frame.name: frame for frame in robot.keyframes}
     for pose in (one for one in looped[0].assembly.poses if one.name in frames) if looped else ():
         joints = {joint.path: joint for joint in joints_of(looped[0].assembly) if joint.path in pose.values}
         moved = {path: by for path, by in frames[pose.name].moved.items() if path in joints and abs(by) > MOVED[joints[path].twist.turns]}
