@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # Of two cores: many tests wait for processes that they have started.
 JOBS ?= 3
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer conformance bench-weld print-masses walk climb bridge-search codesign mutants slips fuzz kills schemas docs site pictures viewer constraints release freeze frozen structure clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer conformance bench-weld print-masses walk climb bridge-search codesign mutants mutation slips fuzz kills schemas docs site pictures viewer constraints release freeze frozen structure clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -65,6 +65,11 @@ bench-viewer: $(VENV)/.thingc-dev
 
 mutants: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/mutants/study.py
+
+MUTANTS ?= 300
+
+mutation: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/mutation/campaign.py --number $(MUTANTS) --seed $(SEED)
 
 slips: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/mutants/slipping.py
