@@ -165,7 +165,7 @@ class Code(Enum):
     LINK_NAMED_TWICE = ("TC509", "link with two names", "Keep one of the names under `links:`.")
     NO_ACTUATOR = ("TC510", "drive without an actuator", "Name a component whose Thing declares an actuator, or write the drive inline.")
     EFFORT = ("TC511", "effort above the actuator's", "Lower `limit.effort`, or choose a stronger actuator.", Stage.CHECK)
-    NO_GAIN = ("TC512", "position drive without a gain", "Give the actuator a `kp`.")
+    NO_GAIN = ("TC512", "drive without a gain", "Give the actuator a `kp`, or a `kv` if it is driven at a velocity.")
     LOOP = ("TC513", "loop within one link", "Let a `loop: true` joint connect two links that move against each other.")
     UNNEEDED = ("TC514", "allowance that nothing needs", "Take the code out of `allow`.")
     LIMIT_TURNS = ("TC515", "limit beyond some turns", "Mend the number or its unit, or make the joint `continuous`.", Stage.CHECK)

@@ -67,6 +67,12 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
                 help=f"state `kp` in the Thing's `Actuator`, or drive inline: {_INLINE[twist.core]}",
                 notes=_written(tree, instance, drive),
             )
+        if joint.drive is not None and joint.drive.component is not None and joint.drive.kind == "velocity" and drive.kv is None:
+            findings.error(
+                Code.NO_GAIN, f"joint `{joint.name}` is driven at a velocity, and its actuator states no gain `kv`", place, path=path,
+                help=f"write `kv` beside `component`, such as `kv: 0.1 {'N*m*s/rad' if twist.turns else 'N*s/m'}`",
+                notes=_written(tree, instance, drive),
+            )
         actuator = ActuatorModel(
             kind=drive.kind or "position", kp=drive.kp, kv=drive.kv, effort=limit.effort, velocity=limit.velocity, origin=place,
             axis=drive.axis,
@@ -103,10 +109,11 @@ def _over(drive: Drive, actuator: ActuatorRecord) -> Drive:
     def first(said: float | None, else_: float | None) -> float | None:
         return said if said is not None else else_
 
+    kind = drive.kind or actuator.kind
     return replace(
         drive,
-        kind=drive.kind or actuator.kind,
-        kp=first(drive.kp, actuator.kp),
+        kind=kind,
+        kp=first(drive.kp, actuator.kp) if kind in ("position", actuator.kind) else None,
         kv=first(drive.kv, actuator.kv),
         effort=first(drive.effort, actuator.stall_torque),
         velocity=first(drive.velocity, actuator.no_load_speed),

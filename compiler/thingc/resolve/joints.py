@@ -20,13 +20,13 @@ from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
 from thingc.source import MappingNode, Node, Path, ScalarNode, SequenceNode, node_at
 from thingc.spec.assembly import JointSpec
-from thingc.spec.drives import DriveSpec
+from thingc.spec.drives import DriveKind, DriveSpec
 from thingc.summing import hypot
 from thingc.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 
 _ENDLESS = "; a joint that turns without end is `continuous`"
 
-DRIVE_KINDS: tuple[str, ...] = get_args(DriveSpec.model_fields["kind"].annotation)
+DRIVE_KINDS: tuple[str, ...] = get_args(DriveKind)
 """The kinds of an inline drive."""
 
 NO_LIMIT = Limit()
@@ -415,12 +415,15 @@ def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, said: t
             _of_others(scope, raw, (*path, key), key, coordinate) for key in ("kp", "kv") if (raw := getattr(spec, key)) is not None
         ):
             return None  # gains of turns are none for slides: such a drive moves nothing
+        reference = None if spec.component is None else _driving_part(table, scope, name, spec.component, (*path, "component"))
+        if spec.component is not None and reference is None:
+            return None
         written = Layers(((spec, path),))
         values = _values(scope, name, coordinate, "drive", written, ("kp", "kv", "effort", "velocity", "armature"))
         if spec.kp is not None and values["kp"] is None:
             values["kp"] = 1.0  # a stand-in, so that no later pass says that there is none
         return Drive(
-            component=None, kind=spec.kind, kp=values["kp"], kv=values["kv"], effort=values["effort"], velocity=values["velocity"],
+            component=reference, kind=spec.kind, kp=values["kp"], kv=values["kv"], effort=values["effort"], velocity=values["velocity"],
             armature=values["armature"], origin=scope.origin(path),
         )
     known = spec in table.nodes or table.unbuilt or table.doubts.lacks("components") or table.doubts.touch(("components", spec))
@@ -432,7 +435,13 @@ def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, said: t
             help=f"write `{{kind: {kind}{gain}}}`",
         )
         return None
-    component = references.component(table, scope, spec, path)
+    reference = _driving_part(table, scope, name, spec, path)
+    return None if reference is None else Drive(component=reference, origin=scope.origin(path))
+
+
+def _driving_part(table: Table, scope: Scope, name: str, text: str, path: Path) -> Reference | None:
+    """The reference to the part whose actuator drives the joint `name`; None if it is not a part (reported)."""
+    component = references.component(table, scope, text, path)
     if component is None:
         return None
     reference, node = component
@@ -446,4 +455,4 @@ def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, said: t
         return None
     if node.definition is not None and not isinstance(node.definition, PartDefinition):
         return None
-    return Drive(component=reference, origin=scope.origin(path))
+    return reference

@@ -145,7 +145,7 @@ def _tendon(
         )
     drive = None
     if spec.drive is not None:
-        for key in ("axis", "armature"):
+        for key in ("axis", "armature", "component"):
             if getattr(spec.drive, key) is not None:
                 scope.error(
                     Code.DRIVE, f"the drive of tendon `{name}` has no `{key}`", (*path, "drive", key), key=True,

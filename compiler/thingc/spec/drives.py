@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticKnownError
 
 from thingc.spec.base import Model, rule
 from thingc.spec.fields import (
@@ -17,6 +18,9 @@ from thingc.spec.fields import (
     SpeedField,
     StiffnessField,
 )
+from thingc.spec.named import ComponentField
+
+DriveKind = Literal["position", "velocity", "motor"]
 
 
 class DynamicsSpec(Model):
@@ -35,14 +39,17 @@ class DynamicsSpec(Model):
 
 
 class DriveSpec(Model):
-    """An inline actuator."""
+    """An inline actuator, or that of a component with some of its values replaced."""
 
     model_config = ConfigDict(json_schema_extra={
-        "if": {"properties": {"kind": {"const": "position"}}, "required": ["kind"]}, "then": {"required": ["kp"]},
+        "anyOf": [{"required": ["component"]}, {"required": ["kind"]}],
+        "if": {"properties": {"kind": {"const": "position"}, "component": False}, "required": ["kind"]}, "then": {"required": ["kp"]},
     })
 
-    kind: Literal["position", "velocity", "motor"]
-    """What is commanded: a position, a velocity, or the torque or force itself (`motor`)."""
+    component: ComponentField | None = None
+    """The component whose Thing is the actuator. The other keys replace its values."""
+    kind: DriveKind | None = Field(default=None, validate_default=True)
+    """What is commanded: a position, a velocity, or the torque or force itself (`motor`); by default that of the component."""
     kp: StiffnessField | None = None
     """Position gain: torque per angle, or force per length."""
     kv: DampingField | None = None
@@ -56,8 +63,19 @@ class DriveSpec(Model):
     axis: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[1, 0, 0]])
     """The axis about which it turns a ball: in the parent mount's axes at q = 0, from where it goes with the child."""
 
+    @field_validator("kind")
+    @classmethod
+    def _kind_or_component(cls, kind: str | None, info: ValidationInfo) -> str | None:
+        if kind is None and info.data.get("component", "wrong") is None:
+            raise PydanticKnownError("missing")
+        return kind
+
     @model_validator(mode="after")
     def _gain(self) -> DriveSpec:
-        if self.kind == "position" and self.kp is None:
+        unused = {"velocity": ("kp",), "motor": ("kp", "kv")}.get(self.kind or "", ()) if self.component is not None else ()
+        for key in unused:
+            if getattr(self, key) is not None:
+                raise rule(f"a {self.kind} drive has no `{key}`", "take it out", key)
+        if self.kind == "position" and self.kp is None and self.component is None:
             raise rule("a position drive needs `kp`; none is here", "write for example `kp: 20 N*m/rad`")
         return self
