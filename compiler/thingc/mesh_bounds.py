@@ -23,6 +23,9 @@ _HEAD, _TRIANGLE = 84, 50
 _FACET, _FACE = re.compile(rb"endfacet", re.IGNORECASE), re.compile(rb"^[ \t]*f[ \t]", re.MULTILINE)
 """Of an STL file of words, and of an OBJ file: once per facet."""
 
+_NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+"""Of an element of a glTF accessor."""
+
 _T = TypeVar("_T")
 
 
@@ -67,8 +70,8 @@ def bounded(suffix: str, data: bytes, most: int = MOST) -> None:
         told = int(match[1])
     elif suffix == ".obj":
         told = sum(1 for _ in _FACE.finditer(data))
-    elif suffix == ".dae" and b"instance_node" in data:
-        with contextlib.suppress(ElementTree.ParseError):  # which its reader reports
+    elif suffix == ".dae":
+        with contextlib.suppress(ElementTree.ParseError, ValueError, LookupError):  # which its reader reports
             _unfold_collada(ElementTree.fromstring(data))
     elif suffix in (".glb", ".gltf"):
         told = _told_by_gltf(data if suffix == ".gltf" else data[20 : 20 + int.from_bytes(data[12:16], "little")])
@@ -104,8 +107,8 @@ def _unfold_collada(root: ElementTree.Element) -> None:
     named = {f"#{node.get('id')}": node for node in root.iter() if node.tag.endswith("}node")}
 
     def parts(node: ElementTree.Element) -> Iterable[ElementTree.Element]:
-        yield from (named[url] for one in node.findall("{*}instance_node") if (url := one.get("url", "")) in named)
-        yield from node.findall("{*}node")
+        placed = (named.get(one.get("url", ""), one) for one in node)
+        yield from (one for one in placed if one.tag.endswith(("}node", "}instance_geometry")))
 
     for scene in root.iter():
         if scene.tag.endswith("}visual_scene"):
@@ -113,9 +116,15 @@ def _unfold_collada(root: ElementTree.Element) -> None:
 
 
 def _told_by_gltf(text: bytes) -> int:
-    """The triangles that the accessors of a glTF file declare, at least: a sparse one need not have bytes for them."""
-    with contextlib.suppress(ValueError, LookupError, TypeError, AttributeError, RecursionError):  # which its reader reports
+    """The triangles that the accessors of a glTF file declare, at least: a sparse one need not have bytes for them, and several may share
+    the same bytes."""
+    try:
         document = json.loads(text)
-        refuse_beyond(len(document.get("nodes", ())), INSTANCES, "nodes")
-        return max(int(accessor["count"]) for accessor in document["accessors"]) // 3
-    return 0
+        pieces = [len(mesh["primitives"]) for mesh in document.get("meshes", ())]
+        placed = (1 + (pieces[node["mesh"]] if "mesh" in node else 0) for node in document.get("nodes", ()))
+        refuse_beyond(max(sum(placed), sum(pieces)), INSTANCES, "nodes and what they place")
+        sizes = [(abs(int(one["count"])), _NUMBERS[one["type"]]) for one in document.get("accessors", ())]
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, OverflowError) as fault:
+        raise damaged(".glb", fault) from fault
+    refuse_beyond(sum(count * numbers for count, numbers in sizes), LARGEST, "numbers")
+    return max((count for count, _ in sizes), default=0) // 3

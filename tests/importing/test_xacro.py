@@ -14,6 +14,8 @@ import pytest
 from thingc.cli.main import main
 from thingc.diagnostics import Diagnostic, Report
 from thingc.importing import Imported, expanding, import_robot
+from thingc.importing.xacro_worker import is_plausible
+from thingc.realize.worker import children
 
 BOT = Path(__file__).parent / "xacro" / "bot"
 
@@ -102,6 +104,10 @@ REFUSED = {
     "truncate": ("open({victim!r}, 'w')", "only its own temporary folder may be written"),
     "make": ("import os; os.mkdir({beside!r})", "only its own temporary folder may be written"),
     "connect": ("import socket; socket.create_connection(('127.0.0.1', {port}), 1)", "programs and connections are refused"),
+    "unix": ("import socket; socket.socket(socket.AF_UNIX)", "programs and connections are refused"),
+    "udp": ("import socket; socket.socket(socket.AF_INET, socket.SOCK_DGRAM)", "programs and connections are refused"),
+    "chmod": ("import os; os.chmod({victim!r}, 0o777)", "only its own temporary folder may be written"),
+    "terminal": ("open('/dev/tty', 'r+b')", "only its own temporary folder may be written"),
     "run": ("import subprocess; subprocess.run(['/bin/true'], check=True)", "programs and connections are refused"),
     "read": ("raise ValueError(open({victim!r}).read())", "it is outside the robot's folder and all known packages"),
 }
@@ -137,6 +143,39 @@ def test_code_in_an_expression_is_confined(bot: Path, tmp_path: Path, past: str)
     for found, (_, expected) in zip(words, REFUSED.values(), strict=True):
         assert ("ermission denied" if past else expected) in found
     assert victim.read_text() == "secret" and not beside.exists()
+
+
+@linux
+def test_code_in_an_expression_has_no_terminal(bot: Path) -> None:
+    """Who has one can type into it."""
+    _, said = run_in_expression(bot, "import os; raise ValueError(f'leads its session: {os.getsid(0) == os.getpid()}')")
+    assert "leads its session: True" in said[0].message
+
+
+@pytest.mark.parametrize("file", ["/etc/hosts", "/dev/zero", "{bot}/../../../../../../etc/hosts", "{bot}.link", ""])
+def test_an_answer_that_code_has_forged_names_no_other_file(bot: Path, file: str) -> None:
+    """Its files are read again, by a process that nothing confines."""
+    bot.with_name(f"{bot.name}.link").symlink_to("/etc/hosts")
+    found = file.format(bot=bot)
+    for name, true in ((found, False), (str(bot), True)):
+        assert is_plausible({"text": "", "files": [name], "packages": {}}, [str(bot.parent)]) is true
+    assert not is_plausible({"fault": "x", "file": found or "/", "line": 1}, [str(bot.parent)])
+
+
+@linux
+def test_code_in_an_expression_cannot_forge_an_answer(bot: Path) -> None:
+    code = "import json, os\nfor one in range(3, 20):\n try:\n  os.write(one, json.dumps({'fault': 'x', 'file': '/etc/hosts', 'line': 1})"
+    _, said = run_in_expression(bot, f"{code}.encode() + b'\\n')\n except OSError:\n  pass\n")
+    assert "a false answer" in said[0].message and said[0].span is not None and said[0].span.file == str(bot)
+
+
+@linux
+def test_an_endless_answer_is_not_kept(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(children, "ANSWER", 1000)
+    for length, failed in ((500, None), (200_000, "crashed")):
+        child = children.start(lambda asked: {"text": "x" * asked["length"]}, 0, str(tmp_path), ())
+        child.ask({"id": 0, "timeout": 20.0, "length": length})
+        assert child.wait().get("failed") == failed
 
 
 @linux

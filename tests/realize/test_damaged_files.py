@@ -117,12 +117,12 @@ def nested_dae() -> bytes:
     return scene.replace("<library_visual_scenes>", f"{nodes}<library_visual_scenes>").encode()
 
 
-def sparse_glb(count: int) -> bytes:
-    """An accessor without bytes stands for zeros."""
+def glb(count: int, *, accessors: int = 1, nodes: int = 1, primitives: int = 1, kind: str = "VEC3") -> bytes:
+    """Accessors without bytes stand for zeros."""
     text = json.dumps({
-        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-        "accessors": [{"componentType": 5126, "count": count, "type": "VEC3"}],
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes * [{"mesh": 0}],
+        "meshes": [{"primitives": primitives * [{"attributes": {"POSITION": 0}}]}],
+        "accessors": accessors * [{"componentType": 5126, "count": count, "type": kind}],
     }).encode()
     text += b" " * (-len(text) % 4)
     return struct.pack("<4sIIII", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A) + text
@@ -140,7 +140,14 @@ CYCLE = '<object id="1"><components><component objectid="1"/></components></obje
     ("nested.3mf", nested_3mf(), OBJECTS),
     ("cycle.3mf", zipped(model_3mf(CYCLE, "1")), "has objects that contain themselves, or are nested deeper than 100 levels"),
     ("nested.dae", nested_dae(), f"and {INSTANCES} at most are read"),
-    ("sparse.glb", sparse_glb(3_000_000_000), "has 1000000000 triangles, and"),
+    ("nested.dae", nested_dae().decode().replace("utf-8", "utf-16").encode("utf-16"), f"and {INSTANCES} at most are read"),
+    ("often.dae", content("box.dae").replace(b"<instance_geometry", INSTANCES * b"<instance_geometry url='#x'/>" + b"<instance_geometry"),
+     f"has {INSTANCES + 3} objects"),
+    ("sparse.glb", glb(15_000_003), "has 5000001 triangles, and"),
+    ("negative.glb", glb(-3_000_000_000), "has 9000000000 numbers, and"),
+    ("shared.glb", glb(1_000_000, accessors=20, kind="MAT4"), "has 320000000 numbers, and 200000000 at most are read"),
+    ("primitives.glb", glb(3, primitives=INSTANCES), f"has {INSTANCES + 1} nodes and what they place"),
+    ("nodes.glb", glb(3, nodes=101, primitives=99), "has 10100 nodes and what they place"),
     ("empty.glb", b"", "is empty"),
     ("inflating.3mf", inflating_3mf(), "bytes of XML, and 200000000 at most are read"),
 ])

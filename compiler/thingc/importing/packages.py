@@ -72,7 +72,7 @@ class Packages:
         named += [os.path.join(root, *words[k:]) for root in self.searched for k in range(len(words))]
         for path in map(os.path.normpath, named):
             if os.path.lexists(path):
-                if any(_within(path, folder) for folder in (*self.allowed, *filter(_is_package, places))):
+                if any(within(path, folder) for folder in (*self.allowed, *filter(_is_package, places))):
                     return _file(path, uri)
                 fault = NotFound(
                     f"`{uri}` leads out of the robot's folder, `{shown_path(self.home)}`, and is in no known package",
@@ -148,8 +148,9 @@ def _called(folder: str) -> str | None:
     return None if match is None else match[1].decode("utf-8", "replace")
 
 
-def _within(path: str, folder: str) -> bool:
-    return os.path.realpath(path).startswith(os.path.join(os.path.realpath(folder), ""))
+def within(path: str, folder: str) -> bool:
+    """Whether a path, with symbolic links resolved, is a folder or below it."""
+    return os.path.join(os.path.realpath(path), "").startswith(os.path.join(os.path.realpath(folder), ""))
 
 
 def _file(path: str, uri: str) -> str:

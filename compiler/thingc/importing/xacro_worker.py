@@ -13,11 +13,11 @@ import os
 import re
 import resource
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 from xml.parsers import expat
 
-from thingc.importing.packages import NotFound, Packages
+from thingc.importing.packages import NotFound, Packages, within
 from thingc.importing.xml_source import MARK, utf8_of
 from thingc.realize.worker import children, confining, process_tree
 from thingc.realize.worker.scratch import Scratch
@@ -39,8 +39,14 @@ def main() -> int:
     child.ask({**asked, "id": 0, "readable": readable})
     answer = child.wait()
     scratch.close()
-    print(json.dumps(answer))
+    print(json.dumps(answer if is_plausible(answer, [asked["path"], *readable]) else {"failed": "crashed", "words": "a false answer"}))
     return 0
+
+
+def is_plausible(answer: Mapping[str, Any], readable: Sequence[str]) -> bool:
+    """Whether an answer, which code of the file may have forged, names only files that it may read: they are read again, unconfined."""
+    files = [*answer.get("files", ()), *filter(None, [answer.get("file")])]
+    return all(os.path.isfile(one) and any(within(one, folder) for folder in readable) for one in files)
 
 
 def _expand(asked: Mapping[str, Any]) -> dict[str, Any]:

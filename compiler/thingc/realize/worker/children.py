@@ -34,6 +34,8 @@ LAST_WORDS = 3.0
 """How long [s] a child that is about to end may take to do so, and to say where it was."""
 WATCH = 0.05
 """How often [s] to look whether children run and how many processes they have."""
+ANSWER = 200_000_000
+"""Bytes of an answer at most, of a child that is waited for."""
 OUT_OF_MEMORY = 91
 """How a child exits that asks for more memory than there is."""
 _PARENT_DEATH_SIGNAL = 1
@@ -113,7 +115,7 @@ class Child:
         while not self.answered and over is None:
             if not select.select([self.pipe], [], [], WATCH)[0]:
                 over = self.over(time.monotonic())
-            elif not self.read():
+            elif not self.read() or len(self.received) > ANSWER:
                 over = "crashed"
         return self.end(over, ())
 
@@ -230,7 +232,7 @@ def start(
     if process == 0:
         status = 1
         try:
-            os.setpgid(0, 0)
+            os.setsid()  # also without a terminal: who has one can type into it
             if sys.platform != "linux":
                 _watch(server)
             die_with_parent(server)
@@ -258,8 +260,6 @@ def start(
             os._exit(status)
     os.close(writer)
     os.close(asked)
-    with contextlib.suppress(OSError):
-        os.setpgid(process, process)
     return Child(
         request={}, process=process, asking=asking, pipe=reader, errors=errors, scratch=scratch, deadline=inf, received=bytearray(),
     )

@@ -3,7 +3,7 @@ other parts, or stay behind. Expressions of a robot that is imported may besides
 connection.
 
 The audit hook refuses first: it knows the line, but sees only what Python does. Where the system has Landlock (Linux since 5.13), that
-refuses the same to everything that the code loads and starts, and the code cannot take it back. (TCP since Linux 6.7.)
+refuses the same to everything that the code loads and starts, and the code cannot take it back.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def begin(folder: str, readable: Sequence[str] | None = None) -> None:
     of these folders, and to start programs and open connections."""
     global _allowed, _readable
     audit.listen(("open", *_CHANGING, *(_STARTING if readable is not None else ())), _heard)
-    _allowed = (os.path.join(os.path.realpath(folder), ""), os.path.join(DEVICES, ""))
+    _allowed = (os.path.join(os.path.realpath(folder), ""), *([os.path.join(DEVICES, "")] if readable is None else ()))
     _readable = None if readable is None else (*_allowed, *(os.path.join(os.path.realpath(one), "") for one in readable))
 
 
@@ -107,18 +107,16 @@ def _check(path: Any, *, follow: bool = True, itself: bool = False) -> None:
 _CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
 _VERSION, _PATH_BENEATH = 1, 1
 _NO_NEW_PRIVILEGES = 38
-_EXECUTE, _READ_FILE, _READ_DIRECTORY = 1 << 0, 1 << 2, 1 << 3
-_WRITE_FILE, _REMOVE_FILE, _MAKE_FILE = 1 << 1, 1 << 5, 1 << 8
+_EXECUTE, _READ, _WRITE_FILE, _REMOVE_FILE, _MAKE_FILE = 1 << 0, 1 << 2 | 1 << 3, 1 << 1, 1 << 5, 1 << 8
 _REMOVE_OR_MAKE = sum(1 << bit for bit in range(4, 13))
 _REFER, _TRUNCATE = 1 << 13, 1 << 14
 _SIGNALS = 1 << 1
-_TCP = 0b11
 
 
 def confine(folder: str, readable: Sequence[str] | None = None) -> bool:
     """Take from this process, permanently, the right to change files outside of `folder` and to signal processes that it has not
-    started; with `readable` also to read files outside of these folders, to run programs and to use TCP. Return False where the system does
-    not support this. Also limit how many processes it may start."""
+    started; with `readable` also to read files outside of these folders, to run programs and to open sockets. Return False where
+    the system does not support this. Also limit how many processes it may start."""
     _bound_processes()
     return sys.platform == "linux" and _landlock(folder, readable)
 
@@ -130,23 +128,40 @@ def _landlock(folder: str, readable: Sequence[str] | None) -> bool:
     if version < 1:
         return False
     handled = _WRITE_FILE | _REMOVE_OR_MAKE | (_REFER if version >= 2 else 0) | (_TRUNCATE if version >= 3 else 0)
-    handled |= 0 if readable is None else _EXECUTE | _READ_FILE | _READ_DIRECTORY
-    attributes = struct.pack("=QQQ", handled, _TCP if readable is not None and version >= 4 else 0, _SIGNALS if version >= 6 else 0)
+    handled |= 0 if readable is None else _EXECUTE | _READ
+    attributes = struct.pack("=QQQ", handled, 0, _SIGNALS if version >= 6 else 0)
     rules = syscall(_CREATE_RULESET, attributes, ctypes.c_size_t(len(attributes)), 0)
     if rules < 0:
         return False
     try:
-        devices = (DEVICES, handled & (_READ_FILE | _WRITE_FILE | _TRUNCATE | _REMOVE_FILE | _MAKE_FILE))
-        for path, rights in ((folder, handled & ~_EXECUTE), devices, *((one, _READ_FILE | _READ_DIRECTORY) for one in readable or ())):
+        devices = (DEVICES, handled & (_WRITE_FILE | _TRUNCATE | _REMOVE_FILE | _MAKE_FILE))
+        for path, rights in ((folder, handled & ~_EXECUTE), *([devices] if readable is None else [(one, _READ) for one in readable])):
             beneath = os.open(path, os.O_PATH | os.O_CLOEXEC)
             try:
                 if syscall(_ADD_RULE, rules, _PATH_BENEATH, struct.pack("=Qi", rights, beneath), 0) != 0:
                     return False
             finally:
                 os.close(beneath)
-        return prctl(_NO_NEW_PRIVILEGES, 1) and syscall(_RESTRICT_SELF, rules, 0) == 0
+        return prctl(_NO_NEW_PRIVILEGES, 1) and syscall(_RESTRICT_SELF, rules, 0) == 0 and (readable is None or _refuse_calls())
     finally:
         os.close(rules)
+
+
+_SECCOMP = {"x86_64": (317, 0xC000003E, 41, 90, 91, 268, 425, 452), "aarch64": (277, 0xC00000B7, 198, 52, 53, 425, 452)}
+"""By machine: the number of `seccomp`, that of the machine, and those of `socket`, `chmod`, `fchmod`, `fchmodat`, `io_uring_setup` and
+`fchmodat2`, which Landlock does not restrict (Unix sockets and UDP, modes of files outside of the folder)."""
+
+
+def _refuse_calls() -> bool:
+    """Let the system refuse these calls to this process, and all calls of other machines (`man 2 seccomp`)."""
+    import ctypes
+
+    seccomp, machine, *refused = _SECCOMP.get(os.uname().machine, (-1, 0))
+    count, load, equal, beyond, answer = len(refused), 0x20, 0x15, 0x35, 0x06
+    steps = [(load, 0, 0, 4), (equal, 0, count + 3, machine), (load, 0, 0, 0), (beyond, count + 1, 0, 1 << 30)]  # x32 is behind that
+    steps += [*((equal, count - k, 0, one) for k, one in enumerate(refused)), (answer, 0, 0, 0x7FFF0000), (answer, 0, 0, 0x5000D)]  # EACCES
+    program = ctypes.create_string_buffer(b"".join(struct.pack("=HBBI", *step) for step in steps))
+    return syscall(seccomp, 1, 0, struct.pack("@HP", len(steps), ctypes.addressof(program))) == 0
 
 
 def _bound_processes() -> None:
