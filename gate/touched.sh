@@ -28,7 +28,8 @@ code=no
 case "$TRUST" in
     yes) code=yes ;;
     no) ;;
-    *) if [[ "$EVENT" == push || ( -n "$HEAD" && "$HEAD" == "$REPOSITORY" ) ]]; then code=yes; fi ;;
+    auto) if [[ "$EVENT" == push || ( -n "$HEAD" && "$HEAD" == "$REPOSITORY" ) ]]; then code=yes; fi ;;
+    *) printf 'trust is %q; expected auto, yes or no\n' "$TRUST"; exit 1 ;;
 esac
 
 output code "$code"

@@ -76,6 +76,12 @@ def test_nothing_of_an_untrusted_workspace_is_started(tmp_path: Path) -> None:
     ]
 
 
+def test_a_workspace_folder_that_was_deleted(tmp_path: Path) -> None:
+    program = executable(tmp_path / "tools/thingc")
+    (answer,) = found(state(tmp_path / "gone", str(tmp_path / "tools")))
+    assert answer is not None and answer["program"] == program
+
+
 def test_a_trusted_workspace_uses_its_own_environment(tmp_path: Path) -> None:
     workspace = tmp_path / "robots"
     workspace.mkdir()

@@ -184,7 +184,6 @@ def test_part_code_of_a_fork_is_not_run(job: Job, tmp_path: Path) -> None:
     ("", None, "auto", "no"),
     ("workflow_run", None, "yes", "yes"),
     ("push", None, "no", "no"),
-    ("workflow_run", None, "true", "no"),  # not a value of `trust`
 ])
 def test_part_code_runs_only_where_its_author_may_push(tmp_path: Path, event: str, head: str | None, trust: str, code: str) -> None:
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
@@ -194,6 +193,16 @@ def test_part_code_runs_only_where_its_author_may_push(tmp_path: Path, event: st
     job.step(steps()[0])
     assert not job.failed, job.printed
     assert job.outputs["touched"]["code"] == code
+
+
+@pytest.mark.parametrize("trust", ["true", "false", "No", "", "::error::x"])
+def test_an_unknown_trust_fails(tmp_path: Path, trust: str) -> None:
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    job = Job(folder=tmp_path, temp=tmp_path, store=str(tmp_path / "store"), github={"event_name": "push", "repository": "us/robots"})
+    job.inputs = {"folder": ".", "since": "", "trust": trust}
+    job.step(steps()[0])
+    assert job.failed and "expected auto, yes or no" in job.printed["What the change concerns"]
+    assert "code" not in job.outputs["touched"] and commands(job.printed["What the change concerns"]) == []
 
 
 def test_a_change_of_something_else_builds_nothing(job: Job) -> None:

@@ -189,3 +189,11 @@ def test_a_change_inside_a_submodule_is_not_looked_for(repository: Path, tmp_pat
     assert changed_since("HEAD", str(repository)) == [] and not mark.exists()
     with pytest.raises(NotARepository):
         changed_since("nothing", str(repository))
+
+
+@pytest.mark.parametrize("target", [b"", b"a\0b"])
+def test_a_link_that_no_system_can_have_is_left_out(repository: Path, capsys: pytest.CaptureFixture[str], target: bytes) -> None:
+    robot = ROBOT + "description: x.yaml\n"
+    commit = commit_of(repository, [("100644", "robot.yaml", robot.encode()), ("120000", "x.yaml", target)])
+    code = main(["diff", "--no-code", f"main...{commit}"])
+    assert code in (0, 1) and "TC899" not in capsys.readouterr().err

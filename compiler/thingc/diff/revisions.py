@@ -122,8 +122,9 @@ class Revision:
         wanted = [path for path in dict.fromkeys(paths) if path in self._files and path not in self._there]
         self._there.update(wanted)
         contents = dict(self._contents(wanted))
-        links = {path: os.fsdecode(data) for path, data in contents.items() if self._files[path][0] == _LINK}
-        write_tree(self.root, {path: data for path, data in contents.items() if path not in links}, links)
+        links = {path: data for path, data in contents.items() if self._files[path][0] == _LINK}
+        targets = {path: os.fsdecode(data) for path, data in links.items() if data and b"\0" not in data}  # no system has others
+        write_tree(self.root, {path: data for path, data in contents.items() if path not in links}, targets)
         return contents
 
     def _contents(self, paths: list[str]) -> Iterator[tuple[str, bytes]]:

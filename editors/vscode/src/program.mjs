@@ -30,5 +30,5 @@ export function findProgram({ words, trusted, folders, path, windows }) {
 /** Whether a file is in a folder, as it is named or after its links are followed. */
 function isInside(/** @type {string} */ file, /** @type {string} */ folder) {
   const down = (/** @type {string} */ from, /** @type {string} */ to) => !/^\.\.([/\\]|$)/.test(relative(from, to)) && !isAbsolute(relative(from, to));
-  return down(folder, file) || down(realpathSync(folder), realpathSync(file));
+  return down(folder, file) || (existsSync(folder) && down(realpathSync(folder), realpathSync(file)));
 }
