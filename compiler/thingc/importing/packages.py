@@ -149,8 +149,8 @@ def _called(folder: str) -> str | None:
 
 
 def within(path: str, folder: str) -> bool:
-    """Whether a path, with symbolic links resolved, is a folder or below it."""
-    return os.path.join(os.path.realpath(path), "").startswith(os.path.join(os.path.realpath(folder), ""))
+    """Whether a path, with symbolic links resolved, is below a folder."""
+    return os.path.realpath(path).startswith(os.path.join(os.path.realpath(folder), ""))
 
 
 def _file(path: str, uri: str) -> str:
