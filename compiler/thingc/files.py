@@ -9,6 +9,9 @@ import stat
 from collections.abc import Iterable, Mapping
 from io import BufferedReader
 
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says of a file that is open already, without its name: the disk is full, or a quota or a limit is reached."""
+
 
 class NoPlainFile(OSError):
     """What is there cannot be read twice: a pipe, which is waited for until somebody writes into it, or a device."""

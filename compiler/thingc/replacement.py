@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
-from thingc.files import opened, write_new
+from thingc.files import NO_ROOM, opened, write_new
 
 Change = tuple[bytes | None, bytes | None]
 """The bytes of a file as they were read, and as they are to be. None is a file that does not exist."""
@@ -48,7 +48,8 @@ def replace_files(changes: Mapping[str, Change]) -> None:
                 with contextlib.suppress(OSError, ReplacementRefused):
                     _replace(other, *reversed(changes[other]))
             if isinstance(fault, OSError):
-                raise ReplacementRefused(f"cannot write `{shown_path(path)}`: {(fault.strerror or str(fault)).lower()}") from fault
+                message = f"cannot write `{shown_path(path)}`: {(fault.strerror or str(fault)).lower()}"
+                raise ReplacementRefused(message, "make room, or choose another place" if fault.errno in NO_ROOM else None) from fault
             raise
 
 

@@ -12,7 +12,7 @@ from typing import TextIO
 
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.environment import Options
-from thingc.files import listing, working_folder
+from thingc.files import NO_ROOM, listing, working_folder
 from thingc.printing import as_json, as_text, summary
 from thingc.replacement import ReplacementRefused
 from thingc.shown import json_text, shown, shown_line
@@ -433,7 +433,7 @@ def of_exception(fault: Exception) -> Diagnostic:
             code=Code.OUTPUT, severity=Severity.ERROR, message=f"the store `{fault.root}` cannot be used: {fault.reason}",
             help="choose a folder that can be written with --store or THINGC_STORE",
         )
-    if isinstance(fault, OSError) and (fault.filename is not None or fault.errno in _NO_ROOM):
+    if isinstance(fault, OSError) and (fault.filename is not None or fault.errno in NO_ROOM):
         kind = PermissionError if fault.errno == errno.EROFS else type(fault)
         where = "what is written has no room" if fault.filename is None else f"`{shown_path(str(fault.filename))}`"
         return Diagnostic(
@@ -449,9 +449,6 @@ def of_exception(fault: Exception) -> Diagnostic:
         detail="".join(traceback.format_exception(fault)),
     )
 
-
-_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""What the system says of a file that is open already, without its name: the disk is full, or a quota or a limit is reached."""
 
 _CURES: Mapping[type[OSError], str] = {
     FileExistsError: "move away what is in its place", NotADirectoryError: "move away the file that is where a folder is needed",

@@ -22,6 +22,9 @@ from thingc.spec.named import ComponentField
 
 DriveKind = Literal["position", "velocity", "motor"]
 
+UNUSED = {"velocity": ("kp",), "motor": ("kp", "kv")}
+"""By the kind of a drive, the gains that cannot replace those of a component, because a drive of that kind has none."""
+
 
 class DynamicsSpec(Model):
     """What a joint does by itself."""
@@ -44,6 +47,13 @@ class DriveSpec(Model):
     model_config = ConfigDict(json_schema_extra={
         "anyOf": [{"required": ["component"]}, {"required": ["kind"]}],
         "if": {"properties": {"kind": {"const": "position"}, "component": False}, "required": ["kind"]}, "then": {"required": ["kp"]},
+        "allOf": [
+            {
+                "if": {"properties": {"kind": {"const": kind}}, "required": ["kind", "component"]},
+                "then": {"properties": dict.fromkeys(unused, False)},
+            }
+            for kind, unused in UNUSED.items()
+        ],
     })
 
     component: ComponentField | None = None
@@ -72,8 +82,7 @@ class DriveSpec(Model):
 
     @model_validator(mode="after")
     def _gain(self) -> DriveSpec:
-        unused = {"velocity": ("kp",), "motor": ("kp", "kv")}.get(self.kind or "", ()) if self.component is not None else ()
-        for key in unused:
+        for key in UNUSED.get(self.kind or "", ()) if self.component is not None else ():
             if getattr(self, key) is not None:
                 raise rule(f"a {self.kind} drive has no `{key}`", "take it out", key)
         if self.kind == "position" and self.kp is None and self.component is None:
