@@ -188,7 +188,7 @@ def document() -> str:
         lines.append(f"  motor_{place}: {{file: files/{name}, at: {{in: first.origin, xyz: {50 * place} 50 0 mm}}}}")
     lines += [
         "  knob: {part: 'knobs:Knob', at: {in: first.origin, xyz: 0 50 0 mm}}", "  flap: {part: 'shelf:Plain'}", "joints:",
-        "  hinge: {type: revolute, parent: first.origin, child: flap.origin, limit: {lower: -10 deg, upper: 45 deg}}",
+        "  hinge: {type: revolute, parent: first.origin, child: flap.origin, gap: 20 mm, limit: {lower: -10 deg, upper: 45 deg}}",
         "poses: {open: {hinge: 20 deg}}",
     ]
     return "\n".join(lines) + "\n"

@@ -24,7 +24,7 @@ PART = """
             super().__init__(material="petg")
             self.body = Box(60, 12, 8) + Pos(20, 8, 3) * Box(10, 8, 4) - Pos(-10, 2, 4) * Box(14, 3, 4)
             self.top = MountPoint(Location((-30, 1, 2), (10, -90, 20)))
-            self.end = MountPoint(Location((30, -2, 1), (-15, 80, 30)))
+            self.end = MountPoint(Location((34, -2, 1), (-15, 80, 30)))
 
         def result(self):
             return self.body
@@ -35,7 +35,7 @@ PART = """
         def __init__(self):
             super().__init__(material="petg")
             self.bom = {"make": "buy", "number": "P-1"}
-            self.foot = MountPoint(Location((0, 0, -2), (180, 0, 30)))
+            self.foot = MountPoint(Location((0, 0, -4), (180, 0, 30)))
 
         def result(self):
             return Box(10, 6, 4)

@@ -15,10 +15,15 @@ def test_code_its_imports_and_what_is_not_there(place: Any, trusted: bool) -> No
     arm = place.write("parts/arm.py", "import sizes\nfrom thingc import Thing\nraise SystemExit('run')\nclass Arm(Thing): ...\n")
     sizes = place.write("parts/sizes.py", "A = 1\n")
     other = place.write("parts/other.py", "B = 1\n")
-    found = part_inputs(["arm:Arm", "gone:Gone"], place.workspace, place.store if trusted else None)
-    assert {str(arm), str(sizes), str(place.root / "parts.lock.json"), str(place.parts / "gone.py")} <= found.files
+    store = place.store if trusted else None
+    found = part_inputs(["arm:Arm"], place.workspace, store)
+    assert {str(arm), str(sizes), str(place.root / "parts.lock.json")} <= found.files
     assert str(other) not in found.files
     assert found.folders == (str(place.parts),)
+    missing = part_inputs(["arm:Arm", "gone:Gone"], place.workspace, store)
+    assert found.files | {str(place.parts / "gone.py")} <= missing.files
+    assert str(other) in missing.files, "a class `Gone` in it would be suggested"
+    assert missing.folders == found.folders
 
 
 def test_parts_of_packages_read_no_folder_of_the_workspace(place: Any) -> None:
