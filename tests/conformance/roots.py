@@ -29,8 +29,8 @@ WHOLE = 1e-12
 
 def root_of(model: mujoco.MjModel) -> str:
     """The link that this model is rooted at."""
-    (found,) = (model.body(i).name for i in range(1, model.nbody) if int(model.body_parentid[i]) == 0)
-    return str(found)
+    (found,) = (name for name in sim.links(model) if int(model.body(name).parentid[0]) == 0)
+    return found
 
 
 def angles(model: mujoco.MjModel, source: np.random.Generator) -> dict[str, float]:

@@ -65,8 +65,10 @@ def at(model: mujoco.MjModel, q: Mapping[str, float], base: Array | None = None)
     if base is not None:
         quaternion = np.zeros(4)
         mujoco.mju_mat2Quat(quaternion, base[:3, :3].flatten())
-        if model.nmocap:
-            data.mocap_pos[0], data.mocap_quat[0] = base[:3, 3], quaternion
+        for i in range(1, model.nbody):
+            if int(model.body_mocapid[i]) >= 0 and not is_anchor(model, i):
+                place = int(model.body_mocapid[i])
+                data.mocap_pos[place], data.mocap_quat[place] = base[:3, 3], quaternion
         for i in range(model.njnt):
             if int(model.jnt_type[i]) == int(mujoco.mjtJoint.mjJNT_FREE):
                 data.qpos[model.jnt_qposadr[i] :][:7] = [*base[:3, 3], *quaternion]
@@ -89,14 +91,26 @@ def parts(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Array]:
 
 
 def frames(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Array]:
-    """The pose in the world of every part that is drawn and of every site."""
-    sites = {f"site {model.site(i).name}": pose(data.site_xpos[i], data.site_xmat[i]) for i in range(model.nsite)}
+    """The pose in the world of every part that is drawn and of every site of a link."""
+    sites = {
+        f"site {model.site(i).name}": pose(data.site_xpos[i], data.site_xmat[i])
+        for i in range(model.nsite) if not is_anchor(model, int(model.site_bodyid[i]))
+    }
     return {**parts(model, data), **sites}
 
 
 def links(model: mujoco.MjModel) -> list[str]:
-    """The names of the bodies but the world's, sorted."""
-    return sorted(model.body(i).name for i in range(1, model.nbody))
+    """The names of the bodies but the world's and the anchors of holds, sorted."""
+    return sorted(model.body(i).name for i in range(1, model.nbody) if not is_anchor(model, i))
+
+
+def is_anchor(model: mujoco.MjModel, body: int) -> bool:
+    """Whether a body is no link but a place where a hold holds one: it is called so, and is mocap, without mass, geometry or children."""
+    if not model.body(body).name.endswith(":held"):
+        return False
+    assert model.body_mocapid[body] >= 0 and model.body_mass[body] == 0.0, model.body(body).name
+    assert model.body_geomnum[body] == 0 and not (model.body_parentid == body).any(), model.body(body).name
+    return True
 
 
 def inertia_of(model: mujoco.MjModel, link: str) -> tuple[float, Array, Array]:
