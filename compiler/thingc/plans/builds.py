@@ -66,13 +66,13 @@ class Build:
 
 class Builds:
     """Builds of one document, for the same modes (none named: all) and targets; `measured` gives their results, `emit` their artifacts, and
-    a plan is made for the settings that are the `patience`-th (a power of two) of their form. `verify`: of each
+    a plan is made for the settings that are the `patience`-th (a power of two, default `PATIENCE`) of their form. `verify`: of each
     plan the first and then one in so many is compared with that by every pass, which MuJoCo compiles, too (None: the first, the second, the
     fourth, the eighth ...; 0: none)."""
 
     def __init__(
         self, session: Session, reader: SettingsReader, *, modes: Sequence[str], targets: Sequence[str], verify: int | None,
-        measured: Measured = lambda compilation: {}, emit: Emit = emitted, patience: int = PATIENCE,
+        measured: Measured = lambda compilation: {}, emit: Emit = emitted, patience: int | None = None,
     ) -> None:
         self._session = session
         self._reader = reader
@@ -81,7 +81,7 @@ class Builds:
         self._measured = measured
         self._verify = verify
         self._emit = emit
-        self._forms: Forms[_Template] = Forms(patience)
+        self._forms: Forms[_Template] = Forms(patience or PATIENCE)
 
     def planned(self, settings: Settings) -> Build | None:
         """The build of settings by a plan; None where there is no plan that they are of: then nothing is known of them."""
