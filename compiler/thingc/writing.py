@@ -16,7 +16,7 @@ from thingc.load.flow import is_flow, read_flow
 from thingc.memo import Memo
 from thingc.replacement import ReplacementRefused, replace_files
 from thingc.source import Document, MappingNode, Node, SequenceNode, line_of, node_at
-from thingc.spec import validate
+from thingc.spec import validate, whole_drive
 from thingc.spec.choices import nested, parse
 
 
@@ -45,8 +45,9 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
     if elsewhere:
         return ValuesWritten(found=tuple(elsewhere))
     values = {keys_of(root, path): text for path, text in given.items()}
+    drives = {keys[:3]: _texts(drive) for keys in values if (drive := whole_drive(root.tree, keys)) is not None}
     try:
-        text = with_values(root, {keys: _written(text) for keys, text in values.items()}).text
+        text = with_values(root, {**drives, **{keys: _written(text) for keys, text in values.items()}}).text
     except Unsettable as fault:
         return ValuesWritten(found=(_wrong(str(fault), "write it by hand"),))
     before, after = document_change(root, text)

@@ -17,7 +17,7 @@ from thingc.load.scalars import core_value
 from thingc.load.text import forbidden
 from thingc.resolve.table import Context
 from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span, closest, option_span
-from thingc.spec import validate_one
+from thingc.spec import validate_one, whole_drive
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.shapes import AnnotationShape, alternatives, model_keys, shape_of
 from thingc.typos import did_you_mean, nearest
@@ -51,7 +51,9 @@ def substituted(
     for path, text in values.items():
         keys = tuple(path.split("."))
         place = option_span(context.from_top(path), shortened(text))
-        read = _astray(document, keys, text, context.from_top) or _read(path, text, place)
+        if (drive := whole_drive(tree, keys)) is not None:
+            tree = _with(tree, keys[:3], drive)
+        read = _astray(document, tree, keys, text, context.from_top) or _read(path, text, place)
         if isinstance(read, Astray):
             context.say_of_option(path, read.message, read.help)
             wrong = True
@@ -94,12 +96,12 @@ def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
     return MappingNode(entries=entries, keys=spans, span=leaf.span if node is None else node.span)
 
 
-def _astray(document: Document, keys: tuple[str, ...], text: str, whole: Callable[[str], str]) -> Astray | None:
-    """Where a path leaves what an assembly may have or, of things with names, what this one has: a message, and the nearest path that
+def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, whole: Callable[[str], str]) -> Astray | None:
+    """Where a path leaves what an assembly may have or, of things with names, what the `tree` has: a message, and the nearest path that
     does not. None where it leads to a value, or `text` is what holds values. `whole` gives paths as the top document has them."""
     if keys[0] in FIXED:
         return Astray(f"`{keys[0]}` is not set by a path", FIXED[keys[0]])
-    node: Node | None = document.tree
+    node: Node | None = tree
     shape = shape_of(AssemblySpec)
     for depth, key in enumerate(keys):
         here = whole(".".join(keys[:depth]))

@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from thingc.spec.named import Declares, Means, Meant
     from thingc.spec.saying import within
     from thingc.spec.schema import json_schema
-    from thingc.spec.stated import dimension_stated, nested_document, stated_choices, stated_parameter, stated_value
+    from thingc.spec.stated import dimension_stated, nested_document, stated_choices, stated_parameter, stated_value, whole_drive
     from thingc.spec.validation import part_references, validate, validate_one
 
 __all__ = [
     "REFERENCE_PATTERN", "Declares", "Means", "Meant", "Mention", "Specs", "dimension_stated", "json_schema", "mentions_of",
     "nested_document", "part_references", "referred", "setting_words", "stated_choices", "stated_parameter", "stated_value", "validate",
-    "validate_one", "within",
+    "validate_one", "whole_drive", "within",
 ]
 
 __getattr__ = exported(__name__, {
@@ -27,5 +27,5 @@ __getattr__ = exported(__name__, {
     "dimension_stated": "stated", "json_schema": "schema", "mentions_of": "mentions", "nested_document": "stated",
     "part_references": "validation",
     "referred": "mentions", "setting_words": "mentions", "stated_choices": "stated", "stated_parameter": "stated", "stated_value": "stated",
-    "validate": "validation", "validate_one": "validation", "within": "saying",
+    "validate": "validation", "validate_one": "validation", "whole_drive": "stated", "within": "saying",
 })

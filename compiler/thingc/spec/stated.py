@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from thingc.expressions import Expression, ExpressionValue
-from thingc.source import Document, ScalarNode, node_at
+from thingc.source import Document, MappingNode, Node, Path, ScalarNode, node_at
 from thingc.spec.choices import DEFAULT_MATERIAL, KEYS, nested
 from thingc.spec.fields import any_value
 from thingc.spec.joint_values import dimension_at
@@ -76,3 +76,15 @@ def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
     for name, component in assembly.components.items():
         choices.update({f"components.{name}.{key}": text for key in KEYS if (text := getattr(component, key)) is not None})
     return choices
+
+
+def whole_drive(tree: Node, keys: Path) -> MappingNode | None:
+    """The drive of a joint as a mapping, for a path to one of its values (`joints.elbow.drive.kp`), if the joint only names a component or
+    has the drive of `defaults`. None otherwise."""
+    if len(keys) < 4 or (keys[0], keys[2]) != ("joints", "drive") or node_at(tree, keys[:2]) is None:
+        return None
+    own = node_at(tree, keys[:3])
+    drive = node_at(tree, ("defaults", "joint", "drive")) if own is None else own
+    if isinstance(drive, ScalarNode):
+        return MappingNode(entries={"component": drive}, keys={"component": drive.span}, span=drive.span)
+    return drive if own is None and isinstance(drive, MappingNode) else None
