@@ -208,7 +208,10 @@ def test_text_and_numbers_say_the_same(everything: thingc.RobotFamily) -> None:
 
 def test_one_name_may_mean_many(everything: thingc.RobotFamily) -> None:
     model = everything.model({"joints.*.dynamics.damping": 0.3}, mode="standing")
-    assert set(model.dof_damping) == {0.0, 0.3}  # that of the tool is in its own document
+    assert set(model.dof_damping) == {0.3}  # that of the tool, in its own document, too
+    damped = everything.model({"components.*.joints.*.dynamics.damping": 0.3}, mode="standing").dof_damping
+    usual = everything.model({}, mode="standing").dof_damping
+    assert [(was, now) for was, now in zip(usual, damped, strict=True) if was != now] == [(0.0, 0.3)]  # that of the tool alone
 
 
 def test_parameters_have_stars_and_what_these_do_not_meet_is_told_what_there_is(everything: thingc.RobotFamily) -> None:

@@ -89,7 +89,7 @@ joints: {finger: {type: prismatic, parent: cap.x, child: jaw.y, limit: {lower: 0
 mounts: {tip: cap.tip}
 poses: {open: {finger: 15 mm}}
 modes: {broken: {root: nowhere}}
-simulation: {timestep: 0}
+simulation: {timestep: 3 ms}
 raw: {mjcf: {joint: {finger: {group: 1}}}}
 """
 
@@ -212,15 +212,18 @@ def test_friction_of_feet(friction: str, value: float | None, tmp_path: Path) ->
 
 
 def test_a_document_without_modes_has_one(tmp_path: Path) -> None:
-    outcome = run(tmp_path, {"hand.yaml": HAND.replace("modes: {broken: {root: nowhere}}\nsimulation: {timestep: 0}\n", "")})
+    outcome = run(tmp_path, {"hand.yaml": HAND.replace("modes: {broken: {root: nowhere}}\nsimulation: {timestep: 3 ms}\n", "")})
     (mode,) = outcome.good.modes
     assert (mode.name, mode.root.text, mode.base, mode.poses, mode.actuators) == ("default", "cap", "fixed", ("open",), None)
     assert mode.gravity == (0.0, 0.0, -9.81)
 
 
-def test_modes_and_simulation_of_nested_documents_are_not_used(tmp_path: Path) -> None:
+def test_modes_of_nested_documents_are_not_worked_out(tmp_path: Path) -> None:
+    """What they say of the simulation is, which is not that of the whole robot: see `test_modes`."""
     hand = run(tmp_path, FILES).component("hand").definition
-    assert hand is not None and hand.modes == () and hand.simulation == {}
+    assert hand is not None and hand.modes == () and hand.simulation == {"timestep": 0.003}
+    wrong = run(tmp_path, {**FILES, "hand.yaml": HAND.replace("timestep: 3 ms", "timestep: 0")})
+    assert wrong.said == ["TC315 hand.yaml:11:24 `timestep` must be above 0, found `0`"]
 
 
 def test_raw_links_and_mounts(tmp_path: Path) -> None:
