@@ -82,7 +82,8 @@ def test_models_are_the_compiled_ones(everything: thingc.RobotFamily, mode: str,
         assert differing(model, compiled(everything, one, mode)) == []
     form = everything._of(mode, True).forms.of(everything._reader.read(many[0]))
     assert form.refused is None and form.why == {} and (len(form.plans) == 1 or mode == "stuck")
-    assert form.plans and form.plan_for(everything._reader.read(many[-1])) is not None
+    # in the last mode the steps to the nearest closed state differ between settings, so a plan need not serve the last of them
+    assert form.plans and (mode == "stuck" or form.plan_for(everything._reader.read(many[-1])) is not None)
 
 
 @pytest.mark.parametrize("name", [None, *STRUNG])

@@ -62,7 +62,7 @@ def test_runners_build_by_plans_what_they_build_by_passes(tmp_path: Path, monkey
     planned = plan(str(here / "sweep.yaml"))
     plain: dict[str, Any] = {"index": 0, "choices": {"components.stand.mass": "1 kg"}, "values": {}}
     tasks = [
-        Task(id=f"v{k}", parameters={"length": f"{length} mm", "bob": f"{100 + k} g"}, **plain)
+        Task(id=f"{k:012x}", parameters={"length": f"{length} mm", "bob": f"{100 + k} g"}, **plain)
         for k, length in enumerate((200, 250.5, 300.25, 0.5, 390.5, 311.7))
     ]
     found, compiled, whole = {}, [], Session.compile
