@@ -216,7 +216,7 @@ def test_a_change_of_something_else_builds_nothing(job: Job) -> None:
 
 
 def test_without_a_base_everything_is_checked(job: Job) -> None:
-    job.github.clear()
+    job.github = {"event_name": "push", "repository": "us/robots"}
     job.inputs = {"build": "false"}
     job.run()
     assert not job.failed, job.printed
