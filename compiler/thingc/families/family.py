@@ -71,7 +71,7 @@ class RobotFamily:
         verify: int | None = None, compat: Iterable[str] | str | None = None,
     ) -> None:
         """Raises `CompileError` where the document has errors, `UnknownChoice` for a mode or a program that does not exist, and
-        `FamilyError` for `jobs` or a `verify` that is no such number."""
+        `FamilyError` if `jobs` or `verify` is not a whole number from 0 on."""
         at_least(0, jobs=jobs)
         if verify is not None and not is_whole(verify, 0):
             raise FamilyError(f"expected `verify` to be None, 0 (nothing is compared), 1 (all is) or N (one in N is), found `{verify}`")
@@ -373,8 +373,8 @@ def family(
 ) -> RobotFamily:
     """A document of an assembly, or of variants, as a family of robots in memory: see `RobotFamily`.
 
-    `store` is the folder of modelled parts (None: the user's cache), `jobs` how many parts are modelled at once, `mode` the one that is
-    meant where none is said (None: the first), `verify` how often what comes without a compilation is compared with one, `compat` the
+    `store` is the folder of modelled parts (None: the user's cache), `jobs` how many parts are modelled at once, `mode` the
+    default mode (None: the first), `verify` how often a result without a compilation is compared with a compilation, `compat` the
     programs besides MuJoCo that read its models (`["mjx"]`; None: those of the workspace).
     """
     return RobotFamily(document, store=store, jobs=jobs, mode=mode, verify=verify, compat=compat)

@@ -99,8 +99,8 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
     """Worlds of the robots of a family, stepped together in threads. Make it with `make_vec_env`, which says what it is given.
 
     A world does what a single environment of `thingc.variants.learning` does with that robot: observations, rewards and infos, and from the
-    same seed episodes are the same. A world that has ended begins anew as `metadata["autoreset_mode"]` says. Settings that are refused are
-    drawn again; `refused` counts them by what is wrong.
+    same seed episodes are the same. A world that has ended begins anew as `metadata["autoreset_mode"]` says. Refused settings are
+    drawn again; `refused` counts them by their message.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}

@@ -217,7 +217,7 @@ class _Sdf:
         return [f"{key}_{number}" for number in range(len(kinds))] if len(kinds) > 1 else [key]
 
     def _hangings(self, key: str, frame: NamedFrame) -> Iterator[Hanging]:
-        """How a joint's child hangs on its parent, by links that weigh nothing between several axes; what is wrong has been reported."""
+        """How the child of a joint is attached to its parent, with massless links between several axes. Errors are reported."""
         element, kind = frame.element, self.values.word(frame.element, "type")
         ends = {side: end for side in ("parent", "child") if (end := self._end(frame, side)) is not None}
         if kind is not None and kind not in KINDS:

@@ -24,7 +24,7 @@ INERTIAL, OF_AXES = 1, ("framequat", "framexaxis", "frameyaxis", "framezaxis")
 
 class Added:
     """`elements` in the order in which they are added. `kept` are the numbers of joints, sites, geoms and actuators that are kept,
-    `tendons` what is kept of these, `heads` by body the first of those that it is fixed to."""
+    `tendons` the tendons that are kept, `heads` for each body the first body of the link that it belongs to."""
 
     def __init__(self, original: Original, kept: Mapping[str, Set[int]], tendons: Tendons, heads: Mapping[int, int]) -> None:
         self.original, self.model, self.tendons = original, original.model, tendons.of

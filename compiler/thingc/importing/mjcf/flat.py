@@ -74,7 +74,7 @@ class Flat:
 
 
 def flattened(root: SourceElement, packages: Packages, report: Report, *, meshes: bool) -> Flat | None:
-    """The whole of a file whose root is given; None where an included file or a mesh is missing or wrong, which has been reported. Without
+    """The file with this root and everything that it includes; None if an included file or a mesh is missing or wrong, which is reported. Without
     `meshes`, a small solid takes the place of each mesh that cannot be read."""
     return _Flattening(root, packages, report, meshes).flat()
 

@@ -32,7 +32,7 @@ _ALIKE = 1e-9
 
 
 def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes: bool = True) -> SourceRobot | None:
-    """The robot of a file whose root is `<mujoco>`; None where MuJoCo takes it for none, which has been reported. Without `meshes`, those
+    """The robot of a file whose root is `<mujoco>`; None if MuJoCo cannot read it, which is reported. Without `meshes`, those
     that cannot be read weigh nothing."""
     flat = flattened(root, packages, report, meshes=meshes)
     original = None if flat is None else _compiled(flat, report)
