@@ -74,8 +74,8 @@ class Flat:
 
 
 def flattened(root: SourceElement, packages: Packages, report: Report, *, meshes: bool) -> Flat | None:
-    """The file with this root and everything that it includes; None if an included file or a mesh is missing or wrong, which is reported. Without
-    `meshes`, a small solid takes the place of each mesh that cannot be read."""
+    """The file with this root and everything that it includes; None if an included file or a mesh is missing or wrong, which is
+    reported. Without `meshes`, a small solid takes the place of each mesh that cannot be read."""
     return _Flattening(root, packages, report, meshes).flat()
 
 
