@@ -36,7 +36,6 @@ from thingc.importing.values import ChildValues
 from thingc.importing.xml_source import SourceElement, read_robot
 from thingc.inertia import MassProperties
 from thingc.pose import IDENTITY, NO_POSE, Pose, Vector, along, rotate
-from thingc.summing import hypot
 from thingc.typos import did_you_mean
 
 KINDS: dict[str, tuple[Kind, ...]] = {
@@ -160,7 +159,7 @@ class _Sdf:
             self.values.fault(inertial, "auto", "inertias that are to be worked out are not read", help)
             return None
         pose, moments = self.frames.stated(inertial), self.values.one(inertial, "inertia")
-        mass = 1.0 if self.values.written(inertial, "mass") is None else self.values.above_zero(inertial, "mass", zero=True)
+        mass = self.values.from_zero(inertial, "mass", 1.0)
         if moments is None or mass is None:
             return None if mass is None else replace(_USUAL, mass=mass, centre=pose.translation)
         return self.values.inertia(moments, mass, pose, usual=1.0)
@@ -206,9 +205,7 @@ class _Sdf:
         inner: SourceElement | None = collision
         for tag in ("surface", "friction", "ode"):
             inner = None if inner is None else self.values.one(inner, tag)
-        if inner is None or self.values.written(inner, "mu") is None:
-            return ()
-        mu = self.values.above_zero(inner, "mu", zero=True)
+        mu = None if inner is None or self.values.written(inner, "mu") is None else self.values.from_zero(inner, "mu")
         return () if mu is None else (mu,)
 
     def _coordinates(self, key: str) -> list[str]:
@@ -291,8 +288,7 @@ class _Sdf:
         damping = friction = stiffness = rest = 0.0
         if dynamics is not None:
             damping, friction, stiffness = (
-                0.0 if self.values.written(dynamics, key) is None else self.values.above_zero(dynamics, key, zero=True) or 0.0
-                for key in ("damping", "friction", "spring_stiffness")
+                self.values.from_zero(dynamics, key, 0.0) or 0.0 for key in ("damping", "friction", "spring_stiffness")
             )
             rest = (self.values.number(dynamics, "spring_reference", 0.0) or 0.0) if stiffness else 0.0
         drive = None if not ends.effort or follows else SourceDrive(name=name, kind="motor", where=element.where, effort=ends.effort)
@@ -313,20 +309,14 @@ class _Sdf:
 
     def _direction(self, axis: SourceElement, key: str, frame: NamedFrame, here: Pose) -> Vector:
         """A unit vector in the frame of the child link."""
-        xyz = self.values.one(axis, "xyz")
-        x, y, z = self.values.vector(axis, "xyz", (0.0, 0.0, 1.0))
-        length = hypot(x, y, z)
-        if length == 0.0:
-            self.values.fault(xyz or axis, None, "the axis of this joint is 0 0 0, which is no direction", "write for example 0 0 1")
-            return (0.0, 0.0, 1.0)
+        xyz, direction = self.values.one(axis, "xyz"), self.values.direction(axis, "xyz", (0.0, 0.0, 1.0))
         stated = "" if xyz is None else xyz.attributes.get("expressed_in", "").strip()
         within = key
         if stated and xyz is not None:
             within = self.frames.known(xyz, "expressed_in", stated, frame.scope)
         elif self._is(axis, tag := "use_parent_model_frame") or axis.where.file in self.old_axes and not any(axis.all(tag)):
             within = frame.scope
-        turned = (here @ self.frames.poses[within]).rotation
-        return _rounded(rotate(turned, (x / length, y / length, z / length)))
+        return _rounded(rotate((here @ self.frames.poses[within]).rotation, direction))
 
     def _ends(self, axis: SourceElement) -> Ends:
         limit = self.values.one(axis, "limit")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Literal
 
 from thingc.diagnostics import Code, Report
 from thingc.importing.losses import Losses
@@ -24,12 +23,11 @@ from thingc.importing.model import (
     Weight,
 )
 from thingc.importing.tree import look_at_mimics, root_of
-from thingc.importing.urdf_blocks import TAGS, read_blocks
+from thingc.importing.urdf_blocks import TAGS, Blocks
 from thingc.importing.values import Values
 from thingc.importing.xml_source import SourceElement, read_robot
 from thingc.inertia import MassProperties
-from thingc.pose import NO_POSE, Vector
-from thingc.summing import hypot
+from thingc.pose import NO_POSE
 from thingc.typos import did_you_mean
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -75,10 +73,6 @@ def _walk(element: SourceElement) -> Iterable[SourceElement]:
         yield from _walk(child)
 
 
-def _use(element: SourceElement) -> Literal["visual", "collision"]:
-    return "visual" if element.tag == "visual" else "collision"
-
-
 class _Urdf:
     def __init__(self, root: SourceElement, report: Report) -> None:
         self.root, self.report, self.values = root, report, Values(report)
@@ -93,7 +87,7 @@ class _Urdf:
             if material.children and (name := material.attributes.get("name", "")):
                 self.materials.setdefault(name, material)
         self.colors = {name: self._rgba(material) for name, material in self.materials.items()}
-        self.blocks = read_blocks(root, self.values, self.losses)
+        self.blocks = Blocks(root, self.values, self.losses)
 
     def robot(self) -> SourceRobot | None:
         """Everything that is wrong is said; then None."""
@@ -130,23 +124,23 @@ class _Urdf:
         """The links with the mounts of their sensors, and these. One on a link that is but a frame is on what that is fixed to."""
         named, above = {link.name: link for link in links}, {one.child: one for one in hangings}
         carrying, sensors = {one.parent for one in hangings}, list[SourceSensor]()
-        for one in self.blocks.sensors:
-            link, pose = one.link, one.pose
+        for one in self.blocks.sensors.values():
+            link = one.link or ""
             over = above.get(link)
             if not {link, link if over is None else over.parent} <= named.keys():
                 continue  # said elsewhere
             bare = named[link].weight is None and not named[link].shapes and link not in carrying
             if over is not None and not over.joints and not over.floating and bare:
-                if one.kind == "imu" and pose == NO_POSE:
-                    sensors.append(SourceSensor(kind="imu", name=one.name, where=one.where, site=link))
+                if one.kind == "imu" and one.pose == NO_POSE:
+                    sensors.append(replace(one, link=None, site=link))
                     continue
-                link, pose = over.parent, over.pose @ pose
+                link = over.parent
+                one = replace(one, link=link, pose=over.pose @ one.pose)
             if one.kind == "imu":
-                site = SourceSite(name=one.name, pose=pose, where=one.where)
+                site = SourceSite(name=one.name, pose=one.pose, where=one.where)
                 named[link] = replace(named[link], sites=(*named[link].sites, site))
-                sensors.append(SourceSensor(kind="imu", name=one.name, where=one.where, site=one.name))
-            else:
-                sensors.append(SourceSensor(kind="camera", name=one.name, where=one.where, link=link, pose=pose, fovy=one.fovy))
+                one = replace(one, link=None, pose=NO_POSE, site=one.name)
+            sensors.append(one)
         return tuple(named[link.name] for link in links), tuple(sensors)
 
     def _link(self, element: SourceElement) -> SourceLink | None:
@@ -168,7 +162,7 @@ class _Urdf:
         if mass_element is None:
             self.values.fault(inertial, None, "`<inertial>` has no `<mass>`", 'write <mass value="..."/>')
             return None
-        mass = self.values.above_zero(mass_element, "value", zero=True)
+        mass = self.values.from_zero(mass_element, "value")
         properties = MassProperties(mass=mass or 0.0, centre=pose.translation)
         if moments is not None:
             properties = self.values.inertia(moments, mass or 0.0, pose)
@@ -188,7 +182,7 @@ class _Urdf:
             self.values.fault(geometry or element, None, f"this `<{element.tag}>` has no geometry", help)
         if not forms:
             return None
-        form, use = forms[0], _use(element)
+        form = forms[0]
         sized, mesh = self.values.sized(form), self.values.word(form, "filename") if form.tag == "mesh" else None
         if sized is None or form.tag == "mesh" and mesh is None:
             return None
@@ -201,7 +195,10 @@ class _Urdf:
             self.losses.note("a second `<material>` of a `<visual>`", "the first one counts", other.where)
         color = self._color(materials[0]) if materials else None
         name = self.values.own_name(element, link, "(:collision)?")
-        return SourceShape(kind=kind, use=use, size=size, pose=pose, rpy=rpy, where=form.where, mesh=mesh, color=color, name=name)
+        return SourceShape(
+            kind=kind, use="visual" if element.tag == "visual" else "collision", size=size, pose=pose, rpy=rpy, where=form.where,
+            mesh=mesh, color=color, name=name,
+        )
 
     def _color(self, material: SourceElement) -> Color | None:
         """The colour of a material: if it has a name, that of the first material that the file defines by that name."""
@@ -255,7 +252,9 @@ class _Urdf:
                 moving = kind
             case _:
                 return None
-        axis, mimic = self._axis(element), self.values.one(element, "mimic")
+        axis = self.values.one(element, "axis")
+        direction = (1.0, 0.0, 0.0) if axis is None else self.values.direction(axis, "xyz", (1.0, 0.0, 0.0))
+        mimic = self.values.one(element, "mimic")
         follows = None if mimic is None else self._mimic(mimic, name)
         ends = self._ends(element, moving, follows is not None)
         if moving == "revolute" and ends.lower is None and follows is None:
@@ -263,27 +262,15 @@ class _Urdf:
         dynamics = self.values.one(element, "dynamics")
         damping = friction = 0.0
         if dynamics is not None:
-            damping, friction = (self._unless_negative(dynamics, key) for key in ("damping", "friction"))
+            damping, friction = (self.values.from_zero(dynamics, key, 0.0) or 0.0 for key in ("damping", "friction"))
         controlled = name in self.blocks.driven if self.blocks.driven is not None else (ends.effort or 0.0) > 0.0
         if ends.effort == 0.0 == ends.velocity and follows is None:  # which exporters write for unknown limits
             ends = replace(ends, effort=None, velocity=None)
             self.unlimited.append(next(element.all("limit")))
         return SourceJoint(
-            name=name, kind=moving, axis=axis, where=element.where, ends=ends, damping=damping, friction=friction, follows=follows,
+            name=name, kind=moving, axis=direction, where=element.where, ends=ends, damping=damping, friction=friction, follows=follows,
             drive=SourceDrive(name=name, kind="motor", where=element.where, effort=ends.effort) if controlled and follows is None else None,
         )
-
-    def _unless_negative(self, element: SourceElement, key: str) -> float:
-        return self.values.above_zero(element, key, zero=True) or 0.0 if key in element.attributes else 0.0
-
-    def _axis(self, element: SourceElement) -> Vector:
-        axis = self.values.one(element, "axis")
-        x, y, z = (1.0, 0.0, 0.0) if axis is None else self.values.vector(axis, "xyz", (1.0, 0.0, 0.0))
-        length = hypot(x, y, z)
-        if axis is not None and length == 0.0:
-            self.values.fault(axis, "xyz", "the axis of this joint is 0 0 0, which is no direction", "write for example 0 0 1")
-            return (1.0, 0.0, 0.0)
-        return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
 
     def _mimic(self, mimic: SourceElement, name: str) -> Following | None:
         """What a joint follows: nothing where that is no joint that moves, as pinocchio and MoveIt have it."""
@@ -308,7 +295,7 @@ class _Urdf:
                 self.values.fault(element, None, f"this joint is `{kind}` and has no `<limit>`", help)
             return Ends()
         effort, velocity = (
-            self.values.above_zero(limit, key, zero=True) if key in limit.attributes else None for key in ("effort", "velocity")
+            self.values.from_zero(limit, key) if key in limit.attributes else None for key in ("effort", "velocity")
         )
         lower, upper = self.values.number(limit, "lower", 0.0), self.values.number(limit, "upper", 0.0)
         if kind not in ("revolute", "prismatic"):
@@ -332,7 +319,6 @@ class _Urdf:
 
     def _grounded(self, robot: SourceRobot) -> SourceRobot | None:
         """Without a root link that stands for the world, where one link alone hangs on it and nothing moves that."""
-        floating = [one for one in robot.hangings if one.floating]
         first = [one for one in robot.hangings if one.parent == robot.root]
         world = next(link for link in robot.links if link.name == robot.root)
         bare = world.weight is None and not world.shapes and len(first) == 1 and not first[0].joints
@@ -342,12 +328,12 @@ class _Urdf:
                 links=tuple(link for link in robot.links if link is not world),
                 hangings=tuple(one for one in robot.hangings if one is not first[0]),
             )
+        floating = [one for one in robot.hangings if one.floating]
         for one in floating:
-            if one in robot.hangings:
-                self.report.add(
-                    Code.SOURCE_VALUE, f"joint `{one.name}` floats: only a link that weighs nothing, with nothing else on it, may be its "
-                    "parent", one.where, help="a document has one robot, with one base: make a file of each",
-                )
-        return None if any(one in robot.hangings for one in floating) else robot
+            self.report.add(
+                Code.SOURCE_VALUE, f"joint `{one.name}` floats: only a link that weighs nothing, with nothing else on it, may be its "
+                "parent", one.where, help="a document has one robot, with one base: make a file of each",
+            )
+        return None if floating else robot
 
 

@@ -4,17 +4,15 @@ say is taken, and every other element is a loss with its reason; what only tells
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import field
+from collections.abc import Iterable, Iterator
 from typing import Literal
 
 from thingc.diagnostics import Code
-from thingc.frozen import dataclass
 from thingc.importing.losses import Losses
+from thingc.importing.model import SourceSensor
 from thingc.importing.values import Values
 from thingc.importing.xml_source import SourceElement
 from thingc.pose import Pose, placed
-from thingc.source import Span
 from thingc.typos import did_you_mean
 
 TAGS = ("gazebo", "transmission", "ros2_control", "mujoco")
@@ -40,56 +38,30 @@ FIELD_OF_VIEW, WIDTH, HEIGHT = 1.047, 320.0, 240.0
 """Of a camera, as SDF has them where a file says nothing: from left to right [rad], and its picture."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GazeboSensor:
-    """A sensor on a link, at a pose in it; `fovy` [rad] of a camera, from bottom to top."""
-
-    name: str
-    kind: Literal["imu", "camera"]
-    link: str
-    pose: Pose
-    fovy: float
-    where: Span
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Blocks:
-    """`friction` of links (sliding, by their names), the joints that something drives (None: nothing says which), and where MuJoCo looks
-    for meshes."""
+    """All blocks of a robot. What is not read of them is a loss, and what is not a number is reported.
 
-    friction: Mapping[str, float] = field(default_factory=dict)
-    driven: frozenset[str] | None = None
-    meshes: str | None = None
-    sensors: tuple[GazeboSensor, ...] = ()
-    free: bool = False
-    """Whether Gazebo is told that the robot is not static: nothing fixes its base to the world."""
+    Attributes:
+        friction: The sliding friction of links, by their names.
+        free: Whether Gazebo is told that the robot is not static: nothing fixes its base to the world.
+        sensors: By name, each with its pose in its link.
+        driven: The joints that something drives; None if nothing says which.
+        meshes: The folder in which MuJoCo looks for meshes, if it is stated.
+    """
 
-
-def read_blocks(root: SourceElement, values: Values, losses: Losses) -> Blocks:
-    """All blocks of a robot, and what is not said of them. What is no number is reported."""
-    return _Blocks(root, values, losses).read()
-
-
-class _Blocks:
     def __init__(self, root: SourceElement, values: Values, losses: Losses) -> None:
         self.root, self.values, self.losses = root, values, losses
         self.friction: dict[str, float] = {}
         self.free = False
-        self.sensors: dict[str, GazeboSensor] = {}
-
-    def read(self) -> Blocks:
-        for block in self.root.all("gazebo"):
+        self.sensors: dict[str, SourceSensor] = {}
+        for block in root.all("gazebo"):
             self._gazebo(block)
         driven = {name for name, block in (*self._transmitted(), *self._controlled()) if self._is_joint(name, block)}
-        said = any(True for tag in ("transmission", "ros2_control") for _ in self.root.all(tag))
-        for block in self.root.all("mujoco"):
+        said = any(one.tag in ("transmission", "ros2_control") for one in root.children)
+        self.driven = driven if said else None
+        self.meshes: str | None = None
+        for block in root.all("mujoco"):
             self._mujoco(block)
-        compilers = [one for block in self.root.all("mujoco") for one in block.all("compiler")]
-        folders = [one.attributes[key] for one in compilers for key in ("meshdir", "assetdir") if key in one.attributes]
-        return Blocks(
-            friction=self.friction, driven=frozenset(driven) if said else None, meshes=folders[0] if folders else None,
-            sensors=tuple(self.sensors.values()), free=self.free,
-        )
 
     def _rest(self, elements: Iterable[SourceElement], of: str) -> None:
         for element in elements:
@@ -137,7 +109,7 @@ class _Blocks:
             if not 0.0 < fovy < MOST_VIEW:
                 self.losses.note(what, "it sees half of everything, or nothing", element.where)
                 return
-        self.sensors[name] = GazeboSensor(name=name, kind=known, link=link, pose=at, fovy=fovy, where=element.where)
+        self.sensors[name] = SourceSensor(name=name, kind=known, link=link, pose=at, fovy=fovy, where=element.where)
         if any(one.tag not in ("pose", "always_on", "visualize", "camera") for one in element.children):
             self.losses.note(f"rate, noise and plugins of {what}", "a sensor here says what it is and where", element.where)
 
@@ -211,5 +183,7 @@ class _Blocks:
             if one.tag != "compiler":
                 self.losses.note(f"`<{one.tag}>` of `<mujoco>`", "it is not read", one.where)
                 continue
+            for key in ("meshdir", "assetdir"):
+                self.meshes = one.attributes.get(key) if self.meshes is None else self.meshes
             for attribute in sorted(one.attributes.keys() - ONLY_READING):
                 self.losses.note(f"`{attribute}` of `<compiler>`", "masses and shapes are as the file has them", one.where)

@@ -97,14 +97,22 @@ class Values:
             return None
         return values
 
-    def above_zero(self, element: SourceElement, attribute: str, *, zero: bool = False) -> float | None:
-        """A number above 0, or from 0 on."""
-        value = self.number(element, attribute)
-        if value is not None and (value < 0.0 or value == 0.0 and not zero):
-            bound = "at least 0" if zero else "above 0"
-            self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: expected a number {bound}, found {value:g}")
+    def from_zero(self, element: SourceElement, attribute: str, default: float | None = None) -> float | None:
+        """Read a number that is at least 0. If it is not written, return `default`, or report that if it is None."""
+        value = self.number(element, attribute, default)
+        if value is not None and value < 0.0:
+            self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: expected a number at least 0, found {value:g}")
             return None
         return value
+
+    def direction(self, axis: SourceElement, attribute: str, default: Vector) -> Vector:
+        """Read the unit vector of an axis; `default` if it is wrong or not written. Zero is reported."""
+        x, y, z = self.vector(axis, attribute, default)
+        length = hypot(x, y, z)
+        if length == 0.0:
+            self.fault(axis, attribute, "the axis of this joint is 0 0 0, which is no direction", "write for example 0 0 1")
+            return default
+        return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
 
     def origin(self, element: SourceElement) -> tuple[Pose, Vector | None]:
         """Read the pose of the `<origin>` in an element of URDF.
@@ -150,10 +158,10 @@ class Values:
                     self.fault(form, key, f"`{key}` of `<{form.tag}>`: expected numbers at least 0, found {min(sides):g}")
                 return None if sides is None else (form.tag, (sides[0], sides[1], sides[2]))
             case "sphere":
-                radius = self.above_zero(form, "radius", zero=True)
+                radius = self.from_zero(form, "radius")
                 return None if radius is None else ("sphere", (radius,))
             case "cylinder" | "capsule":
-                radius, length = (self.above_zero(form, key, zero=True) for key in ("radius", "length"))
+                radius, length = (self.from_zero(form, key) for key in ("radius", "length"))
                 return None if radius is None or length is None else (form.tag, (radius, length))
             case "mesh":
                 scale = self.numbers(form, "scale", 3, (1.0, 1.0, 1.0))
