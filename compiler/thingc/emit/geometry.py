@@ -121,6 +121,15 @@ def shape_names(shapes: Iterable[Shape], usual: str) -> Iterator[str]:
         used.add(shape.name)
 
 
+def report_same_file(occurrence: Occurrence, owner: Occurrence, path: str, report: Report) -> None:
+    """Report that the definitions of two occurrences would be written as the same file."""
+    one, other = occurrence.definition.label, owner.definition.label
+    report.add(
+        Code.SAME_FILE, f"`{one}` and `{other}` would both be written as `{path}`", occurrence.origin, path=occurrence.path,
+        help="rename one of the two files", notes=[Note(message=f"`{other}` is used here", span=next(iter(owner.origin), None))],
+    )
+
+
 def channels(color: str) -> tuple[float, float, float, float]:
     """Red, green, blue and opacity of `#rrggbb` or `#rrggbbaa`, from 0 to 1."""
     digits = color.removeprefix("#")
@@ -223,14 +232,7 @@ class _Collector:
         known = self.meshes.get(name)
         listed = occurrence.listed is not None and known is not None and known.mesh == mesh  # a mesh file that several links list
         if owner.definition != occurrence.definition and not listed:
-            self.report.add(
-                Code.SAME_FILE,
-                f"`{occurrence.definition.label}` and `{owner.definition.label}` would both be written as `{self.folder}/{stem}.obj`",
-                occurrence.origin,
-                path=occurrence.path,
-                help="rename one of the two files",
-                notes=[Note(message=f"`{owner.definition.label}` is used here", span=next(iter(owner.origin), None))],
-            )
+            report_same_file(occurrence, owner, f"{self.folder}/{stem}.obj", self.report)
             return None
         own = Stored(sha256=surface.own[0], size=surface.own[1]) if self.own and surface.own is not None else None
         self.meshes.setdefault(name, MeshAsset(

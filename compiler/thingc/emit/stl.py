@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from thingc.diagnostics import Code, Note
 from thingc.emit.artifact import Artifacts, Content, Loss, Stored
 from thingc.emit.bom import make_of
+from thingc.emit.geometry import report_same_file
 from thingc.emit.request import EmitRequest
 from thingc.graph.types import Occurrence
 from thingc.pose import Vector
@@ -31,20 +31,13 @@ def emit(request: EmitRequest) -> Artifacts:
         path = f"stl/{definition.stem}.stl"
         owner = owners.setdefault(path.casefold(), occurrence)
         up = _up(occurrence)
-        if owner is not occurrence and owner.definition == occurrence.definition:
+        if owner.definition != occurrence.definition:
+            report_same_file(occurrence, owner, path, request.report)
+            continue
+        if owner is not occurrence:
             if up != _up(owner):
                 what = f"`{occurrence.definition.label}` is printed in two orientations, and `{path}` has that of `{owner.path}`"
                 losses.append(Loss.of(occurrence.origin, "stl", None, occurrence.path, what, "omitted"))
-            continue
-        if owner is not occurrence:
-            request.report.add(
-                Code.SAME_FILE,
-                f"`{occurrence.definition.label}` and `{owner.definition.label}` would both be written as `{path}`",
-                occurrence.origin,
-                path=occurrence.path,
-                help="rename one of the two files",
-                notes=[Note(message=f"`{owner.definition.label}` is used here", span=owner.origin[0])],
-            )
             continue
         own = Stored(sha256=mesh.sha256, size=mesh.size)
         files[path] = own if up == UPRIGHT else _turned(request.store.read(mesh.sha256), up)

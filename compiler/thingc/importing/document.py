@@ -14,10 +14,10 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.diagnostics import Report
 from thingc.frozen import dataclass
-from thingc.importing.model import Hanging, SourceJoint, SourceLink, SourceLoss, SourceRobot, SourceShape
+from thingc.importing.model import Hanging, SourceJoint, SourceLink, SourceRobot, SourceShape
 from thingc.importing.modes import mode_lines, sensor_lines
 from thingc.importing.motion import drive_words, dynamics_words, tendon_lines
-from thingc.importing.quantities import TURNS, angle, length, lengths, mass, pose_words, quantity, was
+from thingc.importing.quantities import TURNS, angle, length, lengths, mass, pose_words, quantity, shape_words, was
 from thingc.importing.raw import name_lines, quoted, raw_lines
 from thingc.importing.updating import Earlier
 from thingc.importing.words import Words
@@ -37,16 +37,11 @@ UNITS: dict[tuple[float, ...], str] = {(1.0, 1.0, 1.0): "m", (0.01, 0.01, 0.01):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draft:
-    """A document: its name (and file `NAME.yaml`), text, what links, joints and frames of the source are called in it, and all `others`, by
-    their kinds; and losses."""
+    """A document: its name, its text, and what the things of the source are called in it, by their kinds."""
 
     name: str
     text: str
-    links: Mapping[str, str]
-    frames: Mapping[str, str]
-    joints: Mapping[str, str]
-    others: Mapping[str, Mapping[str, str]]
-    losses: tuple[SourceLoss, ...]
+    names: Mapping[str, Mapping[str, str]]
 
 
 def document_of(
@@ -77,10 +72,8 @@ class _Document(Words):
         report = Report()
         formatted = format_document(f"{self.name}.yaml", text.encode(), report)
         assert formatted is not None, report.diagnostics
-        return Draft(
-            name=self.name, text=formatted.decode(), links=self.links, frames=self.frames, joints=self.joints, others=self.others(),
-            losses=self.robot.losses,
-        )
+        names = {"links": self.links, "frames": self.frames, "joints": self.joints, **self.others()}
+        return Draft(name=self.name, text=formatted.decode(), names=names)
 
     def _components(self) -> Iterator[str]:
         yield "components:"
@@ -141,24 +134,14 @@ class _Document(Words):
             yield f"      - {{{', '.join(said)}}}"
 
     def _geometry(self, shape: SourceShape) -> str:
-        match shape.kind:
-            case "box":
-                return f"box: {lengths(shape.size)}"
-            case "sphere":
-                return f"sphere: {{radius: {length(shape.size[0])}}}"
-            case "cylinder" | "capsule":
-                return f"{shape.kind}: {{radius: {length(shape.size[0])}, length: {length(shape.size[-1])}}}"
-            case "ellipsoid":
-                return f"ellipsoid: {lengths(shape.size)}"
-            case "plane":
-                return f"plane: [{length(shape.size[0])}, {length(shape.size[-1])}]"
-            case _:
-                path = self.meshes[shape.mesh or ""]
-                unit = None if path.endswith(SAY_THEIR_UNIT) else UNITS.get(shape.size)
-                if unit is None:
-                    factors = "" if shape.size == (1.0, 1.0, 1.0) else f", scale: [{', '.join(quantity(one, '') for one in shape.size)}]"
-                    return f"mesh: {path}{'' if path.endswith(SAY_THEIR_UNIT) else ', unit: m'}{factors}"
-                return f"mesh: {path}, unit: {unit}"
+        if shape.kind != "mesh":
+            return shape_words(shape.kind, shape.size)
+        path = self.meshes[shape.mesh or ""]
+        unit = None if path.endswith(SAY_THEIR_UNIT) else UNITS.get(shape.size)
+        if unit is None:
+            factors = "" if shape.size == (1.0, 1.0, 1.0) else f", scale: [{', '.join(quantity(one, '') for one in shape.size)}]"
+            return f"mesh: {path}{'' if path.endswith(SAY_THEIR_UNIT) else ', unit: m'}{factors}"
+        return f"mesh: {path}, unit: {unit}"
 
     def _mounts(self, name: str) -> Iterator[tuple[str, str, str]]:
         """Of a link, each with its place and a comment: the mount of the joint that it hangs on, those of joints behind it, links that are
@@ -209,8 +192,10 @@ class _Document(Words):
             (parent, _), (child, _) = loop.ends
             word = self.loops[loop.name]
             yield f"  {word}:{was(word, loop.name)}"
-            ends = {"parent": f"{self.links[parent]}.{self.ends[word]}", "child": f"{self.links[child]}.{self.ends[word]}"}
-            yield from _lines(4, {"type": loop.kind, **ends, "loop": "true"})
+            yield f"    type: {loop.kind}"
+            yield f"    parent: {self.links[parent]}.{self.ends[word]}"
+            yield f"    child: {self.links[child]}.{self.ends[word]}"
+            yield "    loop: true"
         if moving or self.loops:
             yield ""
 
@@ -262,10 +247,6 @@ def _unit(mine: str, other: str, power: int) -> str:
     if mine == other:
         return {0: mine, 1: ""}.get(power, f"{mine}^-{power - 1}")
     return {0: mine, 1: f"{mine}/{other}"}.get(power, f"{mine}/{other}^{power}")
-
-
-def _lines(depth: int, values: Mapping[str, str]) -> Iterator[str]:
-    yield from (f"{' ' * depth}{key}: {value}" for key, value in values.items())
 
 
 def _mapping(key: str, values: Mapping[str, str]) -> Iterator[str]:

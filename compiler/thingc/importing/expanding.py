@@ -13,7 +13,7 @@ from pathlib import Path
 from thingc.diagnostics import Code, Report
 from thingc.importing.xml_source import MOST_BYTES
 from thingc.realize.worker.confining import OUTSIDE
-from thingc.source import Span
+from thingc.source import line_of
 from thingc.typos import did_you_mean
 
 SECONDS = 60
@@ -51,8 +51,7 @@ def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str
     if fault is None and len(text) > MOST_BYTES:
         fault = f"it becomes more than {MOST_BYTES:,} bytes of URDF"
     if fault is not None:
-        line = answer.get("line", 1)
-        where = Span(file=answer.get("file", path), line=line, column=1, end_line=line, end_column=1)
+        where = line_of(answer.get("file", path), answer.get("line", 1))
         help = "`--package NAME=DIR` allows to read a folder" if OUTSIDE in fault else "`$(arg NAME)` is given with `--arg NAME=VALUE`"
         report.add(Code.SOURCE_XML, f"xacro cannot expand this: {fault}", where, help=help)
         return None

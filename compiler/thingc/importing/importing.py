@@ -88,12 +88,11 @@ def import_robot(
     if report.failed:
         return None
     written = document_of(robot, roots, shown(os.path.basename(path)), {one.link.name: one.how for one in mended}, placed_meshes, before)
-    written = replace(written, losses=(*written.losses, *left_out))
     document = f"{written.name}.yaml" if before is None else before.document
-    renamed = {name: word for names in (written.links, written.frames, written.joints) for name, word in names.items() if name != word}
+    renamed = {name: word for kind in ("links", "frames", "joints") for name, word in written.names[kind].items() if name != word}
     imported = Imported(
-        name=written.name, document=document, robot=robot, files={**files, document: written.text.encode()}, losses=written.losses,
-        renamed=renamed, repaired=mended, earlier=before,
+        name=written.name, document=document, robot=robot, files={**files, document: written.text.encode()},
+        losses=(*robot.losses, *left_out), renamed=renamed, repaired=mended, earlier=before,
     )
     asked = {"roots": roots, "repair": repair, "meshes": meshes}
     return replace(imported, files={**imported.files, RECORD: _record(imported, written, asked, path, data)})
@@ -147,7 +146,7 @@ def _record(imported: Imported, written: Draft, asked: Mapping[str, object], pat
         "source": {"file": os.path.basename(path), "sha256": hashlib.sha256(data).hexdigest(), "robot": imported.robot.name},
         "asked": asked,
         "meshes": {name: hashlib.sha256(content).hexdigest() for name, content in imported.files.items() if name != imported.document},
-        "names": {"links": written.links, "frames": written.frames, "joints": written.joints, **written.others},
+        "names": written.names,
         "repaired": [
             {
                 "link": one.link.name, "how": one.how, "old": _weight(one.link.weight.properties if one.link.weight is not None else None),

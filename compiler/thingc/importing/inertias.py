@@ -17,7 +17,8 @@ from typing import Literal
 
 from thingc.diagnostics import Code, Note, Report
 from thingc.frozen import dataclass
-from thingc.importing.model import Hanging, SourceLink, SourceRobot, SourceShape, Weight
+from thingc.importing.model import SourceLink, SourceRobot, SourceShape, Weight
+from thingc.importing.tree import by_parent
 from thingc.inertia import (
     LEAST_MASS,
     LEAST_MOMENT,
@@ -79,30 +80,21 @@ def repaired(
 
 def _bodies(robot: SourceRobot) -> Mapping[str, list[tuple[SourceLink, Pose]]]:
     """What joints separate, by the name of its first link: its links, each with its pose in the first one."""
-    links = {link.name: link for link in robot.links}
-    below: dict[str, list[tuple[str, Pose | None]]] = {}
-    for one in robot.hangings:
-        below.setdefault(one.parent, []).append((one.child, None if one.joints else one.pose))
+    links, below = {link.name: link for link in robot.links}, by_parent(robot.hangings)
     bodies: dict[str, list[tuple[SourceLink, Pose]]] = {robot.root: [(links[robot.root], NO_POSE)]}
     waiting = [(robot.root, robot.root, NO_POSE)]
     while waiting:
         body, name, pose = waiting.pop()
-        for child, fixed in below.get(name, ()):
-            if fixed is None:
-                bodies[child] = [(links[child], NO_POSE)]
-                waiting.append((child, child, NO_POSE))
-            else:
-                bodies[body].append((links[child], pose @ fixed))
-                waiting.append((body, child, pose @ fixed))
+        for one in below.get(name, ()):
+            first, place = (one.child, NO_POSE) if one.joints else (body, pose @ one.pose)
+            bodies.setdefault(first, []).append((links[one.child], place))
+            waiting.append((first, one.child, place))
     return bodies
 
 
 def _between(robot: SourceRobot) -> set[str]:
     """Links that stand between two joints and are nothing else: with those, what is behind them hangs by several."""
-    links = {link.name: link for link in robot.links}
-    below: dict[str, list[Hanging]] = {}
-    for one in robot.hangings:
-        below.setdefault(one.parent, []).append(one)
+    links, below = {link.name: link for link in robot.links}, by_parent(robot.hangings)
     return {
         one.child for one in robot.hangings
         if one.joints and links[one.child].is_bare and [bool(other.joints) for other in below.get(one.child, ())] == [True]

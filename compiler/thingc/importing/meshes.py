@@ -89,11 +89,11 @@ def gathered(
     """The path in the workspace of every mesh that shapes of the robot name, and the files by it. What cannot be found is reported at its
     first place; without `packages` all meshes are losses."""
     named = [(shape.mesh, shape) for link in robot.links for shape in link.shapes if shape.mesh is not None]
+    lost = Losses()
     if packages is None:
-        left_out = Losses()
         for uri, shape in named:
-            left_out.note(f"mesh `{uri}`", "meshes are left out", shape.where)
-        return {}, {}, left_out.all()
+            lost.note(f"mesh `{uri}`", "meshes are left out", shape.where)
+        return {}, {}, lost.all()
     contents: dict[str, bytes] = {}
     first_places = dict(reversed(named))
     for uri in dict.fromkeys(uri for uri, _ in named):
@@ -119,7 +119,6 @@ def gathered(
         names[uri] = f"{distinct([stem], 'mesh', taken)[stem]}{os.path.splitext(uri)[1].lower()}"
     paths = {uri: f"{FOLDER}/{names[first[digest]]}" for uri, digest in digests.items()}
     files = {paths[uri]: contents[uri] for uri in uris}
-    lost = Losses()
     for uri in (uri for uri in uris if uri not in robot.files):
         _copy_libraries(uri, first_places[uri], packages, files, lost)
     return paths, files, lost.all()

@@ -281,8 +281,8 @@ class SourceAdded:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceSensor:
     """What is measured at a `site`, `seen_from` another, or of a `joint` or a `tendon` of that name, or seen from `pose` in a `link` with
-    an angle of view [rad]; `volume` is a shape and its sizes as MuJoCo has them [m]; `noise` and `cutoff` are by reading [SI]; `parts` says
-    for each sensor of the source which reading of it it is."""
+    an angle of view [rad]; `volume` is a shape and its size, as a `SourceShape` has it; `noise` and `cutoff` are by reading [SI]; `parts`
+    says for each sensor of the source which reading of it it is."""
 
     kind: SensorType
     name: str
@@ -294,7 +294,7 @@ class SourceSensor:
     link: str | None = None
     pose: Pose = NO_POSE
     fovy: float = 0.0
-    volume: tuple[str, tuple[float, ...]] | None = None
+    volume: tuple[ShapeKind, Sizes] | None = None
     noise: Mapping[str, float] = field(default_factory=dict)
     cutoff: Mapping[str, float] = field(default_factory=dict)
     parts: tuple[tuple[str, str], ...] = ()

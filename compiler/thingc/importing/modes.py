@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.importing.model import SOURCE_MODE, SourcePose, SourceSensor
 from thingc.importing.naming import distinct
-from thingc.importing.quantities import TURNS, angle, length, lengths, pose_words, quantity, quaternion_words, was
+from thingc.importing.quantities import TURNS, angle, length, pose_words, quantity, quaternion_words, shape_words, was
 from thingc.importing.words import Words
 from thingc.pose import MATE, NO_POSE
 from thingc.sensing import SENSORS
@@ -123,7 +123,7 @@ def sensor_lines(words: Words) -> Iterator[str]:
         frames = words.frames | words.sites
         said |= {key: frames[site] for key, site in (("at", one.site), ("in", one.seen_from)) if site is not None}
         if one.volume is not None:
-            said["volume"] = _volume(*one.volume)
+            said["volume"] = f"{{{shape_words(*one.volume)}}}"
         turns = one.joint in turning or one.tendon in winding
         if one.kind == "rangefinder" and one.cutoff:
             said["range"] = length(one.cutoff["distance"])
@@ -151,13 +151,3 @@ SLIDE = {"lower": LENGTH, "velocity": VELOCITY, "effort": FORCE}
 """What readings of coordinates are in."""
 UNITS = {ACCELERATION: "m/s^2", ANGULAR_VELOCITY: "rad/s", VELOCITY: "m/s", FORCE: "N", TORQUE: "N*m"}
 """In which noise and cutoffs are written."""
-
-
-def _volume(shape: str, size: Sequence[float]) -> str:
-    match shape:
-        case "sphere":
-            return f"{{sphere: {{radius: {length(size[0])}}}}}"
-        case "cylinder" | "capsule":
-            return f"{{{shape}: {{radius: {length(size[0])}, length: {length(2.0 * size[1])}}}}}"
-        case _:
-            return f"{{{shape}: {lengths([side if shape == 'ellipsoid' else 2.0 * side for side in size])}}}"

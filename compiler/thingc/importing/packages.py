@@ -104,13 +104,12 @@ class Packages:
         return [place for place in dict.fromkeys(self._places(name)) if os.path.isdir(place)]
 
     def _above(self) -> Iterator[str]:
-        folder = self.folder
-        while True:
+        """The folder of the file, and those above it."""
+        folder, parent = self.folder, os.path.dirname(self.folder)
+        yield folder
+        while parent != folder:
+            folder, parent = parent, os.path.dirname(parent)
             yield folder
-            parent = os.path.dirname(folder)
-            if parent == folder:
-                return
-            folder = parent
 
     def readable(self) -> list[str]:
         """The folders that expressions in the file may read: its own, known packages, and packages beside it or a folder above it."""

@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from decimal import Decimal
 
+from thingc.importing.model import ShapeKind, Sizes
 from thingc.pose import Pose, Vector, rpy_of
 from thingc.shown import shown
 
@@ -56,6 +57,19 @@ def lengths(values: Sequence[float]) -> str:
     """Three at once: `38.8353 0 62.4 mm`."""
     largest = max(map(abs, values), default=0.0)
     return _shared([scaled(value, 3, largest) if abs(value) >= NOISE else "0" for value in values], "mm")
+
+
+def shape_words(kind: ShapeKind, size: Sizes) -> str:
+    """The size of a primitive: `box: 10 20 30 mm`, `sphere: {radius: 5 mm}`."""
+    match kind:
+        case "sphere":
+            return f"sphere: {{radius: {length(size[0])}}}"
+        case "cylinder" | "capsule":
+            return f"{kind}: {{radius: {length(size[0])}, length: {length(size[-1])}}}"
+        case "plane":
+            return f"plane: [{length(size[0])}, {length(size[-1])}]"
+        case _:
+            return f"{kind}: {lengths(size)}"
 
 
 def same_place(one: Pose, other: Pose) -> bool:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Iterable, Iterator, Sequence, Set
+from typing import TypeVar
 
 from thingc.circles import circle_words, circles
 from thingc.diagnostics import Code, Note, Report
@@ -11,6 +12,7 @@ from thingc.shown import quoted
 from thingc.source import Span
 from thingc.typos import did_you_mean
 
+Named = TypeVar("Named", SourceLink, Hanging)
 MOST_LINKS = 10_000
 MOST_BELOW = 496
 """Bodies one in another, the first among them, of which MuJoCo reads models: 500 levels of XML."""
@@ -23,12 +25,8 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Hanging], where: Spa
     if len(links) > MOST_LINKS:
         report.add(Code.SOURCE_TREE, f"the robot has {len(links):,} links, and {MOST_LINKS:,} are read at most", where)
         return None
-    named: dict[str, SourceLink] = {}
-    for link in links:
-        if link.name in named:
-            _twice(report, f"two links are called `{link.name}`", link.where, named[link.name].where)
-        named.setdefault(link.name, link)
-    _distinct_joints(hangings, report)
+    named = _distinct("links", links, report)
+    _distinct("joints", hangings, report)
     above: dict[str, Hanging] = {}
     for one in hangings:
         for side, name in (("parent", one.parent), ("child", one.child)):
@@ -62,9 +60,7 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Hanging], where: Spa
 
 def warn_of_depth(robot: SourceRobot, report: Report) -> None:
     """A warning where so many links move one below another that MuJoCo reads no model of them, at the first that is too many."""
-    below: dict[str, list[Hanging]] = {}
-    for one in robot.hangings:
-        below.setdefault(one.parent, []).append(one)
+    below = by_parent(robot.hangings)
     bare = {link.name for link in robot.links if link.is_bare}
     waiting = [(robot.root, 1)]
     while waiting:
@@ -124,16 +120,32 @@ def look_at_mimics(hangings: Sequence[Hanging], moving: Set[str], report: Report
         report.add(Code.SOURCE_VALUE, f"joint `{joint.name}` mimics {what}", joint.follows.where, help=help)
 
 
-def _twice(report: Report, message: str, where: Span, first: Span) -> None:
-    report.add(Code.SOURCE_TREE, message, where, notes=[Note(message="the first one is here", span=first)], help="rename one of the two")
+def _distinct(kind: str, things: Sequence[Named], report: Report) -> dict[str, Named]:
+    """Return things by their names, of those with the same name the first. The others are reported."""
+    first: dict[str, Named] = {}
+    for one in things:
+        if first.setdefault(one.name, one) is not one:
+            notes = [Note(message="the first one is here", span=first[one.name].where)]
+            report.add(Code.SOURCE_TREE, f"two {kind} are called `{one.name}`", one.where, notes=notes, help="rename one of the two")
+    return first
 
 
-def _distinct_joints(hangings: Sequence[Hanging], report: Report) -> None:
-    seen: dict[str, Hanging] = {}
+def by_parent(hangings: Iterable[Hanging]) -> dict[str, list[Hanging]]:
+    """Return what hangs on each link, in the order of the source."""
+    below: dict[str, list[Hanging]] = {}
     for one in hangings:
-        if one.name in seen:
-            _twice(report, f"two joints are called `{one.name}`", one.where, seen[one.name].where)
-        seen.setdefault(one.name, one)
+        below.setdefault(one.parent, []).append(one)
+    return below
+
+
+def downwards(root: str, hangings: Iterable[Hanging]) -> Iterator[Hanging]:
+    """Return the tree from the root on, each branch to its end, in the order of the source."""
+    below = by_parent(hangings)
+    waiting = [*reversed(below.get(root, ()))]
+    while waiting:
+        one = waiting.pop()
+        yield one
+        waiting += reversed(below.get(one.child, ()))
 
 
 def _circles(named: dict[str, SourceLink], above: dict[str, Hanging], report: Report) -> None:

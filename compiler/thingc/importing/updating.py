@@ -40,12 +40,7 @@ class Earlier:
     def edited(self) -> tuple[str, ...]:
         """The files that are not what was written, those that are not there any more aside."""
         written = {self.document: _sha256(self.text.encode()), **self.meshes}
-        return tuple(name for name, sha256 in written.items() if self.now(name) not in (None, sha256))
-
-    def now(self, name: str) -> str | None:
-        """The SHA-256 of a file as it is; None where there is none."""
-        data = self.read(name)
-        return None if data is None else _sha256(data)
+        return tuple(name for name, sha256 in written.items() if (data := self.read(name)) is not None and _sha256(data) != sha256)
 
     def read(self, name: str) -> bytes | None:
         """The bytes of a file; None if there is none."""

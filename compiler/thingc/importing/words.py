@@ -6,9 +6,10 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from thingc.file_names import TAKEN, is_file_name
-from thingc.importing.model import Hanging, SourceLink, SourceRobot, SourceShape
+from thingc.importing.model import Hanging, SourceJoint, SourceLink, SourceRobot, SourceShape, SourceTendon
 from thingc.importing.naming import RESERVED, distinct, plain_name
 from thingc.importing.quantities import same_place
+from thingc.importing.tree import by_parent, downwards
 from thingc.importing.updating import Earlier
 from thingc.pose import Pose
 
@@ -22,10 +23,8 @@ class Words:
         self.robot, self.meshes = robot, meshes
         self.name = plain_name(robot.name, "robot")
         self.link_of = {link.name: link for link in robot.links}
-        self.below: dict[str, list[Hanging]] = {}
-        for one in robot.hangings:
-            self.below.setdefault(one.parent, []).append(one)
-        self.order = tuple(self._order())
+        self.below = by_parent(robot.hangings)
+        self.order = tuple(downwards(robot.root, robot.hangings))
         self.above = {one.child: one for one in self.order}
         mounts = [one.child for one in self.order if self._is_mount(one)]
         names = distinct([robot.root, *(one.child for one in self.order)], "link", earlier=None if earlier is None else earlier.links)
@@ -63,9 +62,11 @@ class Words:
         for sensor in robot.sensors:
             things = self.joints if sensor.joint is not None else self.tendons if sensor.tendon is not None else self.sites
             self.sensors += distinct([things.get(sensor.name, sensor.name)], "sensor", taken=self.sensors).values()
-        driven = {one.name for hanging in self.order for one in hanging.joints if one.drive is not None}
-        driven |= {one.name for one in robot.tendons if one.drive is not None}
-        drives = [word for name, word in (*self.joints.items(), *self.tendons.items()) if name in driven or name != word]
+        both: list[tuple[str, SourceJoint | SourceTendon]] = [(self.joints[one.name], one) for of in self.order for one in of.joints]
+        both += [(self.tendons[one.name], one) for one in robot.tendons]
+        self.driven = [(word, one.name, one.drive) for word, one in both if one.drive is not None]
+        drives = [word for name, word in (*self.joints.items(), *self.tendons.items()) if name != word]
+        drives += [word for word, _, _ in self.driven]
         self.added: dict[tuple[str, str], str] = {}
         for element in robot.added:
             name, taken = element.name, drives if element.section == "actuator" else []  # whose words mean their drives
@@ -98,14 +99,6 @@ class Words:
         yield from ((self.sites[site.name], site.pose) for site in self.link_of[link].sites)
         yield from ((self.frames[one.child], one.pose) for one in self.below.get(link, ()) if one.child in self.frames)
 
-    def _order(self) -> Iterator[Hanging]:
-        """The tree from the root on, each branch to its end, as the source has them."""
-        waiting = [*reversed(self.below.get(self.robot.root, ()))]
-        while waiting:
-            one = waiting.pop()
-            yield one
-            waiting += reversed(self.below.get(one.child, ()))
-
     def _is_mount(self, one: Hanging) -> bool:
         link = self.link_of[one.child]
         return not (one.joints or link.weight or link.shapes or one.child in self.below)
@@ -113,16 +106,13 @@ class Words:
     def in_files(self) -> dict[str, dict[str, str]]:
         """What the source calls things that have another name here, by kind, as `names:` of a document has it. Of two that would have one
         name in files the first has it, links before sites."""
-        joints = [joint for one in self.order for joint in one.joints]
         moving = {one.name: self.loops[one.name] for one in self.robot.loops if one.kind != "fixed"}  # a weld is no joint that has a name
-        drives = [(self.joints[one.name], one.drive, one.name) for one in joints]
-        drives += [(self.tendons[one.name], one.drive, one.name) for one in self.robot.tendons]
         kinds: dict[str, list[tuple[str, str, str]]] = {  # what it is called here, in the source, and in files without a word
             "components": [(word, name, word) for name, word in self.links.items()],
             "mounts": [(word, name, word) for name, word in (*self.frames.items(), *self.sites.items())],
             "joints": [(word, name, word) for name, word in (*self.joints.items(), *moving.items(), (self.robot.free_joint, "root"))],
             "tendons": [(word, name, word) for name, word in self.tendons.items()],
-            "actuators": [(word, drive.name, usual) for word, drive, usual in drives if drive is not None],
+            "actuators": [(word, drive.name, name) for word, name, drive in self.driven],
             "equalities": [
                 (word.rpartition(":")[0], name, word) for name, word in self._tied().items() if word.endswith((":mimic", ":loop"))
             ],
@@ -143,8 +133,7 @@ class Words:
 
     def others(self) -> dict[str, dict[str, str]]:
         """What other things of the source are called, as files have it: those kinds of which there are any."""
-        drives = {joint.drive.name: self.joints[joint.name] for one in self.order for joint in one.joints if joint.drive is not None}
-        drives |= {one.drive.name: self.tendons[one.name] for one in self.robot.tendons if one.drive is not None}
+        drives = {drive.name: word for word, _, drive in self.driven}
         magnets = {one.name: f"{self.links[one.link]}/{self.magnets[one.name]}" for one in self.robot.adhesions}
         parts = {
             of: f"{word}:{part}" for one, word in zip(self.robot.sensors, self.sensors, strict=True) for of, part in one.parts

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from thingc.diagnostics import Code, Note, Report
-from thingc.source import Span
+from thingc.source import Span, line_of
 
 MARK = "thingc.at"
 """The attribute with the place of an element that xacro has made: number of the file, line, column (both from 1), and byte."""
@@ -49,8 +49,7 @@ class SourceElement:
         begun = self.source[self.start : first].decode("utf-8", "replace")
         lines = begun.count("\n")
         column = len(begun) - begun.rfind("\n") if lines else self.where.column + len(begun)
-        line, width = self.where.line + lines, len(self.source[first:end].decode("utf-8", "replace"))
-        return Span(file=self.where.file, line=line, column=column, end_line=line, end_column=column + width)
+        return _span(self.where.file, self.where.line + lines, column, len(self.source[first:end].decode("utf-8", "replace")))
 
 
 def utf8_of(data: bytes) -> bytes:
@@ -84,7 +83,7 @@ def read_xml(path: str, data: bytes, report: Report, *, files: Sequence[str] = (
     say where they were written, in one of the `files`."""
     if len(data) > MOST_BYTES:
         report.add(
-            Code.SOURCE_XML, f"the file has more than {MOST_BYTES:,} bytes", _point(path, 1, 1), help="no robot needs so many",
+            Code.SOURCE_XML, f"the file has more than {MOST_BYTES:,} bytes", line_of(path), help="no robot needs so many",
         )
         return None
     try:
@@ -92,7 +91,7 @@ def read_xml(path: str, data: bytes, report: Report, *, files: Sequence[str] = (
     except (ValueError, LookupError) as fault:
         line = data.count(b"\n", 0, getattr(fault, "start", 0)) + 1
         help = "save the file as UTF-8, or declare the encoding that it has"
-        report.add(Code.SOURCE_XML, f"cannot decode the file: {fault}", _point(path, line, 1), help=help)
+        report.add(Code.SOURCE_XML, f"cannot decode the file: {fault}", line_of(path, line), help=help)
         return None
     try:
         reading.parser.Parse(reading.data, True)
@@ -100,7 +99,7 @@ def read_xml(path: str, data: bytes, report: Report, *, files: Sequence[str] = (
         return None
     except expat.ExpatError as fault:
         report.add(
-            Code.SOURCE_XML, f"this is no well-formed XML: {expat.ErrorString(fault.code)}", _point(path, fault.lineno, fault.offset + 1),
+            Code.SOURCE_XML, f"this is no well-formed XML: {expat.ErrorString(fault.code)}", _span(path, fault.lineno, fault.offset + 1),
             help="fix the place shown; `xmllint FILE` reports more. A file that is not UTF-8 must declare its encoding",
             notes=[Note(message=f"`<{one.tag}>` is open here", span=one.where) for one in reading.open[-1:]],
         )
@@ -116,8 +115,8 @@ def _content(path: str) -> bytes:
         return b""
 
 
-def _point(path: str, line: int, column: int) -> Span:
-    return Span(file=path, line=line, column=column, end_line=line, end_column=column)
+def _span(path: str, line: int, column: int, width: int = 0) -> Span:
+    return Span(file=path, line=line, column=column, end_line=line, end_column=column + width)
 
 
 class _Reading:
@@ -136,8 +135,7 @@ class _Reading:
         self.parser.StartDoctypeDeclHandler = self._doctype
 
     def _here(self, width: int = 0) -> Span:
-        line, column = self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1
-        return Span(file=self.path, line=line, column=column, end_line=line, end_column=column + width)
+        return _span(self.path, self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1, width)
 
     def _refuse(self, message: str, help: str) -> None:
         self.report.add(Code.SOURCE_XML, message, self._here(), help=help)
@@ -154,7 +152,7 @@ class _Reading:
         if len(mark) == 4 and all(one.isdecimal() for one in mark) and int(mark[0]) < len(self.files):
             number, line, column, start = map(int, mark)
             file, source = self.files[number]
-            where = Span(file=file, line=line, column=column, end_line=line, end_column=column + len(tag) + 1)
+            where = _span(file, line, column, len(tag) + 1)
         element = SourceElement(tag=tag, attributes=attributes, where=where, source=source, start=start)
         if self.open:
             self.open[-1].children.append(element)

@@ -71,8 +71,8 @@ class Added:
         wanted += [(f"{word}prm", numbers(getattr(model, f"actuator_{word}prm")[number])) for word in ("dyn", "gain", "bias")]
         wanted += [("gear", numbers(model.actuator_gear[number]))]
         for word in ("ctrl", "force", "act"):
-            if getattr(model, f"actuator_{word}limited")[number]:
-                wanted.append((f"{word}range", numbers(getattr(model, f"actuator_{word}range")[number])))
+            if (bounds := self.original.bounds(f"actuator_{word}", number)) is not None:
+                wanted.append((f"{word}range", numbers(bounds)))
         if any(floats(model.actuator_lengthrange[number])):
             wanted.append(("lengthrange", numbers(model.actuator_lengthrange[number])))
         if int(model.actuator_trntype[number]) == AT_CRANK:

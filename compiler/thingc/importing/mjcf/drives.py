@@ -8,7 +8,7 @@ from thingc.frozen import dataclass
 from thingc.importing.mjcf.adding import Added
 from thingc.importing.mjcf.original import Original, differing, floats, numbers
 from thingc.importing.mjcf.tendons import Tendons
-from thingc.importing.model import Raw, SourceAdhesion, SourceDrive, SourceTarget
+from thingc.importing.model import SourceAdhesion, SourceDrive, SourceTarget
 from thingc.pose import Pose
 
 AT_JOINT, AT_PARENT, AT_TENDON, AT_BODY = 0, 1, 3, 5
@@ -60,15 +60,14 @@ class Actuators:
                 else:
                     lower, upper = one.ends.lower, one.ends.upper
                     ends = None if lower is None or upper is None else (lower, upper)
-                    length = _Length(ends, self._most("tendon", target))
+                    length = _Length(ends, original.bounds("tendon_actfrc", target))
                     why = self._driving(number, SourceTarget(kind="tendon", name=one.name), target, self.of_tendon, length)
             elif transmission not in (AT_JOINT, AT_PARENT) or int(self.model.jnt_type[target]) not in (HINGE, SLIDE):
                 why = "a document drives tendons, and joints that turn about, or slide along, an axis"
             elif target not in joints:
                 why = "its joint is left out"
             else:
-                between = floats(self.model.jnt_range[target]) if self.model.jnt_limited[target] else ()
-                length = _Length((between[0], between[1]) if between else None, self._most("jnt", target))
+                length = _Length(original.bounds("jnt_", target), original.bounds("jnt_actfrc", target))
                 why = self._driving(number, SourceTarget(kind="joint", name=original.joints[target]), target, self.of_joint, length)
             if why and not added.actuator(number):
                 original.losses.note(what, why, where)
@@ -88,25 +87,11 @@ class Actuators:
         self.driven[number] = what
         return ""
 
-    def _most(self, kind: str, number: int) -> tuple[float, float] | None:
-        """Between what all forces on a joint or a tendon stay together."""
-        if not getattr(self.model, f"{kind}_actfrclimited")[number]:
-            return None
-        low, high = floats(getattr(self.model, f"{kind}_actfrcrange")[number])
-        return low, high
-
     def _unsaid(self, number: int, what: str) -> None:
         for name in UNSAID:
             values = getattr(self.model, f"actuator_{name}", None)
             if values is not None and float(values[number]):
                 self.original.losses.note(f"`{name}` of {what}", "a document does not say it", self.original.where("actuator", number))
-
-    def _range(self, kind: str, number: int) -> tuple[float, float] | None:
-        """`ctrl` or `force`; None where there is none."""
-        if not getattr(self.model, f"actuator_{kind}limited")[number]:
-            return None
-        low, high = floats(getattr(self.model, f"actuator_{kind}range")[number])
-        return low, high
 
     def _drive(self, number: int, length: _Length) -> SourceDrive | None:
         """A drive as it is at what it drives; None of a kind that the language has not."""
@@ -119,14 +104,14 @@ class Actuators:
         gear = floats(model.actuator_gear[number])[0]
         if gear == 0.0:
             return None
-        control, force = self._range("ctrl", number), self._range("force", number)
+        control, force = self.original.bounds("actuator_ctrl", number), self.original.bounds("actuator_force", number)
         if not affine and int(model.actuator_biastype[number]) == NO_BIAS and dynamic == NOT_DYNAMIC:
             return self._motor(number, gain, gear, control, force, length)
         kv = -velocity
         if not affine or constant or any(others) or kv < 0.0 or gain < 0.0:
             return None
         effort = length.effort(None if force is None else (force[0] * abs(gear), force[1] * abs(gear)))
-        wanted = [("gear", numbers([gear])), ("kv", numbers([kv])), *_said("ctrl", control), *_said("force", force)]
+        wanted = [("gear", numbers([gear])), ("kv", numbers([kv])), *_written("ctrl", control).items(), *_written("force", force).items()]
         otherwise = {"gear": "1", "kv": numbers([kv * gear * gear]), **_written("force", None if effort is None else (-effort, effort))}
         where, name = self.original.where("actuator", number), self.original.actuators[number]
         if position == -gain and dynamic in (NOT_DYNAMIC, EXACT):
@@ -162,7 +147,7 @@ class Actuators:
         bounds = [max(map(abs, one)) for one in (control, ends) if one is not None]
         effort = None if not bounds else min(bounds) * abs(gear * gain)
         effort = length.effort(None if effort is None else (-effort, effort))
-        wanted = [("gear", numbers([gear * gain])), *_said("ctrl", control), *_said("force", ends)]
+        wanted = [("gear", numbers([gear * gain])), *_written("ctrl", control).items(), *_written("force", ends).items()]
         otherwise = {"gear": "1", "forcelimited": "false", **_written("ctrl", None if effort is None else (-effort, effort))}
         return SourceDrive(
             name=original.actuators[number], kind="motor", where=original.where("actuator", number), effort=effort,
@@ -170,7 +155,7 @@ class Actuators:
         )
 
     def _adhesion(self, number: int, link: str) -> SourceAdhesion:
-        gain, control = floats(self.model.actuator_gainprm[number])[0], self._range("ctrl", number) or (0.0, 1.0)
+        gain, control = floats(self.model.actuator_gainprm[number])[0], self.original.bounds("actuator_ctrl", number) or (0.0, 1.0)
         force = gain * control[1]
         why = "contacts of what adheres are harder in a document, so that they hold"
         self.original.losses.note(f"how soft contacts of `{link}` are", why, self.original.where("actuator", number))
@@ -181,10 +166,6 @@ class Actuators:
         )
 
 
-def _said(kind: str, bounds: tuple[float, float] | None) -> Raw:
-    """Of `ctrl` or `force`, the attributes that say its range, or that it has none."""
-    return ((f"{kind}limited", "false"),) if bounds is None else ((f"{kind}range", numbers(bounds)),)
-
-
 def _written(kind: str, bounds: tuple[float, float] | None) -> dict[str, str]:
+    """The attributes that state the range of `ctrl` or `force`, or that it has none."""
     return {f"{kind}limited": "false"} if bounds is None else {f"{kind}range": numbers(bounds)}

@@ -91,6 +91,13 @@ class Original:
         """What it is in the source; the root of what stands nowhere."""
         return self.flat.element(self.written[kind][number].info)
 
+    def bounds(self, name: str, number: int) -> tuple[float, float] | None:
+        """The range `name` of a thing, such as `actuator_ctrl`; None if it has no limits."""
+        if not getattr(self.model, f"{name}limited")[number]:
+            return None
+        low, high = floats(getattr(self.model, f"{name}range")[number])
+        return low, high
+
     def frame(self, written: Any) -> Pose:
         """The pose of something in its body as it is written, in the frames around it."""
         pose, frame = self._own(written), written.frame

@@ -22,7 +22,7 @@ from thingc.importing.mjcf.shapes import Geoms
 from thingc.importing.mjcf.tendons import Tendons
 from thingc.importing.model import SOURCE_MODE, Hanging, SourceBase, SourceLink, SourceRobot, SourceSite, Weight
 from thingc.importing.packages import Packages
-from thingc.importing.tree import MOST_LINKS
+from thingc.importing.tree import MOST_LINKS, downwards
 from thingc.importing.xml_source import SourceElement
 from thingc.inertia import MassProperties, symmetric
 from thingc.pose import NO_POSE, Pose, multiply, transpose
@@ -147,15 +147,9 @@ class _Reader:
 
     def _joint_order(self, root: int, hangings: Sequence[Hanging]) -> list[int]:
         """The numbers of the joints in the order of a model of the document."""
-        numbers_of, below = {name: number for number, name in self.original.joints.items()}, dict[str, list[Hanging]]()
-        for one in hangings:
-            below.setdefault(one.parent, []).append(one)
-        order, waiting = [*self.joints[root]][: root in self.free], [*reversed(below.get(self.original.bodies[root], ()))]
-        while waiting:
-            one = waiting.pop()
-            order += [numbers_of[joint.name] for joint in one.joints]
-            waiting += reversed(below.get(one.child, ()))
-        return order
+        numbers_of = {name: number for number, name in self.original.joints.items()}
+        tree = downwards(self.original.bodies[root], hangings)
+        return [*self.joints[root][: root in self.free], *(numbers_of[joint.name] for one in tree for joint in one.joints)]
 
     def _lose_indices(self, array: str, sizes: Sequence[int], kept: Sequence[int]) -> None:
         """Note which entries of an array have other indices in a model of the document, where the `kept` elements are, of these sizes."""

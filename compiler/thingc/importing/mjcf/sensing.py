@@ -7,14 +7,13 @@ from collections.abc import Mapping
 
 from thingc.frozen import dataclass
 from thingc.importing.mjcf.adding import Added
-from thingc.importing.mjcf.original import Original, floats, pose_of
-from thingc.importing.model import SourceSensor, SourceTarget
+from thingc.importing.mjcf.original import Original, pose_of
+from thingc.importing.mjcf.shapes import KINDS, sizes_of
+from thingc.importing.model import ShapeKind, Sizes, SourceSensor, SourceTarget
 from thingc.pose import Pose, turned_y
 from thingc.sensing import ReadingName, SensorType
 
 SITE = 6
-VOLUMES = {2: ("sphere", 1), 3: ("capsule", 2), 4: ("ellipsoid", 3), 5: ("cylinder", 2), 6: ("box", 3)}
-"""By the type of a site its shape, and how many sizes that has."""
 AT_SITE: dict[str, tuple[SensorType, ReadingName]] = {
     "force": ("force", "force"), "torque": ("force", "torque"),
     "accelerometer": ("accelerometer", "accelerometer"), "gyro": ("gyro", "gyro"), "magnetometer": ("magnetometer", "magnetometer"),
@@ -93,7 +92,7 @@ class _Sensing:
             reference, reference_type = int(model.sensor_refid[number]), int(model.sensor_reftype[number])
             if reference >= 0 and (reference_type != SITE or int(model.site_bodyid[reference]) not in self.kept):
                 return None
-            if sensor == "touch" and int(model.site_type[thing]) not in VOLUMES:
+            if sensor == "touch" and int(model.site_type[thing]) not in KINDS:
                 return None
             seen_from = original.sites[reference] if reference >= 0 else None
             return _Place(kind=sensor, site=original.sites[thing], seen_from=seen_from), reading
@@ -124,11 +123,11 @@ class _Sensing:
                     original.losses.note(what, f"a document says none of a `{reading}`", original.where("sensor", number))
                 elif value:
                     said[reading] = value
-        volume: tuple[str, tuple[float, ...]] | None = None
+        volume: tuple[ShapeKind, Sizes] | None = None
         if place.kind == "touch":
             site = int(model.sensor_objid[readings[0][0]])
-            shape, count = VOLUMES[int(model.site_type[site])]
-            volume = shape, floats(model.site_size[site])[:count]
+            shape = KINDS[int(model.site_type[site])]
+            volume = shape, sizes_of(shape, model.site_size[site])
         words = {original.sensors[number].removesuffix(f":{reading}") for number, reading in readings}
         own = all(original.sensors[number].endswith(f":{reading}") for number, reading in readings) and len(words) == 1
         return SourceSensor(

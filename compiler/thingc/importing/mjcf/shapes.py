@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
+from typing import Any
 
 from thingc.importing.meshes import READ
 from thingc.importing.mjcf.original import SOLIMP, SOLREF, Original, differing, floats, numbers, pose_of
@@ -73,20 +74,8 @@ class Geoms:
     def _form(self, geom: int, kind: ShapeKind) -> tuple[Sizes, Pose, str | None]:
         """Its size as shapes have it, pose in the body, and mesh."""
         model = self.model
-        pose, (a, b, c) = pose_of(model.geom_pos[geom], model.geom_quat[geom]), floats(model.geom_size[geom])
-        match kind:
-            case "box":
-                return (2.0 * a, 2.0 * b, 2.0 * c), pose, None
-            case "sphere":
-                return (a,), pose, None
-            case "cylinder" | "capsule":
-                return (a, 2.0 * b), pose, None
-            case "ellipsoid":
-                return (a, b, c), pose, None
-            case "plane":
-                return (2.0 * a, 2.0 * b), pose, None
-            case _:
-                return self._mesh(geom, pose)
+        pose = pose_of(model.geom_pos[geom], model.geom_quat[geom])
+        return self._mesh(geom, pose) if kind == "mesh" else (sizes_of(kind, model.geom_size[geom]), pose, None)
 
     def _mesh(self, geom: int, centred: Pose) -> tuple[Vector, Pose, str]:
         """MuJoCo lays a mesh into its principal axes; in the source it is where its file has it, `scale R^T (v - p)` with its own pose."""
@@ -126,8 +115,7 @@ class Geoms:
     def _raw(self, geom: int, friction: tuple[float, ...]) -> Raw:
         """What is left of how it touches. With a friction a geom is written with a priority, so that it counts on any floor."""
         model = self.model
-        names = ("solref", "solimp", "margin", "gap", "solmix", "contype", "conaffinity", "friction", "condim", "priority")
-        wanted = [(name, numbers(values if getattr(values, "shape", ()) else [values])) for name in names
+        wanted = [(name, numbers(values if getattr(values, "shape", ()) else [values])) for name in USUAL
                   for values in [getattr(model, f"geom_{name}")[geom]]]
         otherwise = dict(USUAL)
         if friction:
@@ -136,3 +124,19 @@ class Geoms:
                 "priority": "1",
             }
         return differing(wanted, otherwise)
+
+
+def sizes_of(kind: ShapeKind, sizes: Any) -> Sizes:
+    """The size of a primitive as `SourceShape` has it, of MuJoCo's three numbers."""
+    a, b, c = floats(sizes)
+    match kind:
+        case "sphere":
+            return (a,)
+        case "cylinder" | "capsule":
+            return (a, 2.0 * b)
+        case "ellipsoid":
+            return (a, b, c)
+        case "plane":
+            return (2.0 * a, 2.0 * b)
+        case _:
+            return (2.0 * a, 2.0 * b, 2.0 * c)
