@@ -68,10 +68,6 @@ class Watched:
         self._seen = {path: before[path] for path in paths if path in before}
         self.note(paths)
 
-    def current(self) -> bool:
-        """Whether all of them are as they were; nothing is noted."""
-        return all(stat_of(path) == state for path, (state, _) in self._seen.items())
-
     def changed(self) -> tuple[str, ...]:
         """Those that are not what they were at the last look, which this one is then."""
         changed: list[str] = []

@@ -63,7 +63,7 @@ ROOMS: dict[str, set[str]] = {
     "templates": set(),
     "importing": BASE | {"load", "layout", "realize", "meshes"},
     "layout": BASE | {"load", "spec"},
-    "editor": BASE | {"load", "spec", "realize", "resolve", "environment", "watching"},
+    "editor": BASE | {"load", "spec", "realize", "resolve", "watching"},
     "lsp": BASE | {"environment", "pipeline", "dependencies", "stamp", "watching", "load", "spec", "layout", "realize", "resolve", "joints",
         "graph", "robot", "editor", "variants"},
     "testing": BASE | {"printing", "checks", "resolve", "realize", "joints", "graph", "robot", "statics", "solids", "emit"},
@@ -106,9 +106,7 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
     "render": {},
     "reporting": {},
     "editor": {
-        "environment": {"Options", "Progress", "geometry_of"},
         "load": {"Documents", "documents_in", "load", "packaged_documents", "read_tree"},
-        "realize": {"GeometryService", "Store", "Workers", "read_lock"},
         "realize.record": ANY,
         "resolve": {"Settings", "Sources", "part_definitions", "resolve"},
         "resolve.model": ANY,

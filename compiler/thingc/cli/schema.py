@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from thingc.brief import counted
@@ -57,8 +58,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list[str] | None]]:
     """Each workspace that is named, with the documents that are named of it (None: all). Raises `WrongCommandLine`."""
-    from thingc.editor.refresh import workspace_of
     from thingc.load import is_document
+    from thingc.workspace import OWN_FILE, Workspace
 
     by_root: dict[str, tuple[Workspace, list[str] | None]] = {}
     for place in places:
@@ -69,7 +70,7 @@ def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list
                     f"`{place}` does not begin as a document does", "its first line is for example `thingc: assembly/1`",
                     Code.NO_DOCUMENT,
                 )
-        workspace = workspace_of(place, report)
+        workspace = Workspace.find(os.path.join(place, OWN_FILE) if os.path.isdir(place) else place, report)
         if workspace is None:
             continue
         _, only = by_root.get(workspace.root, (workspace, []))
@@ -79,16 +80,14 @@ def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list
 
 
 def _write(workspace: Workspace, only: list[str] | None, no_model: bool, options: Options) -> None:
-    from thingc.editor.parts import ask
-    from thingc.editor.refresh import Schemas
-    from thingc.environment import store_of
-    from thingc.realize import NoWorkers
+    from thingc.editor import Schemas
+    from thingc.environment import geometry_of
+    from thingc.realize import NoWorkers, read_lock
 
-    with ask(
-        workspace, store_of(options), jobs=options.jobs or os.cpu_count() or 1, timeout=options.part_timeout or workspace.part_timeout,
-        progress=None if no_model else options.progress, workers=NoWorkers() if no_model else None,
-    ) as geometry:
-        _print_outcome(workspace, Schemas(workspace, geometry, only).refresh())
+    quiet = replace(options, progress=None if no_model else options.progress, printed=None)
+    workers = NoWorkers() if no_model else None
+    with geometry_of(workspace, quiet, lock=lambda: read_lock(workspace, Report()), workers=workers) as geometry:
+        _print_outcome(workspace, Schemas(workspace, geometry).write(only))
 
 
 def _print_outcome(workspace: Workspace, outcome: RefreshOutcome) -> None:

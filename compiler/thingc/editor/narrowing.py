@@ -111,7 +111,8 @@ class _Narrowing:
     def _put(self, model: str, key: str, new: Schema) -> None:
         """Another schema for a field, with the title and description that it has."""
         old = self._field(model, key)
-        self.definitions[model]["properties"][key] = {**_texts(old), **new}
+        texts: Schema = {one: old[one] for one in ("title", "description") if one in old}
+        self.definitions[model]["properties"][key] = {**texts, **new}
 
     def _offer(self, model: str, key: str, choices: Iterable[tuple[str, str]]) -> None:
         self._put(model, key, one_of(choices))
@@ -325,10 +326,6 @@ class _Narrowing:
             if "joints" in fields:
                 swept = _each(fields["joints"])
                 fields["joints"]["properties"] = {joint: {**swept, "description": text} for joint, text in joints}
-
-
-def _texts(schema: Schema) -> Schema:
-    return {key: schema[key] for key in ("title", "description") if key in schema}
 
 
 def _each(section: Schema) -> Schema:

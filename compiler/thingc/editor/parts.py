@@ -1,27 +1,17 @@
-"""What is known of parts: what the store has at once, and what workers find out meanwhile."""
+"""What is known of parts."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
-from thingc.diagnostics import Report
 from thingc.editor.facts import Names, Records, usual_mounts
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
-
-if TYPE_CHECKING:
-    from thingc.environment import Progress
-    from thingc.realize import GeometryService, Store, Workers
-    from thingc.workspace import Workspace
 
 
 class PartsInReach(Protocol):
     """Who answers for parts, and can say which there are: a geometry service, or what stands before one."""
-
-    @property
-    def inputs(self) -> frozenset[str]:
-        """Absolute paths of everything that decided about answers, there or not."""
 
     def catalogue(self) -> list[str]:
         """`module:Class` of every public class in reach."""
@@ -38,7 +28,7 @@ class PartsInReach(Protocol):
 
 @dataclass(slots=True)
 class Parts:
-    """The answers of one geometry service, as long as no file that they depend on changes."""
+    """The answers of one geometry service."""
 
     service: PartsInReach
     schemas: dict[str, PartSchema | PartFailure] = field(default_factory=dict)
@@ -85,26 +75,11 @@ class Parts:
         return mounts
 
     def unsure(self, references: Iterable[str]) -> list[str]:
-        """Those that cannot be described now, but could be a moment ago: their file is being edited."""
-        unsure = []
-        for reference in references:
-            answer = self.schemas.get(reference)
-            gone = answer is None and reference.partition(":")[0] in self.unreadable
-            if gone or (isinstance(answer, PartFailure) and (answer.kind not in ("missing", "refused") or self._broken(reference))):
-                unsure.append(reference)
-        return unsure
+        """The references that cannot be described now because their file is being edited."""
+        return [one for one in references if self._is_unsure(self.schemas.get(one), one.partition(":")[0] in self.unreadable)]
 
-    def _broken(self, reference: str) -> bool:
-        return reference.partition(":")[0] in self.unreadable
-
-
-def ask(
-    workspace: Workspace, store: Store, *, jobs: int = 1, timeout: float, progress: Progress | None = None,
-    workers: Workers | None = None,
-) -> GeometryService:
-    """A geometry service that may answer from the workspace's lock, too: mounts are wanted, and no mesh."""
-    from thingc.environment import Options, geometry_of
-    from thingc.realize import read_lock
-
-    options = Options(jobs=jobs, part_timeout=timeout, progress=progress)
-    return geometry_of(workspace, options, store, lambda: read_lock(workspace, Report()), workers=workers)
+    @staticmethod
+    def _is_unsure(answer: PartSchema | PartFailure | None, unreadable: bool) -> bool:
+        if isinstance(answer, PartFailure):
+            return unreadable or answer.kind not in ("missing", "refused")
+        return answer is None and unreadable

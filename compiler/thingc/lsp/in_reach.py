@@ -43,11 +43,6 @@ class _Parts:
         self._at_hand = at_hand
         self._wake = wake
 
-    @property
-    def inputs(self) -> frozenset[str]:
-        """See `PartsInReach`."""
-        return frozenset() if self._at_hand is None else self._at_hand.inputs
-
     def catalogue(self) -> list[str]:
         """See `PartsInReach`."""
         return [] if self._at_hand is None else self._at_hand.service.catalogue()
