@@ -103,7 +103,8 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
     for option, owners in OPTIONS.items():
         if getattr(arguments, option) is not None and what not in owners:
             written = "--name" if option == "component" else "--" + option.replace("_", "-")
-            raise common.WrongCommandLine(f"{written} is for {_enumerated(owners)}, and this is {_article(what)}", "take it out")
+            meant = " or ".join(map(_article, owners))
+            raise common.WrongCommandLine(f"{written} is for {meant}, and this is {_article(what)}", "take it out")
     if arguments.to is None:
         if what not in ("part", "assembly"):
             raise common.WrongCommandLine(
@@ -171,10 +172,6 @@ def _with_addition(root: Document, addition: Addition) -> Document:
 
 def _article(what: str) -> str:
     return f"an {what}" if what == "assembly" else f"a {what}"
-
-
-def _enumerated(owners: Sequence[str]) -> str:
-    return " or ".join(map(_article, owners))
 
 
 def _say(

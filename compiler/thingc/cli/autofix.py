@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -110,6 +109,4 @@ def _say(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], mende
 
 def _print_diff(texts: Mapping[str, bytes], disk: _Disk) -> None:
     for file, data in sorted(texts.items()):
-        name = shown_path(file)
-        old, new = (one.decode("utf-8-sig").splitlines() for one in (disk.read(file) or b"", data))
-        common.say_lines_of_documents(difflib.unified_diff(old, new, name, name, lineterm=""))
+        common.say_diff(shown_path(file), *(one.decode("utf-8-sig") for one in (disk.read(file) or b"", data)))

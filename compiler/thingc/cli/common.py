@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import errno
 import os
 import re
@@ -313,6 +314,11 @@ def say(*lines: str, stream: TextIO | None = None) -> None:
 def say_lines_of_documents(lines: Iterable[str]) -> None:
     """`say` for what stands in documents, where tabs stay."""
     sys.stdout.write("".join(f"{shown_line(line)}\n" for line in lines))
+
+
+def say_diff(name: str, before: str, after: str) -> None:
+    """The changed lines of a document, as `diff -u` prints them."""
+    say_lines_of_documents(difflib.unified_diff(before.splitlines(), after.splitlines(), name, name, lineterm=""))
 
 
 def hand_on(content: bytes | str) -> None:

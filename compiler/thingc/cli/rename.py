@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import os
 import sys
 from functools import cache
 from typing import TYPE_CHECKING
 
 from thingc.cli import common, interrupts
-from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
+from thingc.diagnostics import Report, shown_path
 from thingc.files import beginning
 from thingc.replacement import replace_files
 
@@ -57,14 +56,12 @@ def run(arguments: argparse.Namespace) -> int:
         common.print_text([fault.diagnostic], stream=sys.stdout, debug=False)
         return common.USAGE
     except RequestRefused as fault:
-        return _refuse(str(fault))
+        common.print_text([common.WrongCommandLine(str(fault)).diagnostic], stream=sys.stdout, debug=False)
+        return common.USAGE
     before = {file: sight.read(file) or "" for file in done.texts}
     for file, text in done.texts.items():
         if arguments.diff:
-            name = shown_path(file)
-            common.say_lines_of_documents(
-                difflib.unified_diff(before[file].splitlines(), text.splitlines(), name, name, lineterm="")
-            )
+            common.say_diff(shown_path(file), before[file], text)
     if not arguments.diff:
         marks = {file: mark if beginning(file, 3) == (mark := b"\xef\xbb\xbf") else b"" for file in before}
         with interrupts.held():
@@ -94,9 +91,3 @@ def _named(sight: Sight, document: str, path: str) -> Name:
     if place is None or not span.holds(place.span) or place.role != "declared":
         raise common.WrongCommandLine(f"`{path}` is no name", "name for example `components.NAME` or `joints.NAME`")
     return place.name
-
-
-def _refuse(message: str) -> int:
-    diagnostics = [Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=message)]
-    common.print_text(diagnostics, stream=sys.stdout, debug=False)
-    return common.exit_code(diagnostics)

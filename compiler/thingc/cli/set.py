@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -70,8 +69,7 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
         return _say(arguments, [_as_typed(one, typed) for one in outcome.found])
     wrong = any(d.severity is Severity.ERROR for d in outcome.found)
     if diff and not wrong:
-        name = shown_path(root.path)
-        common.say_lines_of_documents(difflib.unified_diff(root.text.splitlines(), text.splitlines(), name, name, lineterm=""))
+        common.say_diff(shown_path(root.path), root.text, text)
         return common.exit_code(outcome.found)
     return _say(arguments, outcome.found, done=outcome.done, texts={root.path: text} if wrong else None)
 
