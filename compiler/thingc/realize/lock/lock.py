@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from thingc.diagnostics import Code, Report, Severity
 from thingc.frozen import dataclass
 from thingc.realize.key.module_key import CodeIngredients
-from thingc.realize.lock.values import BadLock, mapping, read_record, read_schema
+from thingc.realize.lock.values import BadLock, mapping, read_record, read_schema, text_at
 from thingc.realize.record import PartDefinition, PartRecord, PartSchema
 from thingc.source import Span, line_of
 
@@ -159,13 +159,13 @@ def read(path: str, data: bytes) -> Lock:
         where = f"things.{reference}"
         values = mapping(values, where)
         things[reference] = LockedThing(
-            code=_word(values, "code", where), reads=_states(values.get("reads", {}), f"{where}.reads"), values=values,
+            code=text_at(values, "code", where), reads=_states(values.get("reads", {}), f"{where}.reads"), values=values,
             records=mapping(values.get("records", {}), f"{where}.records"),
         )
     files: dict[str, tuple[str, Any]] = {}
     for file, values in mapping(table.get("files", {}), "files").items():
         values = mapping(values, f"files.{file}")
-        files[file] = (_word(values, "content", f"files.{file}"), values.get("record"))
+        files[file] = (text_at(values, "content", f"files.{file}"), values.get("record"))
     others = table.get("others", [])
     if not isinstance(others, list) or not all(isinstance(one, str) for one in others):
         raise BadLock("others", "expected a list of texts")
@@ -181,13 +181,6 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _refuse(word: str) -> NoReturn:
     raise BadLock("", f"`{word}` is no number")
-
-
-def _word(table: Mapping[str, Any], key: str, path: str) -> str:
-    word = table.get(key)
-    if not isinstance(word, str):
-        raise BadLock(f"{path}.{key}", "expected a text")
-    return word
 
 
 def _states(value: Any, path: str) -> dict[str, str]:

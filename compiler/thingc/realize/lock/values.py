@@ -314,18 +314,29 @@ def _stated(table: Mapping[str, Any], key: str, count: int, path: str) -> Stated
 # --- small readers -----------------------------------------------------------------------------------------------------
 
 
+_T = TypeVar("_T")
+_Word = TypeVar("_Word", bound=str)
+
+
+def _of_type(kind: type[_T], value: Any, path: str, words: str) -> _T:
+    if not isinstance(value, kind):
+        raise BadLock(path, f"expected {words}")
+    return value
+
+
 def mapping(value: Any, path: str) -> Mapping[str, Any]:
     """The value, which must be a mapping."""
-    if not isinstance(value, dict):
-        raise BadLock(path, "expected a mapping")
-    return value
+    return _of_type(dict, value, path, "a mapping")
 
 
 def sequence(value: Any, path: str) -> list[Any]:
     """The value, which must be a list."""
-    if not isinstance(value, list):
-        raise BadLock(path, "expected a list")
-    return value
+    return _of_type(list, value, path, "a list")
+
+
+def text_at(table: Mapping[str, Any], key: str, path: str) -> str:
+    """The value of a key, which must be a text."""
+    return _of_type(str, table.get(key), f"{path}.{key}", "a text")
 
 
 def number(value: Any, path: str) -> float:
@@ -366,20 +377,11 @@ def _least(table: Mapping[str, Any], key: str, path: str) -> float:
 
 
 def _text(table: Mapping[str, Any], key: str, path: str) -> str | None:
-    text = table.get(key)
-    if text is not None and not isinstance(text, str):
-        raise BadLock(f"{path}.{key}", "expected a text")
-    return text
+    return None if table.get(key) is None else text_at(table, key, path)
 
 
 def _flag(table: Mapping[str, Any], key: str, path: str) -> bool:
-    flag = table.get(key)
-    if not isinstance(flag, bool):
-        raise BadLock(f"{path}.{key}", "expected true or false")
-    return flag
-
-
-_Word = TypeVar("_Word", bound=str)
+    return _of_type(bool, table.get(key), f"{path}.{key}", "true or false")
 
 
 def _one_of(known: Collection[_Word], table: Mapping[str, Any], key: str, path: str) -> _Word:
