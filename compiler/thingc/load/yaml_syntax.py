@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 from thingc.frozen import dataclass
 from thingc.load.text import Source
@@ -146,21 +147,16 @@ def _deeper_above(source: Source, at: int) -> tuple[int, list[int]] | None:
 
     None where the line is no less indented than the one above it.
     """
-    number = source.line_at(at)
-    own = at - source.starts[number]
-    if source.line(number)[:own].strip():
-        return None
+    own = at - source.starts[source.line_at(at)]
     place: int | None = None
     columns: list[int] = []
-    for above in range(number - 1, -1, -1):
-        written = source.line(above)
-        indent = len(written) - len(written.lstrip())
-        if not written.strip() or written.lstrip().startswith("#") or (columns and indent + 1 >= columns[-1]):
+    for start, indent, _ in _lines_above(source, at):
+        if columns and indent + 1 >= columns[-1]:
             continue
         if place is None:
             if indent <= own:
                 return None
-            place = source.starts[above] + indent
+            place = start
         columns.append(indent + 1)
         if indent < own:
             break
@@ -169,16 +165,22 @@ def _deeper_above(source: Source, at: int) -> tuple[int, list[int]] | None:
 
 def _shallow_above(source: Source, at: int) -> int | None:
     """For a line that begins at `at`: where the line above it begins, if that is a key with its value and less indented."""
+    own = at - source.starts[source.line_at(at)]
+    start, indent, written = next(_lines_above(source, at), (0, own, ""))
+    return start if indent < own and re.match(r"\s*[\w.$*-]+: +[^\s#]", written) else None
+
+
+def _lines_above(source: Source, at: int) -> Iterator[tuple[int, int, str]]:
+    """The lines above the one that begins at `at`, without empty lines and comments: where each begins behind its indentation, how wide
+    that is, and the line. None if something else is before `at` in its line."""
     number = source.line_at(at)
-    own = at - source.starts[number]
-    if source.line(number)[:own].strip():
-        return None
+    if source.line(number)[: at - source.starts[number]].strip():
+        return
     for above in range(number - 1, -1, -1):
         written = source.line(above)
+        indent = len(written) - len(written.lstrip())
         if written.strip() and not written.lstrip().startswith("#"):
-            indent = len(written) - len(written.lstrip())
-            return source.starts[above] + indent if indent < own and re.match(r"\s*[\w.$*-]+: +[^\s#]", written) else None
-    return None
+            yield source.starts[above] + indent, indent, written
 
 
 def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
