@@ -150,34 +150,34 @@ def _tries(chain: Chain, frame: Keyframe) -> list[Array]:
     return [chain.x(frame.q), middle, *spread_out]
 
 
-def _goal(target: Goal, frame: tuple[int, Pose] | None, at: tuple[Pose, ...]) -> tuple[Array, Array]:
-    """The point and the direction in the world."""
-    X_WF = NO_POSE if frame is None else at[frame[0]] @ frame[1]
+def _situation(
+    chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: Goal, x: Array,
+) -> tuple[dict[str, float], tuple[Pose, ...], tuple[Array, Array], tuple[Array, Array]]:
+    """The coordinates and the poses of all bodies at x; and, in the world, the origin and z of the mount, and the point and direction of
+    the target."""
+    q = chain.q(x)
+    at = chain.bodies(q)
+    there, X_WF = at[mount[0]] @ mount[1], NO_POSE if frame is None else at[frame[0]] @ frame[1]
     direction = target.direction or (0.0, 0.0, 1.0)
-    return np.array(X_WF.apply(target.point)), np.array(rotate(X_WF.rotation, direction))
+    return q, at, (np.array(there.translation), np.array(there.rotation)[:, 2]), (
+        np.array(X_WF.apply(target.point)), np.array(rotate(X_WF.rotation, direction)),
+    )
 
 
 def _approach(chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: Goal, start: Array) -> Array:
     from scipy.optimize import least_squares
 
     def residual(x: Array) -> Array:
-        q = chain.q(x)
-        at = chain.bodies(q)
-        there = at[mount[0]] @ mount[1]
-        goal, direction = _goal(target, frame, at)
-        parts = [(np.array(there.translation) - goal) / target.within]
+        q, _, (place, axis), (goal, direction) = _situation(chain, mount, frame, target, x)
+        parts = [(place - goal) / target.within]
         if target.direction is not None:
-            parts.append((np.array(there.rotation)[:, 2] - direction) / target.angle)
+            parts.append((axis - direction) / target.angle)
         if chain.robot.closures:
             parts.append(chain.closing(q)[0] / (0.01 * min(target.within, target.angle)))
         return np.concatenate(parts)
 
     def slope(x: Array) -> Array:
-        q = chain.q(x)
-        at = chain.bodies(q)
-        there = at[mount[0]] @ mount[1]
-        goal, direction = _goal(target, frame, at)
-        place, axis = np.array(there.translation), np.array(there.rotation)[:, 2]
+        q, at, (place, axis), (goal, direction) = _situation(chain, mount, frame, target, x)
         own, other = chain.jacobian(mount[0], place, q, at), chain.jacobian(None if frame is None else frame[0], goal, q, at)
         parts = [(own[:3] - other[:3]) / target.within]
         if target.direction is not None:
@@ -200,16 +200,12 @@ def _missed(
     chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: Goal, x: Array,
 ) -> tuple[float, float, float]:
     """How far the mount is from the point [m] and off the direction [rad], and how far the loops are open."""
-    q = chain.q(x)
-    at = chain.bodies(q)
-    there = at[mount[0]] @ mount[1]
-    goal, direction = _goal(target, frame, at)
+    q, _, (place, axis), (goal, direction) = _situation(chain, mount, frame, target, x)
     off = 0.0
     if target.direction is not None:
-        axis = np.array(there.rotation)[:, 2]
         off = float(np.arctan2(np.linalg.norm(np.cross(axis, direction)), axis @ direction))
     error, _ = chain.closing(q)
-    return float(np.linalg.norm(np.array(there.translation) - goal)), off, float(np.abs(error).max(initial=0.0))
+    return float(np.linalg.norm(place - goal)), off, float(np.abs(error).max(initial=0.0))
 
 
 def _joints(chain: Chain, x: Array) -> dict[str, float]:
