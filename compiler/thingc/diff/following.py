@@ -235,7 +235,8 @@ class _Following:
 
     def _coordinates(self) -> None:
         """The order in which a mode's model has the coordinates that both robots have."""
-        known = {path: there for path in _joints(self.old) if (there := self.pairing.path("joint", path)) is not None}
+        joints = [path for what, path in self.old.things if what == "joint"]
+        known = {path: there for path in joints if (there := self.pairing.path("joint", path)) is not None}
         for mode, names in self.old.coordinates.items():
             there = self.pairing.path("mode", mode) or (mode if mode in self.new.coordinates else None)
             if there is None or there not in self.new.coordinates:
@@ -415,10 +416,6 @@ def _same(old: Sequence[float], new: Sequence[float]) -> bool:
 
 def _told(pose: Pose | None) -> Told:
     return None if pose is None else (tuple(pose.translation), tuple(rpy_of(pose.rotation)))
-
-
-def _joints(portrait: Portrait) -> list[str]:
-    return [path for what, path in portrait.things if what == "joint"]
 
 
 def _by_definition(rows: Iterable[Row]) -> dict[str, list[Row]]:

@@ -70,15 +70,8 @@ def shape_below(shape: AnnotationShape | None, key: str | None) -> AnnotationSha
 
 
 @functools.lru_cache(maxsize=256)
-def _member_of(annotation: Any) -> AnnotationShape:
-    return shape_of(annotation)
-
-
 def _member(annotation: Any) -> AnnotationShape:
-    try:
-        return _member_of(annotation)
-    except TypeError:  # an annotation that cannot be hashed
-        return shape_of(annotation)
+    return shape_of(annotation)
 
 
 def ordered(names: Sequence[str], shape: AnnotationShape | None) -> list[int]:

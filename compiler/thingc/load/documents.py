@@ -253,7 +253,7 @@ class _Reader:
             if self.enough(where):
                 return
             self.named(document, text, where, "materials")
-        for text, where in _files(document.tree):
+        for text, where in _components(document.tree, "file"):
             if self.enough(where):
                 return
             self.find(text, document, where, PART_SUFFIXES, "a file of a part")
@@ -263,7 +263,7 @@ class _Reader:
             path = self.find(text, document, where, MESH_SUFFIXES, "a mesh file")
             if path is not None:
                 self.files.update(os.path.join(os.path.dirname(path), name) for name in libraries(path))
-        for text, where in _assemblies(document.tree):
+        for text, where in _components(document.tree, "assembly"):
             if self.enough(where):
                 return
             nested = self.named(document, text, where, "assembly")
@@ -374,14 +374,6 @@ def _components(tree: MappingNode, key: str) -> Iterator[tuple[str, Span]]:
         for component in components.entries.values():
             if isinstance(component, MappingNode):
                 yield from _texts(component.entries.get(key))
-
-
-def _assemblies(tree: MappingNode) -> Iterator[tuple[str, Span]]:
-    return _components(tree, "assembly")
-
-
-def _files(tree: MappingNode) -> Iterator[tuple[str, Span]]:
-    return _components(tree, "file")
 
 
 def _meshes(tree: MappingNode) -> Iterator[tuple[str, Span]]:

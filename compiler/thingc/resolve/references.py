@@ -214,10 +214,6 @@ def _unbuilt(prefixes: list[str], name: str) -> bool:
     return any(name.startswith(prefix) or name == prefix[:-1] for prefix in prefixes)
 
 
-def _place(table: Table) -> Span:
-    return table.document.span(("name",))
-
-
 def _descend(table: Table, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> Node | None:
     """The component at a path; None where there is none (reported, or wrong before)."""
     node: Node | None = None
@@ -301,7 +297,7 @@ def declared(node: Node) -> list[Note]:
 
 def defined(table: Table) -> list[Note]:
     """The note that shows where the assembly of a nested document is written."""
-    return [Note(message=f"`{table.spec.name}` is defined here", span=_place(table))]
+    return [Note(message=f"`{table.spec.name}` is defined here", span=table.document.span(("name",)))]
 
 
 def _repeated(scope: Scope, path: Path, key: bool) -> list[Note]:

@@ -74,7 +74,8 @@ def _height(
 ) -> float | None:
     """Where z [m] of the mode's `at` has to be in a pose (None: every joint at 0); None where nothing can touch."""
     start = assembly.link_of[mode.root.occurrence]
-    bodies = bodies_from(assembly, start, spanning(assembly, mode), root_pose(assembly, _at_zero(mode)), memo)
+    on_plane = root_pose(assembly, replace(mode, at=_raised(mode.at, 0.0)))
+    bodies = bodies_from(assembly, start, spanning(assembly, mode), on_plane, memo)
     at = dict(zip((body.link for body in bodies), placed_bodies(bodies, closed_coordinates(assembly, pose, memo), bodies[0].X_PL)))
     poses = [at[link] @ inner for link, inner in zip(assembly.link_of, in_link(assembly)) if link in at]
     if len(poses) < len(assembly.occurrences):
@@ -82,10 +83,6 @@ def _height(
     place = (mode.name, pose.name if pose is not None else None)
     lowest = _lowest(list(zip(assembly.occurrences, poses, strict=True)), place, mesh_vertices, memo)
     return None if lowest == math.inf else round(-lowest, DECIMALS) + 0.0
-
-
-def _at_zero(mode: LinkedMode) -> LinkedMode:
-    return replace(mode, at=_raised(mode.at, 0.0))
 
 
 def _lowest(

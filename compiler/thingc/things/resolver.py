@@ -48,20 +48,12 @@ class TransformResolver(Framed):
     __slots__ = ("__location", "__target")
 
     def __init__(self, target: object, location: Location) -> None:
-        if isinstance(location, Plane):
-            location = location.location
-        if not isinstance(location, Location):
-            raise TypeError(f"move() takes a Location, found {location!r}")
         object.__setattr__(self, "_TransformResolver__target", target)
-        object.__setattr__(self, "_TransformResolver__location", Location(location.wrapped))
+        object.__setattr__(self, "_TransformResolver__location", Location(_location(location).wrapped))
 
     def move(self, location: Location) -> TransformResolver:
         """The view moved once more, by `location` in the local frame (as build123d's `Shape.moved`)."""
-        if isinstance(location, Plane):
-            location = location.location
-        if not isinstance(location, Location):
-            raise TypeError(f"move() takes a Location, found {location!r}")
-        return TransformResolver(self.__target, location * self.__location)
+        return TransformResolver(self.__target, _location(location) * self.__location)
 
     def __getattr__(self, name: str) -> Any:
         """The attribute of the Thing, in the local frame; `AttributeError` where it has none."""
@@ -104,7 +96,7 @@ def placed(value: Any, location: Location) -> Any:
     if isinstance(value, Vector):
         return Vector(value.to_pnt().Transformed(location.wrapped.Transformation()).XYZ())
     if isinstance(value, Plane):
-        return _moved_plane(value, location)
+        return Plane(location * value.location)  # `Plane.moved` applies it inside the plane's own frame
     if isinstance(value, Axis):
         return value.located(location)
     if isinstance(value, BoundBox):
@@ -143,9 +135,13 @@ def _calling(function: Callable[..., Any], location: Location) -> Callable[..., 
     return call
 
 
-def _moved_plane(plane: Plane, location: Location) -> Plane:
-    """The plane with `location` applied from outside (build123d's `Plane.moved` applies it inside the plane's own frame)."""
-    return Plane(location * plane.location)
+def _location(location: object) -> Location:
+    """A location, or that of a plane. Raises `TypeError` for anything else."""
+    if isinstance(location, Plane):
+        location = location.location
+    if not isinstance(location, Location):
+        raise TypeError(f"move() takes a Location, found {location!r}")
+    return location
 
 
 def _moved(shape: Shape[Any], location: Location) -> Shape[Any]:

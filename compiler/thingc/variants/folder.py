@@ -97,9 +97,12 @@ def whole(folder: str, described: Mapping[str, Any]) -> None:
 
 def write_batch(folder: str, batch: Mapping[str, Any]) -> None:
     """Write `batch.json`; it appears as a whole."""
-    path = os.path.join(folder, places.BATCH)
-    with open(f"{path}.new", "w", encoding="utf-8") as stream:
-        stream.write(json.dumps({"thingc": KIND, **batch}, indent=2, sort_keys=True, ensure_ascii=False) + "\n")
+    _write(os.path.join(folder, places.BATCH), json.dumps({"thingc": KIND, **batch}, indent=2, sort_keys=True, ensure_ascii=False))
+
+
+def _write(path: str, text: str) -> None:
+    with open(f"{path}.new", "w", encoding="utf-8", newline="\n") as stream:
+        stream.write(f"{text}\n")
     os.replace(f"{path}.new", path)
 
 
@@ -115,10 +118,7 @@ def forget(folder: str, name: str) -> None:
 
 def _note(folder: str, states: Mapping[str, str | None]) -> None:
     noted = {name: state for name, state in {**_noted(folder), **states}.items() if state is not None}
-    path = os.path.join(folder, places.SHOWN)
-    with open(f"{path}.new", "w", encoding="utf-8", newline="\n") as stream:
-        stream.write(json.dumps(noted, indent=2, sort_keys=True) + "\n")
-    os.replace(f"{path}.new", path)
+    _write(os.path.join(folder, places.SHOWN), json.dumps(noted, indent=2, sort_keys=True))
 
 
 def _noted(folder: str) -> dict[str, str]:

@@ -149,15 +149,11 @@ class _Search:
 
     def _too_large(self) -> BatchFault:
         what = f"{MOST_FILES} files" if len(self.found) > MOST_FILES else f"{MOST_BYTES // 1_000_000} MB"
-        largest = ", ".join(f"`{name}` ({_megabytes(size)})" for name, size in self.sizes.most_common(3))
+        largest = ", ".join(f"`{name}` ({size / 1e6:.1f} MB)" for name, size in self.sizes.most_common(3))
         return BatchFault(
             Code.TOO_LARGE, f"the workspace in `{self.root}` has more than {what}, which is the bound for --ship; so far met: {largest}",
             "move what robots are not made of out of the workspace's folder, or give the robot a folder with a `thingc.toml` of its own",
         )
-
-
-def _megabytes(size: int) -> str:
-    return f"{size / 1e6:.1f} MB"
 
 
 def _entries(folder: str) -> Iterator[os.DirEntry[str]]:
