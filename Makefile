@@ -109,7 +109,7 @@ kills: $(VENV)/.thingc-dev
 	$(BIN)/python tests/conformance/kills.py --number $(KILLS) --seed $(SEED)
 
 schemas: $(VENV)/.thingc-dev
-	$(BIN)/python -m thingc.spec.schema
+	$(BIN)/python -m thingc.documents.spec.schema
 
 $(VENV)/.thingc: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)

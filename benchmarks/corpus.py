@@ -39,7 +39,7 @@ import drawing
 import pages
 import robots as joints
 
-from thingc.cli.main import main as thingc
+from thingc.tools.cli.main import main as thingc
 
 ROOT = Path(__file__).resolve().parents[1]
 DESIGNS, SEED, RANDOM = 200, 7, 20

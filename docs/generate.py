@@ -2,7 +2,7 @@
 `formats.md`: `python docs/generate.py`.
 
 From the closed set of codes, the sentences of `docs/codes/meanings.toml` and the examples of `tests/cases/codes` it makes
-`docs/diagnostics.md`, a page `docs/codes/TC302.md` for every code, and `compiler/thingc/reporting/examples.json`.
+`docs/diagnostics.md`, a page `docs/codes/TC302.md` for every code, and `compiler/thingc/tools/reporting/examples.json`.
 
 The wrong example of a code is a case: `TC302.yaml` with what is said of it in `TC302.txt`. The right one is `TC302.right.yaml`.
 Where an example needs a workspace of its own they are `TC120/wrong/robot.yaml` and `TC120/right/robot.yaml`.
@@ -25,10 +25,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from thingc.checks import kinds
-from thingc.diagnostics import Code
-from thingc.emit import TARGETS
-from thingc.emit.capabilities import Beside, Capabilities, Cell, Says
+from thingc.base.diagnostics import Code
+from thingc.documents.checks import kinds
+from thingc.targets import TARGETS
+from thingc.targets.capabilities import Beside, Capabilities, Cell, Says
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
@@ -37,7 +37,7 @@ FORMATS = DOCS / "formats.md"
 LANGUAGE = DOCS / "language.md"
 MEANINGS = DOCS / "codes" / "meanings.toml"
 CASES = ROOT / "tests" / "cases" / "codes"
-EXAMPLES = ROOT / "compiler" / "thingc" / "reporting" / "examples.json"
+EXAMPLES = ROOT / "compiler" / "thingc" / "tools" / "reporting" / "examples.json"
 SUFFIXES = ("yaml", "toml")
 
 GROUPS = {

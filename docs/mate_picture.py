@@ -1,6 +1,6 @@
 """Draws `docs/pictures/mate.svg`: two mounts about to mate, and which child axis lies along which parent axis.
 
-`python docs/mate_picture.py` writes it. What it shows is read from `thingc.pose.MATE`, in an isometric view from +x +y +z.
+`python docs/mate_picture.py` writes it. What it shows is read from `thingc.base.pose.MATE`, in an isometric view from +x +y +z.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import math
 import sys
 from pathlib import Path
 
-from thingc.pose import MATE, Vector
+from thingc.base.pose import MATE, Vector
 
 PICTURE = Path(__file__).resolve().parent / "pictures" / "mate.svg"
 SCALE, LEFT, GROUND = 92.0, 232.0, 330.0

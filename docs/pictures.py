@@ -15,7 +15,7 @@ import terminal
 import website
 from PIL import Image
 
-from thingc.templates import TEMPLATES
+from thingc.tools.templates import TEMPLATES
 
 ROOT = Path(__file__).resolve().parent.parent
 PICTURES = ROOT / "docs" / "pictures"
@@ -32,7 +32,7 @@ STRIPS: dict[str, tuple[str, list[list[str]]]] = {
         ["--mode", "front_foot_wall", "--pose", "step_rear", "--azimuth", "55", "--elevation", "-8"],
         ["--mode", "rear_foot_ceiling", "--pose", "arched", "--azimuth", "125"],
     ]),
-    "new_legged.png": ("compiler/thingc/templates/legged/my_robot.yaml", [
+    "new_legged.png": ("compiler/thingc/tools/templates/legged/my_robot.yaml", [
         ["--mode", "walking", "--azimuth", "215"],
         ["--mode", "on_left", "--azimuth", "195", "--elevation", "-10"],
         ["--mode", "on_right", "--azimuth", "165", "--elevation", "-10"],
@@ -76,7 +76,7 @@ def strip(document: str, shots: list[list[str]]) -> Image.Image:
 
 def new_robots(path: Path) -> None:
     """What each template of `thingc new` begins with, side by side."""
-    documents = [f"compiler/thingc/templates/{template}/my_robot.yaml" for template in TEMPLATES]
+    documents = [f"compiler/thingc/tools/templates/{template}/my_robot.yaml" for template in TEMPLATES]
     pictures = [strip(document, [["--azimuth", "215" if "legged" in document else "130"]]) for document in documents]
     whole = Image.new("RGB", (WIDTH * len(pictures), HEIGHT))
     for index, picture in enumerate(pictures):

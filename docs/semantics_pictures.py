@@ -1,6 +1,6 @@
 """Draws the figures of `docs/semantics.md`: `python docs/semantics_pictures.py` writes
 
-- `pictures/joint.svg`: the frames between a parent and a child that a joint moves, posed by `thingc.pose` and `thingc.joints`;
+- `pictures/joint.svg`: the frames between a parent and a child that a joint moves, posed by `thingc.base.pose` and `thingc.base.joints`;
 - `pictures/roots.svg`: one robot at one q with two roots, and its two trees;
 - `pictures/closure.svg`: a four-bar linkage that a mode cuts, before its loop is closed and after.
 """
@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from thingc.joints import KINDS, moved
-from thingc.pose import MATE, Pose, Vector, placed, rotate, shifted, turned_z
+from thingc.base.joints import KINDS, moved
+from thingc.base.pose import MATE, Pose, Vector, placed, rotate, shifted, turned_z
 
 PICTURES = Path(__file__).resolve().parent / "pictures"
 INK, GREY, LIGHT, ORANGE = "#20242a", "#7c828b", "#d6d9de", "#e8792b"

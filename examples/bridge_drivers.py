@@ -10,9 +10,9 @@ from typing import Any, Protocol
 
 import yaml
 
-import thingc.variants
+import thingc.batch
 from bridge_report import MARGIN, Tried
-from thingc.environment import Options
+from thingc.driver.environment import Options
 
 ROUND = 8
 """Bridges that Optuna is asked for at once."""
@@ -49,7 +49,7 @@ class Optuna:
         import optuna
 
         optuna.logging.set_verbosity(optuna.logging.WARNING)
-        plan = thingc.variants.plan(str(document), options=options)
+        plan = thingc.batch.plan(str(document), options=options)
         self._document = document
         self._left = plan.count if count is None else count
         self._ranges = {axis.key: (axis.range[0].value, axis.range[1].value) for axis in plan.axes if axis.range is not None}

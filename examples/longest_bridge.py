@@ -12,10 +12,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import thingc.variants
+import thingc.batch
 from bridge_drivers import DRIVERS, Driver
 from bridge_report import Tried, draw, page, rebuilt
-from thingc.environment import Options
+from thingc.driver.environment import Options
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCUMENT = ROOT / "assemblies" / "minchw" / "bridge_search.yaml"
@@ -25,9 +25,9 @@ def search(driver: Driver, output: str | None, store: str | None, jobs: int) -> 
     """Build what the driver asks for, round after round, until it asks for nothing more."""
     found: list[Tried] = []
     while (document := driver.ask()) is not None:
-        summary = thingc.variants.run(str(document), output=output, jobs=jobs, options=Options(store=store), on_progress=_progress)
+        summary = thingc.batch.run(str(document), output=output, jobs=jobs, options=Options(store=store), on_progress=_progress)
         print(file=sys.stderr)
-        rows = [tried(row, summary.folder) for row in thingc.variants.load(summary.folder).rows]
+        rows = [tried(row, summary.folder) for row in thingc.batch.load(summary.folder).rows]
         driver.tell(rows)
         found += rows
     return found
@@ -44,7 +44,7 @@ def tried(row: Any, folder: str) -> Tried:
     )
 
 
-def _progress(now: thingc.variants.Progress) -> None:
+def _progress(now: thingc.batch.Progress) -> None:
     print(f"\r{now.done} of {now.count}", end="", file=sys.stderr, flush=True)
 
 
@@ -62,10 +62,10 @@ def main() -> int:
     try:
         driver = DRIVERS[given.driver](DOCUMENT, given.count, options)
         found = search(driver, given.output, given.store, given.jobs)
-    except thingc.variants.BatchFault as fault:
+    except thingc.batch.BatchFault as fault:
         print(fault.diagnostic.message, fault.diagnostic.help or "", sep="\n", file=sys.stderr)
         return 1
-    except thingc.variants.Interrupted as stopped:
+    except thingc.batch.Interrupted as stopped:
         print(f"\n{stopped}", file=sys.stderr)
         return 130
     best = max((one for one in found if one.feasible), key=lambda one: one.bridge, default=None)

@@ -20,10 +20,10 @@ from hypothesis import HealthCheck, settings
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
-from thingc.cli.main import main
-from thingc.diagnostics import Code, Diagnostic
-from thingc.realize.client import Workers
-from thingc.templates import TEMPLATES
+from thingc.base.diagnostics import Code, Diagnostic
+from thingc.geometry.client import Workers
+from thingc.tools.cli.main import main
+from thingc.tools.templates import TEMPLATES
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -71,7 +71,7 @@ def _keep_workers(patch: pytest.MonkeyPatch) -> None:
     def kept(jobs: int, *, seed: int = 0) -> Workers:
         return _KEPT.setdefault((jobs, seed), _Kept(jobs, seed=seed))
 
-    patch.setattr("thingc.realize.client.Workers", kept)
+    patch.setattr("thingc.geometry.client.Workers", kept)
 
 
 @pytest.fixture(scope="session", params=TEMPLATES)

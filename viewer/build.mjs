@@ -8,7 +8,7 @@ import { build } from "esbuild";
 import { licenceComment } from "./licences.mjs";
 
 const here = fileURLToPath(new URL(".", import.meta.url));
-const target = join(here, "../compiler/thingc/emit/html/page/viewer.js");
+const target = join(here, "../compiler/thingc/targets/html/page/viewer.js");
 
 const digest = createHash("sha256");
 const sources = readdirSync(join(here, "src"), { recursive: true }).filter((name) => name.endsWith(".ts"));

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from drawing import EDITS, ROOT, design, ranges, workspace, write
 from verdicts import Verdict, judged
 
-from thingc.diagnostics import Severity
+from thingc.base.diagnostics import Severity
 
 PAGE = ROOT / "docs" / "designs.md"
 COUNT, SEED = 200, 7

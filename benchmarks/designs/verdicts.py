@@ -17,7 +17,7 @@ from drawing import Design  # noqa: E402
 
 import thingc  # noqa: E402
 from conformance import roots  # noqa: E402
-from thingc.diagnostics import Code, Diagnostic, Severity  # noqa: E402
+from thingc.base.diagnostics import Code, Diagnostic, Severity  # noqa: E402
 
 CRASHES = {Code.INTERNAL, Code.PART_CRASHED, Code.PART_HUNG}
 """Codes that name no rule of the design: something of thingc or of a part went wrong."""

@@ -19,10 +19,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "designs"))
 import drawing
 from known_changes import ROBOTS, cases, rewritten
 
-from thingc.diff import Change, Portrait, compare, portrait
-from thingc.diff.pairing import equal
-from thingc.environment import Environment, Options
-from thingc.pipeline import compile
+from thingc.driver.environment import Environment, Options
+from thingc.driver.pipeline import compile
+from thingc.tools.diff import Change, Portrait, compare, portrait
+from thingc.tools.diff.pairing import equal
 
 
 def drawn(document: Path) -> Portrait | None:

@@ -26,11 +26,11 @@ from tally import Tally, collections
 
 import thingc
 from importing.as_original import Pair, in_files
-from thingc.diagnostics import Report, Severity
-from thingc.importing import Imported, import_robot
-from thingc.importing.mjcf.flat import Flat
-from thingc.importing.mjcf.original import Original
-from thingc.importing.xml_source import read_xml
+from thingc.base.diagnostics import Report, Severity
+from thingc.tools.importing import Imported, import_robot
+from thingc.tools.importing.mjcf.flat import Flat
+from thingc.tools.importing.mjcf.original import Original
+from thingc.tools.importing.xml_source import read_xml
 
 EXACT = 1e-9
 TOLERANCES = {"contacts": 1e-6, "contacts by iteration": 1e-4, "shapes": 1e-6}

@@ -27,9 +27,9 @@ from tally import Tally, collections
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 import thingc
 from importing.as_original import in_files
-from thingc.diagnostics import Report, Severity
-from thingc.importing import Imported, import_robot
-from thingc.importing.sdf import ENDLESS
+from thingc.base.diagnostics import Report, Severity
+from thingc.tools.importing import Imported, import_robot
+from thingc.tools.importing.sdf import ENDLESS
 
 ROOTS = 5
 POSE, RELATIVE = 1e-9, 1e-9

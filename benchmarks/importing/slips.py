@@ -17,8 +17,8 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from thingc.diagnostics import Report
-from thingc.importing import import_robot
+from thingc.base.diagnostics import Report
+from thingc.tools.importing import import_robot
 
 NEAR = 2
 """Lines."""

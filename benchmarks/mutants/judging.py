@@ -9,12 +9,12 @@ from pathlib import Path
 
 from mutations import Mutant
 
-from thingc import pipeline
-from thingc.diagnostics import Code, Diagnostic, Severity
-from thingc.environment import Environment, Options
-from thingc.load import documents_in
-from thingc.printing import as_json, as_text
-from thingc.source import Document, MappingNode, ScalarNode, walk
+from thingc.base.diagnostics import Code, Diagnostic, Severity
+from thingc.base.printing import as_json, as_text
+from thingc.base.source import Document, MappingNode, ScalarNode, walk
+from thingc.documents.load import documents_in
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
 
 ROOT = Path(__file__).resolve().parents[2]
 COPIED = ("assemblies", "parts", "thingc.toml")

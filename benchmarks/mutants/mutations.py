@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from thingc.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, Span, walk
+from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, Span, walk
 
 KINDS = ("delete", "misspell key", "misspell value", "change unit", "swap", "retype")
 UNITS = ("mm", "m", "deg", "rad", "kg", "g", "N", "N*m", "s", "Hz", "kg/m^3", "rpm", "%", "furlong")

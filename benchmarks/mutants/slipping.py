@@ -31,11 +31,11 @@ sys.path.insert(0, str(HERE))
 from reasons import REASONS  # noqa: E402
 from slips import ARM, MEANING, MINCHW, SIZES, WALKER, Slip  # noqa: E402
 
-from thingc.cli.main import main as thingc  # noqa: E402
-from thingc.diagnostics import Report  # noqa: E402
-from thingc.load import load  # noqa: E402
-from thingc.source import Document, MappingNode, node_at  # noqa: E402
-from thingc.workspace import Workspace  # noqa: E402
+from thingc.base.diagnostics import Report  # noqa: E402
+from thingc.base.source import Document, MappingNode, node_at  # noqa: E402
+from thingc.documents.load import load  # noqa: E402
+from thingc.documents.workspace import Workspace  # noqa: E402
+from thingc.tools.cli.main import main as thingc  # noqa: E402
 
 ROOT = HERE.parents[1]
 PAGE = ROOT / "docs" / "slips.md"

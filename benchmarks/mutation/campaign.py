@@ -30,7 +30,7 @@ from mutants import Mutant, mutants
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = "compiler/thingc"
-ROOMS = ("importing", "emit", "resolve", "graph", "robot", "plans")
+ROOMS = ("tools/importing", "targets", "model/resolve", "model/assembly", "model/robot", "batch/plans")
 TESTS = (*ROOMS, "cases", "families", "links", "loops", "mjcf", "modes", "statics", "testing", "variants")
 PLUGINS = Path(__file__).resolve().parent / "plugins"
 LIMIT = 4.0

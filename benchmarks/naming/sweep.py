@@ -18,8 +18,8 @@ from picks import EDGES, FACES, Lists, Pick, chosen
 import arm
 import minchw.body
 import minchw.leg
-from thingc.things.inspection import build, mounts_of, parameters_of
-from thingc.things.parameters import Parameter, Value
+from thingc.geometry.things.inspection import build, mounts_of, parameters_of
+from thingc.geometry.things.parameters import Parameter, Value
 from thingc_stock import cells, dynamixel, fasteners, magnets
 
 PARTS: dict[str, list[tuple[Any, Callable[..., list[Intent]]]]] = {

@@ -1,4 +1,4 @@
-"""The share of the border of sparse infill along which PrusaSlicer joins its lines: `JOINED` in `thingc.realize.worker.kernel.slicing`.
+"""The share of the border of sparse infill along which PrusaSlicer joins its lines: `JOINED` in `thingc.geometry.worker.kernel.slicing`.
 
 Lines of an infill end at the border. Its rule [connect_infill]: the gaps between neighbouring ends, the shortest first, are closed where
 both ends are still free; then each end that is left is joined to the nearer of its neighbours. Here: a long straight border, families

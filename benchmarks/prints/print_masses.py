@@ -26,10 +26,10 @@ sys.path[:0] = [str(HERE), str(ROOT / "compiler")]
 
 from prusa import NotSliced, Printed, Settings, printed, program, version  # noqa: E402
 
-from thingc.environment import Options  # noqa: E402
-from thingc.inertia import MassProperties  # noqa: E402
-from thingc.resolve import Settings as Said  # noqa: E402
-from thingc.session import Session  # noqa: E402
+from thingc.base.inertia import MassProperties  # noqa: E402
+from thingc.driver.environment import Options  # noqa: E402
+from thingc.driver.session import Session  # noqa: E402
+from thingc.model.resolve import Settings as Said  # noqa: E402
 
 PAGE = ROOT / "docs" / "prints.md"
 KEPT = ROOT / "build" / "prints"

@@ -15,9 +15,9 @@ from pathlib import Path
 
 from distributed import LocalCluster
 
-from thingc.environment import Options
-from thingc.variants import run
-from thingc.variants.cluster import connect
+from thingc.batch import run
+from thingc.batch.cluster import connect
+from thingc.driver.environment import Options
 
 BOUND = 10.0
 WORKERS = 4

@@ -29,7 +29,7 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from thingc.variants import load
+from thingc.batch import load
 
 ROOT = Path(__file__).resolve().parents[2]
 KINDS = {

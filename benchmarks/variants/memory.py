@@ -51,11 +51,11 @@ import mujoco
 from throughput import FRESH, processor, resident, workspace
 
 import thingc
-from thingc.emit import model_sources
-from thingc.families.models import ModelsOfMode
-from thingc.pipeline import request_of
-from thingc.resolve import Settings
-from thingc.session import Session
+from thingc.batch.families.models import ModelsOfMode
+from thingc.driver.pipeline import request_of
+from thingc.driver.session import Session
+from thingc.model.resolve import Settings
+from thingc.targets import model_sources
 
 MODE = "bench"
 

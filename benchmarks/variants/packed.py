@@ -24,7 +24,7 @@ from pathlib import Path
 
 from throughput import workspace
 
-from thingc.variants import load
+from thingc.batch import load
 
 ARM = """
     thingc: variants/1

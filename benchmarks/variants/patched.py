@@ -22,10 +22,10 @@ from typing import Any
 import mujoco
 
 import thingc
-from thingc.families import NoModel
-from thingc.patching import differing
-from thingc.source import MappingNode, Node, ScalarNode
-from thingc.units import Quantity
+from thingc.base.source import MappingNode, Node, ScalarNode
+from thingc.base.units import Quantity
+from thingc.batch.families import NoModel
+from thingc.batch.patching import differing
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests"))

@@ -8,7 +8,7 @@ parameters, too. Store warm, one process, a session for each of these:
 - `passed`: the same by every pass, and MuJoCo compiles every model, as a batch lets it do with `--verify all`: with a tetrahedron in the
   place of a mesh that it has taken before;
 - `loaded`: the same as `plain`; when the variants of a round are written, every model of them is read and becomes a `mujoco.MjModel` of its
-  own with all of its meshes, as `models` of `thingc.variants.load` makes them: of models whose texts differ in nothing but numbers the
+  own with all of its meshes, as `models` of `thingc.batch.load` makes them: of models whose texts differ in nothing but numbers the
   arrays are written;
 - `compiled`: the same, but MuJoCo compiles every one, without threads (`model` of a variant);
 - `unseen`: the same as `compiled` without what is only drawn (`model(visual=False)`);
@@ -37,13 +37,13 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from thingc.emit.artifact import Stored
-from thingc.environment import Options
-from thingc.patching import ModelText, TextModels
-from thingc.plans import Builds, SettingsReader
-from thingc.resolve import Settings
-from thingc.session import Session
-from thingc.variants.batch import SHARE
+from thingc.batch.batch import SHARE
+from thingc.batch.patching import ModelText, TextModels
+from thingc.batch.plans import Builds, SettingsReader
+from thingc.driver.environment import Options
+from thingc.driver.session import Session
+from thingc.model.resolve import Settings
+from thingc.targets.artifact import Stored
 
 ROOT = Path(__file__).resolve().parents[2]
 ADDED = """
@@ -140,7 +140,7 @@ class Models:
                 pass
 
     def source(self, text: str) -> ModelText:
-        """A text as `thingc.variants.load` hands it on."""
+        """A text as `thingc.batch.load` hands it on."""
         return ModelText(text=text, meshes=(), assets=lambda: self.meshes, compiled=lambda: self.compile(text))
 
     def compile(self, text: str) -> Any:

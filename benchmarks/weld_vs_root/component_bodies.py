@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
-from thingc.graph.types import Assembly, Mate
-from thingc.inertia import ZERO, physical_fault
-from thingc.joints import moved
-from thingc.pose import Pose, rotate
-from thingc.robot.types import Robot
+from thingc.base.inertia import ZERO, physical_fault
+from thingc.base.joints import moved
+from thingc.base.pose import Pose, rotate
+from thingc.model.assembly.types import Assembly, Mate
+from thingc.model.robot.types import Robot
 
 SECTIONS = ("keyframe", "worldbody")
 """Sections that are not copied: positions are in another order here."""

@@ -13,44 +13,44 @@ TYPE_CHECKING = False
 
 if TYPE_CHECKING:
     from thingc import modes as modes
-    from thingc.api import Compiled as Compiled
-    from thingc.api import CompiledMode as CompiledMode
-    from thingc.api import CompileError as CompileError
-    from thingc.api import compile as compile
-    from thingc.families.family import RobotFamily as RobotFamily
-    from thingc.families.family import family as family
-    from thingc.things.actuator import Actuator as Actuator
-    from thingc.things.assets import asset as asset
-    from thingc.things.mounts import MountPoint as MountPoint
-    from thingc.things.parameters import Angle as Angle
-    from thingc.things.parameters import Count as Count
-    from thingc.things.parameters import Length as Length
-    from thingc.things.parameters import Mass as Mass
-    from thingc.things.parameters import ParameterError as ParameterError
-    from thingc.things.parameters import Range as Range
-    from thingc.things.parameters import Ratio as Ratio
-    from thingc.things.resolver import TransformResolver as TransformResolver
-    from thingc.things.thing import Thing as Thing
+    from thingc.batch.families.family import RobotFamily as RobotFamily
+    from thingc.batch.families.family import family as family
+    from thingc.driver.api import Compiled as Compiled
+    from thingc.driver.api import CompiledMode as CompiledMode
+    from thingc.driver.api import CompileError as CompileError
+    from thingc.driver.api import compile as compile
+    from thingc.geometry.things.actuator import Actuator as Actuator
+    from thingc.geometry.things.assets import asset as asset
+    from thingc.geometry.things.mounts import MountPoint as MountPoint
+    from thingc.geometry.things.parameters import Angle as Angle
+    from thingc.geometry.things.parameters import Count as Count
+    from thingc.geometry.things.parameters import Length as Length
+    from thingc.geometry.things.parameters import Mass as Mass
+    from thingc.geometry.things.parameters import ParameterError as ParameterError
+    from thingc.geometry.things.parameters import Range as Range
+    from thingc.geometry.things.parameters import Ratio as Ratio
+    from thingc.geometry.things.resolver import TransformResolver as TransformResolver
+    from thingc.geometry.things.thing import Thing as Thing
 
 _EXPORTS = {
-    "Actuator": "thingc.things.actuator",
-    "Angle": "thingc.things.parameters",
-    "CompileError": "thingc.api",
-    "Compiled": "thingc.api",
-    "CompiledMode": "thingc.api",
-    "Count": "thingc.things.parameters",
-    "Length": "thingc.things.parameters",
-    "Mass": "thingc.things.parameters",
-    "MountPoint": "thingc.things.mounts",
-    "ParameterError": "thingc.things.parameters",
-    "Range": "thingc.things.parameters",
-    "Ratio": "thingc.things.parameters",
-    "RobotFamily": "thingc.families.family",
-    "Thing": "thingc.things.thing",
-    "TransformResolver": "thingc.things.resolver",
-    "asset": "thingc.things.assets",
-    "compile": "thingc.api",
-    "family": "thingc.families.family",
+    "Actuator": "thingc.geometry.things.actuator",
+    "Angle": "thingc.geometry.things.parameters",
+    "CompileError": "thingc.driver.api",
+    "Compiled": "thingc.driver.api",
+    "CompiledMode": "thingc.driver.api",
+    "Count": "thingc.geometry.things.parameters",
+    "Length": "thingc.geometry.things.parameters",
+    "Mass": "thingc.geometry.things.parameters",
+    "MountPoint": "thingc.geometry.things.mounts",
+    "ParameterError": "thingc.geometry.things.parameters",
+    "Range": "thingc.geometry.things.parameters",
+    "Ratio": "thingc.geometry.things.parameters",
+    "RobotFamily": "thingc.batch.families.family",
+    "Thing": "thingc.geometry.things.thing",
+    "TransformResolver": "thingc.geometry.things.resolver",
+    "asset": "thingc.geometry.things.assets",
+    "compile": "thingc.driver.api",
+    "family": "thingc.batch.families.family",
 }
 """Exported name to the module that has it (PEP 562)."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from thingc.cli import interrupts
+from thingc.tools.cli import interrupts
 
 
 def entry() -> None:
@@ -26,7 +26,7 @@ def _run() -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal may know fewer letters than documents hold
-    from thingc.cli.main import main
+    from thingc.tools.cli.main import main
 
     interrupts.spare_the_child_of_glfw()
     code = main()

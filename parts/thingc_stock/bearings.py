@@ -8,7 +8,7 @@ from typing import Literal
 from build123d import Axis, Location, Solid
 
 from thingc import MountPoint, Thing
-from thingc.things.mounts import MATE
+from thingc.geometry.things.mounts import MATE
 from thingc_stock.shapes import turned
 
 

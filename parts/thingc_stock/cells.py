@@ -7,7 +7,7 @@ from typing import Annotated
 from build123d import Axis, Face, Location, Plane, Pos, Solid, Wire
 
 from thingc import Count, Length, MountPoint, Range, Thing
-from thingc.things.mounts import MATE
+from thingc.geometry.things.mounts import MATE
 from thingc_stock.fasteners import Screw
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from build123d import Location, Plane, Solid
 
 from thingc import Length, MountPoint, Range, Thing
-from thingc.things.mounts import MATE
+from thingc.geometry.things.mounts import MATE
 from thingc_stock.shapes import disc, prism
 
 

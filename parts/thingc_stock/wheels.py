@@ -7,7 +7,7 @@ from typing import Annotated
 from build123d import Location, Plane, Solid
 
 from thingc import Count, Length, MountPoint, Range, Thing
-from thingc.things.mounts import MATE
+from thingc.geometry.things.mounts import MATE
 from thingc_stock.shapes import bevelled, block, disc, prism, spots, turned
 
 

@@ -315,7 +315,7 @@ def test_folders_of_realize_point_one_way(folder: str) -> None:
     seen = {
         (path.relative_to(PACKAGE).as_posix(), name) for path in modules()
         if path.relative_to(PACKAGE).parts[:2] in {("realize", folder), ("realize", f"{folder}.py")}
-        for name in imported(path) if name.startswith("thingc.realize.")
+        for name in imported(path) if name.startswith("thingc.geometry.")
     }
     assert seen or not REALIZE[folder]
     assert {(path, name) for path, name in seen if name.split(".")[2] not in REALIZE[folder] | {folder}} == set()
@@ -428,7 +428,7 @@ def test_sums_of_floats_are_the_same_in_every_python() -> None:
                 of = node.args[0].elt if isinstance(node.args[0], ast.GeneratorExp) else node.args[0]
                 if not (isinstance(of, ast.Constant) and type(of.value) is int):
                     others.append(f"{path.relative_to(PACKAGE)}:{node.lineno}")
-    assert not others, "thingc.summing.plain_sum"
+    assert not others, "thingc.base.summing.plain_sum"
 
 
 def test_lengths_are_the_same_in_every_python() -> None:
@@ -436,7 +436,7 @@ def test_lengths_are_the_same_in_every_python() -> None:
     it does without."""
     theirs = re.compile(r"\bmath\.(hypot|dist)\b|from math import .*\b(hypot|dist)\b")
     others = [str(path.relative_to(PACKAGE)) for path in modules() if theirs.search(path.read_text())]
-    assert set(others) == {"summing.py", "inertia.py", "things/inspection.py"}, "thingc.summing.hypot, thingc.summing.dist"
+    assert set(others) == {"summing.py", "inertia.py", "things/inspection.py"}, "thingc.base.summing.hypot, thingc.base.summing.dist"
 
 
 def test_modules_stay_readable() -> None:
@@ -452,7 +452,7 @@ def test_importing_thingc_is_light() -> None:
 
 
 def test_diagnostic_codes_are_a_closed_set() -> None:
-    from thingc.diagnostics import Code
+    from thingc.base.diagnostics import Code
 
     codes = [code.code for code in Code]
     assert len(set(codes)) == len(codes)
@@ -474,7 +474,7 @@ def test_warnings_of_documents_can_be_allowed() -> None:
                 continue
             severities = [ast.unparse(keyword.value) for keyword in node.keywords if keyword.arg == "severity"]
             if ast.unparse(node.func).endswith(".warn") or severities == ["Severity.WARNING"]:
-                from thingc.diagnostics import Code
+                from thingc.base.diagnostics import Code
 
                 warned[code.attr] = Code[code.attr].warned_by is not None
     allowances = {"UNNEEDED"}  # said by the report itself

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from emit import usd_answers
-from thingc.cli.main import main
+from thingc.tools.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "benchmarks" / "conformance"

@@ -11,7 +11,7 @@ import mujoco
 import pytest
 
 from emit import sdf_answers, usd_answers
-from thingc.cli.main import main
+from thingc.tools.cli.main import main
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "conformance"
 FEW = 4

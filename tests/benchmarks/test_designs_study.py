@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import thingc
-from thingc.diagnostics import Code, Diagnostic, Note, Severity
+from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "benchmarks" / "designs"

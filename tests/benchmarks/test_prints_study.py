@@ -17,8 +17,8 @@ import joined
 import print_masses as study
 import prusa
 
-from thingc.inertia import MassProperties
-from thingc.realize.worker.kernel.slicing import JOINED
+from thingc.base.inertia import MassProperties
+from thingc.geometry.worker.kernel.slicing import JOINED
 
 sliced = pytest.mark.skipif(prusa.program() is None, reason="PrusaSlicer is not installed (Debian, Ubuntu: apt install prusa-slicer)")
 

@@ -22,9 +22,9 @@ from pathlib import Path
 
 import pytest
 
-from thingc.cli.common import USAGE_CODES
-from thingc.cli.main import main
-from thingc.diagnostics import Code
+from thingc.base.diagnostics import Code
+from thingc.tools.cli.common import USAGE_CODES
+from thingc.tools.cli.main import main
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 

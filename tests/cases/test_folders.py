@@ -14,10 +14,10 @@ from pathlib import Path
 
 import pytest
 
-from thingc.cli.main import COMMANDS, main
-from thingc.diagnostics import Code
-from thingc.emit import TARGETS, written
-from thingc.load.finding import MOST_FOLDERS
+from thingc.base.diagnostics import Code
+from thingc.documents.load.finding import MOST_FOLDERS
+from thingc.targets import TARGETS, written
+from thingc.tools.cli.main import COMMANDS, main
 
 HERE = Path(__file__).resolve().parent
 GOOD = (HERE / "load" / "good.yaml").read_text()
@@ -223,7 +223,7 @@ def test_a_defect_of_the_compiler_is_called_one(
     def defect(*_: object, **__: object) -> None:
         raise ZeroDivisionError("division\nby zero")
 
-    monkeypatch.setattr("thingc.pipeline.check", defect)
+    monkeypatch.setattr("thingc.driver.pipeline.check", defect)
     (folder / "robot.yaml").write_text(GOOD + "# so that no earlier answer stands\n")
     code, lines = said(capsys, "check", "robot.yaml")
     assert code == 1
@@ -464,7 +464,7 @@ def test_every_target_writes_what_it_says(folder: Path, capsys: pytest.CaptureFi
 
 
 BALLAST = """
-from thingc.emit.artifact import Artifacts
+from thingc.targets.artifact import Artifacts
 
 {states}
 

@@ -16,20 +16,20 @@ from pathlib import Path
 
 import pytest
 
-from thingc import pipeline
-from thingc.diagnostics import Code, Diagnostic, Report, Severity
-from thingc.environment import Environment, Options
-from thingc.graph import link
-from thingc.load import load
-from thingc.printing import as_json, as_text
-from thingc.realize.record import PartFailure, PartRecord
-from thingc.realize.service import GeometryService
-from thingc.realize.store.local import Store
-from thingc.resolve import Settings, Sources, part_definitions, resolve
-from thingc.robot import root
-from thingc.source import Document, MappingNode, Node, ScalarNode, Span, walk
-from thingc.spec import part_references, validate
-from thingc.workspace import Workspace
+from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
+from thingc.base.printing import as_json, as_text
+from thingc.base.source import Document, MappingNode, Node, ScalarNode, Span, walk
+from thingc.documents.load import load
+from thingc.documents.spec import part_references, validate
+from thingc.documents.workspace import Workspace
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.geometry.record import PartFailure, PartRecord
+from thingc.geometry.service import GeometryService
+from thingc.geometry.store.local import Store
+from thingc.model.assembly import link
+from thingc.model.resolve import Settings, Sources, part_definitions, resolve
+from thingc.model.robot import root
 
 pytestmark = pytest.mark.slow
 

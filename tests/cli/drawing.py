@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from thingc.render import Shot, picture, ready
+from thingc.targets.render import Shot, picture, ready
 
 ready()
 
 import mujoco
 
-from thingc.render import studio
-from thingc.render.picture import camera_of, points_of, posed
+from thingc.targets.render import studio
+from thingc.targets.render.picture import camera_of, points_of, posed
 
 LAMPS = studio.lamps
 

@@ -10,10 +10,10 @@ from typing import Any, get_args
 import pytest
 from ruamel.yaml import YAML
 
-from thingc import pipeline
-from thingc.checks import kinds
-from thingc.cli.main import main
-from thingc.joints.kind import JointType
+from thingc.base.joints.kind import JointType
+from thingc.documents.checks import kinds
+from thingc.driver import pipeline
+from thingc.tools.cli.main import main
 
 YAML_TEXT = """\
 thingc: assembly/1

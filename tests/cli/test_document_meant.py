@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from live.documents import ROBOT, write
-from thingc.cli.main import main
+from thingc.tools.cli.main import main
 
 Said = pytest.CaptureFixture[str]
 

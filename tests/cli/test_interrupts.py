@@ -36,7 +36,7 @@ entry()
 
 MADE_ANOTHER = """\
 import signal, sys
-import thingc.building
+import thingc.driver.building
 from thingc.__main__ import entry
 
 def build(environment, wish):
@@ -45,7 +45,7 @@ def build(environment, wish):
     except KeyboardInterrupt:  # as MuJoCo does where it looks for `callable`
         raise RuntimeError("cannot find `callable`")
 
-thingc.building.build = build
+thingc.driver.building.build = build
 sys.argv = ["thingc", "build", "robot.yaml"]
 entry()
 """
@@ -65,23 +65,23 @@ entry()
 
 BETWEEN_FILES = """\
 import signal, sys
-import thingc.replacement
+import thingc.base.replacement
 from thingc.__main__ import entry
 
-replace = thingc.replacement._replace
+replace = thingc.base.replacement._replace
 
 def _replace(*change):
     replace(*change)
     signal.raise_signal(signal.SIGINT)
 
-thingc.replacement._replace = _replace
+thingc.base.replacement._replace = _replace
 sys.argv = ["thingc", "rename", "finger.yaml", "mounts.seat", "socket"]
 entry()
 """
 
 WITH_A_LOCK = """\
 import os, signal, sys
-import thingc.output
+import thingc.driver.output
 from thingc.__main__ import entry
 
 opened = os.open
@@ -99,16 +99,16 @@ entry()
 
 LATE_AND_REFUSED = """\
 import signal, sys
-import thingc.output
+import thingc.driver.output
 from thingc.__main__ import entry
 
-delete = thingc.output._delete
+delete = thingc.driver.output._delete
 
 def delete_(path):
     signal.raise_signal(signal.SIGINT)
     delete(path)
 
-thingc.output._delete = delete_
+thingc.driver.output._delete = delete_
 sys.argv = ["thingc", "new", "rover"]
 entry()
 """
@@ -134,7 +134,7 @@ def run(here: Path, store: str, words: Sequence[str]) -> subprocess.CompletedPro
 
 
 @pytest.mark.parametrize(("module", "number"), [
-    ("argparse", signal.SIGINT), ("thingc.cli.build", signal.SIGINT), ("pydantic", signal.SIGTERM), ("mujoco", signal.SIGINT),
+    ("argparse", signal.SIGINT), ("thingc.tools.cli.build", signal.SIGINT), ("pydantic", signal.SIGTERM), ("mujoco", signal.SIGINT),
 ])
 def test_while_modules_are_imported(module: str, number: signal.Signals, here: Path, shared_store: str) -> None:
     done = run(here, shared_store, ["-c", AT_AN_IMPORT.format(module=module, name=number.name)])

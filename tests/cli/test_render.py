@@ -21,14 +21,14 @@ import thingc
 from conformance.harness import thingc as command
 from loops.robots import compiled
 from modes.test_several_coordinates import GANTRY
-from thingc.cli import marks
-from thingc.cli.main import main
-from thingc.pose import NO_POSE
-from thingc.render import Shot, studio
-from thingc.render.camera import directions, fitted, upright
-from thingc.render.frames import BLUE, GREEN, JOINT, RED, Frame, JointAxis, placed
-from thingc.render.frames import drawn as painted
-from thingc.render.picture import camera_of, points_of, posed
+from thingc.base.pose import NO_POSE
+from thingc.targets.render import Shot, studio
+from thingc.targets.render.camera import directions, fitted, upright
+from thingc.targets.render.frames import BLUE, GREEN, JOINT, RED, Frame, JointAxis, placed
+from thingc.targets.render.frames import drawn as painted
+from thingc.targets.render.picture import camera_of, points_of, posed
+from thingc.tools.cli import marks
+from thingc.tools.cli.main import main
 
 pytestmark = pytest.mark.slow
 

@@ -23,7 +23,7 @@ HEAVY = (
 )
 LOADED = f"""
 import json, sys
-from thingc.cli.main import main
+from thingc.tools.cli.main import main
 code = main(json.loads(sys.argv[1]))
 print(json.dumps([code, [name for name in {HEAVY!r} if name in sys.modules]]), file=sys.stderr)
 """

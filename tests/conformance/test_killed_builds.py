@@ -105,7 +105,7 @@ def test_an_interrupted_build_leaves_nothing(scene: Scene, tmp_path: Path) -> No
     assert process.stderr is not None
     readable, _, _ = select.select([process.stderr], [], [], TIMEOUT)
     assert readable, "modelling has begun"
-    assert any("thingc.realize.worker.server" in command for command in processes(scene.mark(tmp_path / "out"))), "they would be seen"
+    assert any("thingc.geometry.worker.server" in command for command in processes(scene.mark(tmp_path / "out"))), "they would be seen"
     process.send_signal(signal.SIGINT)
     said = process.stderr.read().decode()
     ended(process, scene.mark(tmp_path / "out"))

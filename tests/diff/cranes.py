@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from thingc.diff import Change, Comparison, Portrait, compare, portrait
-from thingc.environment import Environment, Options
-from thingc.pipeline import compile
+from thingc.driver.environment import Environment, Options
+from thingc.driver.pipeline import compile
+from thingc.tools.diff import Change, Comparison, Portrait, compare, portrait
 
 CRANE = """\
 thingc: assembly/1

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from diff.cranes import CRANE, drawn, made, sound, write
-from thingc.diff import Change, Comparison, Portrait, compare
-from thingc.diff.telling import following
+from thingc.tools.diff import Change, Comparison, Portrait, compare
+from thingc.tools.diff.telling import following
 
 Made = set[tuple[str, str, str, str | None]]
 

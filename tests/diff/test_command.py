@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from diff.cranes import CRANE, write
-from thingc.cli.main import main
+from thingc.tools.cli.main import main
 
 
 def git(folder: Path, *words: str) -> str:

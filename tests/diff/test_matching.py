@@ -8,9 +8,9 @@ from dataclasses import replace
 import networkx
 from networkx.algorithms.isomorphism import MultiDiGraphMatcher
 
-from thingc.diff.matching import match
-from thingc.diff.portrait import ComponentNode, Edge, Portrait
-from thingc.pose import shifted
+from thingc.base.pose import shifted
+from thingc.tools.diff.matching import match
+from thingc.tools.diff.portrait import ComponentNode, Edge, Portrait
 
 
 def robot(source: random.Random, size: int, kinds: int = 4) -> Portrait:

@@ -11,8 +11,8 @@ import mujoco
 import pytest
 
 from diff.cranes import write
-from thingc.diff import Change, Comparison, Differences, as_html, as_markdown
-from thingc.diff.pictures import GONE, MOVED, NEW, OTHER, SAME, coloured, colours, with_removed
+from thingc.tools.diff import Change, Comparison, Differences, as_html, as_markdown
+from thingc.tools.diff.pictures import GONE, MOVED, NEW, OTHER, SAME, coloured, colours, with_removed
 
 CHANGES = (
     Change(what="component", change="added", path="lamp", new="lamps:Lamp"),

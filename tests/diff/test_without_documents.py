@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from diff.cranes import write
-from thingc.cli.main import main
+from thingc.tools.cli.main import main
 
 LOCKED = Path(__file__).resolve().parents[1] / "cases" / "codes" / "resolve" / "TC345" / "right"
 

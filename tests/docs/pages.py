@@ -14,7 +14,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from thingc.cli.main import main
+from thingc.tools.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = (ROOT / "docs", ROOT / "docs" / "howto", ROOT / "docs" / "from")

@@ -28,9 +28,9 @@ from docs.pages import (
     unpack,
     without_fences,
 )
-from thingc.diagnostics import Report
-from thingc.printing import as_text
-from thingc.workspace import Workspace
+from thingc.base.diagnostics import Report
+from thingc.base.printing import as_text
+from thingc.documents.workspace import Workspace
 
 pytestmark = pytest.mark.slow
 
@@ -106,8 +106,8 @@ def test_the_comparison_of_output_means_something() -> None:
 def test_tables_of_keys_have_every_field_and_no_other() -> None:
     from pydantic import BaseModel
 
-    from thingc.checks import kinds
-    from thingc.spec import (
+    from thingc.documents.checks import kinds
+    from thingc.documents.spec import (
         assembly,
         drives,
         listed,
@@ -157,7 +157,7 @@ def test_choices_in_tables_are_those_of_the_models() -> None:
     """Every word of a `Literal` stands in its row, in backquotes (`mirror` and such: `x`, `y` or `z`)."""
     from typing import Literal, get_args, get_origin
 
-    from thingc.spec import assembly, drives, listed, materials, sensors, stated_masses, variants
+    from thingc.documents.spec import assembly, drives, listed, materials, sensors, stated_masses, variants
 
     def words(annotation: object) -> set[str]:
         if get_origin(annotation) is Literal:
@@ -180,7 +180,7 @@ def test_choices_in_tables_are_those_of_the_models() -> None:
 
 
 def test_sensors() -> None:
-    from thingc.sensing import SENSORS
+    from thingc.base.sensing import SENSORS
 
     rows = table(LANGUAGE, "sensors")
     said = {row[0].strip("`"): (set(re.findall(r"`(\w+)`", row[1])), re.findall(r"`(\w+)`", row[2])) for row in rows}
@@ -192,7 +192,7 @@ def test_sensors() -> None:
 
 
 def test_units() -> None:
-    from thingc.units import UNITS, parse_quantity
+    from thingc.base.units import UNITS, parse_quantity
 
     said = {unit: row[0].partition(" (")[0] for row in table(LANGUAGE, "units") for unit in re.findall(r"`([^`]+)`", row[1])}
     assert said == {unit: dimension.words for unit, (_, _, dimension) in UNITS.items()}
@@ -204,7 +204,7 @@ def test_units() -> None:
 
 
 def test_functions_of_expressions() -> None:
-    from thingc.expressions import CONSTANTS, FUNCTIONS
+    from thingc.documents.expressions import CONSTANTS, FUNCTIONS
 
     line = next(line for line in paragraphs(LANGUAGE) if line.startswith("- Functions are"))
     listed, _, constants = line.partition("; the only constant is")
@@ -213,8 +213,8 @@ def test_functions_of_expressions() -> None:
 
 
 def test_what_is_said_of_expressions_and_quantities() -> None:
-    from thingc.expressions import ExpressionError, evaluate, parse_expression
-    from thingc.units import ANGLE, ANGULAR_VELOCITY, FREQUENCY, LENGTH, NUMBER, Quantity, fits, parse_quantity, parse_vector
+    from thingc.base.units import ANGLE, ANGULAR_VELOCITY, FREQUENCY, LENGTH, NUMBER, Quantity, fits, parse_quantity, parse_vector
+    from thingc.documents.expressions import ExpressionError, evaluate, parse_expression
 
     names: dict[str, Quantity | bool | str] = {"reach": parse_quantity("120 mm"), "i": Quantity(3.0), "light": True}
 
@@ -237,7 +237,7 @@ def test_what_is_said_of_expressions_and_quantities() -> None:
 def test_kinds_of_joints() -> None:
     from typing import get_args
 
-    from thingc.joints import KINDS, JointType
+    from thingc.base.joints import KINDS, JointType
 
     rows = table(LANGUAGE, "joint kinds")
     assert [row[0].strip("`") for row in rows] == list(KINDS)
@@ -248,17 +248,18 @@ def test_kinds_of_joints() -> None:
 
 
 def test_gravity_and_raw_kinds_and_bounds() -> None:
-    from thingc import mesh_bounds, workspace
-    from thingc.emit.mjcf import raw
-    from thingc.expressions.terms import MAX_DEPTH
-    from thingc.load.documents import MAX_CHAIN
-    from thingc.load.text import MAX_ALIAS_NODES, MAX_ALL_BYTES, MAX_BYTES, MAX_LEVELS, MAX_NODES
-    from thingc.realize.worker.kernel.mesh_files import MOST as MOST_OF_PART
-    from thingc.resolve import raw_fixed
-    from thingc.resolve.assembly import MAX_DEFINITIONS
-    from thingc.resolve.modes import GRAVITY, MAX_EXCLUDED, MAX_EXTENDED
-    from thingc.resolve.repeats import MAX_OCCURRENCES, MAX_REPEAT
-    from thingc.units import MAX_FACTORS, MAX_TEXT
+    from thingc.base.units import MAX_FACTORS, MAX_TEXT
+    from thingc.documents import workspace
+    from thingc.documents.expressions.terms import MAX_DEPTH
+    from thingc.documents.load.documents import MAX_CHAIN
+    from thingc.documents.load.text import MAX_ALIAS_NODES, MAX_ALL_BYTES, MAX_BYTES, MAX_LEVELS, MAX_NODES
+    from thingc.geometry import mesh_bounds
+    from thingc.geometry.worker.kernel.mesh_files import MOST as MOST_OF_PART
+    from thingc.model.resolve import raw_fixed
+    from thingc.model.resolve.assembly import MAX_DEFINITIONS
+    from thingc.model.resolve.modes import GRAVITY, MAX_EXCLUDED, MAX_EXTENDED
+    from thingc.model.resolve.repeats import MAX_OCCURRENCES, MAX_REPEAT
+    from thingc.targets.mjcf import raw
     said = {row[0].strip("`"): tuple(map(float, row[1].strip("`").split())) for row in table(LANGUAGE, "gravity")}
     assert said == GRAVITY
     named, single, *_ = table(LANGUAGE, "raw")
@@ -300,9 +301,9 @@ def test_a_nested_assembly_takes_no_override(page: Path, here: Path) -> None:
 def test_annotations_overrides_and_actuators_of_things() -> None:
     import inspect
 
-    from thingc.things import parameters
-    from thingc.things.actuator import Actuator
-    from thingc.things.thing import Thing
+    from thingc.geometry.things import parameters
+    from thingc.geometry.things.actuator import Actuator
+    from thingc.geometry.things.thing import Thing
 
     things = ROOT / "docs" / "things.md"
     named = {word for row in table(things, "annotations") for word in re.findall(r"`(\w+)", row[0])}
@@ -367,14 +368,14 @@ def test_shapes_of_json(page: Path, here: Path) -> None:
 
 
 def test_columns_of_the_bill_of_materials() -> None:
-    from thingc.emit.bom import COLUMNS
+    from thingc.targets.bom import COLUMNS
 
     assert [row[0].strip("`") for row in table(OUTPUTS, "bom")] == list(COLUMNS)
 
 
 def test_every_option_of_every_command_is_in_the_table() -> None:
-    from thingc.cli.main import COMMANDS, parser_for
-    from thingc.emit import TARGETS
+    from thingc.targets import TARGETS
+    from thingc.tools.cli.main import COMMANDS, parser_for
 
     real: dict[tuple[str, ...], set[str]] = {}
     for command in COMMANDS:
@@ -432,8 +433,8 @@ def _recipe(heading: str) -> dict[str, object]:
 
 
 def test_the_recipe_of_a_joint_kind_makes_one() -> None:
-    from thingc.joints import JointKind, moved
-    from thingc.pose import shifted
+    from thingc.base.joints import JointKind, moved
+    from thingc.base.pose import shifted
 
     kind = _recipe("A new joint kind")["KIND"]
     assert isinstance(kind, JointKind) and moved(kind.twists, (0.5,)) == shifted(0.0, 0.0, 0.5) and kind.moves
@@ -441,7 +442,7 @@ def test_the_recipe_of_a_joint_kind_makes_one() -> None:
 
 def test_the_recipe_of_a_target_writes_a_file(tmp_path: Path) -> None:
     from emit.small_robot import assembly, request
-    from thingc.realize.store.local import Store
+    from thingc.geometry.store.local import Store
 
     store = Store(str(tmp_path))
     robot = assembly(store)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from thingc.cli.main import main
+from thingc.tools.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
 

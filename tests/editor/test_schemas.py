@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from editor.running import ROOT, thingc
-from thingc.cli.main import main
+from thingc.tools.cli.main import main
 
 PLAIN = """\
 thingc: assembly/1

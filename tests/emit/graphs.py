@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from thingc.graph.hag import Definition, DefinitionEdge, Hag
+from thingc.model.assembly.hag import Definition, DefinitionEdge, Hag
 
 XM430 = "thingc_stock.dynamixel:XM430"
 SCREW = "thingc_stock.fasteners:Screw(length=0.008, size='M2.5-0.45')"

@@ -11,9 +11,15 @@ from typing import Any
 
 from graph import builder
 from graph.builder import binary_stl, kept, where
-from thingc.diagnostics import Report
-from thingc.emit.request import EmitRequest
-from thingc.graph.types import (
+from thingc.base.diagnostics import Report
+from thingc.base.inertia import MassProperties
+from thingc.base.joints import KINDS
+from thingc.base.pose import NO_POSE, Pose, placed
+from thingc.base.source import Span
+from thingc.documents.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
+from thingc.geometry.record import PartDefinition, PartRecord, Value, definition_text
+from thingc.geometry.store.local import Store
+from thingc.model.assembly.types import (
     Assembly,
     JointEdge,
     Link,
@@ -22,17 +28,11 @@ from thingc.graph.types import (
     Occurrence,
     RootChoice,
 )
-from thingc.inertia import MassProperties
-from thingc.joints import KINDS
-from thingc.pose import NO_POSE, Pose, placed
-from thingc.realize.record import PartDefinition, PartRecord, Value, definition_text
-from thingc.realize.store.local import Store
-from thingc.resolve.coordinates import CoordinateName, Dynamics, Limit
-from thingc.resolve.model import BomEntry, Material, NamedPose, Overrides, Process
-from thingc.robot import root
-from thingc.robot.types import Robot
-from thingc.source import Span
-from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
+from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
+from thingc.model.resolve.model import BomEntry, Material, NamedPose, Overrides, Process
+from thingc.model.robot import root
+from thingc.model.robot.types import Robot
+from thingc.targets.request import EmitRequest
 
 DOCUMENT = "/w/arm.yaml"
 ORDER = ("plate", "servo_a", "brace_a", "servo_b", "brace_b", "hand/palm", "hand/cap", "board", "marker", "motor")

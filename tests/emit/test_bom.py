@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 
 from emit.small_robot import assembly, petg, request
-from thingc.csvcell import cell
-from thingc.emit.bom import COLUMNS, emit, items, make_of
-from thingc.graph.hag import Definition
-from thingc.graph.types import Assembly, Occurrence
-from thingc.realize.record import PartDefinition
-from thingc.realize.store.local import Store
-from thingc.resolve.model import BomEntry, Overrides, Process
+from thingc.base.csvcell import cell
+from thingc.geometry.record import PartDefinition
+from thingc.geometry.store.local import Store
+from thingc.model.assembly.hag import Definition
+from thingc.model.assembly.types import Assembly, Occurrence
+from thingc.model.resolve.model import BomEntry, Overrides, Process
+from thingc.targets.bom import COLUMNS, emit, items, make_of
 
 
 @pytest.fixture

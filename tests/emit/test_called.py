@@ -13,10 +13,10 @@ from ruamel.yaml import YAML
 
 import thingc
 from thingc import modes
-from thingc.diagnostics import Severity
-from thingc.emit.called import AS_WRITTEN
-from thingc.file_names import JointPath
-from thingc.robot.types import Robot
+from thingc.base.diagnostics import Severity
+from thingc.base.file_names import JointPath
+from thingc.model.robot.types import Robot
+from thingc.targets.called import AS_WRITTEN
 
 ARM = """thingc: assembly/1
 name: arm

@@ -9,9 +9,9 @@ import mujoco
 import pytest
 
 import thingc
-from thingc.cli.main import main
+from thingc.driver.pipeline import UnknownChoice
 from thingc.modes import Modes
-from thingc.pipeline import UnknownChoice
+from thingc.tools.cli.main import main
 
 LEG = """
 thingc: assembly/1

@@ -20,17 +20,17 @@ from emit import small_robot
 from emit.small_robot import LIFT, X_BRACE_J, X_J_BRACKET, X_J_PALM, X_PLATE_J, X_SERVO_BRACE, YAW, assembly, box_obj, links, request
 from graph.builder import assembly as document
 from graph.builder import box, component, coordinates_of, kept, linked, mimic, mode, pose, ref, rx, ry, rz, t
-from thingc.diagnostics import Code, Report
-from thingc.emit import chosen
-from thingc.emit.artifact import Artifacts, Loss
-from thingc.emit.glb import emit
-from thingc.emit.mjcf import target as mjcf
-from thingc.emit.request import EmitRequest
-from thingc.pose import Pose
-from thingc.realize.store.local import Store
-from thingc.resolve.model import Overrides
-from thingc.robot import root
-from thingc.robot.types import Closure
+from thingc.base.diagnostics import Code, Report
+from thingc.base.pose import Pose
+from thingc.geometry.store.local import Store
+from thingc.model.resolve.model import Overrides
+from thingc.model.robot import root
+from thingc.model.robot.types import Closure
+from thingc.targets import chosen
+from thingc.targets.artifact import Artifacts, Loss
+from thingc.targets.glb import emit
+from thingc.targets.mjcf import target as mjcf
+from thingc.targets.request import EmitRequest
 
 Array = Any
 Y_UP = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=float)
@@ -162,8 +162,8 @@ def test_a_robot_without_anything_to_see_has_no_file(store: Store) -> None:
 def test_the_same_bytes_every_time(store: Store) -> None:
     """In other processes, with other hash seeds."""
     script = (
-        "import hashlib, sys; from thingc.realize.store.local import Store; from emit.small_robot import assembly, request;"
-        "from thingc.emit.glb import emit; s = Store(sys.argv[1]);"
+        "import hashlib, sys; from thingc.geometry.store.local import Store; from emit.small_robot import assembly, request;"
+        "from thingc.targets.glb import emit; s = Store(sys.argv[1]);"
         "print(*(hashlib.sha256(f).hexdigest() for f in emit(request(assembly(s), s)).files.values()))"
     )
     here = " ".join(hashlib.sha256(data).hexdigest() for data in emit(request(assembly(store), store)).files.values())  # type: ignore[arg-type]

@@ -12,12 +12,12 @@ import pytest
 
 from emit.graphs import arm, awkward, walker
 from emit.small_robot import assembly
-from thingc.emit.graphs import hag_graph, link_graph, mate_graph
-from thingc.emit.hag import target as hag
-from thingc.emit.hag import words
-from thingc.graph.hag import Hag
-from thingc.realize.store.local import Store
-from thingc.shown import shown
+from thingc.base.shown import shown
+from thingc.geometry.store.local import Store
+from thingc.model.assembly.hag import Hag
+from thingc.targets.graphs import hag_graph, link_graph, mate_graph
+from thingc.targets.hag import target as hag
+from thingc.targets.hag import words
 
 
 @pytest.mark.parametrize("drawn", [arm(), walker(), awkward()], ids=["arm", "walker", "awkward"])

@@ -10,10 +10,10 @@ from itertools import pairwise
 import pytest
 
 from emit.graphs import LABELS, NASTY, SCREW, XM430, arm, awkward, graph, walker
-from thingc.emit.hag import target as hag
-from thingc.emit.hag import words
-from thingc.graph.hag import DefinitionEdge, Hag
-from thingc.shown import shown
+from thingc.base.shown import shown
+from thingc.model.assembly.hag import DefinitionEdge, Hag
+from thingc.targets.hag import target as hag
+from thingc.targets.hag import words
 
 NASTY_SHOWN = NASTY.replace("\x07", "\\x07").replace("\ud800", "\\ud800")
 

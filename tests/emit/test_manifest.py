@@ -13,11 +13,11 @@ import pytest
 
 import thingc
 from emit.small_robot import assembly, request, span
-from thingc.emit import bom, jsontext, modes, stl
-from thingc.emit.artifact import Content, Loss, Stored
-from thingc.emit.manifest import DISTRIBUTIONS, Choice, manifest, versions
-from thingc.output import verify, write_build
-from thingc.realize.store.local import Store
+from thingc.driver.output import verify, write_build
+from thingc.geometry.store.local import Store
+from thingc.targets import bom, jsontext, modes, stl
+from thingc.targets.artifact import Content, Loss, Stored
+from thingc.targets.manifest import DISTRIBUTIONS, Choice, manifest, versions
 
 LOSSES = (
     Loss(target="mjcf", mode="bench", path="yaw", what="velocity limit", how="carried as custom data", origin=(span(40),)),

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from emit.small_robot import LIFT, YAW, assembly, request
-from thingc.emit.modes import emit
-from thingc.graph.types import Assembly
-from thingc.realize.store.local import Store
+from thingc.geometry.store.local import Store
+from thingc.model.assembly.types import Assembly
+from thingc.targets.modes import emit
 
 Matrix = NDArray[np.float64]
 MODES = ("bench", "drawing", "adrift")

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from emit.read_usd import Model
-from thingc.cli.main import main
+from thingc.tools.cli.main import main
 
 MASS = "mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}"
 

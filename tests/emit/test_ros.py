@@ -24,23 +24,23 @@ import yaml
 from emit import small_robot
 from graph.builder import MATE, box, component, coordinates_of, linked, mimic, mode, pose, ref, rz, t, where
 from graph.builder import assembly as document
-from thingc.cli.main import main
-from thingc.diagnostics import Code, Report
-from thingc.emit.artifact import Artifacts
-from thingc.emit.mjcf.target import emit as emit_mjcf
-from thingc.emit.names import package_name
-from thingc.emit.request import EmitRequest
-from thingc.emit.ros import meeting
-from thingc.emit.ros.target import emit
-from thingc.emit.urdf.target import emit as emit_urdf
-from thingc.packaging import About
-from thingc.pose import NO_POSE
-from thingc.primitives import Primitive
-from thingc.realize.record import Mesh
-from thingc.realize.store.local import Store
-from thingc.resolve.coordinates import Dynamics, Limit
-from thingc.resolve.model import Drive, Joint
-from thingc.robot import root as rooted
+from thingc.base.diagnostics import Code, Report
+from thingc.base.packaging import About
+from thingc.base.pose import NO_POSE
+from thingc.base.primitives import Primitive
+from thingc.geometry.record import Mesh
+from thingc.geometry.store.local import Store
+from thingc.model.resolve.coordinates import Dynamics, Limit
+from thingc.model.resolve.model import Drive, Joint
+from thingc.model.robot import root as rooted
+from thingc.targets.artifact import Artifacts
+from thingc.targets.mjcf.target import emit as emit_mjcf
+from thingc.targets.names import package_name
+from thingc.targets.request import EmitRequest
+from thingc.targets.ros import meeting
+from thingc.targets.ros.target import emit
+from thingc.targets.urdf.target import emit as emit_urdf
+from thingc.tools.cli.main import main
 
 MOUNTS = {"in": MATE, "out": t(0.1, 0.0, 0.0)}
 """A ball of a chain: what it is mated by lies in it, the next one 0.1 m along its x."""

@@ -27,18 +27,18 @@ from loops.test_holds import MODES as HOLDS
 from loops.test_holds import POSES
 from loops.test_loop_joints import FOURBAR
 from robot.test_spanning_tree_properties import COUNTS, Tree, build, robots, world_of
-from thingc import pipeline
-from thingc.cli.main import main
-from thingc.diagnostics import Report
-from thingc.emit.artifact import Artifacts
-from thingc.emit.request import EmitRequest
-from thingc.emit.sdf.target import emit
-from thingc.environment import Environment, Options
-from thingc.pose import Pose
-from thingc.primitives import Primitive
-from thingc.realize.store.local import Store
-from thingc.robot import in_link
-from thingc.robot.types import Robot
+from thingc.base.diagnostics import Report
+from thingc.base.pose import Pose
+from thingc.base.primitives import Primitive
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.geometry.store.local import Store
+from thingc.model.robot import in_link
+from thingc.model.robot.types import Robot
+from thingc.targets.artifact import Artifacts
+from thingc.targets.request import EmitRequest
+from thingc.targets.sdf.target import emit
+from thingc.tools.cli.main import main
 
 Array = Any
 

@@ -12,15 +12,15 @@ from typing import Any
 import pytest
 
 from emit.small_robot import assembly, occurrence, part, request
-from thingc.diagnostics import Code
-from thingc.emit.artifact import Loss, Stored
-from thingc.emit.step import emit
-from thingc.graph.types import Assembly
-from thingc.pose import NO_POSE, placed
-from thingc.realize.record import PartDefinition, PartRecord, Value
-from thingc.realize.service import GeometryService
-from thingc.realize.store.local import Store
-from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
+from thingc.base.diagnostics import Code
+from thingc.base.pose import NO_POSE, placed
+from thingc.documents.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
+from thingc.geometry.record import PartDefinition, PartRecord, Value
+from thingc.geometry.service import GeometryService
+from thingc.geometry.store.local import Store
+from thingc.model.assembly.types import Assembly
+from thingc.targets.artifact import Loss, Stored
+from thingc.targets.step import emit
 
 PARTS = '''
 from build123d import Box

@@ -11,13 +11,13 @@ import pytest
 import trimesh
 
 from emit.small_robot import assembly, part, request
-from thingc.diagnostics import Code
-from thingc.emit.artifact import Loss, Stored
-from thingc.emit.stl import emit
-from thingc.graph.hag import Definition
-from thingc.graph.types import Assembly
-from thingc.realize.store.local import Store
-from thingc.resolve.model import BomEntry, Overrides
+from thingc.base.diagnostics import Code
+from thingc.geometry.store.local import Store
+from thingc.model.assembly.hag import Definition
+from thingc.model.assembly.types import Assembly
+from thingc.model.resolve.model import BomEntry, Overrides
+from thingc.targets.artifact import Loss, Stored
+from thingc.targets.stl import emit
 
 BRACE = f"stl/arm.Brace-{hashlib.sha256(b'arm:Brace(length=0.12)').hexdigest()[:8]}.stl"
 

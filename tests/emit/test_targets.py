@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from thingc.cli.build import unsaid
-from thingc.cli.main import main
-from thingc.emit import TARGETS, chosen, unknown
-from thingc.emit.artifact import CARRIED
+from thingc.targets import TARGETS, chosen, unknown
+from thingc.targets.artifact import CARRIED
+from thingc.tools.cli.build import unsaid
+from thingc.tools.cli.main import main
 
 ROBOT = """\
 thingc: assembly/1

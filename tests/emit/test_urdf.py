@@ -34,22 +34,22 @@ from graph.builder import (
 )
 from graph.builder import assembly as document
 from robot.test_spanning_tree_properties import COUNTS, WITHOUT_LEAD, Tree, build, robots, world_of
-from thingc.cli.main import main
-from thingc.diagnostics import Code, Report
-from thingc.emit.artifact import Artifacts
-from thingc.emit.geometry import Shape
-from thingc.emit.mjcf.target import emit as emit_mjcf
-from thingc.emit.names import Names
-from thingc.emit.request import EmitRequest
-from thingc.emit.urdf.model import parts
-from thingc.emit.urdf.target import emit
-from thingc.graph.types import Assembly
-from thingc.pose import Pose, placed, rpy_of
-from thingc.realize.store.local import Store
-from thingc.resolve.coordinates import Dynamics, Limit
-from thingc.resolve.model import Drive
-from thingc.robot import in_link
-from thingc.robot import root as rooted
+from thingc.base.diagnostics import Code, Report
+from thingc.base.pose import Pose, placed, rpy_of
+from thingc.geometry.store.local import Store
+from thingc.model.assembly.types import Assembly
+from thingc.model.resolve.coordinates import Dynamics, Limit
+from thingc.model.resolve.model import Drive
+from thingc.model.robot import in_link
+from thingc.model.robot import root as rooted
+from thingc.targets.artifact import Artifacts
+from thingc.targets.geometry import Shape
+from thingc.targets.mjcf.target import emit as emit_mjcf
+from thingc.targets.names import Names
+from thingc.targets.request import EmitRequest
+from thingc.targets.urdf.model import parts
+from thingc.targets.urdf.target import emit
+from thingc.tools.cli.main import main
 
 trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just(tuple(COUNTS)))
 PITCH = 0.008 / (2.0 * math.pi)

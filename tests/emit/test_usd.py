@@ -26,15 +26,15 @@ from loops.test_holds import MODES as HOLDS
 from loops.test_holds import POSES
 from loops.test_loop_joints import FOURBAR
 from robot.test_spanning_tree_properties import COUNTS, Tree, build, world_of
-from thingc.emit.usd.model import moments_of
-from thingc.emit.usd.target import emit
-from thingc.inertia import MassProperties, principal_axes
-from thingc.pose import Pose
-from thingc.primitives import Primitive
-from thingc.realize.record import Mesh
-from thingc.realize.store.local import Store
-from thingc.robot import in_link
-from thingc.robot.types import Robot
+from thingc.base.inertia import MassProperties, principal_axes
+from thingc.base.pose import Pose
+from thingc.base.primitives import Primitive
+from thingc.geometry.record import Mesh
+from thingc.geometry.store.local import Store
+from thingc.model.robot import in_link
+from thingc.model.robot.types import Robot
+from thingc.targets.usd.model import moments_of
+from thingc.targets.usd.target import emit
 
 FLOAT = 3e-6
 """How far a chain of UsdPhysics's frames, which are floats, may end from where it should [m and 1]."""

@@ -11,10 +11,10 @@ import mujoco
 import pytest
 
 import thingc
-from thingc.environment import Options
-from thingc.families import NoModel
-from thingc.patching import differing
-from thingc.writing import write_values
+from thingc.batch.families import NoModel
+from thingc.batch.patching import differing
+from thingc.driver.environment import Options
+from thingc.driver.writing import write_values
 
 PARTS = """\
     from build123d import Box, Location

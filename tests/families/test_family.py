@@ -18,12 +18,12 @@ import optuna
 import pytest
 
 import thingc
-from thingc.cli.main import main
-from thingc.families import Space
-from thingc.output import OutputError
-from thingc.patching import differing
-from thingc.pipeline import UnknownChoice
-from thingc.variants import FamilyError
+from thingc.batch import FamilyError
+from thingc.batch.families import Space
+from thingc.batch.patching import differing
+from thingc.driver.output import OutputError
+from thingc.driver.pipeline import UnknownChoice
+from thingc.tools.cli.main import main
 
 NAMES = {"length": 0.35, "load": 0.5, "joints.lift.limit.upper": 1.4}
 

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 import thingc
-from thingc.families import Explanation, NoModel
-from thingc.patching import differing
-from thingc.pipeline import UnknownChoice
-from thingc.variants import apply
+from thingc.batch import apply
+from thingc.batch.families import Explanation, NoModel
+from thingc.batch.patching import differing
+from thingc.driver.pipeline import UnknownChoice
 
 NUMBERS: dict[str, float] = {
     "load": 0.5, "length": 0.3, "stiff": 50.0, "components.crank.mass": 0.3, "components.base.inertia.ixy": 0.001,

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import thingc
-from thingc.families.specs import KeptSpec
-from thingc.families.texts import TextTemplate
-from thingc.output import OutputError
-from thingc.patching import differing
-from thingc.realize import StoreUnusable
-from thingc.variants import apply
+from thingc.batch import apply
+from thingc.batch.families.specs import KeptSpec
+from thingc.batch.families.texts import TextTemplate
+from thingc.batch.patching import differing
+from thingc.driver.output import OutputError
+from thingc.geometry import StoreUnusable
 
 LEVERS = """\
 thingc: assembly/1

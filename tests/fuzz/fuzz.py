@@ -25,13 +25,13 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from thingc.cli.check import without_code
-from thingc.diagnostics import Diagnostic
-from thingc.environment import Options
-from thingc.printing import as_json, as_text
-from thingc.reporting.github import as_github
-from thingc.reporting.sarif import as_sarif
-from thingc.shown import json_text
+from thingc.base.diagnostics import Diagnostic
+from thingc.base.printing import as_json, as_text
+from thingc.base.shown import json_text
+from thingc.driver.environment import Options
+from thingc.tools.cli.check import without_code
+from thingc.tools.reporting.github import as_github
+from thingc.tools.reporting.sarif import as_sarif
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from mutations import NAMES, ROOT, Grammar, mutated, mutated_code, mutated_lock, seeds

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from thingc.spec.assembly import AssemblySpec
-from thingc.spec.materials import MaterialsSpec
+from thingc.documents.spec.assembly import AssemblySpec
+from thingc.documents.spec.materials import MaterialsSpec
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -24,7 +24,7 @@ NASTY = [
     "\"\\u0000\"", "\"\\ud800\"",
     "\U0001f600", "\u202e", "A" * 300, "x" * 5000, "- " * 50, "[" * 120, "{a: " * 60, "- - -", "? ?", ": :", "%YAML 1.1", "---", "...",
         "#", "<<: *a", "@", "`",
-    "os:system", "subprocess:Popen", "builtins:eval", "arm:", ":Arm", "arm:__class__", "arm:Pen.__init__", "thingc.cli.main:main",
+    "os:system", "subprocess:Popen", "builtins:eval", "arm:", ":Arm", "arm:__class__", "arm:Pen.__init__", "thingc.tools.cli.main:main",
     "world", "root", "origin",
     "hull", "decompose", "fixed", "held", "free", "planar", "x", "floor", "here", "measured", "1 N*m", "30 deg", "12 g", "15 %",
     "2026-01-01", "#fff",

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import thingc
-from thingc.cli.main import main
-from thingc.robot import body_poses
+from thingc.model.robot import body_poses
+from thingc.tools.cli.main import main
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_kernel")]
 

@@ -12,14 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from thingc.diagnostics import Code, Report, Severity
-from thingc.graph import link
-from thingc.graph.hag import Definition
-from thingc.graph.types import Assembly, MountFrame, Occurrence
-from thingc.inertia import MassProperties
-from thingc.joints import KINDS
-from thingc.pose import NO_POSE, Pose
-from thingc.realize.record import (
+from thingc.base.diagnostics import Code, Report, Severity
+from thingc.base.inertia import MassProperties
+from thingc.base.joints import KINDS
+from thingc.base.pose import NO_POSE, Pose
+from thingc.base.source import Origin, Span
+from thingc.geometry.record import (
     ActuatorRecord,
     Expectation,
     Mesh,
@@ -30,9 +28,12 @@ from thingc.realize.record import (
     PartWarning,
     Stated,
 )
-from thingc.realize.store.local import Store
-from thingc.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
-from thingc.resolve.model import (
+from thingc.geometry.store.local import Store
+from thingc.model.assembly import link
+from thingc.model.assembly.hag import Definition
+from thingc.model.assembly.types import Assembly, MountFrame, Occurrence
+from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
+from thingc.model.resolve.model import (
     AssemblyDefinition,
     At,
     Attach,
@@ -51,7 +52,6 @@ from thingc.resolve.model import (
     Reference,
     StatedValue,
 )
-from thingc.source import Origin, Span
 
 Array = Any
 FILE = "/robots/robot.yaml"

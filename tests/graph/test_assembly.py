@@ -24,8 +24,8 @@ from graph.builder import (
     where,
     whole,
 )
-from thingc.graph.hag import Definition, DefinitionEdge
-from thingc.resolve.model import BomEntry
+from thingc.model.assembly.hag import Definition, DefinitionEdge
+from thingc.model.resolve.model import BomEntry
 
 PLATE = box("p:Plate", mounts={"top": t(0, 0, 0.02), "foot": rx(np.pi) @ t(0, 0, 0.02)})
 LEG = assembly(

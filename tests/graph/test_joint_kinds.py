@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from graph.builder import LEAD, Array, as_matrix, as_pose, inv, motion, rx, ry, rz, t
-from thingc.joints import KINDS, JointKind, Twist, moved, velocities
+from thingc.base.joints import KINDS, JointKind, Twist, moved, velocities
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 

@@ -24,9 +24,9 @@ from graph.builder import (
     where,
     whole,
 )
-from thingc.diagnostics import Code, Report
-from thingc.graph import link
-from thingc.resolve.model import AssemblyDefinition
+from thingc.base.diagnostics import Code, Report
+from thingc.model.assembly import link
+from thingc.model.resolve.model import AssemblyDefinition
 
 # --- mounts --------------------------------------------------------------------------------------------------------
 

@@ -35,9 +35,9 @@ from graph.builder import (
     warnings,
     whole,
 )
-from thingc.diagnostics import Report
-from thingc.graph import link
-from thingc.graph.types import Assembly, Occurrence
+from thingc.base.diagnostics import Report
+from thingc.model.assembly import link
+from thingc.model.assembly.types import Assembly, Occurrence
 
 SIZE = (0.1, 0.06, 0.04)
 VOLUME = 0.1 * 0.06 * 0.04

@@ -31,9 +31,9 @@ from graph.builder import (
     where,
     whole,
 )
-from thingc.graph import coordinates, joints_of, poses
-from thingc.graph.types import Assembly
-from thingc.joints import Twist
+from thingc.base.joints import Twist
+from thingc.model.assembly import coordinates, joints_of, poses
+from thingc.model.assembly.types import Assembly
 
 SEAT = t(0.05, 0.01, 0.02) @ ry(0.7)
 BACK = t(-0.03, 0.02, -0.02) @ rx(2.0) @ rz(0.4)
@@ -317,7 +317,7 @@ def test_a_component_reference_without_a_mount_is_its_origin() -> None:
 
 def test_a_thousand_components_touch_each_mate_a_few_times(monkeypatch: pytest.MonkeyPatch) -> None:
     """Linear in the components: counted, not timed."""
-    from thingc.pose import Pose
+    from thingc.base.pose import Pose
 
     products = 0
     plain = Pose.__matmul__

@@ -28,8 +28,8 @@ from graph.builder import (
     t,
     warnings,
 )
-from thingc.realize.record import Mesh, PartRecord
-from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Process
+from thingc.geometry.record import Mesh, PartRecord
+from thingc.model.resolve.model import AssemblyDefinition, BomEntry, Component, Process
 
 
 def hand(**exported: str) -> AssemblyDefinition:

@@ -23,10 +23,10 @@ from graph.builder import (
     stated,
     warnings,
 )
-from thingc.graph import likely_slicings, slicings_of
-from thingc.graph.types import Occurrence
-from thingc.realize.record import PartRecord, PartSchema
-from thingc.realize.slices import Moments, Sliced, Slicing, Unsliced
+from thingc.geometry.record import PartRecord, PartSchema
+from thingc.geometry.slices import Moments, Sliced, Slicing, Unsliced
+from thingc.model.assembly import likely_slicings, slicings_of
+from thingc.model.assembly.types import Occurrence
 
 SIZE = (0.1, 0.06, 0.04)
 VOLUME = 0.1 * 0.06 * 0.04

@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from graph.builder import record
-from thingc.cli.main import main
-from thingc.graph.twice import FIELDS, LEFT_OUT, differences
-from thingc.pose import NO_POSE
-from thingc.primitives import Primitive
-from thingc.realize.record import ActuatorRecord, Expectation, Mesh, MountRecord, PartRecord, Stated
+from thingc.base.pose import NO_POSE
+from thingc.base.primitives import Primitive
+from thingc.geometry.record import ActuatorRecord, Expectation, Mesh, MountRecord, PartRecord, Stated
+from thingc.model.assembly.twice import FIELDS, LEFT_OUT, differences
+from thingc.tools.cli.main import main
 
 PARTS = """\
 import os

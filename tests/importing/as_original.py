@@ -12,8 +12,8 @@ import mujoco
 import numpy
 from ruamel.yaml import YAML
 
-from thingc.importing import Imported
-from thingc.inertia import MassProperties
+from thingc.base.inertia import MassProperties
+from thingc.tools.importing import Imported
 
 FREE, BALL, HIDDEN = 0, 1, 3
 SIZES = {2: 1, 3: 2, 5: 2}

@@ -11,8 +11,8 @@ import mujoco
 import pytest
 
 import thingc
-from thingc.diagnostics import Report
-from thingc.importing import Imported, import_robot
+from thingc.base.diagnostics import Report
+from thingc.tools.importing import Imported, import_robot
 
 SOURCE = Path(__file__).parent / "robots" / "blocks.urdf"
 

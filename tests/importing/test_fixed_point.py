@@ -11,8 +11,8 @@ import pytest
 from trimesh.transformations import euler_matrix
 
 import thingc
-from thingc.diagnostics import Report, Severity
-from thingc.importing import import_robot
+from thingc.base.diagnostics import Report, Severity
+from thingc.tools.importing import import_robot
 
 ROBOTS = Path(__file__).parent / "robots"
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]\d+)?(?![\w.])")

@@ -10,10 +10,10 @@ import numpy
 import pytest
 
 import thingc
-from thingc.cli.main import main
-from thingc.diagnostics import Report
-from thingc.importing import Imported, import_robot
-from thingc.importing.inertias import nearest
+from thingc.base.diagnostics import Report
+from thingc.tools.cli.main import main
+from thingc.tools.importing import Imported, import_robot
+from thingc.tools.importing.inertias import nearest
 
 WRONG = Path(__file__).parent / "wrong" / "inertias.urdf"
 LINK = """<link name="{name}"><inertial><mass value="{mass}"/>

@@ -12,8 +12,8 @@ import pytest
 import trimesh
 
 import thingc
-from thingc.diagnostics import Report
-from thingc.importing import import_robot
+from thingc.base.diagnostics import Report
+from thingc.tools.importing import import_robot
 
 ROBOT = """<robot name="meshes">
   <link name="base">

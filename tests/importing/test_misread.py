@@ -12,8 +12,8 @@ import pytest
 
 import thingc
 from importing.as_original import Pair, in_files
-from thingc.diagnostics import Report
-from thingc.importing import import_robot
+from thingc.base.diagnostics import Report
+from thingc.tools.importing import import_robot
 
 ROBOTS = Path(__file__).parent / "robots"
 EXACT = 1e-9

@@ -14,8 +14,8 @@ import pytest
 
 import thingc
 from importing.as_original import Pair, in_files
-from thingc.diagnostics import Report
-from thingc.importing import Imported, import_robot
+from thingc.base.diagnostics import Report
+from thingc.tools.importing import Imported, import_robot
 
 ROBOTS = Path(__file__).parent / "robots"
 ROOTS = {

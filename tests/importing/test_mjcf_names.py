@@ -7,8 +7,8 @@ from pathlib import Path
 import mujoco
 
 import thingc
-from thingc.diagnostics import Report
-from thingc.importing import Imported, import_robot
+from thingc.base.diagnostics import Report
+from thingc.tools.importing import Imported, import_robot
 
 NAMED = """\
 <mujoco model="named">

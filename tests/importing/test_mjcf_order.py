@@ -10,8 +10,8 @@ import pytest
 
 import thingc
 from importing.test_mjcf_names import imported_from
-from thingc.diagnostics import Report
-from thingc.importing import import_robot
+from thingc.base.diagnostics import Report
+from thingc.tools.importing import import_robot
 
 SOURCE = """\
 <mujoco model="robot">

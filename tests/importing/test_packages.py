@@ -9,10 +9,10 @@ import mujoco
 import pytest
 
 import thingc
-from thingc.cli.main import main
-from thingc.diagnostics import Report
-from thingc.importing import Imported, import_robot
-from thingc.importing.packages import NotFound, Packages
+from thingc.base.diagnostics import Report
+from thingc.tools.cli.main import main
+from thingc.tools.importing import Imported, import_robot
+from thingc.tools.importing.packages import NotFound, Packages
 
 SOLID = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
@@ -177,6 +177,6 @@ def test_what_is_given_goes_first_and_alone(ground: Path) -> None:
 
 
 def test_too_large(ground: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("thingc.importing.packages.MOST_BYTES", 5)
+    monkeypatch.setattr("thingc.tools.importing.packages.MOST_BYTES", 5)
     with pytest.raises(NotFound, match="and 5 are read at most"):
         packages(ground).find("../meshes/link.stl")

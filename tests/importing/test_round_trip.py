@@ -14,8 +14,8 @@ import pytest
 
 import thingc
 from importing.as_original import in_files
-from thingc.diagnostics import Report
-from thingc.importing import Imported, import_robot
+from thingc.base.diagnostics import Report
+from thingc.tools.importing import Imported, import_robot
 
 SOURCE = Path(__file__).parent / "robots" / "constructs.urdf"
 ROOTS = ("upper", "wheel", "rack", "camera mount", "1st_tool", "root")

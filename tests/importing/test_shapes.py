@@ -10,9 +10,9 @@ import numpy
 import pytest
 
 import thingc
-from thingc.diagnostics import Report
-from thingc.importing import Imported, import_robot
-from thingc.importing.quantities import length, lengths
+from thingc.base.diagnostics import Report
+from thingc.tools.importing import Imported, import_robot
+from thingc.tools.importing.quantities import length, lengths
 
 SOURCE = Path(__file__).parent / "robots" / "shapes.urdf"
 ALL = '<mujoco><compiler fusestatic="false" discardvisual="false"/></mujoco></robot>'

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from thingc.cli.main import main
-from thingc.diagnostics import Diagnostic, Report
-from thingc.importing import Imported, expanding, import_robot
-from thingc.importing.xacro_worker import is_plausible
-from thingc.realize.worker import children
+from thingc.base.diagnostics import Diagnostic, Report
+from thingc.geometry.worker import children
+from thingc.tools.cli.main import main
+from thingc.tools.importing import Imported, expanding, import_robot
+from thingc.tools.importing.xacro_worker import is_plausible
 
 BOT = Path(__file__).parent / "xacro" / "bot"
 
@@ -96,7 +96,7 @@ ESCAPE = (
     " ().__class__.__base__.__subclasses__() if one.__name__ == 'catch_warnings'][0]()._module.__builtins__]])() and 1.0"
 )
 """Runs the Python of a file: xacro looks for forbidden names only outside of functions."""
-FREE = "import sys; hook = sys.modules['thingc.realize.worker.confining']; hook._allowed = (); hook._readable = None; hook._STARTING = ()\n"
+FREE = "import sys; hook = sys.modules['thingc.geometry.worker.confining']; hook._allowed = (); hook._readable = None; hook._STARTING = ()\n"
 """Disables what Python refuses: what is left is the system."""
 REFUSED = {
     "remove": ("import os; os.remove({victim!r})", "only its own temporary folder may be written"),

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from layout.mutants import slips
-from thingc.cli.main import main
-from thingc.layout.autofix import located
-from thingc.source import Edit, Span
-from thingc.typos import meant
+from thingc.base.source import Edit, Span
+from thingc.base.typos import meant
+from thingc.documents.format.autofix import located
+from thingc.tools.cli.main import main
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 

@@ -14,12 +14,12 @@ import tomlkit
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from thingc.cli.main import main
-from thingc.diagnostics import Report
-from thingc.layout import format_document, toml_layout
-from thingc.layout.order import FIRST, ordered
-from thingc.printing import as_text
-from thingc.spec.shapes import model_keys
+from thingc.base.diagnostics import Report
+from thingc.base.printing import as_text
+from thingc.documents.format import format_document, toml_layout
+from thingc.documents.format.order import FIRST, ordered
+from thingc.documents.spec.shapes import model_keys
+from thingc.tools.cli.main import main
 
 UNTIDY = b"""\
 # yaml-language-server: $schema=x.json

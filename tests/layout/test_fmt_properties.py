@@ -11,9 +11,9 @@ from hypothesis import HealthCheck, assume, given, settings
 from ruamel.yaml import YAML
 
 from layout.written import documents
-from thingc.diagnostics import Report
-from thingc.layout import format_document
-from thingc.printing import as_text
+from thingc.base.diagnostics import Report
+from thingc.base.printing import as_text
+from thingc.documents.format import format_document
 
 pytestmark = pytest.mark.slow
 

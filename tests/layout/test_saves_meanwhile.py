@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
-from thingc import replacement
-from thingc.cli.main import main
-from thingc.replacement import ReplacementRefused, provisional, replace_files
+from thingc.base import replacement
+from thingc.base.replacement import ReplacementRefused, provisional, replace_files
+from thingc.tools.cli.main import main
 
 ROBOT = """\
 thingc: assembly/1

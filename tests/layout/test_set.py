@@ -13,11 +13,11 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from thingc.cli.main import main
-from thingc.diagnostics import Report
-from thingc.layout.setting import Unsettable, with_values, without
-from thingc.load import read_tree
-from thingc.source import Document, MappingNode
+from thingc.base.diagnostics import Report
+from thingc.base.source import Document, MappingNode
+from thingc.documents.format.setting import Unsettable, with_values, without
+from thingc.documents.load import read_tree
+from thingc.tools.cli.main import main
 
 YAML_TEXT = """\
 # top

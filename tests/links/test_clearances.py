@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from thingc import pipeline
-from thingc.cli.main import main
-from thingc.environment import Environment, Options
-from thingc.realize.service import GeometryService
-from thingc.robot import occurrence_poses
-from thingc.testing.collisions import collisions_of
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.driver.testing.collisions import collisions_of
+from thingc.geometry.service import GeometryService
+from thingc.model.robot import occurrence_poses
+from thingc.tools.cli.main import main
 
 SHAPES = {
     "ground": "{plane: [4 m, 0 m]}",
@@ -65,7 +65,7 @@ def document() -> str:
 @pytest.fixture
 def no_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(GeometryService, "warm", lambda self: pytest.fail("the kernel was begun"))
-    monkeypatch.setattr("thingc.realize.client.Workers.request", lambda *_: pytest.fail("a worker was asked"), raising=False)
+    monkeypatch.setattr("thingc.geometry.client.Workers.request", lambda *_: pytest.fail("a worker was asked"), raising=False)
 
 
 @pytest.fixture(scope="module")

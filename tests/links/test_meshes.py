@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from thingc import pipeline
-from thingc.diagnostics import Code
-from thingc.emit.artifact import Artifacts, Stored
-from thingc.environment import Environment, Options
-from thingc.pipeline import Compilation
-from thingc.realize.record import Mesh
-from thingc.realize.service import GeometryService
+from thingc.base.diagnostics import Code
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.driver.pipeline import Compilation
+from thingc.geometry.record import Mesh
+from thingc.geometry.service import GeometryService
+from thingc.targets.artifact import Artifacts, Stored
 
 GIVEN = "mass: 1 kg, com: 0 0 0 mm, inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}"
 HEAD = "thingc: assembly/1\nname: meshed\nmaterials: {steel: {density: 7800 kg/m^3, color: gray}}\ncomponents:\n"
@@ -217,7 +217,7 @@ def test_the_mirror_image_of_a_link_is_that_of_its_meshes(here: Path) -> None:
 def test_a_check_of_given_masses_reads_no_mesh_and_imports_nothing_for_them(here: Path) -> None:
     (here / "given.yaml").write_text(HEAD + f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/open.stl, unit: m}}]}}\n")
     program = (
-        "import sys; from thingc.cli.main import main; code = main(['check', sys.argv[1], '--store', sys.argv[2]]);"
+        "import sys; from thingc.tools.cli.main import main; code = main(['check', sys.argv[1], '--store', sys.argv[2]]);"
         "print(code, sorted({'numpy', 'trimesh', 'mujoco', 'networkx'} & set(sys.modules)))"
     )
     store = str(here / "empty-store")
@@ -228,7 +228,7 @@ def test_a_check_of_given_masses_reads_no_mesh_and_imports_nothing_for_them(here
 def test_what_was_read_is_kept_by_content(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shapes = "  base: {link: true, material: steel, shapes: [{mesh: meshes/m.ply, unit: m}]}\n"
     first, _ = compiled(here, shapes, [])
-    monkeypatch.setattr("thingc.meshes.reading.read_mesh", lambda *_: pytest.fail("it was read again"))
+    monkeypatch.setattr("thingc.geometry.meshes.reading.read_mesh", lambda *_: pytest.fail("it was read again"))
     again, _ = compiled(here, shapes, [])
     assert first.assembly is not None and again.assembly is not None
     assert again.assembly.occurrences[0].properties == first.assembly.occurrences[0].properties

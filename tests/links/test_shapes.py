@@ -14,11 +14,11 @@ import trimesh
 from pxr import Usd, UsdPhysics
 
 import thingc
-from thingc import pipeline
-from thingc.emit.artifact import Artifacts, Stored
-from thingc.environment import Environment, Options
-from thingc.graph.types import Assembly
-from thingc.realize.service import GeometryService
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.geometry.service import GeometryService
+from thingc.model.assembly.types import Assembly
+from thingc.targets.artifact import Artifacts, Stored
 
 DOCUMENT = """\
 thingc: assembly/1
@@ -111,7 +111,7 @@ class Crane:
 def crane(tmp_path_factory: pytest.TempPathFactory) -> Crane:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(GeometryService, "warm", lambda self: pytest.fail("the kernel was begun"))
-        patch.setattr("thingc.realize.client.Workers.request", lambda *_: pytest.fail("a worker was asked"), raising=False)
+        patch.setattr("thingc.geometry.client.Workers.request", lambda *_: pytest.fail("a worker was asked"), raising=False)
         return Crane(tmp_path_factory.mktemp("crane"))
 
 

@@ -17,13 +17,13 @@ from types import SimpleNamespace
 import pytest
 
 from live.documents import DOCUMENTS, FINGER, ROBOT, write
-from thingc import building
-from thingc.building import Wish
-from thingc.cli.common import of_exception
-from thingc.environment import Options, attempted
-from thingc.live import Live, Round
-from thingc.realize import EndingWorkers
-from thingc.realize.decisions import Decision
+from thingc.driver import building
+from thingc.driver.building import Wish
+from thingc.driver.environment import Options, attempted
+from thingc.geometry import EndingWorkers
+from thingc.geometry.decisions import Decision
+from thingc.tools.cli.common import of_exception
+from thingc.tools.live import Live, Round
 
 WISH = Wish(targets=("mjcf", "bom"))
 PATIENCE = 300.0
@@ -202,10 +202,10 @@ def test_files_that_are_named_and_not_there_yet(working: Working) -> None:
 
 def test_the_workspace_is_watched(tmp_path: Path, shared_store: str, without_kernel: None) -> None:
     """Its own file: what it says counts at once, and a fault in it can be mended. So does one that appears."""
-    from thingc.workspace import Workspace
+    from thingc.documents.workspace import Workspace
 
     def wish() -> Wish:
-        from thingc.diagnostics import Report
+        from thingc.base.diagnostics import Report
 
         workspace = Workspace.find(str(tmp_path / "robot.yaml"), Report())
         return Wish(targets=(workspace.emit if workspace is not None else ()) or ("bom",))

@@ -100,7 +100,7 @@ def test_lines(watching: Watching) -> None:
 INTERRUPTED = """\
 import signal, sys, weakref
 from thingc.__main__ import entry
-from thingc.cli.watch import Lines
+from thingc.tools.cli.watch import Lines
 
 class Dies: pass
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from thingc.diagnostics import Code, Report
-from thingc.load import Documents, documents_in, load
-from thingc.load.finding import MOST_FILES, MOST_FOLDERS
-from thingc.workspace import Workspace
+from thingc.base.diagnostics import Code, Report
+from thingc.documents.load import Documents, documents_in, load
+from thingc.documents.load.finding import MOST_FILES, MOST_FOLDERS
+from thingc.documents.workspace import Workspace
 
 HEAD = "thingc: assembly/1\nname: x\n"
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from thingc.files import NoPlainFile, beginning
-from thingc.realize.key.file_states import state_of as state_of_read
-from thingc.stamp import state_of
+from thingc.base.files import NoPlainFile, beginning
+from thingc.driver.stamp import state_of
+from thingc.geometry.key.file_states import state_of as state_of_read
 
 
 def test_nobody_waits_for_a_pipe(tmp_path: Path) -> None:

@@ -8,11 +8,11 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thingc.diagnostics import Report
-from thingc.load import load
-from thingc.printing import as_json, as_text
-from thingc.spec import part_references, validate
-from thingc.workspace import Workspace
+from thingc.base.diagnostics import Report
+from thingc.base.printing import as_json, as_text
+from thingc.documents.load import load
+from thingc.documents.spec import part_references, validate
+from thingc.documents.workspace import Workspace
 
 GOOD = '''thingc: assembly/1
 name: arm

@@ -12,9 +12,9 @@ import yaml
 
 from conformance.harness import thingc
 from load.test_documents import HEAD, read, said, write
-from thingc.diagnostics import Code, Report
-from thingc.load import packaged_documents
-from thingc.workspace import Workspace
+from thingc.base.diagnostics import Code, Report
+from thingc.documents.load import packaged_documents
+from thingc.documents.workspace import Workspace
 
 SETTINGS = 'thingc = "workspace/1"\npackages = ["thingc_stock", "nuts", "missing"]\n'
 NUTS = "thingc: materials/1\nmaterials: {nickel: {density: 8900 kg/m^3}}\n"
@@ -32,7 +32,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "nuts/notes.yaml": "shopping: [milk]\n", "bolts/__init__.py": "", "bolts/metals.yaml": NUTS,
     })
     (site / "nuts" / "away.yaml").symlink_to("/etc/passwd")
-    monkeypatch.setattr("thingc.installed.import_path", lambda: (str(site), *sys.path))
+    monkeypatch.setattr("thingc.base.installed.import_path", lambda: (str(site), *sys.path))
     return site
 
 

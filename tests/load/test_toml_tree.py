@@ -11,10 +11,10 @@ import tomlkit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thingc.diagnostics import Code, Report
-from thingc.load.text import Source, decode
-from thingc.load.toml_tree import read_toml
-from thingc.source import MappingNode, ScalarNode, SequenceNode, span_at, walk
+from thingc.base.diagnostics import Code, Report
+from thingc.base.source import MappingNode, ScalarNode, SequenceNode, span_at, walk
+from thingc.documents.load.text import Source, decode
+from thingc.documents.load.toml_tree import read_toml
 
 ARM = '''thingc = "assembly/1"      # kind
 name = "ärm"

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thingc.diagnostics import Code, Report
-from thingc.packaging import About
-from thingc.workspace import Tessellation, Workspace, _explained, _read
+from thingc.base.diagnostics import Code, Report
+from thingc.base.packaging import About
+from thingc.documents.workspace import Tessellation, Workspace, _explained, _read
 
 
 def find(document: Path) -> tuple[Workspace | None, Report]:
@@ -237,7 +237,7 @@ def test_the_plain_reading_is_the_models_reading(
 def test_reading_a_good_file_needs_neither_models_nor_positions(tmp_path: Path) -> None:
     (tmp_path / "thingc.toml").write_text(HEAD + 'part_timeout = "60 s"\n')
     program = (
-        "import sys; from thingc.workspace import Workspace; from thingc.diagnostics import Report; "
+        "import sys; from thingc.documents.workspace import Workspace; from thingc.base.diagnostics import Report; "
         f"assert Workspace.find({str(tmp_path / 'a.yaml')!r}, Report()).part_timeout == 60.0; "
         "print(sorted({'pydantic', 'yaml', 'tree_sitter'} & set(sys.modules)))"
     )

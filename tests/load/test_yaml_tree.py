@@ -14,10 +14,10 @@ from ruamel.yaml.scalarbool import ScalarBoolean
 from ruamel.yaml.scalarfloat import ScalarFloat
 from ruamel.yaml.scalarint import ScalarInt
 
-from thingc.diagnostics import Code, Report
-from thingc.load.text import Source, decode
-from thingc.load.yaml_tree import read_yaml
-from thingc.source import MappingNode, Node, ScalarNode, SequenceNode, walk
+from thingc.base.diagnostics import Code, Report
+from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, walk
+from thingc.documents.load.text import Source, decode
+from thingc.documents.load.yaml_tree import read_yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 

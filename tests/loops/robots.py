@@ -14,11 +14,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from thingc import pipeline
-from thingc.emit.artifact import Artifacts, Loss
-from thingc.environment import Environment, Options
-from thingc.pipeline import Compilation
-from thingc.robot.types import Robot
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.driver.pipeline import Compilation
+from thingc.model.robot.types import Robot
+from thingc.targets.artifact import Artifacts, Loss
 
 Array = Any
 BALL = "inertia: {ixx: 1e-4 kg*m^2, iyy: 2e-4 kg*m^2, izz: 1.5e-4 kg*m^2}"

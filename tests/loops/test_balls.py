@@ -11,11 +11,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from loops.robots import BALL, Array, Built, at_key, compiled
-from thingc.graph.types import MountAt
+from thingc.driver.testing.reaching import farthest
+from thingc.model.assembly.types import MountAt
+from thingc.model.robot import body_poses
+from thingc.model.statics import static_efforts
 from thingc.modes import Mode, Modes, caught
-from thingc.robot import body_poses
-from thingc.statics import static_efforts
-from thingc.testing.reaching import farthest
 
 HIP = f"""
 thingc: assembly/1

@@ -14,11 +14,11 @@ from scipy.spatial.transform import Rotation
 
 from graph.builder import as_matrix, as_pose
 from robot.test_spanning_tree_properties import Tree, build, robots
-from thingc.graph import joints_of
-from thingc.robot import body_poses
-from thingc.robot.dense import solve
-from thingc.robot.loop_solver import Loops, SolverState, orthonormal, rotation_vector
-from thingc.robot.types import Closure, Robot
+from thingc.model.assembly import joints_of
+from thingc.model.robot import body_poses
+from thingc.model.robot.dense import solve
+from thingc.model.robot.loop_solver import Loops, SolverState, orthonormal, rotation_vector
+from thingc.model.robot.types import Closure, Robot
 
 numbers = st.floats(-3.0, 3.0, allow_nan=False)
 

@@ -32,7 +32,7 @@ from loops.robots import (
     turn,
     worm_links,
 )
-from thingc.cli import info
+from thingc.tools.cli import info
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from loops.robots import BALL, Built, at_key, compiled, equality_residual, pose_of
-from thingc.cli.info import as_text, mode_data
-from thingc.diagnostics import Report
-from thingc.memo import Memo
-from thingc.robot import root
-from thingc.robot.loop_solver import Loops
+from thingc.base.diagnostics import Report
+from thingc.base.memo import Memo
+from thingc.model.robot import root
+from thingc.model.robot.loop_solver import Loops
+from thingc.tools.cli.info import as_text, mode_data
 
 A, B, C, D = 0.06, 0.18, 0.12, 0.2
 """Crank, coupler, rocker and ground [m]: by Grashof's rule the crank goes round."""

@@ -12,8 +12,8 @@ import pytest
 import thingc
 from importing.as_original import closed_residual, nearest_closed
 from loops.robots import BALL
-from thingc.diagnostics import Report
-from thingc.importing import import_robot
+from thingc.base.diagnostics import Report
+from thingc.tools.importing import import_robot
 
 LEG = """\
 <mujoco model="leg">

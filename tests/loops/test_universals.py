@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from loops.robots import BALL, Array, Built, at_key, compiled, equality_residual
-from thingc.cli.info import as_text
+from thingc.tools.cli.info import as_text
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from thingc.diagnostics import Diagnostic
-from thingc.environment import Options
-from thingc.lsp.analysis import Analysis, OpenText
-from thingc.lsp.open_documents import OpenDocuments
+from thingc.base.diagnostics import Diagnostic
+from thingc.driver.environment import Options
+from thingc.tools.lsp.analysis import Analysis, OpenText
+from thingc.tools.lsp.open_documents import OpenDocuments
 
 
 class Documents:

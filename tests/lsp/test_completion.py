@@ -10,14 +10,14 @@ import pytest
 
 from live.documents import FINGER, ROBOT, write
 from lsp.documents import Documents, analysed
-from thingc.cli.main import main
-from thingc.diagnostics import Report
-from thingc.load import read_tree
-from thingc.load.text import Source
-from thingc.lsp.analysis import Analysis
-from thingc.lsp.completion import CompletionItem, items
-from thingc.source import MappingNode, ScalarNode, Span, walk
-from thingc.source import Path as Keys
+from thingc.base.diagnostics import Report
+from thingc.base.source import MappingNode, ScalarNode, Span, walk
+from thingc.base.source import Path as Keys
+from thingc.documents.load import read_tree
+from thingc.documents.load.text import Source
+from thingc.tools.cli.main import main
+from thingc.tools.lsp.analysis import Analysis
+from thingc.tools.lsp.completion import CompletionItem, items
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -225,7 +225,7 @@ def test_details_say_where_a_mount_is_and_what_a_parameter_comes_to(robot: Path,
 def test_workers_are_asked_for_parts_that_are_not_known(tmp_path: Path) -> None:
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["parts"]\n')
     (tmp_path / "parts").mkdir()
-    (tmp_path / "parts" / "frame.py").write_text("from thingc.things import Thing\n\nclass Bar(Thing):\n    pass\n")
+    (tmp_path / "parts" / "frame.py").write_text("from thingc.geometry.things import Thing\n\nclass Bar(Thing):\n    pass\n")
     documents = Documents(str(tmp_path / "store"))
     text, offset = at("thingc: assembly/1\nname: a\ncomponents:\n  a: {frame: true}\n", "frame: true", "part: │")
     assert items(documents.analysis(tmp_path / "a.yaml", text), text, offset) == []

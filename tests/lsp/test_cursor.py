@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 import tomlkit
 
-from thingc.diagnostics import Report
-from thingc.load import read_tree
-from thingc.load.text import Source
-from thingc.lsp.cursor import Cursor, cursor_at
-from thingc.source import MappingNode, ScalarNode, Span, walk
+from thingc.base.diagnostics import Report
+from thingc.base.source import MappingNode, ScalarNode, Span, walk
+from thingc.documents.load import read_tree
+from thingc.documents.load.text import Source
+from thingc.tools.lsp.cursor import Cursor, cursor_at
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -13,12 +13,12 @@ from typing import Any
 import pytest
 
 from live.documents import DOCUMENTS, write
-from thingc.cli.common import of_exception
-from thingc.environment import Options
-from thingc.lsp import open_documents
-from thingc.lsp.analysis import Analysis, OpenText, analyse
-from thingc.lsp.open_documents import OpenDocuments, Superseded
-from thingc.resolve import assembly
+from thingc.driver.environment import Options
+from thingc.model.resolve import assembly
+from thingc.tools.cli.common import of_exception
+from thingc.tools.lsp import open_documents
+from thingc.tools.lsp.analysis import Analysis, OpenText, analyse
+from thingc.tools.lsp.open_documents import OpenDocuments, Superseded
 
 
 class Desk:

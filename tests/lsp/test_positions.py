@@ -5,9 +5,9 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thingc.load import Source
-from thingc.lsp.edits import edits
-from thingc.lsp.positions import TextLines, path_of, uri_of
+from thingc.documents.load import Source
+from thingc.tools.lsp.edits import edits
+from thingc.tools.lsp.positions import TextLines, path_of, uri_of
 
 TEXTS = st.text(st.sampled_from("ab\n\r\t \u00e9\u2028\U0001f916\U0001d11e"), max_size=40)
 

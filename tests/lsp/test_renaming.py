@@ -12,16 +12,16 @@ from pathlib import Path
 import pytest
 
 from lsp.walkers import WALKER, write
-from thingc.diagnostics import Report
-from thingc.diff import Portrait, compare, portrait
-from thingc.environment import Environment, Options
-from thingc.lsp.analysis import RequestRefused
-from thingc.lsp.names import Name
-from thingc.lsp.renaming import renamed
-from thingc.lsp.sight import Sight, sight_of
-from thingc.pipeline import compile
-from thingc.variants import plan
-from thingc.workspace import Workspace
+from thingc.base.diagnostics import Report
+from thingc.batch import plan
+from thingc.documents.workspace import Workspace
+from thingc.driver.environment import Environment, Options
+from thingc.driver.pipeline import compile
+from thingc.tools.diff import Portrait, compare, portrait
+from thingc.tools.lsp.analysis import RequestRefused
+from thingc.tools.lsp.names import Name
+from thingc.tools.lsp.renaming import renamed
+from thingc.tools.lsp.sight import Sight, sight_of
 
 ROOT = Path(__file__).parents[2]
 REFUSED = {
@@ -61,7 +61,7 @@ def test_the_walker_means_everything_that_can_be_meant(walker: Sight) -> None:
     """So that a new way to name something is tried below."""
     from typing import get_args
 
-    from thingc.spec.named import Declared, Declares, Means, Meant
+    from thingc.documents.spec.named import Declared, Declares, Means, Meant
 
     said = {mention.names for written in walker.documents.values() for mention in written.mentions}
     of_parts = {Means("part"), Means("parameter of a part")}  # in the arm
@@ -115,7 +115,7 @@ def test_every_name_of_the_walker_is_exchanged_and_back(walker: Sight, tmp_path:
 
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    from thingc.cli.main import main
+    from thingc.tools.cli.main import main
 
     write(tmp_path)
     monkeypatch.chdir(tmp_path)

@@ -16,9 +16,9 @@ from pygls.exceptions import JsonRpcException
 
 from live.documents import ROBOT, write
 from lsp.editor import Editor, lines
-from thingc.cli.main import main
-from thingc.environment import Options
-from thingc.lsp.analysis import OpenText, analyse
+from thingc.driver.environment import Options
+from thingc.tools.cli.main import main
+from thingc.tools.lsp.analysis import OpenText, analyse
 
 TYPED = ["", "", "x", "_", " ", "\n", ":", "{", "]", "- ", "=", "'", "#", "12 mm", "\U0001f916", "\u00e9", "components:\n"]
 ODD = [

@@ -17,7 +17,7 @@ import trimesh
 import thingc
 from conformance import simulation as sim
 from conformance.harness import ROOT
-from thingc.realize.store.local import Store
+from thingc.geometry.store.local import Store
 
 from .conftest import AXIS, DOCUMENT, MODES, POSES, pose_of, sole
 

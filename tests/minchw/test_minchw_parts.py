@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from thingc import ParameterError
-from thingc.things.inspection import expectations_of, mounts_of
+from thingc.geometry.things.inspection import expectations_of, mounts_of
 from thingc_stock.cells import Cell18650, CellTray
 from thingc_stock.dynamixel import XM540
 from thingc_stock.magnets import MU_0, HoldingMagnet

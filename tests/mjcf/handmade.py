@@ -12,9 +12,15 @@ import numpy as np
 
 from graph import builder
 from graph.builder import as_pose, binary_stl, kept, where
-from thingc.diagnostics import Report
-from thingc.emit.request import EmitRequest
-from thingc.graph.types import (
+from thingc.base.diagnostics import Report
+from thingc.base.inertia import MassProperties
+from thingc.base.joints import KINDS, Twist
+from thingc.base.pose import NO_POSE
+from thingc.base.primitives import Primitive
+from thingc.base.source import Origin
+from thingc.geometry.record import PartDefinition, PartRecord
+from thingc.geometry.store.local import Store
+from thingc.model.assembly.types import (
     ActuatorModel,
     Adhesion,
     Assembly,
@@ -25,16 +31,10 @@ from thingc.graph.types import (
     Occurrence,
     RootChoice,
 )
-from thingc.inertia import MassProperties
-from thingc.joints import KINDS, Twist
-from thingc.pose import NO_POSE
-from thingc.primitives import Primitive
-from thingc.realize.record import PartDefinition, PartRecord
-from thingc.realize.store.local import Store
-from thingc.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
-from thingc.resolve.model import Material, NamedPose, Overrides, RawAttribute
-from thingc.robot.types import Body, CoreJoint, Keyframe, Robot, Site
-from thingc.source import Origin
+from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
+from thingc.model.resolve.model import Material, NamedPose, Overrides, RawAttribute
+from thingc.model.robot.types import Body, CoreJoint, Keyframe, Robot, Site
+from thingc.targets.request import EmitRequest
 
 FILE = "/somewhere/robot.yaml"
 

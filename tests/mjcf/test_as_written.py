@@ -11,12 +11,12 @@ import pytest
 from loops.robots import BALL, Built, at_key, compiled, equality_residual
 from loops.test_loop_joints import FOURBAR
 from statics.test_statics import at_rest
-from thingc.cli.main import main
-from thingc.graph import joints_of
-from thingc.robot import body_poses
-from thingc.robot.loop_solver import Loops
-from thingc.statics import static_efforts
-from thingc.statics.efforts import problem
+from thingc.model.assembly import joints_of
+from thingc.model.robot import body_poses
+from thingc.model.robot.loop_solver import Loops
+from thingc.model.statics import static_efforts
+from thingc.model.statics.efforts import problem
+from thingc.tools.cli.main import main
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 

@@ -19,20 +19,20 @@ import pytest
 
 from emit.test_sdf import EVERY
 from mjcf.handmade import Made, Piece, Segment, at, box_part, cylinder_part, drive, matrix, raw
-from thingc.cli.main import main
-from thingc.diagnostics import Code
-from thingc.emit.artifact import Loss
-from thingc.emit.mjcf import model as tree
-from thingc.emit.mjcf import target
-from thingc.emit.mjcf.compat import CONSUMERS
-from thingc.emit.mjcf.compat.mjx import LACKING, SIDES, prism
-from thingc.emit.mjcf.compat.touching import pairs
-from thingc.emit.mjcf.limits import taken
-from thingc.emit.request import EmitRequest
-from thingc.realize.store.local import Store
-from thingc.resolve.coordinates import Dynamics, Limit
-from thingc.resolve.model import Overrides
-from thingc.workspace import CONSUMERS as NAMES
+from thingc.base.diagnostics import Code
+from thingc.documents.workspace import CONSUMERS as NAMES
+from thingc.geometry.store.local import Store
+from thingc.model.resolve.coordinates import Dynamics, Limit
+from thingc.model.resolve.model import Overrides
+from thingc.targets.artifact import Loss
+from thingc.targets.mjcf import model as tree
+from thingc.targets.mjcf import target
+from thingc.targets.mjcf.compat import CONSUMERS
+from thingc.targets.mjcf.compat.mjx import LACKING, SIDES, prism
+from thingc.targets.mjcf.compat.touching import pairs
+from thingc.targets.mjcf.limits import taken
+from thingc.targets.request import EmitRequest
+from thingc.tools.cli.main import main
 
 
 @pytest.fixture

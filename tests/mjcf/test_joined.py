@@ -11,9 +11,9 @@ import pytest
 
 from loops.robots import compiled
 from modes.switching_robots import mass_matrix
-from thingc import pipeline
-from thingc.emit.artifact import Artifacts
-from thingc.environment import Environment, Options
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.targets.artifact import Artifacts
 
 INERTIA = "inertia: {ixx: 0.02 kg*m^2, iyy: 0.03 kg*m^2, izz: 0.025 kg*m^2, ixy: 0.001 kg*m^2}"
 BASE = "torso: {frame: true, mass: 4 kg, inertia: {ixx: 0.03 kg*m^2, iyy: 0.04 kg*m^2, izz: 0.05 kg*m^2}"

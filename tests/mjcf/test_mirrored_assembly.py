@@ -12,8 +12,8 @@ import pytest
 from graph.builder import rz, t
 from loops.robots import Array, Built, compiled
 from modes.switching_robots import assert_said, mass_matrix
-from thingc.graph import joints_of, poses
-from thingc.graph.types import Assembly
+from thingc.model.assembly import joints_of, poses
+from thingc.model.assembly.types import Assembly
 from thingc.modes import Modes
 
 BODY = "mass: 0.4 kg, com: 5 14 3 mm, inertia: {ixx: 200 kg*mm^2, iyy: 300 kg*mm^2, izz: 350 kg*mm^2, ixy: 20 kg*mm^2, ixz: -30 kg*mm^2, "

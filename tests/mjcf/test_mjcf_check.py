@@ -17,10 +17,10 @@ import pytest
 from graph.builder import kept
 from mjcf.handmade import Made, Piece, Segment, box_part, drive, raw
 from mjcf.test_mjcf_model import arm, load
-from thingc.diagnostics import Diagnostic
-from thingc.emit.mjcf.target import emit
-from thingc.memo import Memo
-from thingc.realize.store.local import Store
+from thingc.base.diagnostics import Diagnostic
+from thingc.base.memo import Memo
+from thingc.geometry.store.local import Store
+from thingc.targets.mjcf.target import emit
 
 
 @pytest.fixture
@@ -276,7 +276,7 @@ def test_two_definitions_of_one_file_name(store: Store) -> None:
 def compiled(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The sizes of the asset files of every compilation from now on, all by one thread: of several that compile with the same files MuJoCo
     gives one the model of another, now and then."""
-    from thingc.emit.mjcf import check
+    from thingc.targets.mjcf import check
 
     counted: list[int] = []
     sizes: list[int] = []
@@ -321,7 +321,7 @@ def test_one_of_several_models_is_warned_of(store: Store, monkeypatch: pytest.Mo
 
 def test_modes_that_differ_in_names_and_gravity_start_alike(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     """They are all compiled, and one of them is looked at in its first instant."""
-    from thingc.emit.mjcf import check
+    from thingc.targets.mjcf import check
 
     looked: list[str] = []
     counted = compiled(monkeypatch)
@@ -387,7 +387,7 @@ def test_of_what_starts_otherwise_only_what_touches_is_read_again(store: Store, 
 
 
 def test_textures_are_painted_once(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    from thingc.emit.mjcf import check
+    from thingc.targets.mjcf import check
 
     pixels: list[int] = []
     true = check.attempt
@@ -449,7 +449,7 @@ def test_an_unchanged_model_needs_no_mujoco(store: Store, tmp_path: Path) -> Non
         "import sys; sys.path[:0] = sys.argv[2:]\n"
         "import pickle\n"
         "request = pickle.load(open(sys.argv[1], 'rb'))\n"
-        "from thingc.emit.mjcf.target import emit\n"
+        "from thingc.targets.mjcf.target import emit\n"
         "emit(request); assert not request.report.diagnostics, request.report.diagnostics\n"
         "print([name for name in ('mujoco', 'numpy') if name in sys.modules])\n"
     )

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from thingc import pipeline
-from thingc.emit.artifact import Artifacts
-from thingc.environment import Environment, Options
-from thingc.pipeline import Compilation
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.driver.pipeline import Compilation
+from thingc.targets.artifact import Artifacts
 
 BALL = "inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}"
 DOCUMENT = f"""\

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from thingc.emit.mjcf import check
-from thingc.environment import Options
-from thingc.resolve import Settings
-from thingc.session import Session
+from thingc.driver.environment import Options
+from thingc.driver.session import Session
+from thingc.model.resolve import Settings
+from thingc.targets.mjcf import check
 
 DOCUMENT = """\
 thingc: assembly/1

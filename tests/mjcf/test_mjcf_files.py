@@ -18,12 +18,12 @@ from hypothesis import strategies as st
 
 from mjcf.handmade import Made, Piece, Segment, box_part, material, matrix, raw, spin
 from mjcf.test_mjcf_model import arm
-from thingc.emit import TARGETS, emitter, stl, targets
-from thingc.emit.artifact import Content, Stored
-from thingc.emit.mjcf.target import emit
-from thingc.emit.request import EmitRequest
-from thingc.emit.xml import Element, number, write
-from thingc.realize.store.local import BlobMissing, Store
+from thingc.geometry.store.local import BlobMissing, Store
+from thingc.targets import TARGETS, emitter, stl, targets
+from thingc.targets.artifact import Content, Stored
+from thingc.targets.mjcf.target import emit
+from thingc.targets.request import EmitRequest
+from thingc.targets.xml import Element, number, write
 
 
 @pytest.fixture
@@ -128,8 +128,8 @@ def test_same_input_same_bytes(store: Store, tmp_path: Path) -> None:
     assert everything(arm(other).request(other, *MODES)) == first
     program = (
         "import sys, pickle, hashlib; sys.path[:0] = sys.argv[2:]\n"
-        "from thingc.emit.mjcf.target import emit\n"
-        "from thingc.emit.mjcf import archive\n"
+        "from thingc.targets.mjcf.target import emit\n"
+        "from thingc.targets.mjcf import archive\n"
         "request = pickle.load(open(sys.argv[1], 'rb'))\n"
         "files = {**emit(request).files, **archive.emit(request).files}\n"
         "print(hashlib.sha256(repr(list(files.items())).encode()).hexdigest())\n"
@@ -305,7 +305,7 @@ def test_lines_lead_to_elements() -> None:
 def test_the_table_of_targets() -> None:
     assert targets()[: len(TARGETS)] == tuple(TARGETS)
     assert emitter("stl") is stl.emit
-    assert TARGETS["mjcf"].emitters == ("thingc.emit.mjcf.target:emit", "thingc.emit.modes:emit")
+    assert TARGETS["mjcf"].emitters == ("thingc.targets.mjcf.target:emit", "thingc.targets.modes:emit")
     with pytest.raises(KeyError):
         emitter("nothing")
 

@@ -10,8 +10,8 @@ import numpy
 import pytest
 import trimesh
 
-from thingc.cli.main import main
-from thingc.emit.mjcf import check
+from thingc.targets.mjcf import check
+from thingc.tools.cli.main import main
 
 DOCUMENT = """thingc: assembly/1
 name: heap

@@ -27,16 +27,16 @@ from mjcf.handmade import (
     spin,
     total,
 )
-from thingc.emit.mjcf.inertial import inertial
-from thingc.emit.mjcf.target import emit
-from thingc.emit.request import EmitRequest
-from thingc.inertia import LEAST_MASS, LEAST_MOMENT, MassProperties
-from thingc.pose import NO_POSE, Pose
-from thingc.primitives import Primitive
-from thingc.printing import as_json
-from thingc.realize.store.local import Store
-from thingc.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
-from thingc.resolve.model import Overrides
+from thingc.base.inertia import LEAST_MASS, LEAST_MOMENT, MassProperties
+from thingc.base.pose import NO_POSE, Pose
+from thingc.base.primitives import Primitive
+from thingc.base.printing import as_json
+from thingc.geometry.store.local import Store
+from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
+from thingc.model.resolve.model import Overrides
+from thingc.targets.mjcf.inertial import inertial
+from thingc.targets.mjcf.target import emit
+from thingc.targets.request import EmitRequest
 
 NEAR = 1e-9
 

@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 
 from graph.builder import as_matrix
 from robot.test_spanning_tree_properties import WITHOUT_LEAD, Tree, build, robots, world_of
-from thingc.diagnostics import Report
-from thingc.emit.mjcf.target import emit
-from thingc.emit.request import EmitRequest
-from thingc.realize.store.local import Store
-from thingc.robot import in_link, mass_properties
+from thingc.base.diagnostics import Report
+from thingc.geometry.store.local import Store
+from thingc.model.robot import in_link, mass_properties
+from thingc.targets.mjcf.target import emit
+from thingc.targets.request import EmitRequest
 
 trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just(WITHOUT_LEAD))
 """What MuJoCo makes of a screw is in the tests of screws."""

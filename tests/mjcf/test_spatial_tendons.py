@@ -8,9 +8,9 @@ import pytest
 
 from loops.robots import BALL, Array, Built, at_key, compiled
 from statics.test_statics import at_rest
-from thingc.robot import body_poses
-from thingc.robot.tendons import course_of, rates
-from thingc.statics.efforts import problem
+from thingc.model.robot import body_poses
+from thingc.model.robot.tendons import course_of, rates
+from thingc.model.statics.efforts import problem
 
 REEVED = f"""\
 thingc: assembly/1

@@ -26,16 +26,16 @@ from graph.builder import (
     t,
     whole,
 )
-from thingc.diagnostics import Code, Report
-from thingc.emit import modes as modes_json
-from thingc.emit.mjcf import target as mjcf
-from thingc.emit.request import EmitRequest
-from thingc.graph.types import Assembly
+from thingc.base.diagnostics import Code, Report
+from thingc.geometry.store.local import Store
+from thingc.model.assembly.types import Assembly
+from thingc.model.robot import root
 from thingc.modes import Modes
 from thingc.modes.state import State
 from thingc.modes.tree import Mode
-from thingc.realize.store.local import Store
-from thingc.robot import root
+from thingc.targets import modes as modes_json
+from thingc.targets.mjcf import target as mjcf
+from thingc.targets.request import EmitRequest
 
 BASES = ("free", "held", "fixed")
 

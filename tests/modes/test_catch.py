@@ -10,7 +10,7 @@ import pytest
 
 from graph.builder import Array, assembly, box, component, joint, linked, mode, whole
 from modes.switching_robots import Made, bodies, emitted
-from thingc.diagnostics import Code
+from thingc.base.diagnostics import Code
 from thingc.modes import Inertias
 
 SIZES = ((0.3, 0.1, 0.05), (0.2, 0.08, 0.06))

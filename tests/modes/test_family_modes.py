@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import thingc
+from thingc.driver.pipeline import UnknownChoice
 from thingc.modes import Modes, WrongData
-from thingc.pipeline import UnknownChoice
 
 BOOM = """
 thingc: assembly/1

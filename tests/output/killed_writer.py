@@ -15,7 +15,7 @@ import signal
 import sys
 import time
 
-from thingc import output
+from thingc.driver import output
 
 NOT_COUNTED = ("object.", "code.", "compile", "marshal.", "cpython.", "sys._getframe", "import")
 

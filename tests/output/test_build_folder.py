@@ -17,10 +17,10 @@ from pathlib import Path
 
 import pytest
 
-from thingc.diagnostics import Code, Report
-from thingc.emit.artifact import Content, Stored
-from thingc.output import OutputError, UnexpectedFilesError, unexpected_files, verify, write_build
-from thingc.realize.store.local import BlobMissing, Store
+from thingc.base.diagnostics import Code, Report
+from thingc.driver.output import OutputError, UnexpectedFilesError, unexpected_files, verify, write_build
+from thingc.geometry.store.local import BlobMissing, Store
+from thingc.targets.artifact import Content, Stored
 
 DRIVER = Path(__file__).with_name("killed_writer.py")
 
@@ -362,7 +362,7 @@ class TestStrangers:
         if how == "renames":
             def refuse(a: str, b: str) -> None:
                 raise NotImplementedError
-            monkeypatch.setattr("thingc.output.exchange", refuse)
+            monkeypatch.setattr("thingc.driver.output.exchange", refuse)
         store = Meddler(str(tmp_path / "store"))
         folder = build(tmp_path, FIRST, store)
         sha256 = store.put(b"mesh")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import thingc
-from thingc import pipeline
-from thingc.environment import Environment, Options
-from thingc.printing import as_text
+from thingc.base.printing import as_text
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
 
 from .conftest import POSES, ROOT, matrix, put_together
 

@@ -9,7 +9,7 @@ from build123d import Vector
 
 import arm
 from thingc import ParameterError
-from thingc.things.inspection import expectations_of, mounts_of
+from thingc.geometry.things.inspection import expectations_of, mounts_of
 
 SWEEP = [
     (arm.BasePlate, {}), (arm.BasePlate, {"size": 90, "thickness": 3, "wall": 3}),

@@ -209,7 +209,7 @@ def test_the_idler_lies_in_its_hull():
 
 
 def test_the_family_itself_is_no_part():
-    from thingc.things.inspection import is_part
+    from thingc.geometry.things.inspection import is_part
 
     assert is_part(XSeries) is None
     assert is_part(XM430) == is_part(XM540) == "thing"

@@ -12,14 +12,14 @@ from typing import Any
 import pytest
 
 from families.documents import EVERYTHING, INERTIA, TOOL
-from thingc.emit.artifact import MANIFEST
-from thingc.environment import Options
-from thingc.plans import Builds, SettingsReader, builds
-from thingc.plans.tape import Tape
-from thingc.pose import shifted
-from thingc.realize.record import Placed
-from thingc.resolve import Settings
-from thingc.session import Session
+from thingc.base.pose import shifted
+from thingc.batch.plans import Builds, SettingsReader, builds
+from thingc.batch.plans.tape import Tape
+from thingc.driver.environment import Options
+from thingc.driver.session import Session
+from thingc.geometry.record import Placed
+from thingc.model.resolve import Settings
+from thingc.targets.artifact import MANIFEST
 
 PAIR = f"""\
 thingc: assembly/1

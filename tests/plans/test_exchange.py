@@ -9,14 +9,13 @@ from typing import Any
 import pytest
 
 from graph.builder import record
-from thingc.emit.artifact import Stored
-from thingc.plans.exchange import Exchange, Exchanged, Modelled, TracedParts
-from thingc.plans.planning import PAYS, Form
-from thingc.plans.reading import Read
-from thingc.plans.tape import Tape
-from thingc.pose import Pose
-from thingc.primitives import Primitive
-from thingc.realize.record import (
+from thingc.base.pose import Pose
+from thingc.base.primitives import Primitive
+from thingc.batch.plans.exchange import Exchange, Exchanged, Modelled, TracedParts
+from thingc.batch.plans.planning import PAYS, Form
+from thingc.batch.plans.reading import Read
+from thingc.batch.plans.tape import Tape
+from thingc.geometry.record import (
     Expectation,
     Mesh,
     MountRecord,
@@ -26,6 +25,7 @@ from thingc.realize.record import (
     PartRecord,
     PartSchema,
 )
+from thingc.targets.artifact import Stored
 
 BAR = PartSchema(
     reference="m:Bar", kind="thing", doc="", material=None, actuator=False, file="", line=0,

@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from thingc import summing
-from thingc.inertia import MassProperties, physical_fault, principal_moments, total
-from thingc.plans.program import compiled, variables_of
-from thingc.plans.tape import Tape, tracing
-from thingc.pose import placed, quarter_exact, turned_about
-from thingc.summing import dist, hypot
+from thingc.base import summing
+from thingc.base.inertia import MassProperties, physical_fault, principal_moments, total
+from thingc.base.pose import placed, quarter_exact, turned_about
+from thingc.base.summing import dist, hypot
+from thingc.batch.plans.program import compiled, variables_of
+from thingc.batch.plans.tape import Tape, tracing
 
 
 def moved(mass: Any, x: Any, angle: Any) -> tuple[Any, ...]:

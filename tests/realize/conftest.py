@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from thingc.realize.client import Workers
-from thingc.realize.record import PartDefinition, Value, definition_text
-from thingc.realize.service import GeometryService
-from thingc.realize.store.local import Store
-from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
+from thingc.documents.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
+from thingc.geometry.client import Workers
+from thingc.geometry.record import PartDefinition, Value, definition_text
+from thingc.geometry.service import GeometryService
+from thingc.geometry.store.local import Store
 
 TIMEOUT = 60.0
 

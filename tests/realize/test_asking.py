@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from thingc.cli.main import main
-from thingc.realize.record import Outside, PartRecord
+from thingc.geometry.record import Outside, PartRecord
+from thingc.tools.cli.main import main
 
 HEAD = """\
 import datetime, logging, os, random, secrets, socket, subprocess, tempfile, time, uuid, warnings

@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 
-from thingc.pose import Pose, shifted, turned_z
-from thingc.realize.client import Workers
-from thingc.realize.record import Placed
-from thingc.realize.service import AssemblyFailed
-from thingc.realize.worker.kernel.step_order import settled, without_noise
+from thingc.base.pose import Pose, shifted, turned_z
+from thingc.geometry.client import Workers
+from thingc.geometry.record import Placed
+from thingc.geometry.service import AssemblyFailed
+from thingc.geometry.worker.kernel.step_order import settled, without_noise
 
 PARTS = """
     from build123d import *
@@ -167,7 +167,7 @@ def test_the_same_bytes_from_a_worker_and_from_a_process_of_its_own(
     module_place: Any, instances: list[Placed], tmp_path: Path
 ) -> None:
     """The kernel writes styles in the order of addresses, which are others in every process."""
-    from thingc.realize.store.local import Store
+    from thingc.geometry.store.local import Store
 
     many = [
         replace(instance, path=f"row_{k}/{instance.path}", pose=shifted(0, k / 10, 0) @ instance.pose, color=f"#{k:02x}80{j:02x}")
@@ -217,7 +217,7 @@ def test_unchanged_placements_run_nothing(module_place: Any, instances: list[Pla
     with module_place.service() as service:
         first = service.assemble("robot", instances)
     untouched = Workers(1)
-    import thingc.realize.client as client
+    import thingc.geometry.client as client
 
     monkeypatch.setattr(client, "once", lambda *_: pytest.fail("a process was started"))
     with module_place.service(workers=untouched) as service:

@@ -11,8 +11,8 @@ from typing import Any
 import psutil
 import pytest
 
-from thingc.realize.client import Workers
-from thingc.realize.record import Outside, PartFailure, PartRecord
+from thingc.geometry.client import Workers
+from thingc.geometry.record import Outside, PartFailure, PartRecord
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="Linux says whose processes are whose, and has Landlock")
 

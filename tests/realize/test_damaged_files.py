@@ -15,12 +15,12 @@ import pytest
 import trimesh
 from build123d import Box, export_brep, export_step
 
-from thingc.mesh_bounds import INSTANCES, LARGEST, BadMesh, bounded
-from thingc.meshes import mesh_file
-from thingc.meshes.reading import read_mesh as read_shape
-from thingc.realize.record import PartFailure
-from thingc.realize.store.local import Store
-from thingc.realize.worker.kernel.mesh_files import MOST, BadPartFile, read_mesh
+from thingc.geometry.mesh_bounds import INSTANCES, LARGEST, BadMesh, bounded
+from thingc.geometry.meshes import mesh_file
+from thingc.geometry.meshes.reading import read_mesh as read_shape
+from thingc.geometry.record import PartFailure
+from thingc.geometry.store.local import Store
+from thingc.geometry.worker.kernel.mesh_files import MOST, BadPartFile, read_mesh
 
 SPACE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 BOX = trimesh.creation.box((2.0, 3.0, 4.0))

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from thingc.realize.store import digests
-from thingc.realize.store.digests import LARGE, digest_of
-from thingc.realize.store.local import Store
+from thingc.geometry.store import digests
+from thingc.geometry.store.digests import LARGE, digest_of
+from thingc.geometry.store.local import Store
 
 
 @pytest.fixture

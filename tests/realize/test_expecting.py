@@ -8,8 +8,8 @@ from typing import Any
 import psutil
 import pytest
 
-from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
-from thingc.realize.service import GeometryService
+from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.geometry.service import GeometryService
 
 BLOCK = """
     from build123d import Box

@@ -17,12 +17,12 @@ import trimesh
 from build123d import Cylinder, export_step
 
 from graph import builder
-from thingc.realize.key import versions
-from thingc.realize.record import Mesh, PartDefinition, PartFailure, PartRecord, definition_text
-from thingc.realize.worker.kernel.meshing import Triangles
-from thingc.realize.worker.kernel.simplifying import deviation, simplified
-from thingc.realize.worker.session import NoPart
-from thingc.resolve.model import Overrides
+from thingc.geometry.key import versions
+from thingc.geometry.record import Mesh, PartDefinition, PartFailure, PartRecord, definition_text
+from thingc.geometry.worker.kernel.meshing import Triangles
+from thingc.geometry.worker.kernel.simplifying import deviation, simplified
+from thingc.geometry.worker.session import NoPart
+from thingc.model.resolve.model import Overrides
 
 
 def filed(name: str, faces: int | None) -> PartDefinition:
@@ -199,8 +199,8 @@ def test_how_far_two_surfaces_are_apart() -> None:
 SIMPLIFIED = """
 import hashlib, sys
 import numpy as np
-from thingc.realize.worker.kernel.meshing import Triangles
-from thingc.realize.worker.kernel.simplifying import simplified
+from thingc.geometry.worker.kernel.meshing import Triangles
+from thingc.geometry.worker.kernel.simplifying import simplified
 mesh = np.load(sys.argv[1])
 found = simplified(Triangles(mesh["vertices"], mesh["faces"]), 700)
 print(hashlib.sha256(found.vertices.tobytes() + found.faces.tobytes()).hexdigest())

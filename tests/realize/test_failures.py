@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from thingc.realize.client import Workers
-from thingc.realize.record import PartFailure, PartRecord
+from thingc.geometry.client import Workers
+from thingc.geometry.record import PartFailure, PartRecord
 
 BAD = """\
 from build123d import *
@@ -231,7 +231,7 @@ def test_refused_before_anything_is_imported(place: Any, define: Callable[..., A
 def test_a_kernel_that_does_not_load(
     place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Any
 ) -> None:
-    import thingc.realize.client as client
+    import thingc.geometry.client as client
 
     (tmp_path / "build123d.py").write_text("raise ImportError('no kernel on this machine')")
     usual = client.environment()

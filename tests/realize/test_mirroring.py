@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from realize.conftest import Place, file_part, part
-from thingc.primitives import Primitive
-from thingc.realize.lock.values import read_record, record_values
-from thingc.realize.record import PartFailure, PartRecord
-from thingc.realize.record_json import record_from_json, record_to_json
-from thingc.realize.store.meshes import arrays
-from thingc.realize.worker.kernel.meshing import Triangles, read_stl
+from thingc.base.primitives import Primitive
+from thingc.geometry.lock.values import read_record, record_values
+from thingc.geometry.record import PartFailure, PartRecord
+from thingc.geometry.record_json import record_from_json, record_to_json
+from thingc.geometry.store.meshes import arrays
+from thingc.geometry.worker.kernel.meshing import Triangles, read_stl
 
 LEG = """
     from build123d import *

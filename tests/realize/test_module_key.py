@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from thingc.realize.key.build_key import difference
-from thingc.realize.key.module_key import CodeIngredients, ModuleSources, code_of, defined_in, may_have
-from thingc.realize.key.modules import MAX_NAME, Finder
-from thingc.realize.store.local import Store
+from thingc.geometry.key.build_key import difference
+from thingc.geometry.key.module_key import CodeIngredients, ModuleSources, code_of, defined_in, may_have
+from thingc.geometry.key.modules import MAX_NAME, Finder
+from thingc.geometry.store.local import Store
 
 
 def write(folder: Path, files: dict[str, str]) -> None:

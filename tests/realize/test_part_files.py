@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from build123d import Box, Color, Compound, Pos, export_brep, export_step, export_stl
 
-from thingc.realize.record import PartDefinition, PartFailure, PartRecord, definition_text
+from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, definition_text
 
 SIDES = (2.0, 3.0, 4.0)
 """Of the box in every file, in the file's own numbers."""

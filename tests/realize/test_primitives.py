@@ -40,11 +40,11 @@ from OCP.gp import gp_Dir, gp_Lin, gp_Pnt
 from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
 from OCP.TopAbs import TopAbs_IN, TopAbs_OUT
 
-from thingc import pipeline
-from thingc.environment import Environment, Options
-from thingc.primitives import Primitive
-from thingc.realize.worker.kernel.measure import solids_of
-from thingc.realize.worker.kernel.primitives import primitive_of
+from thingc.base.primitives import Primitive
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.geometry.worker.kernel.measure import solids_of
+from thingc.geometry.worker.kernel.primitives import primitive_of
 
 STRAIGHT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 ANYWHERE = [

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 import thingc
-from thingc.cli.common import show_printed
-from thingc.cli.main import main
-from thingc.realize.client import Workers
-from thingc.realize.record import PartFailure, PartRecord
-from thingc.realize.worker.printed import MOST, NAME, SHOWN, WIDTH, keep, lines_of
+from thingc.geometry.client import Workers
+from thingc.geometry.record import PartFailure, PartRecord
+from thingc.geometry.worker.printed import MOST, NAME, SHOWN, WIDTH, keep, lines_of
+from thingc.tools.cli.common import show_printed
+from thingc.tools.cli.main import main
 
 TALKING = """\
 import subprocess

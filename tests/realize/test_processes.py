@@ -16,9 +16,9 @@ from typing import Any
 import psutil
 import pytest
 
-from thingc.later import Later
-from thingc.realize.client import Workers
-from thingc.realize.record import PartRecord
+from thingc.base.later import Later
+from thingc.geometry.client import Workers
+from thingc.geometry.record import PartRecord
 
 PARTS = """
     from build123d import *
@@ -41,11 +41,11 @@ PARTS = """
 
 CLIENT = """
 import json, sys
-from thingc.pose import Pose
-from thingc.realize.record import PartDefinition, PartRecord, Placed
-from thingc.realize.service import GeometryService
-from thingc.realize.store.local import Store
-from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
+from thingc.base.pose import Pose
+from thingc.geometry.record import PartDefinition, PartRecord, Placed
+from thingc.geometry.service import GeometryService
+from thingc.geometry.store.local import Store
+from thingc.documents.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
 
 root, store, command = sys.argv[1:4]
 workspace = Workspace(
@@ -256,7 +256,7 @@ def test_records_that_were_exchanged_are_made_anew(place: Any, define: Callable[
 
 
 def test_a_store_that_cannot_be_written(place: Any, define: Callable[..., Any]) -> None:
-    from thingc.realize.store.local import Store, StoreUnusable
+    from thingc.geometry.store.local import Store, StoreUnusable
 
     place.write("parts/parts_.py", PARTS)
     blocked = place.root / "blocked"
@@ -288,10 +288,10 @@ def test_the_worker_is_started_before_anything_else_is_imported(place: Any) -> N
     document = place.write("robot.yaml", "thingc: assembly/1\nname: robot\ncomponents: {block: {part: parts_:Block}}\n")
     program = (
         "import sys; sys.path[:0] = sys.argv[3:]\n"
-        "from thingc.environment import Environment, Options\n"
-        "from thingc.pipeline import compile\n"
-        "from thingc.realize import GeometryService\n"
-        "heavy = {'pydantic', 'yaml', 'thingc.spec', 'thingc.resolve'}\n"
+        "from thingc.driver.environment import Environment, Options\n"
+        "from thingc.driver.pipeline import compile\n"
+        "from thingc.geometry import GeometryService\n"
+        "heavy = {'pydantic', 'yaml', 'thingc.documents.spec', 'thingc.model.resolve'}\n"
         "GeometryService.anticipate = lambda self: sys.exit(str(sorted(heavy & set(sys.modules))))\n"
         "compile(Environment(sys.argv[1], Options(store=sys.argv[2])))\n"
     )
@@ -310,8 +310,8 @@ def test_progress(place: Any, define: Callable[..., Any]) -> None:
 def test_imports_put_off_are_made_when_they_are_needed(tmp_path: Path) -> None:
     script = f"""
         import sys
-        from thingc.realize.worker.deferred import import_cheaply
-        from thingc.realize.key.modules import SELDOM_USED
+        from thingc.geometry.worker.deferred import import_cheaply
+        from thingc.geometry.key.modules import SELDOM_USED
         import_cheaply("build123d")
         assert not SELDOM_USED & set(sys.modules), SELDOM_USED & set(sys.modules)
         from build123d import *
@@ -334,7 +334,7 @@ def test_imports_put_off_are_made_when_they_are_needed(tmp_path: Path) -> None:
         assert abs(Triangle(a=3, b=4, c=5).area - 6) < 1e-9
         assert full_round(Rectangle(2, 4).edges().sort_by(Axis.X)[0])
         import ezdxf, scipy.optimize
-        from thingc.realize.worker.deferred import Deferred, _StandIn
+        from thingc.geometry.worker.deferred import Deferred, _StandIn
         left = [
             (name, key) for name, module in sys.modules.items() if name.startswith("build123d")
             for key, value in vars(module).items()
@@ -353,7 +353,7 @@ def test_an_import_that_goes_wrong_is_made_plainly(tmp_path: Path) -> None:
     script = """
         import sys
         sys.path.insert(0, sys.argv[1])
-        from thingc.realize.worker.deferred import import_cheaply
+        from thingc.geometry.worker.deferred import import_cheaply
         assert import_cheaply("user", frozenset({"slow_library"})).TABLE == [0, 0, 0]
         assert sys.modules["slow_library"].VALUE == 3
     """

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from thingc.realize.record import PartFailure
+from thingc.geometry.record import PartFailure
 
 PARTS = """
     import functools
@@ -197,7 +197,7 @@ def test_defaults_that_were_read_and_nothing_run(place: Any, define: Callable[..
     text = textwrap.dedent("""
         from build123d import Box
         from thingc import Length, Thing
-        from thingc.things.inspection import parameters_of
+        from thingc.geometry.things.inspection import parameters_of
 
         class Motor(Thing):
             def __init__(self, width: Length = 30):

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from thingc.realize.record import PartFailure, PartRecord
+from thingc.geometry.record import PartFailure, PartRecord
 
 ARM = """
     from build123d import *
@@ -388,7 +388,7 @@ def test_a_module_that_becomes_a_package_finds_other_files(place: Any, define: C
 def test_schemas_are_kept_by_code(place: Any, tmp_path: Path) -> None:
     place.write("parts/shapes.py", SHAPES)
     place.write("parts/arm.py", ARM)
-    from thingc.realize.client import Workers
+    from thingc.geometry.client import Workers
 
     untouched = Workers(1)
     with place.service() as service:

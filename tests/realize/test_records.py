@@ -14,11 +14,11 @@ import pytest
 import trimesh
 
 from realize.conftest import Place, part
-from thingc.pose import Pose
-from thingc.primitives import Primitive
-from thingc.realize.client import Workers
-from thingc.realize.record import Mesh, PartFailure, PartRecord, PartSchema
-from thingc.realize.record_json import blobs_of, failure_from_json, failure_to_json, record_from_json, record_to_json
+from thingc.base.pose import Pose
+from thingc.base.primitives import Primitive
+from thingc.geometry.client import Workers
+from thingc.geometry.record import Mesh, PartFailure, PartRecord, PartSchema
+from thingc.geometry.record_json import blobs_of, failure_from_json, failure_to_json, record_from_json, record_to_json
 
 PARTS = """
     from typing import Literal
@@ -525,7 +525,7 @@ def test_records_survive_json(records: dict[str, PartRecord]) -> None:
 
 
 def test_two_runs_give_the_same_bytes(records: dict[str, PartRecord], module_place: Any, tmp_path: Any, define: Any) -> None:
-    from thingc.realize.store.local import Store
+    from thingc.geometry.store.local import Store
 
     store, module_place.store = module_place.store, Store(str(tmp_path / "other"))
     try:

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 
-from thingc.realize.store.local import BlobMissing, Store, StoreUnusable
-from thingc.realize.store.shared import SharedStore, opened
+from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
+from thingc.geometry.store.shared import SharedStore, opened
 from variants.robots import thingc, tree, workspace
 
 SERVER = """

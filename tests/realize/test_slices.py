@@ -10,16 +10,16 @@ from typing import Any
 import pytest
 
 from realize.conftest import Place, file_part, part
-from thingc import pipeline
-from thingc.environment import Environment, Options
-from thingc.realize.client import Workers
-from thingc.realize.lock.values import BadLock, read_record, record_values
-from thingc.realize.record import PartDefinition, PartFailure, PartRecord
-from thingc.realize.record_json import record_from_json, record_to_json
-from thingc.realize.service import GeometryService
-from thingc.realize.slices import Sliced, Slicing, Unsliced
-from thingc.resolve import Settings
-from thingc.session import Session
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.driver.session import Session
+from thingc.geometry.client import Workers
+from thingc.geometry.lock.values import BadLock, read_record, record_values
+from thingc.geometry.record import PartDefinition, PartFailure, PartRecord
+from thingc.geometry.record_json import record_from_json, record_to_json
+from thingc.geometry.service import GeometryService
+from thingc.geometry.slices import Sliced, Slicing, Unsliced
+from thingc.model.resolve import Settings
 
 HOW = Slicing(up=(0.0, 0.0, 1.0), layer=0.0002, line_width=0.00045, walls=3, top=4, bottom=4)
 

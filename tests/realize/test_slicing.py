@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from manifold3d import Manifold
 
-from thingc.pose import Vector
-from thingc.realize.slices import Moments, Sliced, Slicing
-from thingc.realize.worker.kernel.meshing import Triangles
-from thingc.realize.worker.kernel.slicing import JOINED, NotSliced, slice_part
+from thingc.base.pose import Vector
+from thingc.geometry.slices import Moments, Sliced, Slicing
+from thingc.geometry.worker.kernel.meshing import Triangles
+from thingc.geometry.worker.kernel.slicing import JOINED, NotSliced, slice_part
 
 HOW = Slicing(up=(0.0, 0.0, 1.0), layer=0.0002, line_width=0.00045, walls=3, top=4, bottom=4)
 SPACING = 0.45 - 0.2 * (1 - math.pi / 4)  # of lines 0.45 mm wide and 0.2 mm high

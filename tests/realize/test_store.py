@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from thingc.realize.store.local import BlobMissing, Store, StoreUnusable, default_root
+from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable, default_root
 
 
 def test_blobs_by_content(tmp_path: Path) -> None:
@@ -111,7 +111,7 @@ def test_where_the_store_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
 
 WRITER = """
 import os, sys
-from thingc.realize.store.local import Store
+from thingc.geometry.store.local import Store
 store = Store(sys.argv[1])
 print("ready", flush=True)
 k = 0

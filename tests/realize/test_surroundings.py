@@ -16,10 +16,10 @@ from typing import Any
 
 import pytest
 
-from thingc.realize.client import Workers
-from thingc.realize.key.environment import FIXED, HOMES, TEMPORARY, environment
-from thingc.realize.record import PartFailure, PartRecord
-from thingc.realize.worker.scratch import PREFIX, Scratch
+from thingc.geometry.client import Workers
+from thingc.geometry.key.environment import FIXED, HOMES, TEMPORARY, environment
+from thingc.geometry.record import PartFailure, PartRecord
+from thingc.geometry.worker.scratch import PREFIX, Scratch
 
 TELLS = """
     import json, os, tempfile
@@ -99,7 +99,7 @@ def test_one_thread_on_any_processor(place: Any, define: Callable[..., Any]) -> 
 
 
 def test_a_variable_that_is_passed_is_in_the_key(place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    from thingc import stamp
+    from thingc.driver import stamp
 
     place.write("parts/arm.py", "from build123d import Box\ndef plate():\n    return Box(1, 1, 1)\n")
     monkeypatch.delenv("LD_LIBRARY_PATH", raising=False)
@@ -122,7 +122,7 @@ def test_folders_go_with_their_parts_and_with_their_worker(tmp_path: Path, monke
     left = subprocess.run(
         [sys.executable, "-c", textwrap.dedent("""
             import os, signal, tempfile
-            from thingc.realize.worker.scratch import Scratch
+            from thingc.geometry.worker.scratch import Scratch
             open(os.path.join(Scratch().make(), "file"), "w").close()
             os.kill(os.getpid(), signal.SIGKILL)
         """)],
@@ -160,7 +160,7 @@ def test_no_folder_is_left_by_a_hang_a_crash_or_a_worker_that_cannot_start(
     with own_workers() as workers, place.service(workers=workers, timeout=1.5) as service:
         found = service.realize([define("bad:hangs"), define("bad:crashes")])
     assert [answer.kind for answer in found.values()] == ["hung", "crashed"]
-    command = [sys.executable, "-m", "thingc.realize.worker.server"]
+    command = [sys.executable, "-m", "thingc.geometry.worker.server"]
     shadow = place.write("shadow/build123d.py", "raise ImportError('no kernel')")
     usual = environment()
     path = os.pathsep.join([str(shadow.parent), usual.get("PYTHONPATH", "")])

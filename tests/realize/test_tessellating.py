@@ -41,10 +41,10 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
-from thingc.realize.worker.kernel import tessellating
-from thingc.realize.worker.kernel.measure import explored, solids_of
-from thingc.realize.worker.kernel.meshing import Triangles
-from thingc.realize.worker.kernel.tessellating import tessellate
+from thingc.geometry.worker.kernel import tessellating
+from thingc.geometry.worker.kernel.measure import explored, solids_of
+from thingc.geometry.worker.kernel.meshing import Triangles
+from thingc.geometry.worker.kernel.tessellating import tessellate
 
 LINEAR, ANGULAR = 0.1, math.radians(15.0)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from thingc.diagnostics import Code, Diagnostic, Note, Severity
-from thingc.source import Span
+from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
+from thingc.base.source import Span
 
 
 def span(file: Path, line: int, column: int, end_column: int, end_line: int | None = None) -> Span:

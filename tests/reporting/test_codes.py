@@ -16,9 +16,9 @@ from pathlib import Path
 
 import pytest
 
-from thingc.cli.main import COMMANDS, main
-from thingc.diagnostics import Code
-from thingc.reporting.explanations import explained, find, near, sections
+from thingc.base.diagnostics import Code
+from thingc.tools.cli.main import COMMANDS, main
+from thingc.tools.reporting.explanations import explained, find, near, sections
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 

@@ -18,9 +18,9 @@ import pytest
 
 from reporting.test_github import parsed
 from reporting.test_sarif import checked
-from thingc.cli.common import of_exception
-from thingc.cli.main import main
-from thingc.diagnostics import Code
+from thingc.base.diagnostics import Code
+from thingc.tools.cli.common import of_exception
+from thingc.tools.cli.main import main
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 FORMS = ("text", "json", "github", "sarif")
@@ -84,7 +84,7 @@ def test_an_unchanged_document_answers_in_every_form(
     """A warning is remembered with the stamp; the second run answers from it, in whatever form."""
     words = ["check", "codes/realize/TC406/wrong/robot.yaml"]
     assert main(words) == 0
-    monkeypatch.setattr("thingc.pipeline.check", lambda *_, **__: pytest.fail("the stamp should have answered"))
+    monkeypatch.setattr("thingc.driver.pipeline.check", lambda *_, **__: pytest.fail("the stamp should have answered"))
     exit_code, forms, _ = said(capsys, words)
     assert exit_code == 0 and list(forms.values()) == [["TC406"]] * 4
 
@@ -96,7 +96,7 @@ def test_a_defect_is_told_in_the_form_that_was_asked_for(
     def defect(*_: object, **__: object) -> None:
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setattr("thingc.pipeline.check", defect)
+    monkeypatch.setattr("thingc.driver.pipeline.check", defect)
     (folder / "codes" / "resolve" / "TC302.yaml").write_text("thingc: assembly/1\nname: never_seen_before\ncomponents: {}\n")
     exit_code, forms, _ = said(capsys, ["check", "codes/resolve/TC302.yaml"])
     assert exit_code == 1 and list(forms.values()) == [["TC899"]] * 4

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from reporting.reports import every_shape, on_one_line, repository
-from thingc.cli.main import main
-from thingc.diagnostics import Severity
-from thingc.reporting.github import as_github
+from thingc.base.diagnostics import Severity
+from thingc.tools.cli.main import main
+from thingc.tools.reporting.github import as_github
 
 
 def parsed(line: str) -> tuple[str, dict[str, str], str]:

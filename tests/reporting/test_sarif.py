@@ -11,8 +11,8 @@ import jsonschema
 import pytest
 
 from reporting.reports import every_shape, on_one_line, repository
-from thingc.diagnostics import Code, Severity
-from thingc.reporting.sarif import as_sarif
+from thingc.base.diagnostics import Code, Severity
+from thingc.tools.reporting.sarif import as_sarif
 
 SCHEMA = json.loads((Path(__file__).parent / "sarif-2.1.0-rtm.5.json").read_text())
 VALIDATOR = jsonschema.Draft4Validator(SCHEMA, format_checker=jsonschema.Draft4Validator.FORMAT_CHECKER)

@@ -16,12 +16,12 @@ from hypothesis import strategies as st
 from reporting.reports import repository, span
 from reporting.test_github import parsed
 from reporting.test_sarif import checked
-from thingc.diagnostics import Code, Diagnostic, Note, Severity
-from thingc.printing import as_json, as_text
-from thingc.reporting.github import as_github
-from thingc.reporting.sarif import as_sarif
-from thingc.shown import LONGEST, LONGEST_QUOTE, json_text, shortened, shown
-from thingc.testing.junit import as_junit
+from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
+from thingc.base.printing import as_json, as_text
+from thingc.base.shown import LONGEST, LONGEST_QUOTE, json_text, shortened, shown
+from thingc.driver.testing.junit import as_junit
+from thingc.tools.reporting.github import as_github
+from thingc.tools.reporting.sarif import as_sarif
 
 NEVER = {
     "a byte of a file name": "\udce9", "an escape sequence": "\x1b[31m", "NUL": "\0", "bell": "\a", "DEL": "\x7f",

@@ -7,14 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from thingc.diagnostics import Report
-from thingc.load import load
-from thingc.realize.record import ParameterSchema, PartFailure, PartSchema
-from thingc.resolve import Settings, Sources, resolve
-from thingc.resolve.model import AssemblyDefinition, Component, Joint, Mode, NamedPose
-from thingc.source import Span
-from thingc.spec import validate
-from thingc.workspace import Workspace
+from thingc.base.diagnostics import Report
+from thingc.base.source import Span
+from thingc.documents.load import load
+from thingc.documents.spec import validate
+from thingc.documents.workspace import Workspace
+from thingc.geometry.record import ParameterSchema, PartFailure, PartSchema
+from thingc.model.resolve import Settings, Sources, resolve
+from thingc.model.resolve.model import AssemblyDefinition, Component, Joint, Mode, NamedPose
 
 
 def schema(reference: str, *parameters: ParameterSchema, actuator: bool = False, material: str | None = None) -> PartSchema:

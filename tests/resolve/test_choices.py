@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 import thingc
-from thingc import pipeline
-from thingc.diagnostics import Code
-from thingc.environment import Environment, Options
-from thingc.pipeline import Compilation
-from thingc.spec.choices import ChoicePath, parse
+from thingc.base.diagnostics import Code
+from thingc.documents.spec.choices import ChoicePath, parse
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.driver.pipeline import Compilation
 from variants.robots import PENDULUM, environment, workspace
 from variants.robots import thingc as run
 

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from resolve.resolving import run
-from thingc.realize.record import PartDefinition
-from thingc.resolve import part_definitions
-from thingc.resolve.model import At, Attach, BomEntry, Overrides, Process
+from thingc.geometry.record import PartDefinition
+from thingc.model.resolve import part_definitions
+from thingc.model.resolve.model import At, Attach, BomEntry, Overrides, Process
 
 ARM = """
 thingc: assembly/1

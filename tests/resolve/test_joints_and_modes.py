@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from resolve.resolving import run
-from thingc.resolve.coordinates import Dynamics, Limit
-from thingc.resolve.model import Drive
+from thingc.model.resolve.coordinates import Dynamics, Limit
+from thingc.model.resolve.model import Drive
 
 ROBOT = """
 thingc: assembly/1

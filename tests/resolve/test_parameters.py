@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from resolve.resolving import Outcome, run
-from thingc.diagnostics import Code, Report
-from thingc.load import load
-from thingc.resolve import AssemblyParameters
-from thingc.resolve.model import AssemblyDefinition
-from thingc.spec import validate
-from thingc.units import LENGTH, Quantity
-from thingc.workspace import Workspace
+from thingc.base.diagnostics import Code, Report
+from thingc.base.units import LENGTH, Quantity
+from thingc.documents.load import load
+from thingc.documents.spec import validate
+from thingc.documents.workspace import Workspace
+from thingc.model.resolve import AssemblyParameters
+from thingc.model.resolve.model import AssemblyDefinition
 
 DOCUMENT = """
 thingc: assembly/1

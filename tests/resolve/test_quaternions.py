@@ -9,12 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from resolve.resolving import run
-from thingc.diff.pairing import equal
-from thingc.diff.reading import _pose
-from thingc.pose import Pose, placed, rotation_of
-from thingc.primitives import Primitive
-from thingc.resolve.link_definition import LinkDefinition
-from thingc.resolve.model import At
+from thingc.base.pose import Pose, placed, rotation_of
+from thingc.base.primitives import Primitive
+from thingc.model.resolve.link_definition import LinkDefinition
+from thingc.model.resolve.model import At
+from thingc.tools.diff.pairing import equal
+from thingc.tools.diff.reading import _pose
 
 DOCUMENT = """
     thingc: assembly/1

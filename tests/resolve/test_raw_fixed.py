@@ -7,8 +7,8 @@ import re
 import mujoco
 import pytest
 
-from thingc.emit.mjcf.raw import NAMED
-from thingc.resolve.raw_fixed import CLASSES, MOTION, PLACE, REFERRING, fixed
+from thingc.model.resolve.raw_fixed import CLASSES, MOTION, PLACE, REFERRING, fixed
+from thingc.targets.mjcf.raw import NAMED
 
 PLACES = {
     "actuator": "<actuator><{}/></actuator>", "body": "<worldbody><{}/></worldbody>", "camera": "<worldbody><body><{}/></body></worldbody>",

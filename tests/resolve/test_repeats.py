@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from resolve.resolving import run
-from thingc.diagnostics import Report
-from thingc.realize.record import PartDefinition
-from thingc.resolve.model import AssemblyDefinition, Attach
-from thingc.resolve.references import indexed
-from thingc.resolve.scope import Scope
-from thingc.source import Document, MappingNode, Span
+from thingc.base.diagnostics import Report
+from thingc.base.source import Document, MappingNode, Span
+from thingc.geometry.record import PartDefinition
+from thingc.model.resolve.model import AssemblyDefinition, Attach
+from thingc.model.resolve.references import indexed
+from thingc.model.resolve.scope import Scope
 
 HEXAPOD = {
     "hexapod.yaml": """

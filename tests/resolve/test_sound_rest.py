@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 from resolve.resolving import run
-from thingc.diagnostics import Report
-from thingc.joints import KINDS
-from thingc.load import load
-from thingc.source import Document, ScalarNode, Span, walk
-from thingc.spec import validate
-from thingc.workspace import Workspace
+from thingc.base.diagnostics import Report
+from thingc.base.joints import KINDS
+from thingc.base.source import Document, ScalarNode, Span, walk
+from thingc.documents.load import load
+from thingc.documents.spec import validate
+from thingc.documents.workspace import Workspace
 
 ROBOT = """\
 thingc: assembly/1

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from resolve.resolving import run
-from thingc.diagnostics import Code
+from thingc.base.diagnostics import Code
 
 CASES: dict[str, tuple[dict[str, str], list[str]]] = {}
 for _block in re.split(r"^=== ", (Path(__file__).parent / "wrong_documents.txt").read_text(), flags=re.MULTILINE)[1:]:

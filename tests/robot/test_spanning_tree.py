@@ -32,12 +32,12 @@ from graph.builder import (
     t,
     whole,
 )
-from thingc.diagnostics import Code, Report
-from thingc.graph.types import Assembly
-from thingc.memo import Memo
-from thingc.pose import Vector
-from thingc.robot import body_poses, check_starts, link_names, mass_properties, occurrence_poses, root
-from thingc.robot.types import Robot
+from thingc.base.diagnostics import Code, Report
+from thingc.base.memo import Memo
+from thingc.base.pose import Vector
+from thingc.model.assembly.types import Assembly
+from thingc.model.robot import body_poses, check_starts, link_names, mass_properties, occurrence_poses, root
+from thingc.model.robot.types import Robot
 
 SEAT = t(0.04, 0.0, 0.02) @ ry(0.3)
 HOLE = t(-0.05, 0.01, 0.0) @ rx(1.2)

@@ -40,13 +40,13 @@ from graph.builder import (
     t,
     whole,
 )
-from thingc.diagnostics import Code, Report
-from thingc.graph import poses
-from thingc.graph.types import Assembly
-from thingc.joints import KINDS
-from thingc.pose import NO_POSE
-from thingc.robot import mass_properties, occurrence_poses, root
-from thingc.robot.types import Robot
+from thingc.base.diagnostics import Code, Report
+from thingc.base.joints import KINDS
+from thingc.base.pose import NO_POSE
+from thingc.model.assembly import poses
+from thingc.model.assembly.types import Assembly
+from thingc.model.robot import mass_properties, occurrence_poses, root
+from thingc.model.robot.types import Robot
 
 COUNTS = {name: len(kind.twists) for name, kind in KINDS.items() if kind.moves and not kind.at_once}
 """Kinds that move, coordinate by coordinate, and how many they have."""

@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from thingc import pipeline
-from thingc.cli import info
-from thingc.cli.main import main
-from thingc.environment import Environment, Options, attempted
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options, attempted
+from thingc.driver.pipeline import Compilation
+from thingc.driver.session import Session
+from thingc.model.resolve import Settings
 from thingc.modes import Modes
-from thingc.pipeline import Compilation
-from thingc.resolve import Settings
-from thingc.session import Session
+from thingc.tools.cli import info
+from thingc.tools.cli.main import main
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 

@@ -12,8 +12,8 @@ import pytest
 from bombs import BOMBS
 from harness import ran
 
-from thingc.cli import confined as bounds
-from thingc.diagnostics import Diagnostic
+from thingc.base.diagnostics import Diagnostic
+from thingc.tools.cli import confined as bounds
 
 pytestmark = pytest.mark.slow
 

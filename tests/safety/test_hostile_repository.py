@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from thingc.affected import NotARepository, changed_since
-from thingc.cli.main import main
-from thingc.diff.revisions import Repository, Revision
-from thingc.files import BadPath, check_tree, hash_name, write_tree
-from thingc.realize import BlobMissing, Store
+from thingc.base.files import BadPath, check_tree, hash_name, write_tree
+from thingc.geometry import BlobMissing, Store
+from thingc.tools.affected import NotARepository, changed_since
+from thingc.tools.cli.main import main
+from thingc.tools.diff.revisions import Repository, Revision
 
 ROBOT = "thingc: assembly/1\nname: robot\ncomponents: {a: {frame: true}}\n"
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from harness import THINGC, environment
 
-from thingc.cli.main import main
+from thingc.tools.cli.main import main
 
 TEXT = "\x1b[31m\x1b]0;owned\x07\x9b1m\u202e\u2067\u200b\r\n\n::error::forged\n"
 EVIL = TEXT + "\ud800"

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from conformance.harness import Ran, thingc_here
-from thingc import pipeline
-from thingc.diagnostics import Severity
-from thingc.environment import Environment, Options
-from thingc.realize.lock.values import BadLock, read_schema, schema_values
-from thingc.realize.record import ParameterSchema, PartSchema
+from thingc.base.diagnostics import Severity
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.geometry.lock.values import BadLock, read_schema, schema_values
+from thingc.geometry.record import ParameterSchema, PartSchema
 
 _CORNERS = ((0, 0, 0), (10, 0, 0), (0, 10, 0), (0, 0, 10))
 _FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))

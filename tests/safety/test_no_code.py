@@ -34,8 +34,8 @@ def hook(event, arguments):
             seen.append([event])
 sys.addaudithook(hook)
 words = sys.argv[2:]
-from thingc.cli.check import without_code
-from thingc.environment import Options
+from thingc.tools.cli.check import without_code
+from thingc.driver.environment import Options
 found = []
 for word in words:
     found += without_code(word, Options(), strict=False)
@@ -186,7 +186,7 @@ def hook(event, arguments):
     if event in ("subprocess.Popen", "os.fork", "os.posix_spawn", "os.exec", "os.system"):
         started.append(event)
 sys.addaudithook(hook)
-from thingc.cli.main import main
+from thingc.tools.cli.main import main
 code = main(sys.argv[1:])
 assert not started, started
 assert not KERNEL & set(sys.modules)

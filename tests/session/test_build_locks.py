@@ -14,14 +14,14 @@ from typing import Any
 
 import pytest
 
-from thingc.diagnostics import Report
-from thingc.realize.client import ABSENT, NoWorkers
-from thingc.realize.record import PartDefinition, PartFailure
-from thingc.realize.service import GeometryService
-from thingc.realize.store import build_locks
-from thingc.realize.store.build_locks import BuildLocks
-from thingc.realize.store.local import Store
-from thingc.workspace import Workspace
+from thingc.base.diagnostics import Report
+from thingc.documents.workspace import Workspace
+from thingc.geometry.client import ABSENT, NoWorkers
+from thingc.geometry.record import PartDefinition, PartFailure
+from thingc.geometry.service import GeometryService
+from thingc.geometry.store import build_locks
+from thingc.geometry.store.build_locks import BuildLocks
+from thingc.geometry.store.local import Store
 
 PARTS = """
     import time
@@ -44,10 +44,10 @@ PARTS = """
 
 CLIENT = """
 import json, sys
-from thingc.realize.record import PartDefinition, PartRecord
-from thingc.realize.service import GeometryService
-from thingc.realize.store.local import Store
-from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
+from thingc.geometry.record import PartDefinition, PartRecord
+from thingc.geometry.service import GeometryService
+from thingc.geometry.store.local import Store
+from thingc.documents.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
 
 root, store, part, first, last = sys.argv[1:]
 workspace = Workspace(
@@ -131,9 +131,9 @@ def test_a_killed_process_is_not_waited_for(folder: Path) -> None:
 
 def _key_under_way(folder: Path) -> str:
     """The build key of the endless part, found as a service would."""
-    from thingc.realize.record import PartDefinition, PartFailure
-    from thingc.realize.service import GeometryService
-    from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
+    from thingc.documents.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
+    from thingc.geometry.record import PartDefinition, PartFailure
+    from thingc.geometry.service import GeometryService
 
     workspace = Workspace(
         root=str(folder), parts=(str(folder / "parts"),), packages=("thingc_stock",), build=str(folder / "build"), part_timeout=60.0,
@@ -172,7 +172,7 @@ def test_a_claim_is_of_one_process(tmp_path: Path) -> None:
     store = Store(str(tmp_path / "store"))
     own = BuildLocks(store)
     program = (
-        "import sys; from thingc.realize.store.build_locks import BuildLocks; from thingc.realize.store.local import Store\n"
+        "import sys; from thingc.geometry.store.build_locks import BuildLocks; from thingc.geometry.store.local import Store\n"
         "print(BuildLocks(Store(sys.argv[1])).take(sys.argv[2]))"
     )
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from thingc import memo as module
-from thingc.memo import Memo
+from thingc.base import memo as module
+from thingc.base.memo import Memo
 
 
 def test_equal_inputs_give_the_same_object() -> None:

@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 
 from conformance.harness import ROOT
-from thingc import pipeline
-from thingc.diagnostics import Code, Diagnostic, Report
-from thingc.emit.artifact import Loss, Stored
-from thingc.environment import Environment, Options
-from thingc.pipeline import Compilation, UnknownChoice
-from thingc.resolve import Settings, part_definitions
-from thingc.session import Session
+from thingc.base.diagnostics import Code, Diagnostic, Report
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.driver.pipeline import Compilation, UnknownChoice
+from thingc.driver.session import Session
+from thingc.model.resolve import Settings, part_definitions
+from thingc.targets.artifact import Loss, Stored
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 

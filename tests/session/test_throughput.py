@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from conformance.harness import ROOT
-from thingc.environment import Options
-from thingc.resolve import Settings
-from thingc.session import Session
+from thingc.driver.environment import Options
+from thingc.driver.session import Session
+from thingc.model.resolve import Settings
 
 pytestmark = pytest.mark.slow
 

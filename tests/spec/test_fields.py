@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from thingc.expressions import Expression
-from thingc.spec import fields, raw_fields
-from thingc.spec.colors import COLORS
-from thingc.units import ANGLE, LENGTH, LENGTH_PER_ANGLE, Quantity
+from thingc.base.units import ANGLE, LENGTH, LENGTH_PER_ANGLE, Quantity
+from thingc.documents.expressions import Expression
+from thingc.documents.spec import fields, raw_fields
+from thingc.documents.spec.colors import COLORS
 
 
 def value(name: str, raw: Any) -> Any:

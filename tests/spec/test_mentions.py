@@ -7,10 +7,10 @@ from typing import get_args
 
 import pytest
 
-from thingc.spec.mentions import SettingWord, setting_words
-from thingc.spec.named import Declared, Declares, Means, Meant
-from thingc.spec.shapes import AnnotationShape, alternatives, model_keys, shape_of
-from thingc.spec.validation import KINDS, model_of
+from thingc.documents.spec.mentions import SettingWord, setting_words
+from thingc.documents.spec.named import Declared, Declares, Means, Meant
+from thingc.documents.spec.shapes import AnnotationShape, alternatives, model_keys, shape_of
+from thingc.documents.spec.validation import KINDS, model_of
 
 WORDS = ("a name", "a reference", "a comparison", "a parameter or the path of a value", "the path of a choice")
 """What fields of text are called."""

@@ -9,13 +9,13 @@ from typing import Any
 import jsonschema
 import pytest
 
-from thingc.diagnostics import Report
-from thingc.load import is_document, read_tree
-from thingc.spec.schema import json_schema, text_of, write
-from thingc.spec.validation import KINDS
+from thingc.base.diagnostics import Report
+from thingc.documents.load import is_document, read_tree
+from thingc.documents.spec.schema import json_schema, text_of, write
+from thingc.documents.spec.validation import KINDS
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDERS = {"assemblies": "**/*", "compiler/thingc/templates": "**/*", ".": "*"}
+FOLDERS = {"assemblies": "**/*", "compiler/thingc/tools/templates": "**/*", ".": "*"}
 DOCUMENTS = sorted(
     path for folder, pattern in FOLDERS.items() for path in (ROOT / folder).glob(pattern)
     if path.name == "thingc.toml" or (path.suffix in (".yaml", ".yml", ".toml") and is_document(str(path)))
@@ -25,7 +25,7 @@ DOCUMENTS = sorted(
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_committed_schema_is_current(kind: str) -> None:
     committed = (ROOT / "schemas" / f"{kind}-1.json").read_text(encoding="utf-8")
-    assert committed == text_of(kind), "run `python -m thingc.spec.schema`"
+    assert committed == text_of(kind), "run `python -m thingc.documents.spec.schema`"
 
 
 @pytest.mark.parametrize("kind", KINDS)

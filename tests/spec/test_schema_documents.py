@@ -21,9 +21,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from docs.pages import PAGES, documents, meant_to_be_wrong
-from thingc.cli.main import main
-from thingc.spec import fields
-from thingc.spec.validation import KINDS
+from thingc.documents.spec import fields
+from thingc.documents.spec.validation import KINDS
+from thingc.tools.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
 CASES = ROOT / "tests" / "cases"

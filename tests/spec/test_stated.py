@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from thingc.diagnostics import Report
-from thingc.expressions import Expression
-from thingc.load import Documents, load
-from thingc.spec import stated_choices, stated_value, validate
-from thingc.spec.assembly import AssemblySpec
-from thingc.units import LENGTH, MASS, NUMBER, Quantity
-from thingc.workspace import Workspace
+from thingc.base.diagnostics import Report
+from thingc.base.units import LENGTH, MASS, NUMBER, Quantity
+from thingc.documents.expressions import Expression
+from thingc.documents.load import Documents, load
+from thingc.documents.spec import stated_choices, stated_value, validate
+from thingc.documents.spec.assembly import AssemblySpec
+from thingc.documents.workspace import Workspace
 
 ROBOT = """
 thingc: assembly/1

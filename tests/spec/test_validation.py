@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from thingc.diagnostics import Code, Report
-from thingc.joints import KINDS
-from thingc.load import Documents, load
-from thingc.spec import part_references, validate
-from thingc.spec.assembly import AssemblySpec
-from thingc.spec.elsewhere import WORDS
-from thingc.spec.materials import MaterialsSpec
-from thingc.workspace import Workspace
+from thingc.base.diagnostics import Code, Report
+from thingc.base.joints import KINDS
+from thingc.documents.load import Documents, load
+from thingc.documents.spec import part_references, validate
+from thingc.documents.spec.assembly import AssemblySpec
+from thingc.documents.spec.elsewhere import WORDS
+from thingc.documents.spec.materials import MaterialsSpec
+from thingc.documents.workspace import Workspace
 
 HEAD = "thingc: assembly/1\nname: x\ncomponents: {p: {part: a:B}}\n"
 
@@ -416,4 +416,4 @@ def test_no_word_of_the_machinery_reaches_a_person(tmp_path: Path) -> None:
 
 def test_a_kind_of_joint_is_no_word_for_another() -> None:
     taken = sorted({*WORDS} & {*KINDS})
-    assert not taken, f"{taken}: kinds now; take them out of `WORDS` in compiler/thingc/spec/elsewhere.py"
+    assert not taken, f"{taken}: kinds now; take them out of `WORDS` in compiler/thingc/documents/spec/elsewhere.py"

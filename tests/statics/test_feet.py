@@ -22,16 +22,16 @@ import pytest
 from scipy.optimize import linprog, minimize
 
 from statics.test_statics import at_rest, oracle
-from thingc import pipeline
-from thingc.cli import info
-from thingc.cli.main import main
-from thingc.environment import Environment, Options
-from thingc.graph import joints_of
+from thingc.batch.measure import measure
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.model.assembly import joints_of
+from thingc.model.robot import body_poses
+from thingc.model.robot.types import Robot
+from thingc.model.statics import Efforts, lifted, stance, static_efforts
 from thingc.modes import Modes
-from thingc.robot import body_poses
-from thingc.robot.types import Robot
-from thingc.statics import Efforts, lifted, stance, static_efforts
-from thingc.variants.measure import measure
+from thingc.tools.cli import info
+from thingc.tools.cli.main import main
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 

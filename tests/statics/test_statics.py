@@ -17,15 +17,15 @@ from scipy.linalg import null_space
 
 from loops.robots import BALL, Built, at_key, compiled, inchworm
 from loops.test_loop_joints import FOURBAR
-from thingc.graph import coordinates, joints_of
-from thingc.robot import body_poses
-from thingc.robot.types import Robot
-from thingc.statics import Efforts, static_efforts
-from thingc.statics.efforts import balance_tree, problem
-from thingc.statics.loads import loads
-from thingc.statics.shared import balance_shared
-from thingc.statics.types import DriveTransmission
-from thingc.variants.measure import measure
+from thingc.batch.measure import measure
+from thingc.model.assembly import coordinates, joints_of
+from thingc.model.robot import body_poses
+from thingc.model.robot.types import Robot
+from thingc.model.statics import Efforts, static_efforts
+from thingc.model.statics.efforts import balance_tree, problem
+from thingc.model.statics.loads import loads
+from thingc.model.statics.shared import balance_shared
+from thingc.model.statics.types import DriveTransmission
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 
@@ -310,10 +310,10 @@ def test_a_hold_in_another_branch_changes_nothing(tmp_path: Path) -> None:
 
 def test_the_way_of_trees_imports_no_numpy() -> None:
     """A runner of a batch measures every variant, and starts without it."""
-    program = "import sys, json, thingc.variants.measure, thingc.statics; print(json.dumps(sorted(sys.modules)))"
+    program = "import sys, json, thingc.batch.measure, thingc.model.statics; print(json.dumps(sorted(sys.modules)))"
     loaded: Any = json.loads(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout)
     assert not {name.split(".")[0] for name in loaded} & {"numpy", "scipy", "mujoco", "build123d", "OCP", "pyarrow"}
-    assert "thingc.statics.shared" not in loaded and "thingc.statics.loads" in loaded
+    assert "thingc.model.statics.shared" not in loaded and "thingc.model.statics.loads" in loaded
 
 
 @pytest.mark.parametrize("unit", [1e-300, 1.0, 1e300])

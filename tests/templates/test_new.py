@@ -16,10 +16,10 @@ import pytest
 from ruamel.yaml import YAML
 
 import thingc
-from thingc.cli.main import COMMANDS, main
-from thingc.cli.new import robot_name
-from thingc.emit import TARGETS
-from thingc.templates import TEMPLATES, files_of
+from thingc.targets import TARGETS
+from thingc.tools.cli.main import COMMANDS, main
+from thingc.tools.cli.new import robot_name
+from thingc.tools.templates import TEMPLATES, files_of
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -191,7 +191,7 @@ def test_a_folder_that_is_empty_but_for_git_is_taken_and_stays_the_one_that_it_i
     assert main(["check", "--strict", str(here / "my-rover/my_rover.yaml")]) == 0
 
 
-@pytest.mark.parametrize("instant", ["thingc.output._write_files", "os.rename"])
+@pytest.mark.parametrize("instant", ["thingc.driver.output._write_files", "os.rename"])
 def test_interrupted_it_leaves_nothing(
     instant: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:

@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from thingc.cli.main import main
+from thingc.tools.cli.main import main
 
 PARTS = '''
 from build123d import Align, Box, Location, Pos

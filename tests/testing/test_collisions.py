@@ -12,11 +12,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testing.rig import HEAD, SLIDERS, Workspace
-from thingc.graph.types import Surface
-from thingc.pose import Pose
-from thingc.primitives import Primitive, PrimitiveShape
-from thingc.realize.store.local import Store
-from thingc.solids.shapes import solid_of
+from thingc.base.pose import Pose
+from thingc.base.primitives import Primitive, PrimitiveShape
+from thingc.geometry.store.local import Store
+from thingc.model.assembly.types import Surface
+from thingc.model.solids.shapes import solid_of
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 

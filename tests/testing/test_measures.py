@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 
 from testing.rig import PARALLELOGRAM, SLIDERS, Workspace, two_links
-from thingc import compile, pipeline
-from thingc.environment import Environment, Options
-from thingc.resolve.model import NamedPose
-from thingc.robot import body_poses
-from thingc.robot.types import Robot
-from thingc.statics import static_efforts
-from thingc.testing.poses import keyframe, posed
+from thingc import compile
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.driver.testing.poses import keyframe, posed
+from thingc.model.resolve.model import NamedPose
+from thingc.model.robot import body_poses
+from thingc.model.robot.types import Robot
+from thingc.model.statics import static_efforts
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from thingc.cli.main import main
+from thingc.tools.cli.main import main
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 

@@ -28,8 +28,8 @@ from build123d import (
 )
 
 from thingc import MountPoint, Thing, TransformResolver
-from thingc.things.inspection import ExpectedPart, expectations_of, mounts_of
-from thingc.things.mounts import MATE
+from thingc.geometry.things.inspection import ExpectedPart, expectations_of, mounts_of
+from thingc.geometry.things.mounts import MATE
 
 Rows = list[list[float]]
 

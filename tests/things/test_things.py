@@ -12,9 +12,9 @@ import pytest
 from build123d import Box, BuildPart, Cylinder, Part, Plane, Pos, Shape, Vector
 
 from thingc import Angle, Count, Length, Mass, MountPoint, ParameterError, Range, Ratio, Thing
-from thingc.things.inspection import build, is_part, parameters_of
-from thingc.things.mounts import MATE
-from thingc.things.parameters import CallError, Parameter, SignatureError
+from thingc.geometry.things.inspection import build, is_part, parameters_of
+from thingc.geometry.things.mounts import MATE
+from thingc.geometry.things.parameters import CallError, Parameter, SignatureError
 
 if TYPE_CHECKING:
     from thingc import Length as Elsewhere

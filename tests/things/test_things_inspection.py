@@ -14,9 +14,9 @@ from bd_warehouse.fastener import Screw, SocketHeadCapScrew
 from build123d import Box, Cylinder, Part, Pos, Sphere, Vector, extrude
 
 from thingc import Actuator, Length, MountPoint, ParameterError, Range, Thing, asset
-from thingc.things import assets, inspection
-from thingc.things.inspection import Statement, build, is_part, parameters_of
-from thingc.things.parameters import CallError, SignatureError
+from thingc.geometry.things import assets, inspection
+from thingc.geometry.things.inspection import Statement, build, is_part, parameters_of
+from thingc.geometry.things.parameters import CallError, SignatureError
 
 
 class Frame(Thing):

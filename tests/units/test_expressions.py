@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from thingc.expressions import Expression, ExpressionError, evaluate, parse_expression
-from thingc.units import ANGLE, AREA, LENGTH, LENGTH_PER_ANGLE, MASS, NUMBER, Dimension, Quantity, parse_quantity
+from thingc.base.units import ANGLE, AREA, LENGTH, LENGTH_PER_ANGLE, MASS, NUMBER, Dimension, Quantity, parse_quantity
+from thingc.documents.expressions import Expression, ExpressionError, evaluate, parse_expression
 
 NAMES: dict[str, Quantity | bool | str] = {
     "reach": parse_quantity("100 mm"), "width": parse_quantity("40 mm"), "mass": parse_quantity("2 kg"),

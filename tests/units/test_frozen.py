@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from thingc import frozen
+from thingc.base import frozen
 
 Maker = Callable[..., Any]
 MAKERS: dict[str, Maker] = {"ours": frozen.dataclass, "standard": dataclasses.dataclass}

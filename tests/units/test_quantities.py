@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from thingc.units import (
+from thingc.base.units import (
     ACCELERATION,
     ANGLE,
     ANGULAR_DAMPING,

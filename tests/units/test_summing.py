@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from thingc.summing import dist, hypot, plain_sum
+from thingc.base.summing import dist, hypot, plain_sum
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 

@@ -8,8 +8,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from thingc.environment import Options
-from thingc.variants import run
+from thingc.batch import run
+from thingc.driver.environment import Options
 from variants.robots import workspace
 
 SOME = """

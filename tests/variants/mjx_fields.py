@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from mujoco import mjx
 
-from thingc.variants import apply
+from thingc.batch import apply
 
 STEPS = 50
 

@@ -140,7 +140,7 @@ EMITTER = '''
     import signal
     import time
 
-    from thingc.emit.artifact import Artifacts
+    from thingc.targets.artifact import Artifacts
 
     WRITES = ("fault.txt",)
 

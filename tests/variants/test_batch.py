@@ -16,15 +16,15 @@ from typing import Any
 import pyarrow.parquet
 import pytest
 
-from thingc.cli.main import main
-from thingc.diagnostics import Code
-from thingc.environment import Options
-from thingc.session import Session
-from thingc.variants import BatchFault, Summary, plan, run
-from thingc.variants.description import job_of
-from thingc.variants.job import Task
-from thingc.variants.journal import Journal, in_order, lines
-from thingc.variants.runner import Runner
+from thingc.base.diagnostics import Code
+from thingc.batch import BatchFault, Summary, plan, run
+from thingc.batch.description import job_of
+from thingc.batch.job import Task
+from thingc.batch.journal import Journal, in_order, lines
+from thingc.batch.runner import Runner
+from thingc.driver.environment import Options
+from thingc.driver.session import Session
+from thingc.tools.cli.main import main
 from variants.robots import PENDULUM, SWEEP, environment, thingc, tree, workspace
 
 pytestmark = pytest.mark.slow
@@ -72,7 +72,7 @@ def test_runners_build_by_plans_what_they_build_by_passes(tmp_path: Path, monkey
         return whole(session, *given)
 
     monkeypatch.setattr(Session, "compile", spied)
-    monkeypatch.setattr("thingc.plans.builds.PATIENCE", 2)
+    monkeypatch.setattr("thingc.batch.plans.builds.PATIENCE", 2)
     for verify in (1, 64):
         folder = tmp_path / f"{verify}"
         (folder / "variants").mkdir(parents=True)
@@ -550,7 +550,7 @@ def test_a_dry_run_counts_what_limits_and_poses_will_refuse(tmp_path: Path, shar
 
 
 def test_a_dry_run_of_very_many_looks_at_some(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    from thingc.variants import forecast, plan
+    from thingc.batch import forecast, plan
 
     monkeypatch.setattr(forecast, "MOST", 5)
     here = workspace(tmp_path, stops=STOPS.format(of="pendulum"))
@@ -611,7 +611,7 @@ MANY = """
 
 PEAK = """
 import sys
-from thingc.variants import run
+from thingc.batch import run
 summary = run(sys.argv[1])
 with open("/proc/self/status") as stream:  # ru_maxrss would count what pytest held before the exec
     peak = next(int(line.split()[1]) for line in stream if line.startswith("VmHWM:"))

@@ -16,8 +16,8 @@ import mujoco
 import numpy as np
 import pytest
 
-import thingc.variants
-from thingc.environment import Options
+import thingc.batch
+from thingc.driver.environment import Options
 from variants.robots import environment
 
 MARGIN = 1.3
@@ -90,7 +90,7 @@ def test_optuna_asks_for_the_same_and_for_better(
         driver = Optuna(tmp_path / "assemblies" / "minchw" / "bridge_search.yaml", 60, options)
         rounds = []
         while (document := driver.ask()) is not None:
-            asked = [(one.values["leg_length"], one.values["body_length"]) for one in thingc.variants.plan(str(document), options=options)]
+            asked = [(one.values["leg_length"], one.values["body_length"]) for one in thingc.batch.plan(str(document), options=options)]
             rounds.append([tried(leg, body) for leg, body in asked])
             driver.tell(rounds[-1])
         return rounds

@@ -20,9 +20,9 @@ from pathlib import Path
 import psutil
 import pytest
 
-from thingc.diagnostics import Code
-from thingc.variants import BatchFault, cluster, dask_cluster
-from thingc.variants.slurm_cluster import SlurmSettings, settings_of
+from thingc.base.diagnostics import Code
+from thingc.batch import BatchFault, cluster, dask_cluster
+from thingc.batch.slurm_cluster import SlurmSettings, settings_of
 from variants.robots import environment, thingc, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run
 from variants.test_faults import assert_gone, assert_whole, descendants, journal, listed, started, table, wait_for_lines
@@ -290,7 +290,7 @@ def running_job(process: subprocess.Popen[str]) -> psutil.Process:
     while time.monotonic() < deadline:
         for one in descendants(process.pid):
             with contextlib.suppress(psutil.NoSuchProcess):
-                if "submitit.core._submit" in " ".join(one.cmdline()) and "thingc.variants.runner" in str(
+                if "submitit.core._submit" in " ".join(one.cmdline()) and "thingc.batch.runner" in str(
                     [child.cmdline() for child in one.children()]
                 ):
                     return one

@@ -9,8 +9,8 @@ from typing import Any
 import pyarrow
 import pytest
 
-from thingc.variants import columns
-from thingc.variants.columns import column
+from thingc.batch import columns
+from thingc.batch.columns import column
 
 VALUES: dict[Any, Callable[[random.Random], Any]] = {
     pyarrow.int64(): lambda chance: chance.randrange(-2**63, 2**63),

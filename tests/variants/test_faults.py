@@ -22,9 +22,9 @@ from pathlib import Path
 import psutil
 import pytest
 
-from thingc.diagnostics import Code
-from thingc.environment import Options
-from thingc.variants import BatchFault, run
+from thingc.base.diagnostics import Code
+from thingc.batch import BatchFault, run
+from thingc.driver.environment import Options
 from variants.robots import environment, thingc, tree, with_emitter, workspace
 
 pytestmark = pytest.mark.slow
@@ -129,7 +129,7 @@ def test_a_runner_that_somebody_kills_costs_one_variant(tmp_path: Path, shared_s
     env = environment(shared_store, with_emitter(tmp_path))
     process = started(here, env, "--jobs", "2")
     wait_for_lines(here, 6, process)
-    victims = [one for one in descendants(process.pid) if "thingc.variants.runner" in " ".join(one.cmdline())]
+    victims = [one for one in descendants(process.pid) if "thingc.batch.runner" in " ".join(one.cmdline())]
     assert len(victims) == 2
     victims[0].kill()
     assert process.wait(120) == 1
@@ -373,7 +373,7 @@ def test_runners_that_do_not_start_end_the_batch_in_words(tmp_path: Path, shared
     place = tmp_path / "broken"
     place.mkdir()
     (place / "sitecustomize.py").write_text(
-        "import os, sys\nif 'thingc.variants.runner' in sys.orig_argv:\n    sys.stderr.write('no room for a runner')\n    os._exit(7)\n",
+        "import os, sys\nif 'thingc.batch.runner' in sys.orig_argv:\n    sys.stderr.write('no room for a runner')\n    os._exit(7)\n",
     )
     done = thingc("batch", "faults.yaml", *ALONE, cwd=here, env=environment(shared_store, str(place)))
     assert done.returncode == 1 and f"error[{Code.RUNNERS.code}]" in done.stderr and "exit code 7" in done.stderr, done.stderr
@@ -453,7 +453,7 @@ def test_a_killed_driver_takes_the_geometry_workers_along(tmp_path: Path) -> Non
     time.sleep(1.0)
     running = descendants(process.pid)
     names = [" ".join(one.cmdline()) for one in running]
-    assert any("thingc.realize.worker.server" in name for name in names) and any("thingc.variants.runner" in name for name in names)
+    assert any("thingc.geometry.worker.server" in name for name in names) and any("thingc.batch.runner" in name for name in names)
     process.kill()
     process.wait()
     assert_gone(running)
@@ -492,4 +492,4 @@ def test_variants_that_an_executor_loses_are_handed_out_again(
     assert summary.statuses == statuses
     assert Counter(line["index"] for line in journal(here)) == Counter(range(24))
     assert {row["code"] for row in table(here)} == ({""} if losses < 3 else {Code.VARIANT_DIED.code})
-    assert not [one for one in psutil.Process().children() if "thingc.variants.runner" in " ".join(one.cmdline())]
+    assert not [one for one in psutil.Process().children() if "thingc.batch.runner" in " ".join(one.cmdline())]

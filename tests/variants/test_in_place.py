@@ -11,8 +11,8 @@ import mujoco.rollout
 import numpy as np
 import pytest
 
-from thingc.environment import Options
-from thingc.variants import Family, FamilyError, NotInPlace, apply, fields, in_place, load, run, write
+from thingc.batch import Family, FamilyError, NotInPlace, apply, fields, in_place, load, run, write
+from thingc.driver.environment import Options
 from variants.families import arrays
 from variants.robots import workspace
 

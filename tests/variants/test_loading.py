@@ -16,9 +16,9 @@ from typing import Any
 import mujoco
 import pytest
 
+from thingc.batch import BuiltVariant, Family, FamilyError, UnknownVariant, load
+from thingc.batch.patching import differing
 from thingc.modes import Modes
-from thingc.patching import differing
-from thingc.variants import BuiltVariant, Family, FamilyError, UnknownVariant, load
 from variants.families import arrays, built
 
 
@@ -117,7 +117,7 @@ def test_meshes_with_links_are_read_once_and_the_right_ones_are_used(boards: Pat
 
 
 def test_meshes_in_memory_are_bounded(boards: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from thingc.variants import loading
+    from thingc.batch import loading
 
     monkeypatch.setattr(loading._Meshes.__init__, "__defaults__", (1,))
     family = load(boards)
@@ -208,7 +208,7 @@ def test_an_unfinished_batch_gives_what_is_there(some: Path, tmp_path: Path) -> 
 
 def test_loading_is_light(some: Path) -> None:
     program = (
-        "import sys, thingc.variants as v; f = v.load(sys.argv[1]); n = len(f); print(n, f[0].sizes('flying').nq); "
+        "import sys, thingc.batch as v; f = v.load(sys.argv[1]); n = len(f); print(n, f[0].sizes('flying').nq); "
         "print(sorted(m for m in ('numpy', 'mujoco', 'pyarrow', 'gymnasium', 'networkx', 'build123d') if m in sys.modules))"
     )
     said = subprocess.run([sys.executable, "-c", program, str(some)], capture_output=True, text=True, check=True).stdout
@@ -252,7 +252,7 @@ def test_models_of_other_structure_are_each_compiled(some: Path, boards: Path, a
 
 def test_where_an_array_is_written_wrongly_models_are_compiled(sliders: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first that comes without a compilation is compared with one."""
-    from thingc.patching import arrays as patched
+    from thingc.batch.patching import arrays as patched
 
     family = load(sliders)
     monkeypatch.setattr(patched.Statistics, "write", lambda self, values, index: None)
@@ -261,7 +261,7 @@ def test_where_an_array_is_written_wrongly_models_are_compiled(sliders: Path, mo
 
 def test_variants_with_the_same_meshes_share_what_mujoco_was_given(tmp_path: Path) -> None:
     """Each has links to them in a folder of its own."""
-    from thingc.variants.loading import _Meshes
+    from thingc.batch.loading import _Meshes
 
     meshes, seen = _Meshes(), []
     (tmp_path / "mesh.obj").write_bytes(b"v 0 0 0")

@@ -11,12 +11,12 @@ import numpy
 import pytest
 
 import thingc
-from thingc import pipeline
-from thingc.environment import Environment, Options
-from thingc.pipeline import Compilation
-from thingc.robot import in_link
-from thingc.robot.types import Robot
-from thingc.variants.measure import UnknownMount, lengths, measure
+from thingc.batch.measure import UnknownMount, lengths, measure
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.driver.pipeline import Compilation
+from thingc.model.robot import in_link
+from thingc.model.robot.types import Robot
 from variants.robots import workspace
 
 CASES = [

@@ -16,15 +16,15 @@ import pyarrow
 import pyarrow.parquet
 import pytest
 
-from thingc.cli.main import main
-from thingc.diagnostics import Code
-from thingc.environment import Options
-from thingc.variants import BatchFault, FamilyError, UnknownVariant, chunks, load, page, plan, records, run
-from thingc.variants.adopting import meant
-from thingc.variants.chunks import Chunk, seal
-from thingc.variants.journal import Journal
-from thingc.variants.records import in_order
-from thingc.variants.showing import show_again
+from thingc.base.diagnostics import Code
+from thingc.batch import BatchFault, FamilyError, UnknownVariant, chunks, load, page, plan, records, run
+from thingc.batch.adopting import meant
+from thingc.batch.chunks import Chunk, seal
+from thingc.batch.journal import Journal
+from thingc.batch.records import in_order
+from thingc.batch.showing import show_again
+from thingc.driver.environment import Options
+from thingc.tools.cli.main import main
 from variants.families import BOARDS, SOME, arrays
 from variants.robots import environment, thingc, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run

@@ -16,11 +16,11 @@ import psutil
 import pytest
 from PIL import Image
 
-from thingc.diagnostics import Code
-from thingc.variants import places
-from thingc.variants.page import write_page
-from thingc.variants.pictures import along_the_axes, draw, usual
-from thingc.variants.tables import Column, columns
+from thingc.base.diagnostics import Code
+from thingc.batch import places
+from thingc.batch.page import write_page
+from thingc.batch.pictures import along_the_axes, draw, usual
+from thingc.batch.tables import Column, columns
 from variants.robots import environment, thingc, workspace
 
 pytestmark = pytest.mark.slow
@@ -131,7 +131,7 @@ def test_a_process_that_draws_and_is_killed_is_told(stands: Path, tmp_path: Path
 
     def kill(done: int, count: int) -> None:
         for child in psutil.Process().children():
-            if "thingc.variants.thumbnails" in child.cmdline():
+            if "thingc.batch.thumbnails" in child.cmdline():
                 child.kill()
 
     warning = draw(str(folder), "default", None, most=6, on_picture=kill)

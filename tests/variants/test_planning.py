@@ -16,14 +16,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import qmc
 
-from thingc.diagnostics import Code
-from thingc.environment import Options
-from thingc.expressions import text_of
-from thingc.stamp import state_of
-from thingc.units import ANGLE, FREQUENCY, INERTIA, LENGTH, MASS, NUMBER, TORQUE, Dimension, Quantity, parse_quantity
-from thingc.variants import Plan, PlanError, description, places, plan
-from thingc.variants.sampling import points
-from thingc.variants.values import spaced
+from thingc.base.diagnostics import Code
+from thingc.base.units import ANGLE, FREQUENCY, INERTIA, LENGTH, MASS, NUMBER, TORQUE, Dimension, Quantity, parse_quantity
+from thingc.batch import Plan, PlanError, description, places, plan
+from thingc.batch.sampling import points
+from thingc.batch.values import spaced
+from thingc.documents.expressions import text_of
+from thingc.driver.environment import Options
+from thingc.driver.stamp import state_of
 from variants.robots import workspace
 
 
@@ -233,7 +233,7 @@ DIMENSIONS = st.sampled_from([NUMBER, LENGTH, MASS, ANGLE, TORQUE, INERTIA, FREQ
 
 @given(st.floats(-1e6, 1e6).map(lambda x: x + 0.0), DIMENSIONS)
 def test_texts_say_the_same_value_to_the_last_bit(value: float, dimension: Dimension) -> None:
-    from thingc.expressions import evaluate, parse_expression
+    from thingc.documents.expressions import evaluate, parse_expression
 
     text = text_of(Quantity(value, dimension))
     found = evaluate(parse_expression(text), {}) if text.startswith("=") else parse_quantity(text)
@@ -271,8 +271,8 @@ def test_the_page_names_every_result_and_the_table_every_column(root: Path) -> N
     import re
 
     from docs.pages import table
-    from thingc.variants.rules import LENGTHS, RESULTS
-    from thingc.variants.tables import HEAD, RUN, TAIL
+    from thingc.batch.rules import LENGTHS, RESULTS
+    from thingc.batch.tables import HEAD, RUN, TAIL
 
     said = [name for row in table(root / "docs" / "variants.md", "results") for name in re.findall(r"`([\w.]+)`", row[0])]
     assert said == [*RESULTS, f"{LENGTHS}JOINT"]
@@ -321,7 +321,7 @@ def test_a_grid_of_two_quadrillion_is_refused_before_it_is_worked_out(
     assert "the grid has 2000000000000000 variants (100000 x 100000 x 100000 x 2), and a batch has at most 1000000" in str(raised.value)
     (tmp_path / "v.yaml").write_text("thingc: variants/1\nname: v\nassembly: r.yaml\nparameters:\n"
                                      "  a: {from: 0 mm, to: 9 mm, count: 10}\n  b: {from: 0 mm, to: 9 mm, count: 10}\n")
-    monkeypatch.setattr("thingc.variants.reading.MOST", 100)
+    monkeypatch.setattr("thingc.batch.reading.MOST", 100)
     assert plan(str(tmp_path / "v.yaml"), options=Options(store=shared_store)).count == 100, "as many as may be"
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from thingc.cli.main import main
+from thingc.tools.cli.main import main
 from variants.robots import environment, thingc, tree
 
 pytestmark = pytest.mark.slow

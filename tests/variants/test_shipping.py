@@ -24,10 +24,10 @@ from typing import Any
 import pytest
 
 from realize.test_shared_store import SERVER
-from thingc.diagnostics import Code
-from thingc.environment import Options
-from thingc.variants import BatchFault, run, shipping
-from thingc.variants.dask_cluster import DaskCluster
+from thingc.base.diagnostics import Code
+from thingc.batch import BatchFault, run, shipping
+from thingc.batch.dask_cluster import DaskCluster
+from thingc.driver.environment import Options
 from variants.robots import environment, thingc, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run
 from variants.test_cluster import Dask, dask

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from thingc.diagnostics import Code
-from thingc.variants import BatchFault, plan, transfer
-from thingc.variants.transfer import Transfer, pack
+from thingc.base.diagnostics import Code
+from thingc.batch import BatchFault, plan, transfer
+from thingc.batch.transfer import Transfer, pack
 from variants.robots import workspace
 
 

@@ -18,11 +18,11 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 
 import thingc
-from thingc.families import learning
-from thingc.families.learning import ENVIRONMENT, FamilyVectorEnv, make_vec_env
-from thingc.pipeline import UnknownChoice
-from thingc.variants import FamilyError, UnknownVariant, load
-from thingc.variants.learning import make_env
+from thingc.batch import FamilyError, UnknownVariant, load
+from thingc.batch.families import learning
+from thingc.batch.families.learning import ENVIRONMENT, FamilyVectorEnv, make_vec_env
+from thingc.batch.learning import make_env
+from thingc.driver.pipeline import UnknownChoice
 from variants.families import documents
 
 CRANE = """\

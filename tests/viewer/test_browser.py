@@ -19,13 +19,13 @@ from emit import small_robot
 from loops.robots import compiled
 from mjcf.test_joined import LEGS, MODES
 from robot.test_spanning_tree_properties import build, robots
-from thingc.emit.html.described import describe
-from thingc.emit.html.packed import Packed
-from thingc.emit.html.target import Page
-from thingc.graph import coordinates, joints_of
-from thingc.realize.store.local import Store
-from thingc.robot import body_poses, link_names
-from thingc.statics.loads import loads
+from thingc.geometry.store.local import Store
+from thingc.model.assembly import coordinates, joints_of
+from thingc.model.robot import body_poses, link_names
+from thingc.model.statics.loads import loads
+from thingc.targets.html.described import describe
+from thingc.targets.html.packed import Packed
+from thingc.targets.html.target import Page
 from viewer.browser import address, drawn, links, needed, opened, spot, undrawn
 from viewer.conftest import Pages
 from viewer.test_page import element

@@ -18,7 +18,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from loops.robots import Built, compiled, pose_of
-from thingc.cli.main import main
+from thingc.tools.cli.main import main
 from viewer.browser import address, drawn, needed, opened
 
 pytestmark = [needed, pytest.mark.slow]

@@ -17,11 +17,11 @@ import trimesh
 
 from conformance.harness import ROOT
 from emit import small_robot
-from thingc.emit.artifact import Artifacts
-from thingc.emit.html.packed import Packed
-from thingc.emit.html.target import emit
-from thingc.realize.store.local import Store
-from thingc.realize.store.meshes import arrays
+from thingc.geometry.store.local import Store
+from thingc.geometry.store.meshes import arrays
+from thingc.targets.artifact import Artifacts
+from thingc.targets.html.packed import Packed
+from thingc.targets.html.target import emit
 from viewer.conftest import Pages
 
 
@@ -105,7 +105,7 @@ def test_the_program_was_made_from_these_sources() -> None:
     names = [str(path.relative_to(folder)) for path in (folder / "src").rglob("*.ts")]
     for name in sorted([*names, "package-lock.json"]):
         digest.update(f"{name}\n".encode() + (folder / name).read_bytes())
-    first = (ROOT / "compiler/thingc/emit/html/page/viewer.js").read_text().partition("\n")[0]
+    first = (ROOT / "compiler/thingc/targets/html/page/viewer.js").read_text().partition("\n")[0]
     assert first.endswith(f"sources {digest.hexdigest()}"), "run `make viewer`"
 
 

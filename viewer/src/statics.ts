@@ -1,4 +1,4 @@
-// What the drives of a mode have to give for its robot to stay where it is, and how many times over they can (compiler/thingc/statics says
+// What the drives of a mode have to give for its robot to stay where it is, and how many times over they can (compiler/thingc/model/statics says
 // what of): in closed form, at any configuration of a tree. How loops, holds and feet share a load is known of named poses alone, from the compiler.
 
 import { Vector3 } from "three";

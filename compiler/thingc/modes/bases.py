@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thingc.brief import Brief
+from thingc.base.brief import Brief
 from thingc.modes.frames import Array, inverse, pose, quaternion_of, rotation_of, turned
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thingc.brief import Brief
+from thingc.base.brief import Brief
 from thingc.modes.cuts import coordinates, freedoms, usual
 from thingc.modes.frames import Array, cross_matrix, inverse
 from thingc.modes.inertias import Inertias

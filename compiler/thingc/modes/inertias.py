@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from thingc.brief import Brief
+from thingc.base.brief import Brief
 from thingc.modes.frames import Array
 
 

@@ -10,7 +10,8 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from thingc.brief import Brief
+from thingc.base.brief import Brief
+from thingc.base.typos import did_you_mean
 from thingc.modes import mjdata, reading
 from thingc.modes.bases import PartBase
 from thingc.modes.catching import Caught, at_point, caught
@@ -20,7 +21,6 @@ from thingc.modes.frames import Array, angle_between, inverse, pose
 from thingc.modes.inertias import Inertias
 from thingc.modes.state import State
 from thingc.modes.tree import Cut, Mode
-from thingc.typos import did_you_mean
 
 OnMotion = Literal["raise", "drop", "impact"]
 CHOICES: tuple[OnMotion, ...] = get_args(OnMotion)

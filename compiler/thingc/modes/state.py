@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thingc.brief import Brief
+from thingc.base.brief import Brief
 from thingc.modes.faults import ModesError
 from thingc.modes.frames import Array
 

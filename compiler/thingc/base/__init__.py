@@ -1,0 +1,1 @@
+"""What every other package builds on: diagnostics, source positions, units, poses, files."""

@@ -1,0 +1,74 @@
+"""Zip files whose bytes depend on what is in them alone.
+
+Python's `zipfile` writes what it is told of clocks and systems, and compresses again what has been compressed before.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Mapping
+
+from thingc.base.frozen import dataclass
+
+MODEL = "model.xml"
+"""The name under which MuJoCo looks for the model first in a `.mjz`, whatever that is called."""
+
+DATE, TIME = 0x21, 0
+"""1980-01-01 00:00:00, the first moment that a zip file can state."""
+
+_DEFLATED, _VERSION, _UNIX, _UTF8 = 8, 20, 3 << 8, 0x800
+_MODE = 0o100644 << 16
+_HEADER = 30
+"""Bytes before the name of an entry."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Deflated:
+    """A file's content, compressed (RFC 1951), with the CRC-32 and the size [bytes] of what it was."""
+
+    data: bytes
+    crc: int
+    size: int
+
+
+def zipped(entries: Mapping[str, bytes | Deflated]) -> bytes:
+    """A zip file with these entries, sorted by name, the same bytes every time (layout: PKWARE APPNOTE.TXT 6.3)."""
+    parts, directory, at = list[bytes](), bytearray(), 0  # joined once: meshes are large
+    for name in sorted(entries):
+        content, encoded = entries[name], name.encode()
+        entry = deflate(content) if isinstance(content, bytes) else content
+        flags = 0 if name.isascii() else _UTF8
+        common = struct.pack(
+            "<HHHHHIIIHH", _VERSION, flags, _DEFLATED, TIME, DATE, entry.crc, len(entry.data), entry.size, len(encoded), 0
+        )
+        directory += b"PK\x01\x02" + struct.pack("<H", _UNIX | _VERSION) + common
+        directory += struct.pack("<HHHII", 0, 0, 0, _MODE, at) + encoded
+        parts += [b"PK\x03\x04" + common + encoded, entry.data]
+        at += _HEADER + len(encoded) + len(entry.data)
+    count = len(entries)
+    end = b"PK\x05\x06" + struct.pack("<HHHHIIH", 0, 0, count, count, len(directory), at, 0)
+    return b"".join([*parts, directory, end])
+
+
+def entries(archive: bytes) -> dict[str, Deflated]:
+    """The entries of what `zipped` gave."""
+    from zipfile import ZipFile
+
+    members = {}
+    for one in ZipFile(io.BytesIO(archive)).infolist():
+        begin = one.header_offset + _HEADER + len(one.filename.encode())
+        members[one.filename] = Deflated(data=archive[begin: begin + one.compress_size], crc=one.CRC, size=one.file_size)
+    return members
+
+
+def inflate(entry: Deflated) -> bytes:
+    """What an entry was."""
+    return zlib.decompress(entry.data, -zlib.MAX_WBITS)
+
+
+def deflate(data: bytes) -> Deflated:
+    """Compress."""
+    compressor = zlib.compressobj(4, zlib.DEFLATED, -zlib.MAX_WBITS)
+    return Deflated(data=compressor.compress(data) + compressor.flush(), crc=zlib.crc32(data), size=len(data))

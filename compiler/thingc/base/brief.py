@@ -1,0 +1,82 @@
+"""How the compiler's data shows itself: one line, whatever hangs on it; and numbers of things."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+from thingc.base.source import Span
+
+LONGEST = 160
+"""Characters of a line."""
+LISTED = 6
+"""Names, or numbers, of a collection that are shown."""
+_WORD = 40
+
+
+class Brief:
+    """A dataclass that prints as one line: `Robot('arm', mode=LinkedMode('bench'), base='fixed', bodies=[7 Body])`.
+
+    What it is called comes first, then its fields in order; those that are empty are left out. What it holds is named or counted,
+    never printed in full: that is what the attributes are for.
+    """
+
+    __slots__ = ()
+
+    def __init_subclass__(cls) -> None:
+        if "__repr__" not in vars(cls):
+            cls.__repr__ = _line  # type: ignore[method-assign]
+
+
+def counted(number: int, noun: str) -> str:
+    """`1 document`, `2 documents`."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def _line(self: Any) -> str:
+    named = _called(self)
+    words = [] if named is None else [_shown(named)]
+    for one in fields(self):
+        value = getattr(self, one.name)
+        empty = value is None or (isinstance(value, (str, bytes, Sequence, Mapping, Set)) and not value)
+        if one.repr and not empty and value is not named:
+            words.append(f"{one.name}={_shown(value)}")
+    line = f"{type(self).__name__}({', '.join(words)})"
+    while len(line) > LONGEST:
+        words.pop()
+        line = f"{type(self).__name__}({', '.join([*words, '...'])})"
+    return line
+
+
+def _called(value: object) -> str | None:
+    """What an object is known by; None where it has no name."""
+    names = (getattr(value, attribute, None) for attribute in ("name", "path", "text", "code"))
+    return next((one for one in names if isinstance(one, str) and one), None)
+
+
+def _shown(value: Any) -> str:
+    """A value in a few words."""
+    if isinstance(value, (str, bytes)):
+        return repr(value) if len(value) <= _WORD else f"{value[:_WORD]!r}..."
+    if isinstance(value, Span):
+        return f"{os.path.basename(value.file)}:{value.line}:{value.column}"
+    if is_dataclass(value):
+        named = _called(value)
+        return type(value).__name__ + ("" if named is None else f"({_shown(named)})")
+    if isinstance(value, (Mapping, Set)):
+        return _listed(list(value))
+    if isinstance(value, Sequence):
+        return _shown(value[0]) if isinstance(value[0], Span) else _listed(value)
+    if hasattr(value, "dtype"):
+        return f"{value.dtype}{list(value.shape)}"
+    return f"{value:.6g}" if isinstance(value, float) else f"{value!r}"[: _WORD + 20]
+
+
+def _listed(values: Sequence[Any]) -> str:
+    """`[bench, drawing]`, `[0, 0, -9.81]`, `[7 Body]`: few plain values are written out, others are counted."""
+    if len(values) <= LISTED and all(isinstance(one, (str, int, float)) and len(f"{one}") <= _WORD for one in values):
+        return "[" + ", ".join(one if isinstance(one, str) else _shown(one) for one in values) + "]"
+    kinds = {type(one).__name__ for one in values}
+    return f"[{len(values)} {kinds.pop() if len(kinds) == 1 else 'items'}]"

@@ -1,0 +1,161 @@
+"""Mass, centre of mass and inertia: moved, added up and checked, in plain Python at full double precision."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import lru_cache
+
+from thingc.base.brief import Brief
+from thingc.base.frozen import dataclass
+from thingc.base.pose import Matrix, Pose, Vector, multiply, transpose
+
+ZERO: Matrix = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MassProperties(Brief):
+    """Of a rigid body, in some frame: mass [kg], centre of mass [m], inertia [kg m^2] about the centre, frame axes."""
+
+    mass: float
+    centre: Vector = (0.0, 0.0, 0.0)
+    inertia: Matrix = ZERO
+
+    def seen_from(self, pose: Pose) -> MassProperties:
+        """The same body in frame A, where `pose` is `X_AB` and these are in B."""
+        r = pose.rotation
+        turned = multiply(multiply(r, self.inertia), transpose(r))
+        return MassProperties(mass=self.mass, centre=pose.apply(self.centre), inertia=symmetric(turned))
+
+    def about(self, point: Vector) -> Matrix:
+        """The inertia [kg m^2] about another point [m] of the same frame (parallel-axis theorem)."""
+        x, y, z = (self.centre[k] - point[k] for k in range(3))
+        m, i = self.mass, self.inertia
+        return (
+            (i[0][0] + m * (y * y + z * z), i[0][1] - m * x * y, i[0][2] - m * x * z),
+            (i[1][0] - m * x * y, i[1][1] + m * (x * x + z * z), i[1][2] - m * y * z),
+            (i[2][0] - m * x * z, i[2][1] - m * y * z, i[2][2] + m * (x * x + y * y)),
+        )
+
+    def with_mass(self, mass: float) -> MassProperties:
+        """Another mass [kg] of the same shape: the inertia scales with it (none there is stays none)."""
+        scale = mass / self.mass if self.mass > 0.0 else 0.0
+        i = self.inertia
+        scaled: Matrix = (
+            (i[0][0] * scale, i[0][1] * scale, i[0][2] * scale),
+            (i[1][0] * scale, i[1][1] * scale, i[1][2] * scale),
+            (i[2][0] * scale, i[2][1] * scale, i[2][2] * scale),
+        )
+        return replace(self, mass=mass, inertia=scaled)
+
+
+def total(bodies: Iterable[MassProperties]) -> MassProperties:
+    """Bodies of one frame as one rigid body: masses added, inertias moved to the common centre and added."""
+    parts = list(bodies)
+    mass = math.fsum(body.mass for body in parts)
+    if mass > 0.0:
+        cx, cy, cz = (math.fsum(body.mass * body.centre[k] for body in parts) / mass for k in range(3))
+    else:
+        cx, cy, cz = 0.0, 0.0, 0.0
+    centre = (cx, cy, cz)
+    moved = [body.about(centre) for body in parts]
+
+    def entry(i: int, j: int) -> float:
+        return math.fsum(inertia[i][j] for inertia in moved)
+
+    xy, xz, yz = entry(0, 1), entry(0, 2), entry(1, 2)
+    return MassProperties(
+        mass=mass,
+        centre=centre,
+        inertia=((entry(0, 0), xy, xz), (xy, entry(1, 1), yz), (xz, yz, entry(2, 2))),
+    )
+
+
+def symmetric(a: Matrix) -> Matrix:
+    """The symmetric part of `a`: rounding must not leave two values for one product of inertia."""
+    xy, xz, yz = (a[0][1] + a[1][0]) / 2.0, (a[0][2] + a[2][0]) / 2.0, (a[1][2] + a[2][1]) / 2.0
+    return ((a[0][0], xy, xz), (xy, a[1][1], yz), (xz, yz, a[2][2]))
+
+
+@lru_cache(maxsize=1024)
+def principal_moments(a: Matrix) -> Vector:
+    """The eigenvalues of a symmetric matrix, ascending."""
+    x, y, z = sorted(principal_axes(a)[0])
+    return (x, y, z)
+
+
+def principal_axes(a: Matrix) -> tuple[Vector, Matrix]:
+    """The eigenvalues of a symmetric matrix and its eigenvectors, the columns of a proper rotation R: `a = R diag(values) R^T`. They are
+    in the order of the axes that they are near: of a diagonal matrix R is the identity.
+
+    Cyclic Jacobi rotations (Golub and Van Loan, "Matrix Computations", section 8.5): exact to rounding even where
+    the closed formula loses digits (equal moments). `math.hypot` differs between Pythons where a root is next to half way between two
+    floats. That of round numbers may be; here are quotients of sums, and with `summing.hypot` a family evaluates half as many variants.
+    """
+    m = [list(row) for row in symmetric(a)]
+    v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    for _ in range(32):
+        off = abs(m[0][1]) + abs(m[0][2]) + abs(m[1][2])
+        if off <= 1e-300 or off <= 1e-18 * (abs(m[0][0]) + abs(m[1][1]) + abs(m[2][2])):
+            break
+        for p, q in ((0, 1), (0, 2), (1, 2)):
+            if m[p][q] == 0.0:
+                continue
+            theta = (m[q][q] - m[p][p]) / (2.0 * m[p][q])
+            t = math.copysign(1.0, theta) / (abs(theta) + math.hypot(theta, 1.0))
+            c = 1.0 / math.hypot(t, 1.0)
+            s = t * c
+            for row in (*m, *v):
+                x, y = row[p], row[q]
+                row[p], row[q] = c * x - s * y, s * x + c * y
+            (a0, a1, a2), (b0, b1, b2) = m[p], m[q]
+            m[p] = [c * a0 - s * b0, c * a1 - s * b1, c * a2 - s * b2]
+            m[q] = [s * a0 + c * b0, s * a1 + c * b1, s * a2 + c * b2]
+    rows = ((v[0][0], v[0][1], v[0][2]), (v[1][0], v[1][1], v[1][2]), (v[2][0], v[2][1], v[2][2]))
+    return (m[0][0], m[1][1], m[2][2]), rows
+
+
+LEAST_MOMENT = 1e-14
+"""Principal moments [kg m^2] below it MuJoCo does not take for those of a body (mjEPS, in the reader of `fullinertia`)."""
+HEAVIEST = 1e12
+"""Masses [kg] beyond it are not read: products and sums of larger ones come to no number that is finite."""
+LARGEST_MOMENT, DENSEST = 1e24, 1e12
+"""Of moments and products of inertia [kg m^2] and of densities [kg/m^3] the same."""
+LEAST_MASS = 1e-15
+"""Masses [kg] up to it MuJoCo does not take for those of a body that moves (mjMINVAL)."""
+
+
+def physical_fault(a: Matrix) -> str | None:
+    """Why no rigid body can have this inertia, in words, or None when one can.
+
+    Positive definite, and no principal moment above the sum of the other two (with 1e-9 of room for rounding).
+    """
+    return moments_fault(*principal_moments(a))
+
+
+def moments_fault(low: float, middle: float, high: float) -> str | None:
+    """The same of principal moments [kg m^2], the smallest first."""
+    if low <= 0.0:
+        return f"its principal moments are {low:.6g}, {middle:.6g}, {high:.6g} kg m^2, and all must be above 0"
+    if high > (low + middle) * (1.0 + 1e-9):
+        return (
+            f"its largest principal moment {high:.6g} kg m^2 is above the sum of the other two "
+            f"({low:.6g} + {middle:.6g}), which no solid can have"
+        )
+    return None
+
+
+def within_triangle(a: Matrix) -> Matrix:
+    """The same inertia, of a flat body lifted by a 1e-12 part: MuJoCo demands A + B >= C of the principal moments to the
+    last bit after finding them, and a plate has A + B = C."""
+    low, middle, high = principal_moments(a)
+    short = high - low - middle
+    if short < -1e-12 * high:
+        return a
+    lift = max(short, 0.0) + 1e-12 * high
+    return (
+        (a[0][0] + lift, a[0][1], a[0][2]),
+        (a[1][0], a[1][1] + lift, a[1][2]),
+        (a[2][0], a[2][1], a[2][2] + lift),
+    )

@@ -1,0 +1,160 @@
+"""Twists: what one coordinate of a joint does. Every joint moves by a sequence of these.
+
+By Chasles' theorem any rigid motion of one coordinate at a constant rate is a turn about a line together with a slide along it, so
+one form serves turns, slides and screws alike. For the exponential, and for how a twist is seen from another frame, see Lynch and
+Park, Modern Robotics, 2017, sections 3.3.2 and 3.3.3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Literal
+
+from thingc.base.frozen import dataclass
+from thingc.base.joints.dimensions import dimensions_of
+from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector, cross, dot, rotate, turned_about, turned_x, turned_y, turned_z
+from thingc.base.summing import hypot, plain_sum
+from thingc.base.units import ANGLE, LENGTH, Dimension
+
+NONE: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Twist:
+    """What moves per unit of q, seen in some frame: it turns by `angular` (a unit vector, or 0 where it only slides), and its point
+    `anchor` [m], which lies on the axis, moves by `linear` (along the axis where there is one, else a unit vector: m per unit of q)."""
+
+    angular: Vector = NONE
+    linear: Vector = NONE
+    anchor: Vector = NONE
+
+    @property
+    def core(self) -> Literal["hinge", "slide"]:
+        """The joint that every target has for it: one about an axis, or one along it."""
+        return "hinge" if self.angular != NONE else "slide"
+
+    @property
+    def turns(self) -> bool:
+        """Whether q is an angle [rad]; else it is a length [m]."""
+        return self.angular != NONE
+
+    @property
+    def axis(self) -> Vector:
+        """The unit vector about which, or along which, it goes."""
+        return self.angular if self.turns else self.linear
+
+    @property
+    def pitch(self) -> float:
+        """How far [m/rad] it slides along its axis as it turns about it; 0 of a plain turn or slide."""
+        return dot(self.angular, self.linear)
+
+    @property
+    def coordinate(self) -> Dimension:
+        """The dimension of q."""
+        return ANGLE if self.turns else LENGTH
+
+    @property
+    def dimensions(self) -> Mapping[str, Dimension]:
+        """The dimension of every value that is written of this coordinate, by key (`kp`, `damping`, ...)."""
+        return dimensions_of(self.coordinate)
+
+    def shown(self, q: float) -> str:
+        """A coordinate [rad or m] as a person would write it: `30 deg`, `20 mm`."""
+        return f"{math.degrees(q):z.6g} deg" if self.turns else f"{q * 1000.0:z.6g} mm"
+
+    def exponential(self, q: float) -> Pose:
+        """The pose at `q` [rad or m] of what was at the frame at q = 0. Turns about x, y and z through the origin are exact at
+        quarter turns; others are by Rodrigues' formula."""
+        lx, ly, lz = self.linear
+        if not self.turns:
+            return Pose(translation=(lx * q, ly * q, lz * q))
+        if self.anchor == NONE and self.linear == NONE and self.angular in _PLAIN:
+            return _PLAIN[self.angular](q)
+        rotation, a = turned_about(self.angular, q), self.anchor
+        moved = rotate(rotation, a)
+        return Pose(rotation=rotation, translation=(a[0] - moved[0] + lx * q, a[1] - moved[1] + ly * q, a[2] - moved[2] + lz * q))
+
+    def velocity(self, point: Vector) -> tuple[Vector, Vector]:
+        """(linear, angular): how fast a point [m] moves, and how fast whatever it is on turns, per unit of q."""
+        if not self.turns:
+            return self.linear, NONE
+        a, w, v = self.anchor, self.angular, self.linear
+        x, y, z = cross(w, (point[0] - a[0], point[1] - a[1], point[2] - a[2]))
+        return (x + v[0], y + v[1], z + v[2]), w
+
+    def seen_from(self, X_AB: Pose) -> Twist:
+        """In frame A, of a twist that is given in B."""
+        turn = X_AB.rotation
+        return Twist(rotate(turn, self.angular), rotate(turn, self.linear), X_AB.apply(self.anchor))
+
+    def reversed(self) -> Twist:
+        """The twist that undoes it: `reversed().exponential(q)` is the inverse of `exponential(q)`."""
+        return Twist(_negated(self.angular), _negated(self.linear), self.anchor)
+
+
+X, Y, Z = IDENTITY
+_PLAIN = {X: turned_x, Y: turned_y, Z: turned_z}
+
+
+def moved(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = False) -> Pose:
+    """Where twists take a frame at coordinates `q` (as many): one after the other, each seen in the frame that those before it have moved,
+    or `at_once`, turns about axes through one point by the rotation vector that their angles make together."""
+    if at_once:
+        vector = rotation_vector(twists, q)
+        angle = hypot(*vector)
+        if angle == 0.0:
+            return NO_POSE
+        x, y, z = vector
+        return Twist(angular=(x / angle, y / angle, z / angle), anchor=twists[0].anchor).exponential(angle)
+    pose = NO_POSE
+    for number, (twist, value) in enumerate(zip(twists, q, strict=True)):
+        pose = pose @ twist.exponential(value) if number else twist.exponential(value)
+    return pose
+
+
+def velocities(twists: tuple[Twist, ...], q: tuple[float, ...], pose: Pose, *, at_once: bool = False) -> Iterator[tuple[int, Twist]]:
+    """The number of every coordinate, the last first, and how its change alone moves what they move, which is at `pose`, per unit at `q`:
+    a twist as seen from where `pose` is seen (of what turns at once its angular part is no unit vector)."""
+    if at_once:
+        turned = rotation_vector(twists, q)
+        for number in range(len(twists) - 1, -1, -1):
+            yield number, Twist(_right_jacobian(turned, twists[number].angular), NONE, twists[number].anchor).seen_from(pose)
+        return
+    for number in range(len(twists) - 1, -1, -1):
+        yield number, twists[number].seen_from(pose)
+        if number:
+            pose = pose @ twists[number].exponential(-q[number])
+
+
+def within_turn(vector: Vector) -> Vector:
+    """The rotation vector [rad] of the same turn that is no longer than pi."""
+    angle = hypot(*vector)
+    if angle <= math.pi:
+        return vector
+    scale = math.remainder(angle, math.tau) / angle
+    return (scale * vector[0], scale * vector[1], scale * vector[2])
+
+
+def rotation_vector(twists: tuple[Twist, ...], q: tuple[float, ...]) -> Vector:
+    """The axis times the angle [rad] of the turn that twists make at once, in the frame that they are seen from."""
+    x, y, z = (plain_sum(value * twist.angular[k] for twist, value in zip(twists, q, strict=True)) for k in range(3))
+    return (x, y, z)
+
+
+def _right_jacobian(w: Vector, v: Vector) -> Vector:
+    """How fast what is turned by the rotation vector w turns, in its own axes, while w changes by v: `v - b w x v + c w x (w x v)` with
+    b = (1 - cos a) / a^2, c = (a - sin a) / a^3, a = |w| (Chirikjian, Stochastic Models, Information Theory, and Lie Groups 2, 2012,
+    section 10.3.3); near 0 by their series."""
+    a = hypot(*w)
+    if a < 1e-2:
+        b, c = 0.5 - a * a / 24.0 + a**4 / 720.0, 1.0 / 6.0 - a * a / 120.0 + a**4 / 5040.0
+    else:
+        b, c = 2.0 * (math.sin(a / 2.0) / a) ** 2, (a - math.sin(a)) / a**3
+    once = cross(w, v)
+    twice = cross(w, once)
+    return (v[0] - b * once[0] + c * twice[0], v[1] - b * once[1] + c * twice[1], v[2] - b * once[2] + c * twice[2])
+
+
+def _negated(v: Vector) -> Vector:
+    return (0.0 - v[0], 0.0 - v[1], 0.0 - v[2])  # 0 - 0 is 0, where -0.0 would be written as such

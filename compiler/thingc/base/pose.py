@@ -1,0 +1,232 @@
+"""Rigid poses in plain Python: `X_AB` is the pose of frame B in frame A, and `X_AC = X_AB @ X_BC`.
+
+Plain tuples of floats, because `check` must not pay for numpy; lengths in metres, angles in radians.
+"""
+
+from __future__ import annotations
+
+import math
+
+from thingc.base.frozen import dataclass
+from thingc.base.summing import hypot, plain_sum
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
+"""A 3 x 3 matrix, row by row."""
+
+IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def multiply(a: Matrix, b: Matrix) -> Matrix:
+    """The matrix product `a b`."""
+    columns = transpose(b)
+    return (
+        (dot(a[0], columns[0]), dot(a[0], columns[1]), dot(a[0], columns[2])),
+        (dot(a[1], columns[0]), dot(a[1], columns[1]), dot(a[1], columns[2])),
+        (dot(a[2], columns[0]), dot(a[2], columns[1]), dot(a[2], columns[2])),
+    )
+
+
+def transpose(a: Matrix) -> Matrix:
+    """The transpose of `a`."""
+    return ((a[0][0], a[1][0], a[2][0]), (a[0][1], a[1][1], a[2][1]), (a[0][2], a[1][2], a[2][2]))
+
+
+def dot(a: Vector, b: Vector) -> float:
+    """The scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def added(a: Vector, b: Vector, factor: float) -> Vector:
+    """`a + factor b`."""
+    return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """The vector product `a x b`."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def rotate(a: Matrix, v: Vector) -> Vector:
+    """The matrix times the vector."""
+    return (dot(a[0], v), dot(a[1], v), dot(a[2], v))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """The pose of a frame: rotation (a proper orthogonal matrix) and translation [m]."""
+
+    rotation: Matrix = IDENTITY
+    translation: Vector = (0.0, 0.0, 0.0)
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """`X_AB @ X_BC` is `X_AC`."""
+        return Pose(rotation=multiply(self.rotation, other.rotation), translation=self.apply(other.translation))
+
+    def inverse(self) -> Pose:
+        """`X_BA` of `X_AB`."""
+        back = transpose(self.rotation)
+        x, y, z = rotate(back, self.translation)
+        return Pose(rotation=back, translation=(-x, -y, -z))
+
+    def apply(self, point: Vector) -> Vector:
+        """A point given in B, in A [m]."""
+        x, y, z = rotate(self.rotation, point)
+        t = self.translation
+        return (x + t[0], y + t[1], z + t[2])
+
+    def around(self, box: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+        """The smallest box along the axes of A around a box along those of B: each its lowest and highest corner [m]."""
+        (ax, ay, az), (bx, by, bz) = box
+        x, y, z = self.apply(((ax + bx) / 2.0, (ay + by) / 2.0, (az + bz) / 2.0))
+        u, v, w = (
+            abs(row[0]) * ((bx - ax) / 2.0) + abs(row[1]) * ((by - ay) / 2.0) + abs(row[2]) * ((bz - az) / 2.0) for row in self.rotation
+        )
+        return (x - u, y - v, z - w), (x + u, y + v, z + w)
+
+    def rows(self) -> tuple[tuple[float, float, float, float], ...]:
+        """The homogeneous 4 x 4 matrix, row by row."""
+        r, t = self.rotation, self.translation
+        return ((*r[0], t[0]), (*r[1], t[1]), (*r[2], t[2]), (0.0, 0.0, 0.0, 1.0))
+
+    def quaternion(self) -> Quaternion:
+        """The rotation as a unit quaternion (w, x, y, z), the first non-zero component positive.
+
+        Source: Shepperd, "Quaternion from rotation matrix", 1978 (the largest component first, so it is exact
+        to rounding at every angle).
+        """
+        r = self.rotation
+        squares = (
+            1.0 + r[0][0] + r[1][1] + r[2][2],
+            1.0 + r[0][0] - r[1][1] - r[2][2],
+            1.0 - r[0][0] + r[1][1] - r[2][2],
+            1.0 - r[0][0] - r[1][1] + r[2][2],
+        )
+        largest = max(range(4), key=lambda k: squares[k])
+        double = math.sqrt(max(squares[largest], 0.0))
+        half, scale = double / 2.0, 0.5 / double
+        wx, wy, wz = r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]
+        xy, xz, yz = r[0][1] + r[1][0], r[0][2] + r[2][0], r[1][2] + r[2][1]
+        rows = (
+            (half, wx * scale, wy * scale, wz * scale),
+            (wx * scale, half, xy * scale, xz * scale),
+            (wy * scale, xy * scale, half, yz * scale),
+            (wz * scale, xz * scale, yz * scale, half),
+        )
+        q = rows[largest]
+        norm = math.sqrt(plain_sum(component * component for component in q))
+        sign = next((math.copysign(1.0, c) for c in q if c != 0.0), 1.0)
+        w, x, y, z = ((sign * component / norm) + 0.0 for component in q)
+        return (w, x, y, z)
+
+
+NO_POSE = Pose()
+
+
+def turn_of(quaternion: Quaternion) -> Vector:
+    """The rotation vector of a quaternion (w, x, y, z) of any length but 0: the axis times the angle [rad] from 0 to pi, exact near 0 and
+    near pi alike."""
+    w, x, y, z = quaternion if quaternion[0] >= 0.0 else (-quaternion[0], -quaternion[1], -quaternion[2], -quaternion[3])
+    size = math.sqrt(x * x + y * y + z * z)
+    if size == 0.0:
+        return (0.0, 0.0, 0.0)
+    angle = 2.0 * math.atan2(size, w)
+    return (x * angle / size, y * angle / size, z * angle / size)
+
+
+def quaternion_of(turn: Vector) -> Quaternion:
+    """The unit quaternion (w, x, y, z) of a rotation vector [rad]."""
+    angle = hypot(*turn)
+    if angle == 0.0:
+        return (1.0, 0.0, 0.0, 0.0)
+    scale = math.sin(angle / 2.0) / angle
+    return (math.cos(angle / 2.0), scale * turn[0], scale * turn[1], scale * turn[2])
+
+MATE = Pose(rotation=((0.0, -1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, -1.0)))
+"""How two mounts meet: z axes opposed, x and y swapped and negated; its own inverse.
+
+The matrix of build123d's `Location((0, 0, 0), (180, 0, 90))`, kept as a matrix because the same three angles
+read extrinsically are another rotation.
+"""
+
+
+def quarter_exact(angle: float) -> tuple[float, float]:
+    """(cos, sin) of an angle [rad], exact at multiples of a quarter turn, so that a turn of 90 deg leaves no 6e-17."""
+    quarters = angle / (math.pi / 2.0)
+    nearest = round(quarters)
+    if abs(quarters - nearest) < 1e-15 * max(1.0, abs(quarters)):
+        return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[nearest % 4]
+    return math.cos(angle), math.sin(angle)
+
+
+def turned_about(axis: Vector, angle: float) -> Matrix:
+    """A turn [rad] about a unit axis through the origin: Rodrigues' formula `R = c 1 + s [a]x + (1 - c) a a^T`."""
+    x, y, z = axis
+    c, s = quarter_exact(angle)
+    # 1 - cos without the digits that the subtraction loses near 0
+    d = 2.0 * math.sin(angle / 2.0) ** 2
+    return (
+        (c + d * x * x, d * x * y - s * z, d * x * z + s * y),
+        (d * x * y + s * z, c + d * y * y, d * y * z - s * x),
+        (d * x * z - s * y, d * y * z + s * x, c + d * z * z),
+    )
+
+
+def turned_x(angle: float) -> Pose:
+    """A turn [rad] about x."""
+    c, s = quarter_exact(angle)
+    return Pose(rotation=((1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c)))
+
+
+def turned_y(angle: float) -> Pose:
+    """A turn [rad] about y."""
+    c, s = quarter_exact(angle)
+    return Pose(rotation=((c, 0.0, s), (0.0, 1.0, 0.0), (-s, 0.0, c)))
+
+
+def turned_z(angle: float) -> Pose:
+    """A turn [rad] about z."""
+    c, s = quarter_exact(angle)
+    return Pose(rotation=((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+
+
+def shifted(x: float, y: float, z: float) -> Pose:
+    """A translation [m]."""
+    return Pose(translation=(x, y, z))
+
+
+def placed(xyz: Vector, rpy: Vector) -> Pose:
+    """`xyz` [m] and `rpy` [rad]: extrinsic roll, pitch, yaw about fixed x, y, z, as URDF reads them."""
+    roll, pitch, yaw = rpy
+    turned = turned_z(yaw) @ turned_y(pitch) @ turned_x(roll)
+    return Pose(rotation=turned.rotation, translation=xyz)
+
+
+def rotation_of(quaternion: Quaternion) -> Matrix:
+    """The rotation of a quaternion (w, x, y, z) of any length but 0. No root is taken, so that quarter turns about an axis are exact."""
+    w, x, y, z = quaternion
+    squared = w * w + x * x + y * y + z * z
+    return (
+        ((w * w + x * x - y * y - z * z) / squared, 2.0 * (x * y - w * z) / squared, 2.0 * (x * z + w * y) / squared),
+        (2.0 * (x * y + w * z) / squared, (w * w - x * x + y * y - z * z) / squared, 2.0 * (y * z - w * x) / squared),
+        (2.0 * (x * z - w * y) / squared, 2.0 * (y * z + w * x) / squared, (w * w - x * x - y * y + z * z) / squared),
+    )
+
+
+def along(z: Vector, origin: Vector) -> Pose:
+    """A frame at a point [m] whose z is a unit vector; its x and y are any that make it proper, those of the axes where z is theirs."""
+    least = min(range(3), key=lambda k: abs(z[k]))
+    y = cross(z, IDENTITY[least])
+    size = math.sqrt(dot(y, y))
+    y = (y[0] / size, y[1] / size, y[2] / size)
+    return Pose(rotation=transpose((cross(y, z), y, z)), translation=origin)
+
+
+def rpy_of(rotation: Matrix) -> Vector:
+    """Roll, pitch and yaw [rad] of a rotation, as `placed` takes them. Where the pitch is a quarter turn yaw and roll are one
+    turn: the yaw is whatever it comes to, and the roll what that leaves, so that the rotation is what it was to the last digits."""
+    (xx, xy, xz), (yx, yy, yz), (zx, _, _) = rotation
+    yaw = math.atan2(yx, xx)
+    c, s = math.cos(yaw), math.sin(yaw)
+    return (math.atan2(s * xz - c * yz, c * yy - s * xy), math.atan2(-zx, c * xx + s * yx), yaw)

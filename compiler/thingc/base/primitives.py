@@ -1,0 +1,108 @@
+"""Shapes of few numbers: what they hold, and how far they reach, in plain Python."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, assert_never
+
+from thingc.base.brief import Brief
+from thingc.base.frozen import dataclass
+from thingc.base.inertia import MassProperties
+from thingc.base.pose import NO_POSE, Matrix, Pose, Vector, dot, transpose
+from thingc.base.summing import hypot
+
+FARTHEST = 1e6
+"""Metres: of what reaches much further no inertia can be worked out."""
+PrimitiveShape = Literal["box", "cylinder", "capsule", "sphere", "ellipsoid", "plane"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Primitive(Brief):
+    """A shape of few numbers. `size` as MuJoCo's: box half sizes; cylinder and capsule radius, half length (of the straight part)
+    along z; sphere radius; ellipsoid half axes; plane half sizes along x and y, 0 of one without an end [m]. `pose` is in the part's
+    frame. A plane, whose z points out of the matter, has neither volume nor area."""
+
+    shape: PrimitiveShape
+    size: tuple[float, ...]
+    pose: Pose = NO_POSE
+
+    @property
+    def volume(self) -> float:
+        """Volume [m^3]."""
+        if self.shape == "plane":
+            return 0.0
+        if self.shape == "box":
+            return 8.0 * math.prod(self.size)
+        if self.shape == "ellipsoid":
+            return 4.0 / 3.0 * math.pi * math.prod(self.size)
+        radius, half = (*self.size, 0.0)[:2]
+        ball = 0.0 if self.shape == "cylinder" else 4.0 / 3.0 * radius
+        return math.pi * radius**2 * (2.0 * half + ball)
+
+    @property
+    def area(self) -> float:
+        """Surface area [m^2]. Raises for an ellipsoid, whose area is no formula."""
+        if self.shape == "ellipsoid":
+            raise ValueError("the area of an ellipsoid is an elliptic integral")
+        if self.shape == "plane":
+            return 0.0
+        if self.shape == "box":
+            a, b, c = self.size
+            return 8.0 * (a * b + b * c + c * a)
+        radius, half = (*self.size, 0.0)[:2]
+        ends = 1.0 if self.shape == "cylinder" else 2.0
+        return 2.0 * math.pi * radius * (2.0 * half + ends * radius)
+
+    @property
+    def matter(self) -> MassProperties:
+        """What it is at density 1: its volume [m^3] as the mass, centre [m] and inertia [m^5] about it, in the part's frame (textbook
+        moments of homogeneous solids)."""
+        volume = self.volume
+        a, b, c = (*self.size, 0.0, 0.0)[:3]
+        match self.shape:
+            case "box":
+                moments = (volume * (b * b + c * c) / 3.0, volume * (a * a + c * c) / 3.0, volume * (a * a + b * b) / 3.0)
+            case "sphere":
+                moments = (0.4 * volume * a * a,) * 3
+            case "ellipsoid":
+                moments = (volume * (b * b + c * c) / 5.0, volume * (a * a + c * c) / 5.0, volume * (a * a + b * b) / 5.0)
+            case "cylinder":
+                across = volume * (a * a / 4.0 + b * b / 3.0)
+                moments = (across, across, volume * a * a / 2.0)
+            case "capsule":
+                middle, ends = math.pi * a * a * 2.0 * b, 4.0 / 3.0 * math.pi * a**3
+                across = middle * (a * a / 4.0 + b * b / 3.0) + ends * (0.4 * a * a + b * b + 0.75 * a * b)
+                moments = (across, across, (middle / 2.0 + 0.4 * ends) * a * a)
+            case "plane":
+                moments = (0.0, 0.0, 0.0)
+            case _:
+                assert_never(self.shape)
+        x, y, z = moments
+        inertia: Matrix = ((x, 0.0, 0.0), (0.0, y, 0.0), (0.0, 0.0, z))
+        return MassProperties(mass=volume, inertia=inertia).seen_from(self.pose)
+
+    def lowest(self, down: Vector) -> float:
+        """The least of `down` (a unit vector in the part's frame) times x [m] over its points x: minus its support function in the other
+        direction."""
+        x, y, z = (dot(down, column) for column in transpose(self.pose.rotation))
+        middle, size = dot(down, self.pose.translation), self.size
+        match self.shape:
+            case "box":
+                return middle - abs(x) * size[0] - abs(y) * size[1] - abs(z) * size[2]
+            case "sphere":
+                return middle - size[0]
+            case "ellipsoid":
+                return middle - hypot(x * size[0], y * size[1], z * size[2])
+            case "plane":
+                return middle - (abs(x) * size[0] + abs(y) * size[1] if all(size[:2]) else math.inf)
+            case "cylinder" | "capsule":
+                along = abs(z) * size[1]
+                return middle - along - (size[0] if self.shape == "capsule" else size[0] * hypot(x, y))
+            case _:
+                assert_never(self.shape)
+
+    @property
+    def box(self) -> tuple[Vector, Vector]:
+        """The box around it, along the axes of the part's frame: its lowest and highest corner [m]."""
+        low, high = ([sign * self.lowest((sign * (k == 0), sign * (k == 1), sign * (k == 2))) for k in range(3)] for sign in (1.0, -1.0))
+        return (low[0], low[1], low[2]), (high[0], high[1], high[2])

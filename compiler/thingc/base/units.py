@@ -1,0 +1,500 @@
+"""Quantities: numbers with a dimension, read from text such as `120 mm`, `4.1 N*m` or `1270 kg/m^3`.
+
+A fixed table of units, no prefixes by rule: what is not in the table is an error with a hint. Conversion is exact
+decimal arithmetic on integers, rounded once, so `72 mm` is 0.072 to the last bit.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING, Union
+
+from thingc.base.frozen import dataclass
+from thingc.base.typos import Hint, meant, nearest
+from thingc.base.unit_spellings import SYNONYMS, spellings
+
+if TYPE_CHECKING:
+    from fractions import Fraction
+
+Exponent = Union[int, "Fraction"]
+
+
+class UnitError(ValueError):
+    """Text that is no quantity, or a quantity of the wrong dimension.
+
+    `kind` is `unit` (a unit is missing or unknown), `dimension` (another dimension is wanted) or `quantity` (anything
+    else); `offset` and `end` are the characters of the text that are to blame, None for all of it.
+    """
+
+    def __init__(
+        self, message: str, *, kind: str = "quantity", help: str | None = None, offset: int | None = None, end: int | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.kind = kind
+        self.help = help
+        self.offset = offset
+        self.end = end
+
+
+@dataclass(frozen=True, slots=True)
+class Dimension:
+    """Exponents of length, mass, time and angle. They are integers except after a square root.
+
+    Angle is a dimension so that 30 is not taken for 30 deg; see `fits` for where it does not count.
+    """
+
+    length: Exponent = 0
+    mass: Exponent = 0
+    time: Exponent = 0
+    angle: Exponent = 0
+
+    def __mul__(self, other: Dimension) -> Dimension:
+        """The dimension of a product."""
+        return Dimension(
+            _whole(self.length + other.length), _whole(self.mass + other.mass),
+            _whole(self.time + other.time), _whole(self.angle + other.angle),
+        )
+
+    def __truediv__(self, other: Dimension) -> Dimension:
+        """The dimension of a quotient."""
+        return self * other**-1
+
+    def __pow__(self, power: Exponent) -> Dimension:
+        """The dimension of a power."""
+        return Dimension(
+            _whole(self.length * power), _whole(self.mass * power), _whole(self.time * power), _whole(self.angle * power),
+        )
+
+    @property
+    def words(self) -> str:
+        """With its article: `a length`, `an angle`; units where there is no word: `a quantity in m^2*kg`."""
+        named = _WORDS.get(self)
+        return named[0] if named else f"a quantity in {self.symbol}"
+
+    @property
+    def example(self) -> str:
+        """A quantity of this dimension as a person would write it: `120 mm`."""
+        named = _WORDS.get(self)
+        return named[1] if named else f"2 {self.symbol}"
+
+    @property
+    def symbol(self) -> str:
+        """SI base units: `kg*m^2/s^2`; empty for a number."""
+        above: list[str] = []
+        below: list[str] = []
+        for unit, exponent in (("kg", self.mass), ("m", self.length), ("rad", self.angle), ("s", self.time)):
+            if exponent:
+                size = abs(exponent)
+                shown = unit if size == 1 else f"{unit}^{size}" if isinstance(size, int) else f"{unit}^({size})"
+                (above if exponent > 0 else below).append(shown)
+        return "/".join(["*".join(above) or ("1" if below else ""), *below])
+
+
+def _whole(exponent: Exponent) -> Exponent:
+    """An integral fraction as the integer that it is."""
+    return exponent.numerator if exponent.denominator == 1 else exponent
+
+
+NUMBER = Dimension()
+LENGTH = Dimension(length=1)
+MASS = Dimension(mass=1)
+TIME = Dimension(time=1)
+ANGLE = Dimension(angle=1)
+AREA = Dimension(length=2)
+VOLUME = Dimension(length=3)
+DENSITY = Dimension(mass=1, length=-3)
+VELOCITY = Dimension(length=1, time=-1)
+ANGULAR_VELOCITY = Dimension(angle=1, time=-1)
+ACCELERATION = Dimension(length=1, time=-2)
+FORCE = Dimension(mass=1, length=1, time=-2)
+TORQUE = Dimension(mass=1, length=2, time=-2)
+POWER = Dimension(mass=1, length=2, time=-3)
+PRESSURE = Dimension(mass=1, length=-1, time=-2)
+FREQUENCY = Dimension(time=-1)
+INERTIA = Dimension(mass=1, length=2)
+ANGULAR_DAMPING = Dimension(mass=1, length=2, time=-1, angle=-1)
+LINEAR_DAMPING = Dimension(mass=1, time=-1)
+ANGULAR_STIFFNESS = Dimension(mass=1, length=2, time=-2, angle=-1)
+LINEAR_STIFFNESS = Dimension(mass=1, time=-2)
+LENGTH_PER_ANGLE = Dimension(length=1, angle=-1)
+ANGLE_PER_LENGTH = Dimension(length=-1, angle=1)
+
+_WORDS: dict[Dimension, tuple[str, str]] = {
+    NUMBER: ("a number", "2"),
+    LENGTH: ("a length", "120 mm"),
+    MASS: ("a mass", "120 g"),
+    TIME: ("a time", "2 ms"),
+    ANGLE: ("an angle", "30 deg"),
+    AREA: ("an area", "120 mm^2"),
+    VOLUME: ("a volume", "120 mm^3"),
+    DENSITY: ("a density", "1270 kg/m^3"),
+    VELOCITY: ("a velocity", "0.5 m/s"),
+    ANGULAR_VELOCITY: ("an angular velocity", "46 rpm"),
+    ACCELERATION: ("an acceleration", "9.81 m/s^2"),
+    FORCE: ("a force", "300 N"),
+    TORQUE: ("a torque", "4.1 N*m"),
+    POWER: ("a power", "10 W"),
+    PRESSURE: ("a pressure", "2 MPa"),
+    FREQUENCY: ("a frequency", "50 Hz"),
+    INERTIA: ("a moment of inertia", "0.01 kg*m^2"),
+    ANGULAR_DAMPING: ("an angular damping", "0.02 N*m*s/rad"),
+    LINEAR_DAMPING: ("a linear damping", "2 N*s/m"),
+    ANGULAR_STIFFNESS: ("an angular stiffness", "2 N*m/rad"),
+    LINEAR_STIFFNESS: ("a linear stiffness", "200 N/m"),
+    LENGTH_PER_ANGLE: ("a length per angle", "10 mm/rad"),
+    ANGLE_PER_LENGTH: ("an angle per length", "10 rad/m"),
+}
+
+
+def fits(found: Dimension, expected: Dimension) -> bool:
+    """Whether a quantity of dimension `found` can stand where `expected` is wanted.
+
+    Length, mass and time must agree. Angle must agree, too, unless mass is part of the dimension: torque, damping,
+    stiffness and inertia are written with and without `/rad` (`N*m*s/rad` and `N*m*s` are one damping), and no mass
+    tells them from anything else. So an angle is never a number, `rad/s` never `Hz` and `mm/rad` never `mm`.
+    """
+    return (
+        found.length == expected.length and found.mass == expected.mass and found.time == expected.time
+        and (found.angle == expected.angle or expected.mass != 0)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A finite `value` in SI base units (m, kg, s, rad) and its dimension."""
+
+    value: float
+    dimension: Dimension = NUMBER
+
+    def fits(self, expected: Dimension) -> bool:
+        """Whether it can stand where `expected` is wanted: `fits`, or a bare 0, which is 0 of everything."""
+        return fits(self.dimension, expected) or (self.value == 0.0 and self.dimension == NUMBER)
+
+    def __str__(self) -> str:
+        """For messages: mm, deg, g and the like, to six digits."""
+        return self.shown(6)
+
+    def shown(self, digits: int) -> str:
+        """In mm, deg, g and the like, to so many digits."""
+        if self.dimension == MASS and abs(self.value) >= 1.0:
+            return f"{self.value:.{digits}g} kg"
+        for dimension, unit, scale in _SHOWN:
+            if dimension == self.dimension:
+                return f"{self.value * scale:z.{digits}g} {unit}"
+        symbol = self.dimension.symbol
+        return f"{self.value:z.{digits}g} {symbol}" if symbol else f"{self.value:z.{digits}g}"
+
+
+_SHOWN = ((LENGTH, "mm", 1e3), (ANGLE, "deg", 180.0 / math.pi), (MASS, "g", 1e3), (TORQUE, "N*m", 1.0), (FORCE, "N", 1.0))
+
+_PI = 31415926535897932384626433832795028841971693993751058209749445923
+"""Pi to 65 digits, so that angles are rounded once: pi = _PI / _PI_ONE."""
+_PI_ONE = 10**64
+
+Unit = tuple[int, int, Dimension]
+"""SI value of one of it as numerator over denominator, and its dimension."""
+
+UNITS: dict[str, Unit] = {
+    "%": (1, 100, NUMBER),
+    "um": (1, 10**6, LENGTH), "mm": (1, 1000, LENGTH), "cm": (1, 100, LENGTH), "dm": (1, 10, LENGTH), "m": (1, 1, LENGTH),
+    "km": (1000, 1, LENGTH), "in": (254, 10**4, LENGTH), "ft": (3048, 10**4, LENGTH),
+    "mg": (1, 10**6, MASS), "g": (1, 1000, MASS), "kg": (1, 1, MASS), "t": (1000, 1, MASS), "lb": (45359237, 10**8, MASS),
+    "us": (1, 10**6, TIME), "ms": (1, 1000, TIME), "s": (1, 1, TIME), "min": (60, 1, TIME), "h": (3600, 1, TIME),
+    "mrad": (1, 1000, ANGLE), "rad": (1, 1, ANGLE), "deg": (_PI, 180 * _PI_ONE, ANGLE), "rev": (2 * _PI, _PI_ONE, ANGLE),
+    "rpm": (2 * _PI, 60 * _PI_ONE, ANGULAR_VELOCITY),
+    "Hz": (1, 1, FREQUENCY), "kHz": (1000, 1, FREQUENCY),
+    "mN": (1, 1000, FORCE), "N": (1, 1, FORCE), "kN": (1000, 1, FORCE), "kgf": (980665, 10**5, FORCE),
+    "lbf": (45359237 * 980665, 10**13, FORCE), "ozf": (45359237 * 980665, 16 * 10**13, FORCE),
+    "mJ": (1, 1000, TORQUE), "J": (1, 1, TORQUE), "kJ": (1000, 1, TORQUE),
+    "mW": (1, 1000, POWER), "W": (1, 1, POWER), "kW": (1000, 1, POWER),
+    "Pa": (1, 1, PRESSURE), "kPa": (1000, 1, PRESSURE), "MPa": (10**6, 1, PRESSURE), "GPa": (10**9, 1, PRESSURE),
+}
+"""Every unit that may be written. `in`, `ft`, `lb`, `lbf` are the international ones (exact by definition)."""
+
+_DEGREE = UNITS["deg"]
+
+_NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+_UNIT_WORD = re.compile(r"[^\W\d_²³]+|%|°")
+_POWER = re.compile(r"(?:\^|\*\*)\s*([-+]?\d{1,2})(?!\d)", re.ASCII)
+_SUPERSCRIPT = {"²": 2, "³": 3}
+_OPERATOR = re.compile(r"\s*([*/·])\s*")
+
+MAX_TEXT = 1000
+"""Characters of one quantity or expression."""
+MAX_FACTORS = 12
+"""Factors of one unit."""
+
+
+def exact(number: str) -> tuple[int, int]:
+    """The decimal `number` as numerator and denominator.
+
+    Raises UnitError (`quantity`) where it is beyond what a double can hold (a power of ten above 400).
+    """
+    mantissa, _, power = number.lower().partition("e")
+    whole, _, decimals = mantissa.partition(".")
+    exponent = int(power or "0") - len(decimals)
+    digits = int((whole + decimals) or "0")
+    if digits == 0:
+        return 0, 1
+    if exponent > 400:
+        raise UnitError(f"the number `{shortened(number)}` is too large", offset=0, end=len(number))
+    if exponent < -2000:
+        return 0, 1
+    return (digits * 10**exponent, 1) if exponent >= 0 else (digits, 10**-exponent)
+
+
+def converted(number: str, unit: Unit) -> float:
+    """The SI value of `number` (decimal text) of a unit: exact, rounded once (division of integers is).
+
+    Plain degrees are the double that `math.radians` gives, which is what everybody else's program computes for them
+    and what `math.degrees` turns back best; it may differ from the exact value in its last bit.
+    Raises UnitError (`quantity`) where no finite double can hold it.
+    """
+    numerator, denominator = exact(number)
+    try:
+        value = math.radians(numerator / denominator) if unit == _DEGREE else (numerator * unit[0]) / (denominator * unit[1])
+    except OverflowError:
+        raise UnitError(f"the number `{shortened(number)}` is too large", offset=0, end=len(number)) from None
+    return value + 0.0  # -0 is 0
+
+
+def scan_number(text: str, at: int = 0) -> tuple[str, int] | None:
+    """The number that begins at `at` with its sign, and where it ends; None where none does."""
+    match = _NUMBER.match(text, at)
+    return (match.group(), match.end()) if match else None
+
+
+def scan_unit(text: str, at: int, *, compact: bool = False, wanted: tuple[Dimension, ...] = ()) -> tuple[Unit, int]:
+    """The unit that begins at `at` (`N*m*s/rad`, `m/s^2`) and where it ends.
+
+    With `compact` no spaces are allowed around `*` and `/`, and the unit ends before a `*` or `/` that no unit follows:
+    the rule of expressions, where `8 mm*i` is 8 mm times i. The help for an unknown unit has one of the `wanted` dimensions.
+    Raises UnitError (`unit`) for a word that is no unit, (`quantity`) where a unit is expected and none is there.
+    """
+    numerator, denominator, dimension = 1, 1, NUMBER
+    sign = 1
+    start = at
+    for factor in range(MAX_FACTORS + 1):
+        if factor == MAX_FACTORS:
+            raise UnitError(f"a unit of more than {MAX_FACTORS} factors", kind="unit", offset=start, end=at)
+        word = _UNIT_WORD.match(text, at)
+        if word is None:
+            character = text[at : at + 1]
+            raise UnitError(
+                f"expected a unit after `{text[start:at].strip()}`, found {f'`{character}`' if character else 'nothing'}",
+                kind="unit", offset=at, end=at + 1,
+            )
+        base = UNITS.get(word.group())
+        if base is None:
+            raise _unknown_unit(text, start, *word.span(), wanted)
+        exponent, at = _power(text, word, compact=compact)
+        dimension = dimension * base[2] ** (sign * exponent)
+        up, down = base[0] ** abs(exponent), base[1] ** abs(exponent)
+        if sign * exponent < 0:
+            up, down = down, up
+        numerator, denominator = numerator * up, denominator * down
+        following = _OPERATOR.match(text, at)
+        if following is None or compact and not _unit_after(text, following):
+            break
+        sign = -1 if following.group(1) == "/" else 1
+        at = following.end()
+    return (numerator, denominator, dimension), at
+
+
+def _power(text: str, word: re.Match[str], *, compact: bool) -> tuple[int, int]:
+    """The exponent behind a word of a unit, 1 where none stands there, and where it ends; `**` is none if `compact`. Raises UnitError."""
+    at = word.end()
+    power = _POWER.match(text, at)
+    if power is not None and not (compact and power.group().startswith("**")):
+        exponent = int(power.group(1))
+        if abs(exponent) > 12:
+            raise UnitError(
+                f"the power {exponent} of `{word.group()}` is out of range (-12 to 12)", offset=power.start(), end=power.end(),
+            )
+        return exponent, power.end()
+    return (_SUPERSCRIPT[text[at]], at + 1) if text[at : at + 1] in _SUPERSCRIPT else (1, at)
+
+
+def _unit_after(text: str, operator: re.Match[str]) -> bool:
+    """Whether a unit follows directly behind a `*` or `/` of an expression."""
+    word = _UNIT_WORD.match(text, operator.start() + 1)
+    return operator.end() - operator.start() == 1 and word is not None and word.group() in UNITS and not _continues(text, word.end())
+
+
+def _continues(text: str, at: int) -> bool:
+    """Whether a name goes on at `at`: `m_2` or `s(` is no unit `m` or `s`."""
+    return at < len(text) and (text[at] in "_(." or text[at].isdigit())
+
+
+def _unknown_unit(text: str, start: int, at: int, end: int, wanted: tuple[Dimension, ...]) -> UnitError:
+    """The error for the characters `at` to before `end` of the unit that begins at `start` of a text, with the unit that was meant:
+    one of a `wanted` dimension, if another second letter makes one of it (`mn` where there should be a length)."""
+    found = text[at:end]
+    fitting = [unit for unit, (_, _, of) in UNITS.items() if of in wanted]
+    near = nearest(found, fitting) or nearest(found, UNITS) or SYNONYMS.get(nearest(found, SYNONYMS) or "")
+    slip = near if near and meant(found, UNITS) == near and len(found) > 1 and (found[0] == near[0] or found == "MM") else None
+    sure = SYNONYMS.get(found) or slip
+    close = sure or next((unit for unit in fitting if len(unit) == len(found) == 2 and unit[0] == found[0]), None)
+    stops = (start + len(re.match(r"[^\s()+,]*", text[start:]).group()), end)  # type: ignore[union-attr]
+    product, stop = next(((unit, stop) for stop in stops if (unit := meant_unit(text[start:stop], wanted))), (None, end))
+    if product and not close:
+        at, end, found, close, sure = start, stop, text[start:stop], product, product
+    close = close or near
+    message = f"unknown unit `{shortened(found)}`" + (f"; did you mean `{close}`?" if close else "")
+    help = None if close else "units are for example mm, m, deg, rad, g, kg, s, N, N*m, rpm, kg/m^3, %"
+    return UnitError(Hint(message, (found, sure) if sure else None), kind="unit", offset=at, end=end, help=help)
+
+
+def meant_unit(text: str, wanted: tuple[Dimension, ...] = ()) -> str | None:
+    """The unit of a wanted dimension (without any: of one that has a name) that is written as a person would outside of a program:
+    `N*m*s/rad` for `Nms/rad`, `kg*m^2` for `kg m2`, `kgf*cm` for the `kg-cm` of a data sheet. None if there is none."""
+    spelled = spellings(text.strip(), UNITS)
+    spelled += [re.sub(r"\b(kg|lb)\b", r"\1f", one) for one in spelled]
+    fitting = [one for one in spelled if any(fits(scan_unit(one, 0)[0][2], of) for of in wanted or _WORDS)]
+    return min(fitting, key=lambda one: len(_OPERATOR.findall(one)), default=None)
+
+
+def parse_quantity(text: str, wanted: tuple[Dimension, ...] = ()) -> Quantity:
+    """Read `120 mm`, `4.1 N*m`, `kg*m^2` products, `15 %`, or a bare number (of dimension NUMBER).
+
+    Spaces around `*` and `/` are allowed; a space between number and unit is not required.
+    Raises UnitError, with a help of a `wanted` dimension; its offsets count characters of `text`.
+    """
+    if len(text) > MAX_TEXT:
+        raise UnitError(f"a quantity of {len(text)} characters is too long (at most {MAX_TEXT})")
+    at = len(text) - len(text.lstrip())
+    scanned = scan_number(text, at)
+    if scanned is None:
+        raise UnitError(f"expected a number with a unit, found `{shortened(text.strip())}`", help="write for example `120 mm`")
+    number, at = scanned
+    return _with_unit(text, number, at, wanted)
+
+
+def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -> Quantity:
+    begin = at
+    while at < len(text) and text[at].isspace():
+        at += 1
+    if at == len(text):
+        return Quantity(converted(number, (1, 1, NUMBER)))
+    if scan_number(text, at) is not None or text[at] in "+-*/(),":
+        raise UnitError(
+            f"expected a unit after `{number}`, found `{shortened(text[at:])}`", offset=at, end=len(text),
+            help=f"an expression begins with `=`: `={text.strip()}`" if text[at] in "+-*/()" else None,
+        )
+    if text[at] == "_" and begin == at:
+        raise UnitError(f"expected a number, found `{shortened(text.strip())}`", help="numbers are written without `_`")
+    unit, end = scan_unit(text, at, wanted=wanted)
+    if text[end:].strip():
+        product = meant_unit(text[at:], wanted)
+        raise UnitError(
+            f"expected the end after `{text[:end].strip()}`, found `{shortened(text[end:].strip())}`", offset=end, end=len(text),
+            help=f"write `{number} {product}`" if product else "an expression begins with `=`" if re.search(r"[-+(]", text[end:]) else None,
+        )
+    return Quantity(converted(number, unit), unit[2])
+
+
+def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantity, Quantity, Quantity]:
+    """Read three numbers that share one unit: `0 120 30 mm`; `0 0 0` needs none.
+
+    Raises UnitError; its offsets count characters of `text`.
+    """
+    if len(text) > MAX_TEXT:
+        raise UnitError(f"a vector of {len(text)} characters is too long (at most {MAX_TEXT})")
+    numbers: list[str] = []
+    at = 0
+    while True:
+        while at < len(text) and text[at].isspace():
+            at += 1
+        scanned = scan_number(text, at)
+        if scanned is None:
+            break
+        number, at = scanned
+        numbers.append(number)
+    count = {1: "one number", 2: "two numbers"}.get(len(numbers), f"{len(numbers)} numbers")
+    how = "write for example `0 120 30 mm` or `[0, 120 mm, 30 mm]`"
+    if not numbers:
+        raise UnitError(f"expected three numbers and a unit, found `{shortened(text.strip())}`", help=how)
+    if len(numbers) != 3:
+        how = _separated(text) or how
+        raise UnitError(f"expected three numbers and a unit, found {count} (`{shortened(text.strip())}`)", help=how)
+    unit: Unit = (1, 1, NUMBER)
+    if at < len(text):
+        unit, end = scan_unit(text, at, wanted=wanted)
+        if text[end:].strip():
+            raise UnitError(
+                f"expected the end after `{text[:end].strip()}`, found `{shortened(text[end:].strip())}`",
+                offset=end, end=len(text), help=how,
+            )
+    x, y, z = (Quantity(converted(number, unit), unit[2]) for number in numbers)
+    return x, y, z
+
+
+def _separated(text: str) -> str | None:
+    """A hint for three values with commas or units between them."""
+    pieces = [piece.strip() for piece in re.split("[,x×]", text)]
+    if len(pieces) == 3 and all(scan_number(piece) for piece in pieces):
+        shared = all(map(_NUMBER.fullmatch, pieces[:2]))
+        return f"write `{shortened(' '.join(pieces))}`" if shared else f"write `[{shortened(', '.join(pieces))}]`"
+    values = re.fullmatch(rf"\s*({_NUMBER.pattern})\s*([^\W\d]+)\s+({_NUMBER.pattern})\s*\2\s+({_NUMBER.pattern})\s*\2\s*", text)
+    return f"write `{values.group(1)} {values.group(3)} {values.group(4)} {values.group(2)}`" if values is not None else None
+
+
+def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Quantity:
+    """The quantity, when it has one of the expected dimensions (a bare 0 has every one).
+
+    `text` is how it was written. Raises UnitError: `unit` where only the unit is missing, else `dimension`, naming both.
+    """
+    for dimension in expected:
+        if quantity.fits(dimension):
+            return quantity
+    shown = shortened(text.strip())
+    wanted = " or ".join(dimension.words for dimension in expected)
+    first = expected[0]
+    if quantity.dimension == NUMBER and NUMBER not in expected:
+        bare = shown if scan_number(shown) == (shown, len(shown)) else f"{quantity.value:.6g}"
+        choices = [unit for dimension in expected for unit in suggested_units(dimension, bare)[: 2 if len(expected) == 1 else 1]]
+        words = "write " + " or ".join(f"`{bare} {unit}`" for unit in choices)
+        sure = len(expected) == 1 and bare == text.strip() and quantity.value >= _SURELY.get(first, math.inf)
+        raise UnitError(
+            f"{wanted} needs a unit, found `{shown}`", kind="unit",
+            help=Hint(words, (bare, f"{bare} {choices[0]}") if sure else None),
+        )
+    example = first.example if len(expected) == 1 else " or ".join(dimension.example for dimension in expected)
+    number, at = scan_number(text.strip()) or ("", 0)
+    unit = meant_unit(text.strip()[at:], expected) if number else None
+    raise UnitError(
+        f"expected {wanted} (such as {example}), found {quantity.dimension.words} (`{shown}`)", kind="dimension",
+        help=f"write `{number} {unit}`" if unit else None,
+    )
+
+
+def suggested_units(dimension: Dimension, numbers: str) -> tuple[str, ...]:
+    """The units that a person who wrote `numbers` without one may have meant, the likeliest first: those of a drawing, or, where a
+    fraction is as small as the SI unit makes it (`1.57`, `0 0 0.12`), that of URDF and MJCF."""
+    drawn, si, most = _SUGGESTED.get(dimension, (dimension.example.partition(" ")[2], "", 0.0))
+    if not si:
+        return (drawn,)
+    values = [float(number) for number in _NUMBER.findall(numbers)]
+    small = any(value != int(value) for value in values if abs(value) < most) and all(abs(value) < most for value in values)
+    return (si, drawn) if small else (drawn, si)
+
+
+_SUGGESTED: dict[Dimension, tuple[str, str, float]] = {
+    LENGTH: ("mm", "m", 2.0), ANGLE: ("deg", "rad", 6.3), MASS: ("g", "kg", 10.0), TIME: ("s", "ms", 0.0),
+    ANGULAR_VELOCITY: ("rpm", "rad/s", 0.0),
+}
+"""The unit of drawings and data sheets, another one, and below which number a fraction is of the other."""
+
+_SURELY: dict[Dimension, float] = {
+    DENSITY: 100.0,
+    **dict.fromkeys((FORCE, ACCELERATION, ANGULAR_STIFFNESS, LINEAR_STIFFNESS, ANGULAR_DAMPING, LINEAR_DAMPING), -math.inf),
+}
+"""Dimensions of which only one unit can have been meant, from this value [SI] on: nothing weighs 100 g/cm^3."""
+
+
+def shortened(text: str, limit: int = 60) -> str:
+    """Text of a document as a message may quote it: one line, bounded."""
+    flat = " ".join(text.split())
+    return flat if len(flat) <= limit else flat[: limit - 3] + "..."

@@ -1,0 +1,34 @@
+"""Families of robots: one `variants/1` document to hundreds or tens of thousands of builds, each as a single build would be.
+
+    thingc.batch.plan("leg_sweep.yaml")      the variants, in their order
+    thingc.batch.run("leg_sweep.yaml")       builds them
+    thingc.batch.load("build/leg_sweep")     their models and their rows of the table
+    thingc.batch.fields("build/leg_sweep")   one model, and what variants have of their own
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from thingc.base.exports import exported
+
+if TYPE_CHECKING:
+    from thingc.batch.batch import run
+    from thingc.batch.folder import BatchFault
+    from thingc.batch.in_place import NotInPlace, apply, fields, write
+    from thingc.batch.loading import BuiltVariant, Family, FamilyError, UnknownVariant, load
+    from thingc.batch.planning import Plan, PlanError, Variant
+    from thingc.batch.progress import Interrupted, Progress, Summary
+    from thingc.batch.reading import plan, read_plan
+
+__all__ = [
+    "BatchFault", "BuiltVariant", "Family", "FamilyError", "Interrupted", "NotInPlace", "Plan", "PlanError", "Progress",
+    "Summary", "UnknownVariant", "Variant", "apply", "fields", "load", "plan", "read_plan", "run", "write",
+]
+
+__getattr__ = exported(__name__, {
+    "BatchFault": "folder", "BuiltVariant": "loading", "Family": "loading", "FamilyError": "loading", "Interrupted": "progress",
+    "NotInPlace": "in_place", "Plan": "planning", "PlanError": "planning", "Progress": "progress", "Summary": "progress",
+    "UnknownVariant": "loading", "Variant": "planning", "apply": "in_place", "fields": "in_place", "load": "loading",
+    "plan": "reading", "read_plan": "reading", "run": "batch", "write": "in_place",
+})

@@ -1,0 +1,197 @@
+"""Reading a document's axes: every value checked against the parameter that it is for, at its place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from thingc.base.diagnostics import Code, Note, Report
+from thingc.base.frozen import dataclass
+from thingc.base.source import Document, Path, ScalarNode, dotted, node_at
+from thingc.base.units import NUMBER, Quantity, shortened
+from thingc.batch.by_path import Paths, as_value, of_kind
+from thingc.batch.values import is_whole, spaced, spaced_si
+from thingc.documents.expressions import Expression, ExpressionValue, kind_of, plain, text_of, words_of
+from thingc.documents.spec.variants import AxisSpec
+from thingc.geometry.record import Value
+from thingc.model.resolve import AssemblyParameters
+
+MOST_VALUES = 100_000
+"""Values of one axis."""
+MOST_TRIED = 20
+"""Values of one path that are tried in the assembly before the batch begins."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Axis:
+    """What changes from variant to variant: a parameter (`key` its name) or, with `choice`, what stands at the path `key`.
+
+    `values` are those that it takes, or `range` the interval that it is drawn from (`whole`: only whole numbers, ends included).
+    """
+
+    key: str
+    choice: bool = False
+    values: tuple[ExpressionValue, ...] = ()
+    range: tuple[Quantity, Quantity] | None = None
+    whole: bool = False
+
+    def drawn(self, u: float) -> ExpressionValue:
+        """The value at `u` in [0, 1)."""
+        if self.range is None:
+            return self.values[min(int(u * len(self.values)), len(self.values) - 1)]
+        low, high = self.range
+        if self.whole:
+            return Quantity(float(min(low.value + int(u * (high.value - low.value + 1.0)), high.value)), low.dimension)
+        return Quantity(min(low.value + u * (high.value - low.value), high.value) + 0.0, low.dimension)
+
+
+class ValueReader:
+    """Reads the values of one `variants/1` document. `parameters` are the assembly's; `fits(path, text, at)`
+    says whether a text may stand at one of the `paths` (reported if not)."""
+
+    def __init__(
+        self, document: Document, parameters: AssemblyParameters, report: Report, paths: Paths, fits: Callable[[str, str, Path], bool],
+    ) -> None:
+        self.document = document
+        self.parameters = parameters
+        self.report = report
+        self.paths = paths
+        self.fits = fits
+        self.tried: dict[str, int] = {}
+
+    def value(self, name: str, raw: Any, path: Path) -> ExpressionValue | None:
+        """A value for a parameter, or for a path; None where it does not fit (reported)."""
+        if isinstance(raw, Expression):
+            self._error(
+                Code.VARIANT_VALUE, "a variant states values; an expression stands in the assembly", path,
+                help=f"write a value, or a parameter of `{self.parameters.name}` that is worked out",
+            )
+            return None
+        stated = as_value(raw)
+        assert stated is not None
+        if "." in name:
+            return self._by_path(name, stated, path)
+
+        def complain(name: str, code: Code, message: str, *, help: str | None = None, notes: Iterable[Note] = ()) -> None:
+            key = code is Code.UNKNOWN_PARAMETER
+            where = self._key(path) if key else path
+            self.report.add(code, message, self.document.span(where, key=key), help=help, notes=notes, path=dotted(where))
+
+        value, own = self.parameters.fitting(name, stated, complain), self.parameters.values.get(name)
+        if isinstance(value, Quantity) and value.dimension == NUMBER and value.value == 0.0 and isinstance(own, Quantity):
+            return Quantity(0.0, own.dimension)  # a bare 0
+        return value
+
+    def _by_path(self, name: str, value: ExpressionValue, path: Path) -> ExpressionValue | None:
+        """A value at a path: tried there, as many of them as people write out; the others are of the same kind."""
+        tried = self.tried[name] = self.tried.get(name, 0) + 1
+        if tried <= MOST_TRIED and not self.fits(name, self._written(path) or text_of(value), path):
+            self.tried[name] = MOST_TRIED if tried == 1 else tried
+            return None
+        kind = self.paths.kinds.get(name)
+        sound = of_kind(value, kind)
+        if sound is None and kind is not None:
+            self._error(
+                Code.VARIANT_VALUE, f"values at one path are of one kind: found {kind_of(value)}, and `{words_of(kind)}` elsewhere", path,
+            )
+        return sound
+
+    def axis(self, name: str, raw: Any) -> Axis | None:
+        """The axis of a parameter: a list, a range in steps, or a single value; None where nothing of it is sound."""
+        path: Path = ("parameters", name)
+        if isinstance(raw, list):
+            if not raw:
+                self._error(Code.VARIANT_VALUE, f"`{name}` has no values", path, help="write at least one, or remove the key")
+                return None
+            listed = [self.value(name, one, (*path, index)) for index, one in enumerate(raw)]
+            sound = [one for one in listed if one is not None]
+            self._twice(path, listed)
+            first: dict[Value, ExpressionValue] = {}
+            for value in sound:
+                first.setdefault(plain(value), value)
+            return Axis(key=name, values=tuple(first.values())) if sound else None
+        if isinstance(raw, AxisSpec):
+            values = self._steps(name, raw, path)
+            return Axis(key=name, values=values) if values else None
+        one = self.value(name, raw, path)
+        return None if one is None else Axis(key=name, values=(one,))
+
+    def _twice(self, path: Path, values: list[ExpressionValue | None]) -> None:
+        first: dict[object, int] = {}
+        for index, one in enumerate(values):
+            if one is None:
+                continue
+            key = (type(one), plain(one))
+            if key in first:
+                self.report.warn(
+                    Code.DUPLICATE_VARIANT, f"`{words_of(one)}` stands here twice: its variants are built once",
+                    self.document.span((*path, index)), help="remove it", path=dotted(path),
+                    notes=[Note(message="it also stands here", span=self.document.span((*path, first[key])))],
+                )
+            first.setdefault(key, index)
+
+    def _steps(self, name: str, raw: AxisSpec, path: Path) -> tuple[ExpressionValue, ...]:
+        first, last = self.value(name, raw.from_, (*path, "from")), self.value(name, raw.to, (*path, "to"))
+        count = self.count(raw.count, (*path, "count"), least=2)
+        if first is None or last is None or count is None:
+            return ()
+        if not isinstance(first, Quantity) or not isinstance(last, Quantity):
+            wrong, key = (first, "from") if not isinstance(first, Quantity) else (last, "to")
+            self._error(
+                Code.VARIANT_VALUE, f"a range goes from number to number, found {kind_of(wrong)}", (*path, key),
+                help=f"list the values: `{name}: [...]`",
+            )
+            return ()
+        if first.value == last.value:
+            self._error(Code.VARIANT_VALUE, f"`from` and `to` of `{name}` are the same value", (*path, "to"), help="let them differ")
+            return ()
+        written = spaced(self._written((*path, "from")), self._written((*path, "to")), count)
+        return tuple(written if written is not None else spaced_si(first, last, count))
+
+    def range(self, name: str, raw: list[Any]) -> Axis | None:
+        """The interval that a parameter is drawn from."""
+        path: Path = ("sample", "ranges", name)
+        low, high = (self.value(name, one, (*path, index)) for index, one in enumerate(raw))
+        if low is None or high is None:
+            return None
+        for index, one in enumerate((low, high)):
+            if not isinstance(one, Quantity):
+                self._error(
+                    Code.VARIANT_VALUE, f"`{name}` is drawn between two numbers, found {kind_of(one)}", (*path, index),
+                    help=f"list its values under `parameters`: they are drawn, too: `{name}: [{shortened(words_of(one))}, ...]`",
+                )
+                return None
+        assert isinstance(low, Quantity) and isinstance(high, Quantity)
+        if not low.value < high.value:
+            self._error(
+                Code.VARIANT_VALUE, f"the range of `{name}` begins at {low} and ends at {high}", path,
+                help="write the smaller value first" if low.value > high.value else "let the two values differ",
+            )
+            return None
+        whole = all(is_whole(self._written((*path, index))) for index in (0, 1))
+        return Axis(key=name, range=(low, high), whole=whole)
+
+    def count(self, raw: Any, path: Path, *, least: int, most: int = MOST_VALUES) -> int | None:
+        """A whole number within bounds; None where it is none (reported)."""
+        if isinstance(raw, Expression):
+            self._error(Code.VARIANT_VALUE, f"`{path[-1]}` is a number here, not an expression", path, help="write the number")
+            return None
+        if not least <= raw <= most:
+            rule = f"at least {least}" if raw < least else f"at most {most}"
+            help = f"write for example `{path[-1]}: {max(least, 16) if raw < least else most}`"
+            self._error(Code.VARIANT_VALUE, f"`{path[-1]}` must be {rule}, found `{raw}`", path, help=help)
+            return None
+        return int(raw)
+
+    def _written(self, path: Path) -> str:
+        node = node_at(self.document.tree, path)
+        return node.text if isinstance(node, ScalarNode) else ""
+
+    def _key(self, path: Path) -> Path:
+        """Where the name of a parameter stands, above a value of it."""
+        while path and (isinstance(path[-1], int) or path[-1] in ("from", "to")):
+            path = path[:-1]
+        return path
+
+    def _error(self, code: Code, message: str, path: Path, *, help: str | None = None) -> None:
+        self.report.add(code, message, self.document.span(path), help=help, path=dotted(path))

@@ -1,0 +1,454 @@
+"""Running a batch: a plan handed out in chunks to an executor, and every variant that is done noted in the journal."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import queue
+import shlex
+import signal
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import Any
+
+from thingc.base.diagnostics import Code, Diagnostic, shown_path
+from thingc.batch import places
+from thingc.batch.asked import RunOptions, check, check_engine, planned
+from thingc.batch.chunks import Packing, sealed_path
+from thingc.batch.description import describe, job_of, seen
+from thingc.batch.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBroken, evaluate
+from thingc.batch.executors import Carrier, Cluster
+from thingc.batch.folder import (
+    FOLDERS,
+    MANY,
+    PACKED,
+    BatchFault,
+    begin,
+    begun,
+    cleared,
+    differences,
+    in_words,
+    lay_out,
+    locked,
+    remember,
+    unchanged,
+    write_batch,
+)
+from thingc.batch.job import STOPPED, Row, Task
+from thingc.batch.journal import Journal, Line
+from thingc.batch.page import write_page
+from thingc.batch.pictures import OnPicture, usual
+from thingc.batch.planning import Plan, Variant
+from thingc.batch.progress import Interrupted, OnProgress, Progress, Summary
+from thingc.batch.records import lengths_in, losses, outcomes
+from thingc.batch.shipping import Shipping
+from thingc.batch.showing import parameter_columns, show
+from thingc.batch.tables import Column, columns, write_tables
+from thingc.batch.transfer import Transfer, pack
+from thingc.driver.environment import Options, store_of
+from thingc.targets.artifact import HOW
+
+TIMEOUT = 600.0
+"""Longest time [s] for one variant, unless the caller says otherwise."""
+SHARE = 64
+"""Of so many models that differ in nothing but numbers MuJoCo is given one, unless the caller says otherwise."""
+CHUNK_SECONDS = 0.5
+"""How long [s] a chunk should take."""
+CHUNK_MOST = 64
+"""Variants of one chunk."""
+ANEW = "begin without --resume"
+"""What to do where there is nothing to go on with."""
+ATTEMPTS = 3
+"""How often a variant is handed out that an executor loses."""
+PIECES = 8
+"""Into how many pieces a chunk is cut that an executor has lost: what loses it again then takes fewer others along."""
+CHANCE = frozenset((Code.PART_CRASHED.code, Code.PART_HUNG.code))
+"""Errors of a part that may come of the machine."""
+REFRESH = 30.0
+"""How often [s] the tables are written while the batch runs, at least; a long table less often."""
+
+
+def run(
+    document: str, *, output: str | None = None, executor: Executor | None = None, jobs: int = 0, emit: Sequence[str] | str = (),
+    limit: int | None = None, resume: bool = False, timeout: float = TIMEOUT, verify: int = SHARE, options: Options | None = None,
+    on_progress: OnProgress | None = None, pictures: int | None = 0, on_picture: OnPicture | None = None, ship: bool = False,
+    retry: bool = False, layout: str | None = None,
+) -> Summary:
+    """Build the variants of a `variants/1` document into `<output>/<name>/` (`output` None: the workspace's build folder).
+
+    `executor` is somebody else's engine (`thingc.batch.cluster.connect` makes some); it calls `thingc.batch.engine.evaluate`,
+    and its workers see the documents and the folder under the same paths. With `ship` they see neither: it is a cluster that can carry
+    files (one of dask), the workspace goes to each of its workers, and built variants come back. None: runners on this machine, `jobs`
+    of them (0: one per core; of another's executor: how many chunks are under way at once). `emit` replaces the document's targets,
+    `limit` leaves out all variants but the first ones, `timeout` [s] is for one variant, `verify` says of how many models that differ in
+    nothing but numbers MuJoCo is asked about one (1: each, 0: none), `options` name the store. The batch's page
+    shows pictures of at most so many variants as `pictures` says (`pictures.ALL`: of all; None: of 48, and of none where there are more
+    than 200). `layout` (`folders`: one for each variant, or `packed`: many variants in a file) takes the place of the document's; where
+    neither says it, more than 2000 variants are packed.
+
+    Raises `PlanError` for a document with errors, `BatchFault` where the batch cannot begin or go on, and `Interrupted` when SIGINT
+    or SIGTERM has come: then `resume` goes on where it was. With `retry` it builds variants again that failed, or that a part refused
+    which crashed or hung: another machine, or more memory, may make them.
+    """
+    check(jobs, limit, timeout, verify, pictures, layout)
+    if retry and not resume:
+        raise BatchFault(Code.COMMAND_LINE, "--retry is about a batch that has been begun", "add --resume")
+    options = options or Options()
+    plan = planned(document, options, emit, layout)
+    check_engine(executor, ship)
+    folder = plan.folder_in(output)
+    if resume:
+        begun(plan.relative, folder, ANEW)
+    transfer = pack(plan, folder) if ship else None
+    try:
+        with locked(folder):
+            count = plan.count if limit is None else min(limit, plan.count)
+            asked = RunOptions(options=options, jobs=jobs or os.cpu_count() or 1, timeout=timeout, verify=verify, count=count)
+            batch = _Batch(plan, folder, asked, transfer, on_progress)
+            batch.prepare(resume=resume, retry=retry)
+            with cleared(folder):
+                with batch.journal() as journal:
+                    summary = batch.run(executor, journal)
+                shown = batch.show(pictures, on_picture)
+            return summary if shown is None else replace(summary, notes=(*summary.notes, shown))
+    except OSError as fault:
+        raise in_words(folder, fault) from fault
+
+
+@dataclass(slots=True)
+class _Chunk:
+    """Variants that are under way together."""
+
+    variants: list[Variant]
+    attempts: int = 0
+
+
+class _Stopped(Exception):
+    """A signal has come: nothing more is handed out."""
+
+
+class _Batch:
+    """One run of a batch. All of it but the engine's threads happens in one thread."""
+
+    def __init__(self, plan: Plan, folder: str, asked: RunOptions, transfer: Transfer | None, on_progress: OnProgress | None) -> None:
+        self.plan = plan
+        self.folder = folder
+        self.asked = asked
+        self.count = asked.count
+        self.on_progress = on_progress
+        self.transfer = transfer
+        self.done = bytearray(asked.count)
+        self.earlier: Counter[str] = Counter()
+        self.counts: Counter[str] = Counter()
+        self.modelled: set[str] = set()
+        self.stopping = False
+        self.started = time.monotonic()
+        self.told = 0.0
+        self.first: tuple[float, int] | None = None
+        self.spent = 0.0
+        self.measured = 0
+        self.events: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
+        self.under_way: dict[int, Variant] = {}
+        self.chunks: dict[Future[Any], _Chunk] = {}
+        self.parameters = parameter_columns(plan)
+        self.layout = plan.layout or (PACKED if plan.count > MANY else FOLDERS)
+        self.before: dict[str, Any] = {}
+
+    # --- the folder -----------------------------------------------------------------------------------------------
+
+    def prepare(self, *, resume: bool, retry: bool) -> None:
+        """Make the folder ready, and learn what an earlier run has done. Raises `BatchFault`."""
+        if not resume:
+            begin(self.folder, self.plan.relative, self.plan.assembly_relative)
+        else:
+            self.before = begun(self.plan.relative, self.folder, ANEW)
+            if self.plan.layout is None:
+                self.layout = self.before["layout"]
+            words = differences(self.before, self._described(finished=False))
+            if words:
+                raise BatchFault(
+                    Code.BATCH_CHANGED, f"the batch in `{shown_path(self.folder)}` was begun with something else: {'; '.join(words)}",
+                    "undo the change, or begin anew: delete the folder, or write into another one with -o",
+                )
+            places.sweep(self.folder)
+            self._remember(retry=retry)
+        write_batch(self.folder, self._described(finished=False))
+        lay_out(self.folder, self.layout)
+
+    def _described(self, *, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
+        return describe(self.plan, layout=self.layout, asked=self.count, finished=finished, wanted=wanted)
+
+    def journal(self) -> Journal | Packing:
+        """Where variants are noted that are done."""
+        if self.layout == PACKED:
+            return Packing(self.folder, self.done)
+        return Journal(os.path.join(self.folder, places.JOURNAL))
+
+    def _remember(self, *, retry: bool) -> None:
+        """What an earlier run has done. A variant that is said to be built and is not there is not, nor, with `retry`, is one
+        that something else than its documents has kept from being built."""
+        for index, status, there in outcomes(self.folder, chance=_by_chance if retry else None):
+            if index < self.count:
+                self.done[index] = there
+                self.earlier.update([status] if there else [])
+
+    # --- the run --------------------------------------------------------------------------------------------------
+
+    def run(self, executor: Executor | None, journal: Journal | Packing) -> Summary:
+        """Everything that is left. Raises `BatchFault` and `Interrupted`."""
+        own = LocalExecutor(min(self.asked.jobs, max(1, self.count))) if executor is None else None
+        engine: Executor = own if own is not None else executor  # type: ignore[assignment]
+        cluster = executor if isinstance(executor, Cluster) else None
+        if cluster is not None:
+            cluster.check(seen(self.plan, self.folder) if self.transfer is None else {})
+        job = job_of(
+            self.plan, self.folder, self.asked.options, layout=self.layout, verify=self.asked.verify, elsewhere=cluster is not None,
+        ).encode()
+        whole = False
+        with self._signals(), self._shipping(cluster) as shipping:
+            engine = shipping or engine
+            try:
+                self._loop(engine, job, journal, streaming=own is not None)
+                whole = True
+            except _Stopped:
+                pass  # it is said when the runners have ended: until then variants are done
+            finally:
+                if own is not None:
+                    own.shutdown(wait=True, cancel_futures=not whole)
+                else:
+                    for future in list(self.chunks):
+                        future.cancel()
+                    RUNNERS.close()  # an executor of threads has used those of this process
+                if not whole:
+                    self._drain(journal)
+                    with contextlib.suppress(OSError):  # of a full disk has been said already
+                        write_page(self.folder, self._described(finished=False), self._columns())
+            if not whole:
+                raise Interrupted(self.folder, self._total(), self.count)
+            if own is None:
+                places.sweep(self.folder)  # workers that died left what they were writing
+            journal.sync()
+            write_batch(self.folder, self._described(finished=True, wanted=self._tables()))
+        statuses = self.earlier + self.counts
+        lossy, total = losses(self.folder)
+        return Summary(
+            folder=self.folder, name=self.plan.name, count=self.count, statuses=dict(sorted(statuses.items())),
+            before=sum(self.earlier.values()), modelled=len(self.modelled), duplicates=self.plan.written - self.plan.count,
+            seconds=time.monotonic() - self.started, lossy=lossy,
+            losses={how: total[how] for how in HOW if total[how]}, notes=self.plan.notes, layout=self.layout,
+        )
+
+    def _tables(self) -> tuple[Column, ...]:
+        """Write the tables, unless they are there and nothing is new; their columns."""
+        names = places.TABLE_CSV, places.TABLE_PARQUET
+        if not self.counts and self.before.get("finished") and unchanged(self.folder, *names):
+            return tuple(Column(name=one["name"], kind=one["kind"], unit=one["unit"]) for one in self.before["columns"])
+        wanted = write_tables(self.folder, self.parameters, self.plan.choice_paths)
+        remember(self.folder, *names)
+        return wanted
+
+    def _shipping(self, cluster: Cluster | None) -> contextlib.AbstractContextManager[Shipping | None]:
+        """What stands before a cluster that does not see our files."""
+        if self.transfer is None or not isinstance(cluster, Carrier):
+            return contextlib.nullcontext()
+        return Shipping(cluster, self.transfer, self.folder, store_of(self.asked.options))
+
+    def show(self, pictures: int | None, on_picture: OnPicture | None) -> Diagnostic | None:
+        """Pictures and the page of the finished batch; a warning where nothing can be drawn."""
+        return show(
+            self.folder, self._described(finished=True), self._columns(), most=usual(self.count) if pictures is None else pictures,
+            jobs=os.cpu_count() or 1, on_picture=on_picture,
+        )
+
+    def _columns(self) -> tuple[Column, ...]:
+        return columns(self.parameters, self.plan.choice_paths, lengths_in(self.folder))
+
+    def _loop(self, engine: Executor, job: str, journal: Journal | Packing, *, streaming: bool) -> None:
+        waiting = self._left(journal)
+        exhausted = False
+        refreshed, pause = time.monotonic(), REFRESH
+        while True:
+            while not exhausted and len(self.chunks) < self._ahead(engine):
+                variants = list(islice(waiting, self._size(engine)))
+                exhausted = not variants
+                if variants:
+                    self._submit(engine, job, _Chunk(variants), streaming)
+            self._tell()
+            if exhausted and not self.chunks:
+                break
+            with contextlib.suppress(queue.Empty):
+                self._handle(*self.events.get(timeout=1.0), engine, job, journal, streaming)
+            _answers(engine)
+            now = time.monotonic()
+            if now - refreshed > pause:
+                write_tables(self.folder, self.parameters, self.plan.choice_paths)
+                refreshed = time.monotonic()
+                pause = max(REFRESH, 20.0 * (refreshed - now))
+        self._tell(last=True)
+
+    def _left(self, journal: Journal | Packing) -> Iterator[Variant]:
+        """The variants to build, in plan order; those that fail a rule on parameters are noted on the way."""
+        if all(self.done):
+            return
+        for variant in self.plan.besides(self.done):
+            if variant.index >= self.count:
+                return
+            if variant.failed is not None:
+                self._note(journal, variant, {"status": "kept_out", "rule": variant.failed})
+                if self.stopping:  # while nothing but rules is decided nobody looks at events
+                    raise _Stopped
+                self._tell()
+                continue
+            yield variant
+
+    def _ahead(self, engine: Executor) -> int:
+        """How many chunks may be under way at once."""
+        return engine.ahead if isinstance(engine, Cluster) else 2 * self.asked.jobs
+
+    def _size(self, engine: Executor) -> int:
+        """How many variants make a chunk: as many as take about half a second, and few enough for all to have something to do."""
+        first, seconds, most = 1, CHUNK_SECONDS, CHUNK_MOST
+        if isinstance(engine, Cluster):
+            first, seconds, most = engine.first, engine.chunk_seconds, engine.chunk_most
+        fair = max(1, (self.count - self._total() - len(self.under_way)) // self._ahead(engine))
+        if not self.measured:
+            return min(first, fair)
+        return max(1, min(most, fair, int(seconds * self.measured / max(self.spent, 1e-6))))
+
+    def _submit(self, engine: Executor, job: str, chunk: _Chunk, streaming: bool) -> None:
+        chunk.attempts += 1
+        tasks = []
+        for variant in chunk.variants:
+            self.under_way[variant.index] = variant
+            tasks.append(Task(
+                index=variant.index, id=variant.id, parameters=variant.parameters, choices=variant.choices, values=variant.values,
+            ))
+        if streaming:
+            future = engine.submit(evaluate, job, tasks, self.asked.timeout, lambda row: self.events.put(("row", row)))
+        else:
+            future = engine.submit(evaluate, job, tasks, self.asked.timeout)
+        self.chunks[future] = chunk
+        future.add_done_callback(lambda done: self.events.put(("done", done)))
+
+    def _handle(self, what: str, content: Any, engine: Executor, job: str, journal: Journal | Packing, streaming: bool) -> None:
+        if what == "signal":
+            raise _Stopped
+        if what == "row":
+            self._take(journal, content)
+            return
+        chunk = self.chunks.pop(content, None)
+        if chunk is None:
+            return
+        fault = content.exception() if not content.cancelled() else Cancelled()
+        if fault is None:
+            for row in content.result():
+                self._take(journal, row)
+            return
+        if isinstance(fault, RunnersBroken):
+            raise BatchFault(Code.RUNNERS, str(fault), "mend what it says, and go on with --resume", fault.detail)
+        _answers(engine)
+        left = [variant for variant in chunk.variants if variant.index in self.under_way]
+        if chunk.attempts < ATTEMPTS:
+            size = max(1, -(-len(left) // PIECES))
+            for k in range(0, len(left), size):
+                self._submit(engine, job, _Chunk(left[k : k + size], chunk.attempts), streaming)
+            return
+        for variant in left:
+            message = f"the executor lost it {ATTEMPTS} times: {type(fault).__name__}: {' '.join(str(fault).split())}"
+            self._take(journal, {
+                "index": variant.index, "id": variant.id, "status": "failed", "code": Code.VARIANT_DIED.code, "message": message,
+            })
+
+    def _take(self, journal: Journal | Packing, row: Row) -> None:
+        """Note what came of a variant, once."""
+        variant = self.under_way.get(row["index"])
+        if variant is None:
+            return
+        if row["status"] == STOPPED:
+            raise BatchFault(
+                Code.OUTPUT, f"the batch cannot go on: {row['message']}", "mend that, and go on with --resume; what has been built stays",
+            )
+        self.spent += row.get("seconds", 0.0)
+        self.measured += 1
+        self.modelled.update(row.get("modelled", ()))
+        self._note(journal, variant, row)
+        if self.first is None:
+            self.first = (time.monotonic(), sum(self.counts.values()))
+        del self.under_way[row["index"]]
+
+    def _note(self, journal: Journal | Packing, variant: Variant, row: Row) -> None:
+        line = {
+            "index": variant.index, "id": variant.id, "name": variant.name, "status": row["status"],
+            "parameters": dict(variant.values), "choices": self.plan.chosen(variant),
+            **{key: value for key, value in row.items() if key not in ("index", "id", "status")},
+            "path": self._path(variant) if row["status"] == "built" else None,
+            "command": shlex.join(self.plan.command(variant)),
+        }
+        journal.append(line)
+        self.done[variant.index] = True
+        self.counts[row["status"]] += 1
+
+    def _path(self, variant: Variant) -> str:
+        """Where a built variant lies in the batch's folder."""
+        return sealed_path(variant.index) if self.layout == PACKED else f"{places.VARIANTS}/{variant.id}"
+
+    def _drain(self, journal: Journal | Packing) -> None:
+        """Note what has been done up to the end of the runners."""
+        with contextlib.suppress(BatchFault, OSError):
+            while True:
+                try:
+                    what, row = self.events.get_nowait()
+                except queue.Empty:
+                    return
+                if what == "row" and row["status"] != STOPPED:
+                    self._take(journal, row)
+
+    # --- who listens ----------------------------------------------------------------------------------------------
+
+    def _tell(self, *, last: bool = False) -> None:
+        """Say how far it is, a few times a second."""
+        now = time.monotonic()
+        if self.on_progress is not None and (last or now - self.told > 0.2):
+            self.told = now
+            rate = 0.0
+            if self.first is not None and now > self.first[0]:  # the runners' own start tells nothing of what is left
+                rate = (sum(self.counts.values()) - self.first[1]) / (now - self.first[0])
+            self.on_progress(Progress(count=self.count, before=sum(self.earlier.values()), counts=dict(self.counts), rate=rate))
+
+    @contextlib.contextmanager
+    def _signals(self) -> Iterator[None]:
+        """Let SIGINT and SIGTERM end the batch between two lines of the journal, never within one."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+
+        def stop(number: int, frame: object) -> None:
+            self.stopping = True
+            self.events.put(("signal", number))
+
+        before = {one: signal.signal(one, stop) for one in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            yield
+        finally:
+            for one, handler in before.items():
+                signal.signal(one, handler)
+
+    def _total(self) -> int:
+        return sum(self.earlier.values()) + sum(self.counts.values())
+
+
+def _by_chance(line: Line) -> bool:
+    """Whether another attempt may end otherwise."""
+    return bool(line["status"] == "failed" or line["status"] == "refused" and line["code"] in CHANCE)
+
+
+def _answers(engine: Executor) -> None:
+    """Raises `BatchFault` where an engine will not answer any more."""
+    fault = engine.fault() if isinstance(engine, Cluster) else None
+    if fault is not None:
+        raise fault

@@ -1,0 +1,203 @@
+"""The engine: any `concurrent.futures.Executor` may call `evaluate`, which drives isolated runners; the local one does so in threads.
+
+A batch hands out chunks of tasks, `executor.submit(evaluate, job, tasks)`. Wherever that runs, in a thread here or on another
+machine, the variants are built by a runner process of their own (`thingc.batch.runner`): when it dies or hangs, the variant that it
+was on is recorded, and a new runner goes on with the one after it.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from typing import Any, TypeVar
+
+from thingc.base.diagnostics import Code
+from thingc.base.line_process import LineProcess, Lost
+from thingc.batch.job import STOPPED, Job, Row, Task, row
+
+LOADING = 120.0
+"""How long [s] a runner may take until it has read the documents."""
+STARTS = 3
+"""How often in a row a runner may fail to start."""
+
+T = TypeVar("T")
+OnRow = Callable[[Row], None]
+
+
+class Cancelled(Exception):
+    """The runners have been ended by those who wanted their answers."""
+
+
+class RunnersBroken(Exception):
+    """No runner starts: `detail` has what the last one said."""
+
+    def __init__(self, message: str, detail: str) -> None:
+        super().__init__(message)
+        self.detail = detail
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Executors carry it from one process to another."""
+        return RunnersBroken, (str(self), self.detail)
+
+
+class RunnerProcess(LineProcess):
+    """A process that builds the variants of one job."""
+
+    def __init__(self, job: str) -> None:
+        super().__init__("thingc.batch.runner", cwd=Job.decode(job).cwd)
+        self.job = job
+        self.ask(json.loads(job))
+
+
+class Runners:
+    """The runners of a process: idle ones are used again, by whoever has the same job. Thread-safe."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._idle: list[RunnerProcess] = []
+        self._busy: set[RunnerProcess] = set()
+        self._closed = False
+
+    def take(self, job: str) -> RunnerProcess:
+        """An idle runner of the job, or a new one. Raises `RunnersBroken`, and `Cancelled` after `cancel`."""
+        with self._lock:
+            if self._closed:
+                raise Cancelled
+            known = next((runner for runner in self._idle if runner.job == job), None)
+            if known is not None:
+                self._idle.remove(known)
+                self._busy.add(known)
+                return known
+            others, self._idle = self._idle, []
+        for runner in others:  # of a batch that is over
+            runner.close()
+        said = ""
+        for _ in range(STARTS):
+            try:
+                runner = RunnerProcess(job)
+            except OSError as fault:
+                said = f"no process can be started: {fault.strerror or fault}"
+                continue
+            with self._lock:
+                self._busy.add(runner)
+                if self._closed:
+                    runner.kill()
+            try:
+                runner.answer(LOADING)  # it has read the documents
+                return runner
+            except Lost as fault:
+                said = f"{fault.words}\n{runner.errors()}"
+                self.drop(runner)
+            except BaseException:
+                self.drop(runner)
+                raise
+        self.raise_if_cancelled()
+        raise RunnersBroken(f"a runner does not start: {said.splitlines()[0]}", said)
+
+    def give_back(self, runner: RunnerProcess) -> None:
+        """It is idle."""
+        with self._lock:
+            self._busy.discard(runner)
+            self._idle.append(runner)
+
+    def drop(self, runner: RunnerProcess) -> None:
+        """It is of no more use."""
+        runner.kill()
+        runner.close()
+        with self._lock:
+            self._busy.discard(runner)
+
+    def cancel(self) -> None:
+        """End all at once; whoever waits for an answer gets `Cancelled`."""
+        with self._lock:
+            self._closed = True
+            busy = [*self._busy, *self._idle]
+        for runner in busy:
+            runner.kill()
+
+    def close(self) -> None:
+        """End the idle ones in peace."""
+        with self._lock:
+            idle, self._idle = self._idle, []
+        for runner in idle:
+            runner.close()
+
+    def raise_if_cancelled(self) -> None:
+        """Raises `Cancelled` where runners die because they have been ended."""
+        with self._lock:
+            if self._closed:
+                raise Cancelled
+
+
+RUNNERS = Runners()
+"""Those of executors that know nothing of runners; they end with this process."""
+
+
+def evaluate(
+    job: str, tasks: Sequence[Task], timeout: float, on_row: OnRow | None = None, runners: Runners | None = None,
+) -> list[Row]:
+    """Build the variants of a chunk: a row for each, in their order, handed to `on_row` as soon as it is there.
+
+    `job` is `Job.encode()`, `timeout` [s] the longest time for one variant. When the runner dies or hangs, the variant that it was on
+    is recorded as failed and a new runner goes on. A row of status `stopped` is the last: nothing can be written.
+    """
+    pool = runners if runners is not None else RUNNERS
+    rows: list[Row] = []
+    left = list(tasks)
+
+    def take(answer: Row) -> None:
+        rows.append(answer)
+        if on_row is not None:
+            on_row(answer)
+
+    while left:
+        runner = pool.take(job)
+        try:
+            runner.ask([task.plain() for task in left])
+            while left:
+                answer = runner.answer(timeout)
+                answer["pid"] = runner.pid
+                take(answer)
+                left.pop(0)
+                if answer["status"] == STOPPED:
+                    pool.drop(runner)
+                    return rows
+        except Lost as fault:
+            pool.raise_if_cancelled()
+            code = Code.VARIANT_HUNG if fault.hung else Code.VARIANT_DIED
+            what = f"its runner was ended: {fault.words}" if fault.hung else f"its runner died: {fault.words}"
+            take(row(left.pop(0), "failed", code=code.code, message=what, detail=runner.errors(), pid=runner.pid))
+            pool.drop(runner)
+        except BaseException:  # nobody knows what it is at: it answers nobody else
+            pool.drop(runner)
+            raise
+        else:
+            pool.give_back(runner)
+    return rows
+
+
+class LocalExecutor(Executor):
+    """The engine of one machine: as many threads as `jobs`, each driving a runner."""
+
+    def __init__(self, jobs: int) -> None:
+        self.jobs = jobs
+        self.runners = Runners()
+        self._threads = ThreadPoolExecutor(max_workers=jobs, thread_name_prefix="thingc-runner")
+
+    def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
+        """Call it in a thread; `evaluate` with the runners of this executor."""
+        if fn is evaluate:
+            named.setdefault("runners", self.runners)
+        return self._threads.submit(fn, *arguments, **named)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the runners: in peace, or with `cancel_futures` at once."""
+        if cancel_futures:
+            self.runners.cancel()
+        self._threads.shutdown(wait=wait, cancel_futures=cancel_futures)
+        self.runners.close()
+
+
+__all__ = ["Cancelled", "Job", "LocalExecutor", "RunnersBroken", "evaluate"]

@@ -1,0 +1,26 @@
+"""One document, or one of variants, as a family of robots in memory: results and models of any settings, quickly.
+
+    family = thingc.family("assemblies/arm.yaml")
+    family.evaluate({"reach": "120 mm"})["mass"]
+    for model in family.models(many, mode="bench", share=True): ...
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from thingc.base.exports import exported
+
+if TYPE_CHECKING:
+    from thingc.batch.families.batching import Batched, Batches
+    from thingc.batch.families.family import RobotFamily
+    from thingc.batch.families.results import Evaluated, Explanation, NoModel
+    from thingc.batch.families.space import Space, SpaceDimension
+
+__all__ = ["Batched", "Batches", "Evaluated", "Explanation", "NoModel", "RobotFamily", "Space", "SpaceDimension"]
+
+__getattr__ = exported(__name__, {
+    "Batched": "batching", "Batches": "batching",
+    "Evaluated": "results", "Explanation": "results", "NoModel": "results", "RobotFamily": "family", "Space": "space",
+    "SpaceDimension": "space",
+})

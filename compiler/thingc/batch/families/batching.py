@@ -1,0 +1,150 @@
+"""Many settings as a few models and arrays: for simulators that step many worlds of one model at once."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.brief import Brief
+from thingc.base.frozen import dataclass
+from thingc.batch.families.results import NoModel
+from thingc.batch.families.union import ModelSource, likeness, united
+from thingc.batch.in_place import LEADING, NUMBERS, OPTIONS, SHORTCUTS
+from thingc.batch.patching import content, names
+
+if TYPE_CHECKING:
+    import mujoco
+    import numpy as np
+
+    Array = np.ndarray[Any, np.dtype[Any]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Batched(Brief):
+    """Settings that one model stands for. `fields` are the arrays in which they differ, by the name of the field of `MjModel` (`body_mass`;
+    `opt.gravity` for an option), each (settings, *shape of the field), as `thingc.batch.apply` takes them; of `bvh_aabb` and its like
+    the rows of bodies. `indices` are their places in what was given. `model` is that of the first; where they differ in meshes it has those
+    of all, and `geom_dataid` says which of them each geom has."""
+
+    model: mujoco.MjModel
+    fields: Mapping[str, Array]
+    indices: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Batches(Brief):
+    """What became of a list of settings: the groups that one model stands for, in the order of their first settings, and by their places
+    those that are refused."""
+
+    groups: tuple[Batched, ...]
+    refused: Mapping[int, NoModel]
+
+
+def batched(models: Iterable[mujoco.MjModel | NoModel], source: Callable[[int], ModelSource] | None) -> Batches:
+    """The models of settings, which may be lent, as groups. Models are of one group where they differ in nothing but numbers that a
+    simulation reads afresh (`thingc.batch.in_place`), and in meshes where `source` says what the model at a place is made from: the same
+    elements, limited and touching alike."""
+    groups: dict[bytes, _Group] = {}
+    refused: dict[int, NoModel] = {}
+    last: tuple[Any, _Group] | None = None
+    for index, model in enumerate(models):
+        if isinstance(model, NoModel):
+            refused[index] = model
+            continue
+        if last is None or last[0] is not model:
+            kind = _kind(model)
+            if kind not in groups:
+                groups[kind] = _Group(model)
+            last = model, groups[kind]
+        last[1].add(index, model)
+    alike: dict[bytes, list[_Group]] = {}
+    for kind, group in groups.items():
+        alike.setdefault(likeness(group.model) if source is not None else kind, []).append(group)
+    made: list[Batched] = []
+    for some in alike.values():
+        whole = _united(some, source) if source is not None and len(some) > 1 else None
+        made += [whole] if whole is not None else [_stacked([group], group.model, {}) for group in some]
+    return Batches(groups=tuple(sorted(made, key=lambda one: one.indices[0])), refused=refused)
+
+
+class _Group:
+    """Models that differ in numbers only."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.model = copy.copy(model)
+        self.indices: list[int] = []
+        self.names = [name for name in (*sorted(NUMBERS | SHORTCUTS), *OPTIONS) if _field(model, name) is not None]
+        self.bodies = int((model.body_bvhadr + model.body_bvhnum).max(initial=0))
+        self.first = {name: self.value(model, name).copy() for name in self.names}
+        self._bytes = [self.first[name].tobytes() for name in self.names]
+        self.rows: dict[str, dict[int, Array]] = {}
+
+    def value(self, model: mujoco.MjModel, name: str) -> Array:
+        """A field of a model; of boxes the rows of bodies."""
+        import numpy as np
+
+        value = np.asarray(_field(model, name))
+        return value[: self.bodies] if name in LEADING else value
+
+    def add(self, index: int, model: mujoco.MjModel) -> None:
+        """Another one, of the settings at a place."""
+        for name, first in zip(self.names, self._bytes):
+            value = self.value(model, name)
+            if value.tobytes() != first:
+                self.rows.setdefault(name, {})[len(self.indices)] = value.copy()
+        self.indices.append(index)
+
+    def stack(self, name: str) -> Array:
+        """A field of all of them."""
+        import numpy as np
+
+        first = self.first[name]
+        made = np.empty((len(self.indices), *first.shape), first.dtype)
+        made[:] = first
+        for row, value in self.rows.get(name, {}).items():
+            made[row] = value
+        return made
+
+
+def _stacked(groups: Sequence[_Group], model: mujoco.MjModel, more: Mapping[str, Array]) -> Batched:
+    """Groups as one, in the order of their settings."""
+    import numpy as np
+
+    first = groups[0]
+    differing = [
+        name for name in first.names
+        if any(name in one.rows or one.first[name].tobytes() != first.first[name].tobytes() for one in groups)
+    ]
+    indices = np.concatenate([group.indices for group in groups])
+    order = np.argsort(indices)
+    fields = {name: np.concatenate([group.stack(name) for group in groups])[order] for name in differing}
+    fields |= {name: value[order] for name, value in more.items()}
+    return Batched(model=model, fields=fields, indices=tuple(indices[order].tolist()))
+
+
+def _united(groups: Sequence[_Group], source: Callable[[int], ModelSource]) -> Batched | None:
+    """Groups whose meshes are other ones as one; None where that cannot be."""
+    import numpy as np
+
+    together = united([source(group.indices[0]) for group in groups], [group.model for group in groups])
+    if together is None or len({group.bodies for group in groups}) > 1:
+        return None
+    model, chosen = together
+    meshes = np.concatenate([np.tile(np.array(one, dtype=np.int32), (len(group.indices), 1)) for one, group in zip(chosen, groups)])
+    return _stacked(groups, model, {"geom_dataid": meshes})
+
+
+def _field(model: Any, name: str) -> Any:
+    owner, _, field = name.rpartition(".")
+    return getattr(getattr(model, owner) if owner else model, field, None)
+
+
+def _kind(model: mujoco.MjModel) -> bytes:
+    """A digest of all that makes models of different groups: sizes, names, and arrays that are no numbers."""
+    digest = hashlib.sha256()
+    for name in names(model):
+        if not (name in NUMBERS or name in SHORTCUTS or name in OPTIONS or name.startswith("stat.")):
+            digest.update(name.encode() + content(model, name))
+    return digest.digest()

@@ -1,0 +1,161 @@
+"""Results of many settings of one family."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.diagnostics import Diagnostic, Report
+from thingc.batch.families.results import Evaluated
+from thingc.batch.measure import Results, UnknownMount, measure
+from thingc.batch.plans import planning
+from thingc.batch.plans.exchange import Exchange
+from thingc.batch.plans.planning import Form, Forms, NumericPlan, Varying
+from thingc.batch.plans.reading import Read, SettingsReader
+from thingc.batch.plans.rehearsal import NotTraceable, Rehearsal, rehearse
+from thingc.batch.plans.tape import Tape
+from thingc.batch.rules import unkept
+from thingc.documents.expressions import ExpressionValue
+from thingc.driver import pipeline
+
+if TYPE_CHECKING:
+    from thingc.batch.planning import Plan
+    from thingc.driver.pipeline import Compilation
+    from thingc.driver.session import Session
+
+Item = tuple[Mapping[str, Any], Read]
+
+
+class Evaluation:
+    """Results of one mode, in the pose, with the reach and judged by the rules of `plan`, if there is one. `verify` as that of
+    `ModelsOfMode`."""
+
+    def __init__(self, session: Session, reader: SettingsReader, mode: str, plan: Plan | None, *, verify: int | None) -> None:
+        self.session = session
+        self.reader = reader
+        self.mode = mode
+        self.pose = plan.pose if plan is not None else None
+        self.reach = plan.reach if plan is not None else None
+        self.rules = tuple(plan.rules) if plan is not None else ()
+        self.values: Any = plan.values if plan is not None else dict
+        self.verify = verify
+        self.forms: Forms[_Shape] = Forms()
+
+    def each(self, many: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
+        """What comes of each, in order."""
+        for settings, read in many:
+            planned = None if tests else self._planned(read)
+            if planned is None:
+                yield self._passed(settings, read, tests)
+                continue
+            plan, outputs = planned
+            results = plan.made.of(outputs)
+            if plan.is_due(self.verify):
+                whole = self._measured(read)
+                if whole != (results, plan.made.problems):
+                    self.forms.of(read).wrong(f"a plan gave other results for {dict(zip(read.names, read.values))}")
+                    yield self._passed(settings, read, tests)
+                    continue
+            yield self._judged(settings, read, results, plan.made.problems)
+
+    def _planned(self, read: Read) -> tuple[NumericPlan[_Shape], tuple[float, ...]] | None:
+        if read.report is not None or not read.names:
+            return None
+        form = self.forms.of(read)
+        return form.planned(read, partial(self._plan, read, form))
+
+    def _plan(self, read: Read, form: Form[_Shape]) -> NumericPlan[_Shape] | None:
+        """A plan that gives what compilations do; None, and the reason in `form`, where there is none."""
+        first = self._measured(read)
+        if not first[0]:
+            return None
+
+        def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> Rehearsal:
+            return rehearse(self.session, (self.mode,), numbers, texts, self._traced, exact)
+
+        def exchanged(rehearsal: Rehearsal) -> Exchange:
+            assert rehearsal.parts is not None
+            return Exchange(rehearsal.parts, self.session.environment.parts, {})
+
+        def finish(rehearsal: Rehearsal, exchange: Exchange | None) -> tuple[Sequence[Any], _Shape]:
+            if exchange is not None and first[1]:
+                raise NotTraceable("something is said, which may be of a part", list(form.modelled))
+            shape = _Shape(rehearsal.made, first[1])
+            return shape.outputs, shape
+
+        plan = planning.make(read, self.reader, attempt, finish, form, exchanged)
+        if plan is None:
+            return None
+        for sample in planning.samples(read, self.reader, form):
+            outputs = plan.outputs(sample.values)
+            whole = first if sample is read else self._measured(sample)
+            if outputs is not None and whole[0] and whole != (plan.made.of(outputs), plan.made.problems):
+                form.refused = "a plan gave other results"
+                return None
+        return plan
+
+    def _traced(self, compilation: Compilation, tape: Tape) -> Results:
+        return measure(compilation.robots[0], self.pose, self.reach)
+
+    # --- through every pass ---------------------------------------------------------------------------------------------
+
+    def _measured(self, read: Read) -> tuple[Results, tuple[Diagnostic, ...]]:
+        results, report, _ = self._compiled(read)
+        return results, tuple(report.ordered())
+
+    def _compiled(self, read: Read) -> tuple[Results, Report, Compilation | None]:
+        """The results, none where the settings are refused; all that was said."""
+        if read.report is not None:
+            return {}, read.report, None
+        compilation = self.session.compile(self.reader.settings(read), (self.mode,))
+        report: Report = compilation.report
+        if report.failed or not compilation.robots:
+            return {}, report, None
+        try:
+            return measure(compilation.robots[0], self.pose, self.reach), report, compilation
+        except UnknownMount as fault:
+            report.say(fault.diagnostic)
+            return {}, report, None
+
+    def _passed(self, settings: Mapping[str, Any], read: Read, tests: bool) -> Evaluated:
+        results, report, compilation = self._compiled(read)
+        done: tuple[Any, ...] = ()
+        if tests and compilation is not None:
+            from thingc.driver.testing import Selection, run
+
+            whole = self.session.compile(self.reader.settings(read))
+            report = whole.report
+            if not report.failed:
+                said = len(report.diagnostics)
+                done = tuple(run(pipeline.request_of(self.session.environment, whole), Selection()))
+                del report.diagnostics[said:]  # what fails is in the tests' results
+        return self._judged(settings, read, results, tuple(report.ordered()), done)
+
+    def _judged(
+        self, settings: Mapping[str, Any], read: Read, results: Results, problems: tuple[Diagnostic, ...], tests: tuple[Any, ...] = (),
+    ) -> Evaluated:
+        broken = None
+        if results and self.rules:
+            broken, more = self._broken(read, results)
+            problems = (*problems, *more)
+        return Evaluated(settings=settings, results=results, problems=problems, broken=broken, tests=tests)
+
+    def _broken(self, read: Read, results: Results) -> tuple[str | None, tuple[Diagnostic, ...]]:
+        """The first rule that is not kept, and what is wrong with rules."""
+        has_texts = any(name in self.reader.parameters for name, _ in read.texts)  # flags and expressions
+        given: Mapping[str, ExpressionValue] = self.reader.values(read) if has_texts else self.reader.quantities(read)
+        undecided: list[Diagnostic] = []
+        for rule, wrong in unkept(self.rules, self.values(given), results, self.mode):
+            if wrong is None:
+                return rule.text, ()
+            undecided.append(wrong)
+        return None, tuple(undecided)
+
+
+class _Shape(Varying):
+    """The results of one plan. `problems` is what is said of each."""
+
+    def __init__(self, results: Mapping[str, Any], problems: tuple[Diagnostic, ...]) -> None:
+        super().__init__(results)
+        self.problems = problems

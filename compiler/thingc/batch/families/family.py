@@ -1,0 +1,380 @@
+"""`thingc.family(document)`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, overload
+
+from thingc.base.diagnostics import Diagnostic, Report
+from thingc.base.source import ScalarNode, node_at
+from thingc.base.typos import did_you_mean
+from thingc.base.units import Quantity
+from thingc.batch.arguments import at_least, is_whole
+from thingc.batch.families.batching import Batches, batched
+from thingc.batch.families.evaluation import Evaluation
+from thingc.batch.families.models import ModelsOfMode
+from thingc.batch.families.results import Evaluated, Explanation, NoModel
+from thingc.batch.families.space import Space, of_axes, of_parameters
+from thingc.batch.families.texts import TextTemplate
+from thingc.batch.loading import FamilyError
+from thingc.batch.planning import Variant
+from thingc.batch.plans.builds import Builds
+from thingc.batch.plans.planning import Form
+from thingc.batch.plans.reading import Read, SettingsReader
+from thingc.batch.values import unit_in
+from thingc.documents.expressions import Expression, ExpressionError, ExpressionValue, evaluate, plain
+from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
+from thingc.driver.api import CompileError
+from thingc.driver.environment import Options
+from thingc.driver.pipeline import UnknownChoice, chosen_consumers
+from thingc.driver.session import Session
+from thingc.targets.modes import alone
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from thingc.batch.planning import Plan
+    from thingc.model.resolve import Sources
+    from thingc.modes import Modes
+
+
+class ModeNames(tuple[str, ...]):
+    """The names of the modes of a family. Called with settings, it gives their `thingc.modes.Modes`, to switch between at run time (those
+    named after them, else all); `NoModel`, which is false, if the settings are refused. Raises `UnknownChoice` for another mode."""
+
+    of: Callable[[Mapping[str, Any] | Variant, Sequence[str]], Modes | NoModel]
+
+    def __call__(self, settings: Mapping[str, Any] | Variant, *modes: str) -> Modes | NoModel:
+        """The modes of settings."""
+        return self.of(settings, modes)
+
+
+class RobotFamily:
+    """A document as a family of robots, kept in memory. A context manager: leaving it ends the worker that models parts.
+
+    Settings are mappings from the name of a parameter, or the path of anything in the document (`joints.elbow.limit.upper`,
+    `components.bus_board.mass`, `joints.*.dynamics.damping`), to a number in SI or a text as documents have it; or a `Variant` of a plan.
+    They are checked as those of `thingc build -p` are, and what is wrong with them is in the answers. The documents are read once: later
+    changes are not seen.
+
+    `verify`: of the models and results that are made alike without a compilation, as most are that set the same names, the first and then
+    one in so many is compared with one (0: none is; None: the first, the second, the fourth, the eighth ...).
+
+    Not for several threads at once; after a fork, or pickled, each process has a family of its own.
+    Whatever models parts, or takes their meshes, raises `StoreUnusable` where the folder of modelled parts cannot be used or has lost them.
+    """
+
+    def __init__(
+        self, document: str | os.PathLike[str], *, store: str | None = None, jobs: int = 0, mode: str | None = None,
+        verify: int | None = None, compat: Iterable[str] | str | None = None,
+    ) -> None:
+        """Raises `CompileError` where the document has errors, `UnknownChoice` for a mode or a program that does not exist, and
+        `FamilyError` if `jobs` or `verify` is not a whole number from 0 on."""
+        at_least(0, jobs=jobs)
+        if verify is not None and not is_whole(verify, 0):
+            raise FamilyError(f"expected `verify` to be None, 0 (nothing is compared), 1 (all is) or N (one in N is), found `{verify}`")
+        path, store = os.fsdecode(document), None if store is None else os.fsdecode(store)
+        options = Options(store=store, jobs=jobs, compat=None if compat is None else chosen_consumers(compat))
+        self._again = partial(RobotFamily, os.path.abspath(path), store=store, jobs=jobs, mode=mode, verify=verify, compat=options.compat)
+        self._plan = _planned(path, options)
+        self._session = Session(self._plan.assembly if self._plan is not None else path, options)
+        sources = self._session.sources
+        report = self._session.report
+        if sources is None or report.failed or not isinstance(sources.specs.get(sources.documents.root.relative), AssemblySpec):
+            self.close()
+            raise CompileError(report.ordered())
+        self._sources: Sources = sources
+        self._verify = verify
+        fixed = {} if self._plan is None else {**self._plan.fixed.parameters, **self._plan.fixed.choices}
+        kinds = None if self._plan is None else self._plan.paths.kinds
+        self._reader = SettingsReader(sources, {name: _given(value) for name, value in fixed.items()}, kinds)
+        first = self._session.compile(self._reader.settings(self._reader.read({})))
+        if first.assembly is None:
+            self.close()
+            raise CompileError(first.report.ordered())
+        self.name: str = first.assembly.name
+        names = self._plan.modes if self._plan is not None else tuple(one.name for one in first.assembly.modes)
+        self.modes = ModeNames(names)
+        self.modes.of = self._switching
+        self.mode = self.modes[0] if mode is None else self._known(mode)
+        self._models: dict[tuple[str, bool, bool], ModelsOfMode] = {}
+        self._builds: dict[tuple[str, ...], Builds] = {}
+        self._switches: dict[tuple[str, ...], Builds] = {}
+
+    def __enter__(self) -> RobotFamily:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy, in another process as well, is a family of its own, which reads the documents as they are then."""
+        return self._again, ()
+
+    def close(self) -> None:
+        """End the worker that models parts, if there is one."""
+        self._session.__exit__()
+
+    def __repr__(self) -> str:
+        return f"RobotFamily({self.name!r}, modes=[{', '.join(self.modes)}])"
+
+    # --- what it gives --------------------------------------------------------------------------------------------------
+
+    @overload
+    def evaluate(self, settings: Mapping[str, Any] | Variant, *, tests: bool = False) -> Evaluated: ...
+    @overload
+    def evaluate(self, settings: Iterable[Mapping[str, Any] | Variant], *, tests: bool = False) -> list[Evaluated]: ...
+    def evaluate(self, settings: Any, *, tests: bool = False) -> Evaluated | list[Evaluated]:
+        """The results of settings, of a list of them a list: in the mode and the pose of the document of variants, else in the family's
+        mode. With `tests` those of the assembly's document are run as well. Nothing is raised for what is wrong with settings."""
+        found = list(self._evaluation.each(map(self._read, as_many(settings)), tests=tests))
+        return found[0] if is_single(settings) else found
+
+    def model(
+        self, settings: Mapping[str, Any] | Variant, *, mode: str | None = None, visual: bool = True, floor: bool = False,
+    ) -> mujoco.MjModel | NoModel:
+        """The compiled model of settings in a mode, of its own; `NoModel`, which is false, where they are refused. Without `visual` what
+        is only drawn is left out; with `floor` it stands on that of its scene. Raises `UnknownChoice` for a mode that is not there."""
+        return next(self._of(mode, visual, floor).each([self._read(settings)], share=False))
+
+    def models(
+        self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, share: bool = False, visual: bool = False,
+        floor: bool = False,
+    ) -> Iterator[mujoco.MjModel | NoModel]:
+        """The models of many settings, in their order, made as they are asked for (up to 128 settings are read ahead). With `share` one
+        model is lent: it is that of the settings until the next one is asked for; an `MjData` of it goes on being usable as long as it is
+        the same object. What is written into a lent model may stay in the next one that is lent, and is in no other. `NoModel` stands in
+        place of a model that there is none of. Raises `UnknownChoice` for a mode that is not there."""
+        return self._of(mode, visual, floor).each(map(self._read, as_many(many)), share=share)
+
+    def batched(
+        self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, union: bool = True, floor: bool = False,
+    ) -> Batches:
+        """Many settings as few models without what is only drawn, and arrays of what each has of its own. With `union` variants of other
+        geometry are of one model, too, which has the meshes of all; with `floor` they stand on that of their scenes. Raises
+        `UnknownChoice` for a mode that is not there."""
+        models, read = self._of(mode, False, floor), [self._read(one) for one in as_many(many)]
+        models.take_back()
+        return batched(models.each(read, share=True), (lambda index: models.source(read[index][1])) if union else None)
+
+    def write(
+        self, settings: Mapping[str, Any] | Variant, folder: str | os.PathLike[str], *, emit: Sequence[str] | str = (),
+    ) -> tuple[Diagnostic, ...]:
+        """Write what `thingc build` does with these settings into `folder`, byte for byte; all that was said. With errors nothing is
+        written. `emit` are the targets, or a text as `--emit` takes it; unless named those of the document of variants, else those of a
+        build. What comes without a compilation (of other targets than `hag`, `glb` and `html`) MuJoCo is not asked about, unless it is
+        compared with one. Raises `UnknownChoice` for a target that is not there, `OutputError` where the system refuses, and
+        `UnexpectedFilesError` for a folder that holds anything but such a build."""
+        from thingc.driver.output import OutputError, write_build
+        from thingc.geometry.store.local import BlobMissing
+
+        given, read = self._read(settings)
+        if read.report is not None:
+            return tuple(read.report.ordered())
+        own = self._reader.settings(read, self._units, self._reader.as_given(given))
+        named = emit if isinstance(emit, Iterable) and not isinstance(emit, str) else (emit,)
+        builds = self._builds_of(tuple(map(str, named)))
+        store = self._session.environment.store
+        try:
+            files, problems = builds.made(own)
+            if files:
+                parent, name = os.path.split(os.path.abspath(os.fsdecode(folder)))
+                if not name or "\0" in name:
+                    raise OutputError(f"`{os.fsdecode(folder)!r}` is no folder that a build can be", "name a folder of its own for it")
+                write_build(parent, name, files, store, self._sources.documents.root.relative)
+        except BlobMissing as fault:
+            words = f"the store `{store.root}` no longer has the meshes of parts"
+            raise OutputError(words, "make the family anew: what is not there is modelled again") from fault
+        return problems
+
+    def _switching(self, settings: Mapping[str, Any] | Variant, modes: Sequence[str]) -> Modes | NoModel:
+        """See `ModeNames`."""
+        from thingc.modes import Modes
+
+        given, read = self._read(settings)
+        if read.report is not None:
+            return NoModel(settings=given, problems=tuple(read.report.ordered()))
+        chosen = tuple(map(self._known, modes or self.modes))
+        if chosen not in self._switches:
+            self._switches[chosen] = Builds(
+                self._session, self._reader, modes=chosen, targets=("mjcf",), verify=self._verify, emit=alone, patience=2,
+            )
+        files, problems = self._switches[chosen].made(self._reader.settings(read))
+        described = files.get("modes.json")
+        return Modes.parse(described) if isinstance(described, bytes) else NoModel(settings=given, problems=problems)
+
+    def adopt(self, settings: Mapping[str, Any] | Variant) -> tuple[Diagnostic, ...]:
+        """Make settings what the document of the assembly says, as `thingc set` does: comments and layout stay, and values are in the units
+        in which documents write them. All that was said; with errors nothing is written. This family goes on with the documents as it has
+        read them. Raises `OSError` where the document cannot be read."""
+        from thingc.driver.writing import write_values
+
+        _, read = self._read(settings)
+        if read.report is not None:
+            return tuple(read.report.ordered())
+        own = self._reader.settings(read, self._units or self._written_units(read.names))
+        given = {**own.parameters, **own.choices}
+        environment = self._session.environment
+        return write_values(environment.document, given, environment.options).found if given else ()
+
+    @cached_property
+    def space(self) -> Space:
+        """What may be set: the axes of the document of variants, else the parameters of the assembly."""
+        if self._plan is not None:
+            return of_axes(self._plan.axes, {**self._plan.own, **self._plan.paths.own})
+        return of_parameters(self._spec, self._reader.parameters, self._bound)
+
+    def numbers(self, settings: Mapping[str, Any] | Variant) -> dict[str, float]:
+        """The numbers [SI] and flags (0 or 1) of settings, by name, with those that hold for the whole family, and those that follow from
+        them; not what the documents say anyway."""
+        _, read = self._read(settings)
+        values, own = self._reader.values(read), self._reader.parameters
+        if self._plan is not None:  # which knows what stands at its paths
+            values.update((name, value) for name, value in self._plan.values(values).items() if "." in name)
+            own = {**own, **self._plan.paths.own}
+        given = {*read.names, *dict(read.texts)}
+        said = {name: value for name, value in values.items() if name in given or value != own.get(name)}
+        return {name: float(plain(value)) for name, value in said.items() if not isinstance(value, str)}
+
+    @property
+    def variants(self) -> Iterator[Variant]:
+        """Those that the document of variants plans, in their order; none of an assembly."""
+        return iter(self._plan or ())
+
+    def explain(self, name: str, value: Any = None, *, mode: str | None = None) -> Explanation | NoModel:
+        """Which way a number goes into the models of a mode, by parameter or path: found out by setting it to `value` (None: what stands
+        in the document) and to numbers near it. `NoModel` where it cannot be set to that."""
+        models = self._of(mode, False)
+        settings: dict[str, Any] = {one: self._stated(one) if value is None else value for one in self._reader.meant(str(name))}
+        read = self._reader.read(settings or {name: ""})
+        form: Form[Any] = Form()
+        plan = models.plan(read, form) if settings.keys() <= set(read.names) else None
+        if plan is None:
+            why = "; ".join(dict.fromkeys(form.why.values())) or form.refused
+            if not why and (problems := models.problems(read)):
+                return NoModel(settings=settings, problems=problems)
+            return Explanation(name=name, mode=models.mode, way="passes", why=why or "it is no number in the document")
+        if isinstance(plan.made, TextTemplate):
+            return Explanation(name=name, mode=models.mode, way="text" if plan.exchange is None else "parts", why=plan.made.why)
+        return Explanation(name=name, mode=models.mode, way="arrays", fields=tuple(sorted(plan.made.written)))
+
+    # --- how ------------------------------------------------------------------------------------------------------------
+
+    def _read(self, settings: Any) -> tuple[Mapping[str, Any], Read]:
+        if isinstance(settings, Variant):
+            settings = {**settings.parameters, **settings.choices}
+        return settings if isinstance(settings, Mapping) else {}, self._reader.read(settings)
+
+    def _stated(self, name: str) -> Any:
+        """What stands in the document [SI]; an empty text where nothing does."""
+        kind = self._reader.kind(name)
+        return kind.value if isinstance(kind, Quantity) else "" if kind is None else kind
+
+    def _known(self, mode: str) -> str:
+        if mode not in self.modes:
+            raise UnknownChoice(f"`{self.name}` has no mode `{mode}`", did_you_mean(str(mode), self.modes, what="modes"))
+        return mode
+
+    def _of(self, mode: str | None, visual: bool, floor: bool = False) -> ModelsOfMode:
+        key = (self.mode if mode is None else self._known(mode), visual, floor)
+        if key not in self._models:
+            self._models[key] = ModelsOfMode(self._session, self._reader, key[0], visual=visual, floor=floor, verify=self._verify)
+        return self._models[key]
+
+    @cached_property
+    def _evaluation(self) -> Evaluation:
+        return Evaluation(self._session, self._reader, self.mode, self._plan, verify=self._verify)
+
+    def _builds_of(self, targets: tuple[str, ...]) -> Builds:
+        from thingc.targets import chosen, unknown
+
+        plan = self._plan
+        if targets not in self._builds:
+            for _, message, hint in unknown(targets):
+                raise UnknownChoice(message, hint)
+            self._builds[targets] = Builds(
+                self._session, self._reader, modes=plan.chosen_modes if plan is not None else (), verify=self._verify,
+                targets=plan.emit if plan is not None and not targets else chosen(targets),
+            )
+        return self._builds[targets]
+
+    @property
+    def _spec(self) -> AssemblySpec:
+        spec = self._sources.specs[self._sources.documents.root.relative]
+        assert isinstance(spec, AssemblySpec)
+        return spec
+
+    @cached_property
+    def _units(self) -> Mapping[str, str]:
+        return self._plan.written_in if self._plan is not None else {}
+
+    def _written_units(self, names: Iterable[str]) -> dict[str, str]:
+        """The units in which the document writes numbers: not those that it does not write, or that are expressions."""
+        from thingc.driver.writing import keys_of
+
+        root = self._sources.documents.root
+        nodes = {name: node_at(root.tree, keys_of(root, name)) for name in names}
+        return {name: unit_in(node.text) for name, node in nodes.items() if isinstance(node, ScalarNode) and not node.text.startswith("=")}
+
+    def _bound(self, name: str, key: str) -> float | None:
+        """A bound of a parameter [SI]."""
+        entry = self._spec.parameters[name]
+        raw: Any = getattr(entry, key) if isinstance(entry, ParameterSpec) else None
+        if isinstance(raw, Expression):
+            try:
+                raw = evaluate(raw, self._reader.parameters)
+            except ExpressionError:
+                return None
+        return raw.value if isinstance(raw, Quantity) else None
+
+
+def _planned(path: str, options: Options) -> Plan | None:
+    """The plan of a document of variants; None of another document. Raises `CompileError` where it has errors."""
+    from thingc.batch.reading import read_plan
+    from thingc.documents.workspace import Workspace
+
+    report = Report()
+    if not _of_variants(path, Workspace.find(os.path.abspath(path), Report())):
+        return None
+    plan = read_plan(path, options, report)
+    if plan is None or report.failed:
+        raise CompileError(report.ordered())
+    return plan
+
+
+def _of_variants(path: str, workspace: Any) -> bool:
+    from thingc.documents.load import load
+
+    if workspace is None:
+        return False
+    documents = load(path, workspace, Report(), kinds=("assembly", "variants"))
+    return documents is not None and documents.root.kind == "variants"
+
+
+def is_single(settings: Any) -> bool:
+    """Whether these are settings, or something in their place, and not many of them."""
+    return isinstance(settings, (Mapping, str, bytes)) or not isinstance(settings, Iterable)
+
+
+def as_many(settings: Any) -> Iterable[Any]:
+    """Settings where many are expected: one is a list of one."""
+    return [settings] if is_single(settings) else settings
+
+
+def _given(value: ExpressionValue | str) -> Any:
+    return value.value if isinstance(value, Quantity) else value
+
+
+def family(
+    document: str | os.PathLike[str], *, store: str | None = None, jobs: int = 0, mode: str | None = None, verify: int | None = None,
+    compat: Iterable[str] | str | None = None,
+) -> RobotFamily:
+    """A document of an assembly, or of variants, as a family of robots in memory: see `RobotFamily`.
+
+    `store` is the folder of modelled parts (None: the user's cache), `jobs` how many parts are modelled at once, `mode` the
+    default mode (None: the first), `verify` how often a result without a compilation is compared with a compilation, `compat` the
+    programs besides MuJoCo that read its models (`["mjx"]`; None: those of the workspace).
+    """
+    return RobotFamily(document, store=store, jobs=jobs, mode=mode, verify=verify, compat=compat)

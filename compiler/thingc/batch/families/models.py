@@ -1,0 +1,304 @@
+"""Models of one mode, each by the quickest way that gives the very model that a build would."""
+
+from __future__ import annotations
+
+import copy
+from collections import OrderedDict
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
+
+from thingc.base.diagnostics import Diagnostic, Report
+from thingc.batch.families.results import NoModel
+from thingc.batch.families.specs import KeptSpec, NotInSpec
+from thingc.batch.families.texts import TextTemplate, plain_text
+from thingc.batch.families.union import ModelSource
+from thingc.batch.patching import TOGETHER, Arrays, NotInArrays, differing
+from thingc.batch.plans import planning
+from thingc.batch.plans.exchange import Exchange
+from thingc.batch.plans.planning import Form, Forms, NumericPlan
+from thingc.batch.plans.reading import Read, SettingsReader
+from thingc.batch.plans.rehearsal import Rehearsal, rehearse, written
+from thingc.batch.plans.tape import Traced
+from thingc.driver import pipeline
+from thingc.geometry import BlobMissing, StoreUnusable
+from thingc.targets import model_sources
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from thingc.driver.session import Session
+    from thingc.targets.artifact import Stored
+
+MESH_BYTES = 256_000_000
+"""How much of meshes MuJoCo is handed at once; when there is more, all is handed anew."""
+
+KEPT = 32
+"""Compiled models that are kept: a learner comes back to the morphologies that it has seen."""
+
+Item = tuple[Mapping[str, Any], Read]
+
+
+class ModelsOfMode:
+    """Of one mode, with or without what is only drawn and a floor. Of each plan the first model and then one in `verify` is compared with a
+    compilation; None: the first, the second, the fourth, the eighth ..."""
+
+    def __init__(self, session: Session, reader: SettingsReader, mode: str, *, visual: bool, floor: bool, verify: int | None) -> None:
+        self.session = session
+        self.reader = reader
+        self.mode = mode
+        self.visual = visual
+        self.floor = floor
+        self.verify = verify
+        self.forms: Forms[Arrays | TextTemplate] = Forms()
+        self._files: mujoco.MjVfs | None = None
+        self._held: dict[str, Stored] = {}
+        self._specs: WeakKeyDictionary[TextTemplate, KeptSpec | None] = WeakKeyDictionary()
+        self._kept: OrderedDict[tuple[Read, bool], mujoco.MjModel] = OrderedDict()
+
+    def each(self, many: Iterable[Item], *, share: bool) -> Iterator[mujoco.MjModel | NoModel]:
+        """The models, in order; shared ones are lent until the next."""
+        waiting: list[tuple[Item, NumericPlan[Any], tuple[float, ...]]] = []
+        for item in many:
+            planned = None if self._is_kept(item[1], share) else self._planned(item[1])
+            if waiting and (planned is None or planned[0] is not waiting[0][1] or len(waiting) == TOGETHER):
+                yield from self._together(waiting, share)
+                waiting = []
+            if planned is None:
+                yield self._passed(item, share)
+            else:
+                waiting.append((item, *planned))
+        yield from self._together(waiting, share)
+
+    def take_back(self) -> None:
+        """See to it that nothing of what borrowers have written into their models is in the next ones."""
+        for form in self.forms.kept.values():
+            for plan in form.plans:
+                if isinstance(plan.made, Arrays):
+                    plan.made.take_back()
+        self._kept = OrderedDict((key, model) for key, model in self._kept.items() if not key[1])
+
+    def _is_kept(self, read: Read, share: bool) -> bool:
+        """Whether a compiled model is at hand, and none that only needs its arrays written."""
+        return (read, share) in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.forms.of(read).plans)
+
+    def _planned(self, read: Read) -> tuple[NumericPlan[Arrays | TextTemplate], tuple[float, ...]] | None:
+        if read.report is not None or not read.names:
+            return None
+        form = self.forms.of(read)
+        return form.planned(read, partial(self.plan, read, form))
+
+    def plan(self, read: Read, form: Form[Arrays | TextTemplate]) -> NumericPlan[Arrays | TextTemplate] | None:
+        """A plan that gives what compilations do; None, and the reason in `form`, where there is none."""
+        first = self._compiled(read)
+        if isinstance(first, tuple):  # they are refused, which says nothing of others
+            return None
+
+        def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> Rehearsal:
+            return rehearse(self.session, (self.mode,), numbers, texts, written(self.session, self.mode, floor=self.floor), exact)
+
+        def exchanged(rehearsal: Rehearsal) -> Exchange:
+            assert rehearsal.parts is not None
+            return Exchange(rehearsal.parts, self.session.environment.parts, rehearsal.made.assets)
+
+        slower = ""
+
+        def finish(rehearsal: Rehearsal, exchange: Exchange | None) -> tuple[Sequence[Any], Arrays | TextTemplate]:
+            nonlocal slower
+            if exchange is not None:
+                template = TextTemplate(rehearsal, "; ".join(dict.fromkeys(form.modelled.values())), exchange.names)
+                return template.outputs, template
+            assets = self.source(read).assets
+            if not slower:
+                try:
+                    tape = rehearsal.tape
+                    arrays = Arrays(rehearsal.made.text, tape.written, plain_text(rehearsal), assets, self._load)
+                    return [Traced(tape, line, tape.values[line]) for line in arrays.lines], arrays
+                except NotInArrays as fault:
+                    slower = f"MuJoCo works with `{fault.attribute}` when it compiles"
+            template = TextTemplate(rehearsal, slower)
+            return template.outputs, template
+
+        while True:
+            plan = planning.make(read, self.reader, attempt, finish, form, exchanged)
+            if plan is None:
+                return None
+            wrong = self._compared(plan, planning.samples(read, self.reader, form), first)
+            if not wrong:
+                return plan
+            if isinstance(plan.made, TextTemplate):
+                form.refused = f"a plan gave another model: {wrong}"
+                return None
+            slower = f"a plan by arrays gave another `{wrong}`"
+
+    def _compared(self, plan: NumericPlan[Arrays | TextTemplate], samples: Sequence[Read], first: mujoco.MjModel) -> str:
+        """The first field in which models of a plan differ from compiled ones, of which `first` is that of the first sample; empty where
+        none does."""
+        for read in samples:
+            outputs = plan.outputs(read.values)
+            whole = first if read is samples[0] else self._compiled(read)
+            if outputs is None or isinstance(whole, tuple):
+                continue
+            try:
+                wrong = differing(self._by(plan, read, outputs), whole)
+            except ValueError as fault:
+                return " ".join(str(fault).split())
+            if wrong:
+                return wrong[0]
+        return ""
+
+    def _by(self, plan: NumericPlan[Arrays | TextTemplate], read: Read, outputs: tuple[float, ...]) -> mujoco.MjModel:
+        if isinstance(plan.made, TextTemplate):
+            return self._by_text(plan, plan.made, read, outputs)
+        plan.made.put(plan.made.prepare([outputs]), 0)
+        return plan.made.model
+
+    def _by_text(self, plan: NumericPlan[Any], template: TextTemplate, read: Read, outputs: tuple[float, ...]) -> mujoco.MjModel:
+        exchanged = plan.exchanged(read.values)
+        meshes = () if exchanged is None else exchanged.names
+        if exchanged is not None:
+            self._mount(exchanged.assets)
+        spec = self._specs.get(template)
+        if spec is not None:
+            try:
+                return spec.model(outputs, meshes, self._files)
+            except ValueError:  # whatever is wrong is said of the text
+                self._specs[template] = None
+        text = template.text(outputs, meshes)
+        model = self._load(text)
+        if template not in self._specs:
+            self._specs[template] = self._kept_spec(template, text, outputs, meshes, model)
+        return model
+
+    def _kept_spec(
+        self, template: TextTemplate, text: str, outputs: tuple[float, ...], meshes: Sequence[str], model: mujoco.MjModel,
+    ) -> KeptSpec | None:
+        """A spec that gives the `model` of the text; None where there is none."""
+        try:
+            spec = KeptSpec(template, self._asked(text), meshes, self._files)
+            return None if differing(spec.model(outputs, meshes, self._files), model) else spec
+        except (NotInSpec, ValueError):
+            return None
+
+    def _together(
+        self, waiting: Sequence[tuple[Item, NumericPlan[Any], tuple[float, ...]]], share: bool,
+    ) -> Iterator[mujoco.MjModel | NoModel]:
+        """The models of settings that one plan is of."""
+        if not waiting:
+            return
+        plan = waiting[0][1]
+        prepared = None
+        if isinstance(plan.made, Arrays):
+            try:
+                prepared = plan.made.prepare([outputs for _, _, outputs in waiting])
+            except ValueError:  # one of them MuJoCo refuses
+                for item, _, _ in waiting:
+                    yield self._passed(item, share)
+                return
+        for index, (item, _, outputs) in enumerate(waiting):
+            is_due = plan.is_due(self.verify)
+            if prepared is None:
+                model = self._by_text(plan, plan.made, item[1], outputs)
+            else:
+                if is_due or not share:
+                    plan.made.take_back()
+                plan.made.put(prepared, index)
+                model = plan.made.lend() if share else plan.made.model
+            if is_due and not self._right(item[1], plan, model):
+                for wrong, _, _ in waiting[index:]:
+                    yield self._passed(wrong, share)
+                return
+            if share and prepared is None:
+                self._keep(item[1], share, model)
+            yield model if share or prepared is None else copy.copy(model)
+
+    def _right(self, read: Read, plan: NumericPlan[Any], model: mujoco.MjModel) -> bool:
+        """Whether the model of a plan is the compiled one; a plan whose model is another one is given up."""
+        whole = self._compiled(read)
+        wrong = ["refused"] if isinstance(whole, tuple) else differing(model, whole)
+        if wrong:
+            self.forms.of(read).wrong(f"a plan gave another `{wrong[0]}` for {dict(zip(read.names, read.values))}")
+        return not wrong
+
+    def _passed(self, item: Item, share: bool) -> mujoco.MjModel | NoModel:
+        """The model by every pass, or as it was kept."""
+        settings, read = item
+        known = self._kept.get((read, share)) if read.report is None else None
+        if known is None:
+            outcome = self._compiled(read)
+            if isinstance(outcome, tuple):
+                return NoModel(settings=settings, problems=outcome)
+            known = outcome
+        self._keep(read, share, known)
+        return known if share else copy.copy(known)
+
+    def _keep(self, read: Read, share: bool, model: mujoco.MjModel) -> None:
+        """Note a model: one that is lent, which its borrowers may have changed, apart from one that copies are made of."""
+        self._kept[read, share] = model
+        self._kept.move_to_end((read, share))
+        if len(self._kept) > KEPT:
+            self._kept.popitem(last=False)
+
+    # --- through every pass ---------------------------------------------------------------------------------------------
+
+    def _compiled(self, read: Read) -> mujoco.MjModel | tuple[Diagnostic, ...]:
+        """The model by every pass; else what is wrong."""
+        if read.report is not None:
+            return tuple(read.report.ordered())
+        compilation = self.session.compile(self.reader.settings(read), (self.mode,))
+        report: Report = compilation.report
+        if report.failed:
+            return tuple(report.ordered())
+        texts, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False), floor=self.floor)
+        if report.failed:
+            return tuple(report.ordered())
+        self._mount(assets)
+        try:
+            return self._load(texts[self.mode])
+        except ValueError:
+            self.session.emit(compilation, ["mjcf"])  # which says what it is about
+            return tuple(report.ordered())
+
+    def problems(self, read: Read) -> tuple[Diagnostic, ...]:
+        """Why there is no model of settings; empty where there is one."""
+        outcome = self._compiled(read)
+        return outcome if isinstance(outcome, tuple) else ()
+
+    def source(self, read: Read) -> ModelSource:
+        """What the model of settings that are not refused is made from."""
+        compilation = self.session.compile(self.reader.settings(read), (self.mode,))
+        texts, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False), floor=self.floor)
+        self._mount(assets)
+        return ModelSource(text=texts[self.mode], assets={file: self._bytes(stored) for file, stored in assets.items()})
+
+    def _mount(self, assets: Mapping[str, Stored]) -> None:
+        import mujoco
+
+        if self._files is None or sum(stored.size for stored in self._held.values()) > MESH_BYTES:
+            self._files, self._held = mujoco.MjVfs(), {}
+        for file, stored in assets.items():
+            if self._held.get(file) != stored:
+                if file in self._held:
+                    del self._files[file]
+                self._files[file] = self._bytes(stored)
+                self._held[file] = stored
+
+    def _bytes(self, stored: Stored) -> bytes:
+        """A mesh. Raises `StoreUnusable` where the store has lost it since its part was modelled."""
+        store = self.session.environment.store
+        try:
+            return store.read(stored.sha256)
+        except BlobMissing as fault:
+            words = "it no longer has the meshes of parts; make the family anew: what is not there is modelled again"
+            raise StoreUnusable(store.root, words) from fault
+
+    def _load(self, text: str) -> mujoco.MjModel:
+        import mujoco
+
+        return mujoco.MjModel.from_xml_string(self._asked(text), vfs=self._files)
+
+    def _asked(self, text: str) -> str:
+        # MuJoCo has most meshes from before: threads for them cost more than they save.
+        asked = 'usethread="false"' if self.visual else 'usethread="false" discardvisual="true"'
+        return text.replace("<compiler ", f"<compiler {asked} ", 1)

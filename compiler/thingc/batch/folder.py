@@ -1,0 +1,288 @@
+"""A batch's folder: one batch at a time, nothing of anybody else deleted, and what has been begun can be gone on with."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import json
+import os
+import re
+import shutil
+import threading
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
+from thingc.base.files import BadPath, listing
+from thingc.base.shown import quoted
+from thingc.batch import places
+from thingc.batch.chunks import DamagedChunk, complete
+from thingc.driver.output import NOTHING, same_file
+from thingc.driver.output import unexpected_files as unexpected_in_build
+from thingc.driver.stamp import state_of
+from thingc.geometry import Digests
+
+KIND = "batch/1"
+_VARIANT = re.compile(r"[0-9a-f]{12}")
+_CHUNK = re.compile(r"[0-9]{6}(\.run)?\.parquet|[0-9]{6}\.jsonl")
+_ASSET = re.compile(r"[0-9a-f]{64}")
+_PICTURE = re.compile(r"[0-9a-f]{12}\.png")
+_OLD = re.compile(r"\.old-[0-9]+-[0-9a-f]{8}")
+INNER = (places.VARIANTS, places.CHUNKS, places.ASSETS, places.PICTURES)
+"""The folders in a batch's folder."""
+FOLDERS, PACKED = "folders", "packed"
+"""The layouts: a folder for each variant, or many variants in a file."""
+MANY = 2000
+"""Variants of a batch; more of them are packed unless the caller says otherwise."""
+
+
+class BatchFault(Exception):
+    """A batch that cannot begin or go on: `diagnostic` says why. What has been built stays as it is."""
+
+    def __init__(self, code: Code, message: str, help: str | None = None, detail: str | None = None) -> None:
+        super().__init__(f"{message}: {help}" if help else message)
+        self.diagnostic = Diagnostic(code=code, severity=Severity.ERROR, message=message, help=help, detail=detail)
+
+
+@contextlib.contextmanager
+def locked(folder: str) -> Iterator[None]:
+    """Hold the folder for one batch. Raises `BatchFault` where another one does."""
+    parent, name = os.path.split(folder)
+    os.makedirs(parent, exist_ok=True)
+    path = os.path.join(parent, f".{name}.thingc-lock")
+    with contextlib.ExitStack() as leaving:
+        descriptor = -1
+        while descriptor < 0 or not same_file(descriptor, path):  # a batch that ended meanwhile took its file away with it
+            leaving.close()
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+            leaving.callback(os.close, descriptor)
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise BatchFault(
+                    Code.BATCH_LOCKED, f"another batch is being written to `{shown_path(folder)}`",
+                    "wait until it has finished, or write into another folder with -o",
+                ) from None
+        try:
+            yield
+        finally:
+            with contextlib.suppress(OSError):
+                os.unlink(path)
+
+
+def read_batch(folder: str) -> dict[str, Any] | None:
+    """What `batch.json` says; None where there is none of ours."""
+    try:
+        with open(os.path.join(folder, places.BATCH), encoding="utf-8") as stream:
+            described = json.load(stream)
+    except (OSError, ValueError):
+        return None
+    return described if isinstance(described, dict) and described.get("thingc") == KIND else None
+
+
+def begun(document: str, folder: str, hint: str) -> dict[str, Any]:
+    """What `batch.json` says of the batch of this document. Raises `BatchFault` with a hint where there is none."""
+    before = read_batch(folder)
+    if before is None or before.get("document") != document:
+        raise BatchFault(Code.NO_BATCH, f"there is no batch of `{document}` in `{shown_path(folder)}`", hint)
+    return before
+
+
+def whole(folder: str, described: Mapping[str, Any]) -> None:
+    """Raises `MissingChunk` where a file of a packed batch is gone, of which `batch.json` says this."""
+    if described["layout"] == PACKED:
+        complete(folder, described.get("asked", 0) if described["finished"] else 0)
+
+
+def write_batch(folder: str, batch: Mapping[str, Any]) -> None:
+    """Write `batch.json`; it appears as a whole."""
+    _write(os.path.join(folder, places.BATCH), json.dumps({"thingc": KIND, **batch}, indent=2, sort_keys=True, ensure_ascii=False))
+
+
+def _write(path: str, text: str) -> None:
+    with open(f"{path}.new", "w", encoding="utf-8", newline="\n") as stream:
+        stream.write(f"{text}\n")
+    os.replace(f"{path}.new", path)
+
+
+def remember(folder: str, *names: str) -> None:
+    """Note in `shown.json` what files hold that people open, and may save again: so the next batch sees whether one was edited."""
+    _note(folder, {name: state_of(os.path.join(folder, name)) for name in names})
+
+
+def forget(folder: str, name: str) -> None:
+    """Note that such a file is being written."""
+    _note(folder, {name: None})
+
+
+def _note(folder: str, states: Mapping[str, str | None]) -> None:
+    noted = {name: state for name, state in {**_noted(folder), **states}.items() if state is not None}
+    _write(os.path.join(folder, places.SHOWN), json.dumps(noted, indent=2, sort_keys=True))
+
+
+def _noted(folder: str) -> dict[str, str]:
+    """What has been noted of files; nothing where the note is gone or damaged."""
+    try:
+        with open(os.path.join(folder, places.SHOWN), encoding="utf-8") as stream:
+            states = json.load(stream)
+    except (OSError, ValueError):
+        return {}
+    return {name: state for name, state in states.items() if isinstance(state, str)} if isinstance(states, dict) else {}
+
+
+def unchanged(folder: str, *names: str) -> bool:
+    """Whether these files hold what was noted of them."""
+    known = _noted(folder)
+    return all(name in known and state_of(os.path.join(folder, name)) == known[name] for name in names)
+
+
+def _edited(folder: str) -> list[str]:
+    """The files that people open which are others than those that were written; one that is gone, or empty, is nothing to lose."""
+    known = _noted(folder)
+    mine = (places.TABLE_CSV, places.TABLE_PARQUET, places.PAGE)
+    return [name for name in mine if name in known and state_of(os.path.join(folder, name)) not in (known[name], None, NOTHING)]
+
+
+def begin(folder: str, document: str, assembly: str) -> None:
+    """Make the folder ready for a new batch of `document`; a finished batch of the same document is set aside for `cleared`.
+
+    Raises `BatchFault` where it holds anything else.
+    """
+    if not os.path.lexists(folder):
+        os.makedirs(folder)
+    elif not os.path.isdir(folder):
+        raise BatchFault(
+            Code.UNEXPECTED, f"`{shown_path(folder)}` is a file, and the batch needs a folder there",
+            "move it away, or write into another folder with -o",
+        )
+    elif os.listdir(folder):
+        before = read_batch(folder)
+        if before is not None and before.get("document") != document:
+            raise BatchFault(
+                Code.UNEXPECTED, f"`{shown_path(folder)}` holds the batch of another document, `{before.get('document')}`, and is left "
+                "as it is", "move it away, or write into another folder with -o",
+            )
+        unexpected = sorted([*unexpected_files(folder, assembly), *_edited(folder)])
+        if before is None or unexpected:
+            raise BatchFault(
+                Code.UNEXPECTED,
+                f"`{shown_path(folder)}` holds files that no batch of `{document}` wrote, or that were changed since, and is left as it "
+                f"is: {quoted(unexpected, 8)}", "move these files away, or write into another folder with -o",
+            )
+        if not before.get("finished"):
+            raise BatchFault(
+                Code.BATCH_UNFINISHED, f"`{shown_path(folder)}` holds a batch that has not finished",
+                "go on with --resume, or delete the folder to begin anew",
+            )
+        _set_aside(folder, before)
+
+
+def lay_out(folder: str, layout: str) -> None:
+    """Make the inner folders that a batch of this layout needs. Its `batch.json` is there: a kill before this costs nothing."""
+    for inner in (places.CHUNKS if layout == PACKED else places.VARIANTS, places.ASSETS):
+        os.makedirs(os.path.join(folder, inner), exist_ok=True)
+
+
+def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
+    """Take a finished batch out of the way. A kill on the way leaves one that has not finished and can be gone on with."""
+    write_batch(folder, {**{key: value for key, value in before.items() if key != "thingc"}, "finished": False})
+    for name in (places.JOURNAL, places.TABLE_CSV, places.TABLE_PARQUET, places.PAGE):
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(os.path.join(folder, name))
+    old = os.path.join(folder, places.set_aside())
+    os.mkdir(old)
+    for inner in INNER:
+        with contextlib.suppress(FileNotFoundError):
+            os.rename(os.path.join(folder, inner), os.path.join(old, inner))
+
+
+@contextlib.contextmanager
+def cleared(folder: str) -> Iterator[None]:
+    """Delete what has been set aside while the body runs: of thousands of variants that takes seconds. Leaving waits for it; where
+    an exception leaves, the rest stays for the next batch."""
+    stopped = threading.Event()
+    old = [os.path.join(folder, name) for name in os.listdir(folder) if _OLD.fullmatch(name)]
+    thread = threading.Thread(target=_delete, args=(old, stopped), name="thingc-clearing", daemon=True)
+    thread.start()
+    try:
+        yield
+    except BaseException:
+        stopped.set()
+        raise
+    finally:
+        thread.join()
+
+
+def _delete(folders: list[str], stopped: threading.Event) -> None:
+    """Delete folders that have been set aside, one variant after the other, until it is `stopped`."""
+    for folder in folders:
+        for inner in INNER:
+            place = os.path.join(folder, inner)
+            for name in listing(place):
+                if stopped.is_set():
+                    return
+                places.remove(os.path.join(place, name))
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def unexpected_files(folder: str, assembly: str) -> list[str]:
+    """Everything in the folder that no batch over `assembly` wrote, or that was changed since, by path in it, sorted."""
+    known: Digests = {}  # variants share their meshes
+    paths = [name for name in os.listdir(folder) if name.removesuffix(".new") not in places.OWN and not _OLD.fullmatch(name)]
+    for inner, pattern in (
+        (places.VARIANTS, _VARIANT), (places.CHUNKS, _CHUNK), (places.ASSETS, _ASSET), (places.PICTURES, _PICTURE),
+    ):
+        place = os.path.join(folder, inner)
+        for name in os.listdir(place) if os.path.isdir(place) else ():  # one that cannot be read may hold anything
+            if name.startswith(places.NEW):
+                continue
+            path = f"{inner}/{name}"
+            if not pattern.fullmatch(name):
+                paths.append(path)
+            elif inner == places.VARIANTS:
+                paths.extend(f"{path}/{one}" for one in unexpected_in_build(os.path.join(folder, path), assembly, known=known).names)
+    return sorted(paths)
+
+
+def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """What keeps a batch from being gone on with, in words; empty where nothing does."""
+    words: list[str] = []
+    if before["layout"] != now["layout"]:
+        words.append(f"its layout is `{before['layout']}`, not `{now['layout']}`")
+    if before.get("plan") != now["plan"]:
+        words.append("the settings, rules, modes or targets of the variants are others")
+    old, new = before.get("inputs"), now["inputs"]
+    old = old if isinstance(old, dict) else {}
+    changed = sorted(name for name in {*old, *new} if old.get(name) != new.get(name))
+    if changed:
+        words.append(f"{quoted(changed, 4)} changed")
+    versions = {name for name in {*before.get("versions", {}), *now["versions"]}
+                if before.get("versions", {}).get(name) != now["versions"].get(name)}
+    if versions:
+        words.append("other versions are installed: " + ", ".join(f"`{name}`" for name in sorted(versions)))
+    return words
+
+
+def in_words(folder: str, fault: OSError) -> BatchFault:
+    """Why the system refuses to write a batch, or to read what is there of it."""
+    if isinstance(fault, DamagedChunk):
+        return BatchFault(Code.BATCH_CHANGED, fault.words, fault.cure)
+    if isinstance(fault, BadPath):
+        message = f"a file of the batch in `{shown_path(folder)}` is damaged: {fault}"
+        return BatchFault(Code.BATCH_CHANGED, message, "delete the folder and build the batch again")
+    place = shown_path(str(fault.filename)) if fault.filename is not None else shown_path(folder)
+    if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return BatchFault(
+            Code.OUTPUT, f"there is no room for the batch in `{shown_path(folder)}`: {os.strerror(fault.errno)}",
+            "free some space and go on with --resume; what has been built stays",
+        )
+    if isinstance(fault, (FileExistsError, NotADirectoryError)):
+        return BatchFault(
+            Code.OUTPUT, f"the batch cannot be written to `{shown_path(folder)}`: there is a file where it needs a folder",
+            "move the file away, or write into another folder with -o",
+        )
+    return BatchFault(
+        Code.OUTPUT, f"the batch cannot be written to `{place}`: {fault.strerror or fault}",
+        "let the folder be written and go on with --resume, or write into another folder with -o",
+    )

@@ -1,0 +1,93 @@
+"""The page of a batch, `index.html`: pictures of the variants in a grid, the table, and a plot of anything against anything.
+
+One file without a request to anywhere: style, program and data are in it, pictures lie beside it in `pictures/`. The same batch
+gives the same bytes; what tells of the run (`parts_modelled`, `seconds`, ...) is left out.
+"""
+
+from __future__ import annotations
+
+import html
+import math
+import os
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from typing import Any
+
+from thingc.base.shown import shown
+from thingc.base.webpage import in_script, pieces
+from thingc.batch import places
+from thingc.batch.records import spread
+from thingc.batch.tables import RUN, Column, cells
+from thingc.batch.values import size_of
+
+MOST = 10_000
+"""Rows of a page, about 4 MB: of a longer table it has so many, evenly spread."""
+
+
+def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Column]) -> str:
+    """Write the page of the batch in `folder` from what it has done; it appears as a whole. Returns its path.
+
+    `described` is what `batch.json` says, `wanted` the columns of the table. A row is in memory at a time.
+    """
+    path = os.path.join(folder, places.PAGE)
+    wanted = [column for column in wanted if column.name not in RUN]
+    units = _units(wanted)
+    before, after = _frame(described)
+    done, lines = spread(folder, MOST)
+    pictures = places.pictured(folder)
+    fresh = f"{path}.new"
+    with open(fresh, "w", encoding="utf-8", newline="\n") as stream:
+        stream.write(before)
+        stream.write(_head({**described, "done": done}, wanted, [unit for unit, _ in units]))
+        for number, line in enumerate(lines):
+            row = [
+                _plain(value if size is None else _in_unit(value, size))
+                for value, (_, size) in zip(cells(line, wanted), units, strict=True)
+            ]
+            stream.write((",\n" if number else "\n") + in_script([*row, int(line["id"] in pictures)]))
+        stream.write("\n]}" + after)
+    os.replace(fresh, path)
+    return path
+
+
+def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
+    """The page before and after its data."""
+    own = resources.files("thingc.batch")
+    texts = {place: (own / name).read_text(encoding="utf-8") for place, name in (("@STYLE@", "page.css"), ("@SCRIPT@", "page.js"))}
+    texts["@TITLE@"] = html.escape(shown(f"{described['name']}: variants of {described['assembly']}"))
+    frame = pieces((own / "page.html").read_text(encoding="utf-8"))
+    before, after = frame[: frame.index("@DATA@")], frame[frame.index("@DATA@") + 1 :]
+    return "".join(texts.get(piece, piece) for piece in before), "".join(texts.get(piece, piece) for piece in after)
+
+
+def _units(wanted: Sequence[Column]) -> list[tuple[str, float | None]]:
+    """The unit in which each column is shown and its size in SI (None: it is that of SI): as documents write it, and a result as they
+    write the first parameter of its dimension."""
+    alike: dict[str, str] = {}
+    for column in wanted:
+        if column.written and size_of(column.written) is not None:
+            alike.setdefault(column.unit, column.written)
+    chosen = [column.written or alike.get(column.unit, "") if column.unit else "" for column in wanted]
+    sizes = [size_of(unit) if unit else None for unit in chosen]
+    return [(column.unit if size is None else unit, size) for column, unit, size in zip(wanted, chosen, sizes, strict=True)]
+
+
+def _in_unit(value: Any, size: float) -> Any:
+    """A number in a unit of this size, to 12 digits: 0.07 m are 70 mm."""
+    return float(f"{value / size:.12g}") if isinstance(value, (int, float)) and math.isfinite(value) else value
+
+
+def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequence[str]) -> str:
+    """The object that the page's program reads, up to its rows."""
+    names = ("name", "document", "assembly", "count", "done", "pose", "finished", "layout")
+    told: dict[str, Any] = {name: _plain(described[name]) for name in names}
+    told["modes"] = [shown(name) for name in described["modes"]]
+    told["columns"] = [{"name": column.name, "kind": column.kind, "unit": unit} for column, unit in zip(wanted, units, strict=True)]
+    return in_script(told)[:-1] + ',"rows":['
+
+
+def _plain(value: Any) -> Any:
+    """A cell as the page shows it: an infinite one is the text `inf`, text is on one line."""
+    if isinstance(value, str):
+        return shown(value)
+    return "inf" if isinstance(value, float) and not math.isfinite(value) else value

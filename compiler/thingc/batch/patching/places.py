@@ -1,0 +1,156 @@
+"""Where a number of an MJCF file stands in MuJoCo's model: which entries of which arrays, as the compiler puts it there unchanged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+from xml.etree.ElementTree import Element
+
+from thingc.base.frozen import dataclass
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+class NotInArrays(Exception):
+    """A number that the compiler works with: `attribute` is what it stands in, as `geom.pos`."""
+
+    def __init__(self, attribute: str) -> None:
+        super().__init__(attribute)
+        self.attribute = attribute
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """An entry of a field of `MjModel` (`opt.timestep`: of its options, `stat.extent`: of its statistics), counted through all of it, and
+    by what the number is multiplied (1 or -1)."""
+
+    field: str
+    index: int
+    sign: float = 1.0
+
+
+INERT = frozenset((
+    "jnt_range", "jnt_actfrcrange", "jnt_stiffness", "dof_damping", "dof_frictionloss", "actuator_ctrlrange", "actuator_forcerange",
+    "actuator_gainprm", "actuator_biasprm", "tendon_range", "tendon_stiffness", "tendon_damping", "tendon_frictionloss",
+    "tendon_lengthspring", "key_qpos", "key_qvel", "key_ctrl", "key_mpos", "key_mquat", "numeric_data", "opt.timestep",
+    "opt.gravity", "stat.center", "stat.extent", "eq_data", "geom_friction", "site_pos", "site_quat", "qpos_spring",
+))
+"""Fields of which MuJoCo works nothing out when it sets constants."""
+TENSED = frozenset(("qpos_spring", "site_pos"))
+"""Those of which it works something out where there are tendons: how long they are."""
+
+_JOINT = {
+    "damping": "dof_damping", "frictionloss": "dof_frictionloss", "armature": "dof_armature", "stiffness": "jnt_stiffness",
+    "range": "jnt_range", "pos": "jnt_pos", "actuatorfrcrange": "jnt_actfrcrange",
+}
+_PLAIN = {
+    ("body", "pos"): "body_pos", ("body", "quat"): "body_quat", ("site", "pos"): "site_pos", ("site", "quat"): "site_quat",
+    ("key", "qpos"): "key_qpos", ("key", "ctrl"): "key_ctrl", ("key", "mpos"): "key_mpos", ("key", "mquat"): "key_mquat",
+    ("geom", "friction"): "geom_friction",
+}
+_TENDON = {
+    "range": "tendon_range", "stiffness": "tendon_stiffness", "damping": "tendon_damping", "frictionloss": "tendon_frictionloss",
+    "armature": "tendon_armature", "springlength": "tendon_lengthspring",
+}
+_ACTUATOR = {"ctrlrange": "actuator_ctrlrange", "forcerange": "actuator_forcerange"}
+_GAINS = {
+    ("position", "kp"): (("actuator_gainprm", 0, 1.0), ("actuator_biasprm", 1, -1.0)),
+    ("position", "kv"): (("actuator_biasprm", 2, -1.0),),
+    ("velocity", "kv"): (("actuator_gainprm", 0, 1.0), ("actuator_biasprm", 2, -1.0)),
+}
+_GROUPS = {"option": "opt", "statistic": "stat"}
+_DRIVES = ("position", "velocity", "motor", "adhesion")
+_TENDONS = ("fixed", "spatial")
+_KINDS = {**dict.fromkeys(_DRIVES, "actuator"), **dict.fromkeys(_TENDONS, "tendon")}
+"""What the model calls an element of a tag, where that is not its tag."""
+
+
+def places(
+    root: Element, tokens: Mapping[str, int], model: mujoco.MjModel,
+) -> tuple[list[tuple[int, Entry]], dict[str, list[list[str]]]]:
+    """Of every token in the text of a model the places of its number, by the token's line; and by body what its `inertial` says of mass,
+    centre and inertia, as texts, where a token is among them. `model` is what became of the text. Raises `NotInArrays`."""
+    entries: list[tuple[int, Entry]] = []
+    inertials: dict[str, list[list[str]]] = {}
+    for element, above in _walk(root):
+        for attribute, value in element.attrib.items():
+            words = value.split()
+            if not any(word in tokens for word in words):
+                continue
+            if element.tag == "inertial":
+                if "fullinertia" not in element.attrib:
+                    raise NotInArrays(f"inertial.{attribute}")
+                inertials[above.get("name", "")] = [element.get(name, "").split() for name in ("mass", "pos", "fullinertia")]
+                continue
+            for k, word in enumerate(words):
+                if word in tokens:
+                    entries += [(tokens[word], place) for place in _places(model, element, above, attribute, k)]
+    return entries, inertials
+
+
+def _walk(root: Element) -> Iterator[tuple[Element, Element]]:
+    """Every element and the one around it."""
+    waiting = [root]
+    while waiting:
+        above = waiting.pop()
+        for element in above:
+            yield element, above
+            waiting.append(element)
+
+
+def _places(model: Any, element: Element, above: Element, attribute: str, k: int) -> list[Entry]:
+    tag = element.tag
+    unknown = NotInArrays(f"{tag}.{attribute}")
+    name = element.get("name", "")
+    if tag in _GROUPS:
+        value = getattr(getattr(model, _GROUPS[tag]), attribute, None)
+        if value is None or isinstance(value, int):
+            raise unknown
+        return [Entry(field=f"{_GROUPS[tag]}.{attribute}", index=k)]
+    if above.tag == "fixed" and attribute == "coef":
+        return [_at(model, "wrap_prm", int(model.tendon_adr[model.tendon(above.get("name", "")).id]) + list(above).index(element), 0)]
+    owner = _owner(model, element)
+    if owner is None or not name:
+        raise unknown
+    if tag in _TENDONS and attribute in _TENDON:
+        both = attribute == "springlength" and len(element.get(attribute, "").split()) == 1
+        return [_at(model, _TENDON[attribute], owner.id, column) for column in ((0, 1) if both else (k,))]
+    if tag == "joint" and element.get("joint1") is not None:
+        if attribute != "polycoef":
+            raise unknown
+        return [_at(model, "eq_data", owner.id, k)]
+    if tag == "joint" and attribute == "springref":
+        return [Entry(field="qpos_spring", index=int(model.jnt_qposadr[owner.id]))]
+    if tag == "joint":
+        field = _JOINT.get(attribute)
+        if field is None:
+            raise unknown
+        if not field.startswith("dof_"):
+            return [_at(model, field, owner.id, k)]
+        count = {0: 6, 1: 3}.get(int(model.jnt_type[owner.id]), 1)
+        first = int(model.jnt_dofadr[owner.id])
+        return [Entry(field=field, index=first + dof) for dof in range(count)]
+    if tag == "numeric":
+        return [Entry(field="numeric_data", index=int(model.numeric_adr[owner.id]) + k)]
+    if tag in _DRIVES and attribute in _ACTUATOR:
+        return [_at(model, _ACTUATOR[attribute], owner.id, k)]
+    if (tag, attribute) in _GAINS:
+        return [_at(model, field, owner.id, column, sign) for field, column, sign in _GAINS[tag, attribute]]
+    if (tag, attribute) not in _PLAIN or (tag == "body" and element.find("freejoint") is not None):
+        raise unknown
+    return [_at(model, _PLAIN[tag, attribute], owner.id, k)]
+
+
+def _owner(model: Any, element: Element) -> Any:
+    kind = "equality" if element.tag == "joint" and element.get("joint1") else _KINDS.get(element.tag, element.tag)
+    accessor: Callable[[str], Any] | None = getattr(model, kind, None)
+    try:
+        return accessor(element.get("name", "")) if accessor is not None else None
+    except KeyError:
+        return None
+
+
+def _at(model: Any, field: str, row: int, column: int, sign: float = 1.0) -> Entry:
+    array = getattr(model, field)
+    return Entry(field=field, index=row * (array.size // len(array)) + column, sign=sign)

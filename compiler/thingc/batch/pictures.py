@@ -1,0 +1,200 @@
+"""The pictures of a batch, `pictures/ID.png`: of some of its variants, by one camera, so that sizes compare."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from thingc.base.diagnostics import Code, Diagnostic, Severity
+from thingc.base.files import listing, write_tree
+from thingc.base.line_process import LineProcess, Lost
+from thingc.base.summing import plain_sum
+from thingc.batch import places
+from thingc.batch.chunks import packed
+from thingc.batch.records import Files, read
+
+MOST = 48
+"""Pictures of a batch, unless the caller says otherwise: one takes some tenths of a second without a graphics card."""
+MANY = 200
+"""Variants of a batch; of more of them no pictures are drawn, unless the caller says so."""
+ALL = sys.maxsize
+"""As many pictures as there are variants."""
+
+PATIENCE = 120.0
+"""How long [s] a picture may take."""
+
+OnPicture = Callable[[int, int], None]
+"""`on_picture(done, count)`."""
+
+
+def usual(count: int) -> int:
+    """How many pictures a batch of so many variants has, unless the caller says otherwise."""
+    return MOST if count <= MANY else 0
+
+
+def chosen(folder: str, mode: str, most: int) -> list[int]:
+    """At most so many built variants that have a model in a mode, in plan order; where there are more, those `along_the_axes`."""
+    records = read(folder)
+    settings: list[Sequence[Any]] = []
+    for index in records.built:
+        line = records.line(index)
+        settings.append((*line["parameters"].values(), *line["choices"].values()))
+    places_of = range(len(settings)) if len(settings) <= most else along_the_axes(settings, most)
+    return [index for index in (records.built[k] for k in places_of) if _model(records.files(index), mode) is not None]
+
+
+def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
+    """`most` of the variants with these settings, ascending: for each setting in turn those nearest to a line along which it alone
+    goes from its first to its last value, and the others stay in the middle. Where all values have been seen so, the rest is evenly spread.
+
+    Settings are measured by the rank of their values, from 0 to 1 (numbers by size, others as they come). One that says the same as another
+    is no axis.
+    """
+    ranked = [_ranks(column) for column in zip(*settings, strict=True)]
+    axes = [list(ranks) for ranks in dict.fromkeys(tuple(ranks) for ranks in ranked if max(ranks) > 0.0)]
+    if not axes:
+        return [k * len(settings) // most for k in range(most)]
+    shares = [min(most // len(axes) + (number < most % len(axes)), len(set(axis))) for number, axis in enumerate(axes)]
+    left = dict.fromkeys(range(len(settings)))
+    for axis, share in zip(axes, shares, strict=True):
+        aside = [plain_sum((other[k] - 0.5) ** 2 for other in axes if other is not axis) for k in range(len(settings))]
+        for step in range(share):
+            target = step / (share - 1) if share > 1 else 0.5
+            del left[min(left, key=lambda k: (aside[k] + (axis[k] - target) ** 2, k))]
+    rest, wanting = list(left), most - sum(shares)
+    for k in range(wanting):
+        del left[rest[k * len(rest) // wanting]]
+    return [k for k in range(len(settings)) if k not in left]
+
+
+def _ranks(values: Sequence[Any]) -> tuple[float, ...]:
+    """Each value's place among all different ones, from 0 to 1."""
+    known = list(dict.fromkeys(values))
+    if all(isinstance(value, (int, float)) for value in known):
+        known.sort()
+    place = {value: k / max(1, len(known) - 1) for k, value in enumerate(known)}
+    return tuple(place[value] for value in values)
+
+
+def _model(files: Files, mode: str) -> str | None:
+    """The name of a variant's model in a mode, `ROBOT_MODE.xml`; None where MJCF was not written."""
+    # of the modes `foot` and `front_foot` the ends are alike: then the shorter name is the one of `foot`
+    models = sorted((name for name in files.models() if name.endswith(f"_{mode}.xml") and name != f"scene_{mode}.xml"), key=len)
+    return models[0] if models else None
+
+
+@contextlib.contextmanager
+def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[tuple[str, str]]]:
+    """Of each variant its id, and the path of its model with its meshes beside it: in a scratch folder where the batch is packed."""
+    if not indices:
+        yield []
+        return
+    records = read(folder)
+    with tempfile.TemporaryDirectory(prefix="thingc-pictures-") as scratch:
+        models: list[tuple[str, str]] = []
+        for index in indices:
+            id, files = str(records.line(index)["id"]), records.files(index)
+            name = _model(files, mode)
+            assert name is not None
+            place = os.path.join(places.variant_folder(folder, id), "mjcf")
+            if packed(folder):
+                place = os.path.join(scratch, id)
+                meshes = {f"{id}/assets/{mesh}": path for mesh, (_, path) in files.meshes().items()}
+                write_tree(scratch, {f"{id}/{name}": files.read(f"mjcf/{name}")}, meshes)
+            models.append((id, os.path.join(place, name)))
+        yield models
+
+
+def draw(
+    folder: str, mode: str, pose: str | None, *, most: int = MOST, jobs: int = 1, on_picture: OnPicture | None = None,
+) -> Diagnostic | None:
+    """Draw the pictures anew, in up to `jobs` processes; a warning where this machine cannot draw.
+
+    What was drawn before and is not chosen now is deleted. Interrupted, it leaves the pictures that are there. Raises `OSError`
+    when the system refuses.
+    """
+    place = os.path.join(folder, places.PICTURES)
+    with _laid_out(folder, mode, chosen(folder, mode, most) if most != 0 else ()) as shots:
+        return _draw(place, pose, shots, jobs, on_picture)
+
+
+def _draw(place: str, pose: str | None, shots: Sequence[tuple[str, str]], jobs: int, on_picture: OnPicture | None) -> Diagnostic | None:
+    keep = {f"{id}.png" for id, _ in shots}
+    for name in listing(place):
+        if name not in keep:
+            os.unlink(os.path.join(place, name))
+    if not shots:
+        with contextlib.suppress(OSError):
+            os.rmdir(place)
+        return None
+    os.makedirs(place, exist_ok=True)
+    count = max(1, min(jobs, len(shots) // 4))
+    parts = [shots[k::count] for k in range(count)]
+    processes: list[LineProcess] = []
+    try:
+        for _ in parts:
+            processes.append(LineProcess("thingc.batch.thumbnails"))
+        fault = _drawn(place, pose, parts, processes, len(shots), on_picture)
+    finally:
+        for process in processes:
+            process.kill()
+            process.close()
+        with contextlib.suppress(OSError):  # nothing could be drawn
+            os.rmdir(place)
+    return fault
+
+
+def _drawn(
+    place: str, pose: str | None, parts: Sequence[Sequence[tuple[str, str]]], processes: Sequence[LineProcess], count: int,
+    on_picture: OnPicture | None,
+) -> Diagnostic | None:
+    for part, process in zip(parts, processes, strict=True):
+        process.ask({"measure": [path for _, path in part], "pose": pose})
+    points: list[Any] = []
+    gravity = [0.0, 0.0, 0.0]
+    visible: list[list[tuple[str, str]]] = []
+    for part, process in zip(parts, processes, strict=True):
+        try:
+            answer = process.answer(PATIENCE * (1 + len(part)))
+        except Lost as fault:
+            return _lost(process, fault)
+        for own, down in answer:
+            points += own
+            gravity = down if own else gravity
+        visible.append([shot for shot, (own, _) in zip(part, answer, strict=True) if own])
+    if not points:
+        return None  # robots of bare frames: there is nothing to see
+    for part, process in zip(visible, processes, strict=True):
+        process.ask({
+            "draw": [[path, os.path.join(place, f"{id}.png")] for id, path in part], "points": points, "gravity": gravity, "pose": pose,
+        })
+    done = count - sum(map(len, visible))
+    for part, process in zip(visible, processes, strict=True):
+        for _ in part:
+            try:
+                answer = process.answer(PATIENCE)
+            except Lost as fault:
+                return _lost(process, fault)
+            if "fault" in answer:
+                return _refused(answer["fault"], answer["hint"])
+            done += 1
+            if on_picture is not None:
+                on_picture(done, count)
+    return None
+
+
+def _lost(process: LineProcess, fault: Lost) -> Diagnostic:
+    """With the last line of what the process said."""
+    said = process.errors().strip().splitlines()
+    return _refused(f"the process that draws is lost: {fault.words}", said[-1] if said else "")
+
+
+def _refused(words: str, hint: str) -> Diagnostic:
+    return Diagnostic(
+        code=Code.NO_GRAPHICS, severity=Severity.WARNING, message=f"the batch's page has no pictures, or not all: {words}",
+        help=" ".join(hint.split()) or None,
+    )

@@ -1,0 +1,318 @@
+"""From a `variants/1` document to its variants: everything is checked before the first is built."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import posixpath
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from thingc.base.brief import Brief
+from thingc.base.diagnostics import Diagnostic
+from thingc.base.printing import as_text
+from thingc.base.units import Dimension, Quantity
+from thingc.batch.axes import Axis
+from thingc.batch.by_path import Paths
+from thingc.batch.rules import Rule
+from thingc.batch.sampling import points
+from thingc.batch.values import identity, unit_of
+from thingc.documents.expressions import Expression, ExpressionError, ExpressionValue, evaluate, plain, text_of
+from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
+from thingc.documents.spec.variants import Method
+from thingc.documents.workspace import Workspace
+from thingc.geometry.record import Value
+from thingc.model.resolve.model import AssemblyDefinition
+
+OUTSIDE = "outside:"
+"""What the names of inputs begin with that lie outside of the workspace."""
+
+
+class PlanError(Exception):
+    """A document of variants with errors. `diagnostics` are all of them; `str()` shows them as the command line does."""
+
+    def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
+        super().__init__("\n" + as_text(diagnostics))
+        self.diagnostics = tuple(diagnostics)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variant(Brief):
+    """One member of the family. `index` is its place in the plan, `id` 12 hex of the SHA-256 of its settings.
+
+    `parameters` and `choices` are the settings as `thingc build -p` and `--set` take them, in the units of the documents (without those
+    that say what the documents say anyway); `values` every parameter of the assembly, and what is set by path, SI. `failed`
+    is the rule that the parameters do not keep.
+    """
+
+    index: int
+    id: str
+    name: str
+    parameters: Mapping[str, str]
+    choices: Mapping[str, str]
+    values: Mapping[str, Value]
+    failed: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """What is set for one variant, as planned: `name` where the document gives one."""
+
+    name: str | None
+    parameters: Mapping[str, ExpressionValue]
+    choices: Mapping[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan(Brief):
+    """The variants of a document, in their order; iterating makes them one by one, the same each time.
+
+    `document` and `assembly` are absolute paths, `relative` and `assembly_relative` those in the workspace, `sha256` is of
+    the document. `fixed` holds for all
+    variants; `listed` are written out; `axes` make the grid, or with `method` are drawn `drawn` times. `own` are the values of
+    the assembly's parameters, `paths` what is set by path, `written_in` the units in which documents write either,
+    `own_choices` what its document says at the paths of choices. `modes`
+    are those built (never
+    empty), `chosen_modes` those that the document names. `emit` are the targets, in the order in which a build writes them;
+    `inputs` the digests (`stamp.state_of`) of what the plan was made of, by path in the workspace; `layout` is `folders` or `packed` where
+    the document says it.
+    """
+
+    document: str
+    relative: str
+    sha256: str
+    name: str
+    assembly: str
+    assembly_relative: str
+    assembly_spec: AssemblySpec
+    model: AssemblyDefinition
+    workspace: Workspace
+    own: Mapping[str, ExpressionValue]
+    paths: Paths
+    written_in: Mapping[str, str]
+    own_choices: Mapping[str, str]
+    fixed: Setting
+    listed: tuple[Setting, ...]
+    axes: tuple[Axis, ...]
+    method: Method | None
+    drawn: int
+    seed: int
+    rules: tuple[Rule, ...]
+    modes: tuple[str, ...]
+    chosen_modes: tuple[str, ...]
+    pose: str | None
+    reach: tuple[str, str] | None
+    emit: tuple[str, ...]
+    inputs: Mapping[str, str]
+    layout: str | None = None
+    notes: tuple[Diagnostic, ...] = ()
+
+    def __iter__(self) -> Iterator[Variant]:
+        return self.besides(b"")
+
+    def besides(self, done: Sequence[int]) -> Iterator[Variant]:
+        """All but those that are `done`, a flag for each by its place; of these as little as possible is worked out."""
+        width = len(str(max(self.count - 1, 0)))
+        rules = [rule for rule in self.rules if not rule.needs_results]
+        for index, id, setting, parameters, choices in self._unique(done):
+            values = self.values(setting.parameters)
+            texts = {name: text_of(parameters[name], self.written_in.get(name, "")) for name in sorted(parameters)}
+            failed = next((rule.text for rule in rules if not _holds(rule, values)), None)
+            yield Variant(
+                index=index, id=id, name=setting.name or f"{self.name}_{index:0{width}d}",
+                parameters={name: text for name, text in texts.items() if "." not in name},
+                choices=dict(sorted({**choices, **{path: text for path, text in texts.items() if "." in path}}.items())),
+                values={name: plain(value) for name, value in values.items()}, failed=failed,
+            )
+
+    @cached_property
+    def count(self) -> int:
+        """How many variants there are; equal ones are one."""
+        if self.method is None and not self.listed:
+            return math.prod(len(axis.values) for axis in self.axes)
+        if self.method is not None and not self.listed and any(axis.range is not None and not axis.whole for axis in self.axes):
+            return self.drawn
+        return sum(1 for _ in self._unique(b""))
+
+    @property
+    def written(self) -> int:
+        """How many the document asks for, equal ones counted as often as they come."""
+        if self.method is not None:
+            return len(self.listed) + self.drawn
+        return len(self.listed) + (math.prod(len(axis.values) for axis in self.axes) if self.axes or not self.listed else 0)
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of everything that decides which variants there are and what is written of each, but for files read."""
+        described = {
+            "name": self.name, "assembly": self.assembly_relative, "fixed": _plain(self.fixed),
+            "listed": [_plain(one) for one in self.listed],
+            "axes": [
+                [axis.key, axis.choice, [plain(one) for one in axis.values], [plain(one) for one in axis.range or ()], axis.whole]
+                for axis in self.axes
+            ],
+            "sample": [self.method, self.drawn, self.seed], "rules": [rule.text for rule in self.rules],
+            "modes": self.chosen_modes, "pose": self.pose, "reach": self.reach, "emit": self.emit,
+        }
+        return hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()
+
+    @cached_property
+    def dimensions(self) -> dict[str, Dimension]:
+        """The dimension of every parameter, and of every value set by path, that is a number."""
+        return {name: value.dimension for name, value in self.kinds.items() if isinstance(value, Quantity)}
+
+    @cached_property
+    def kinds(self) -> dict[str, ExpressionValue]:
+        """A value of the kind of every parameter, and of every value set by path."""
+        return {**self.own, **self.paths.kinds}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The SI unit of every one that is a number."""
+        return {name: unit_of(dimension) for name, dimension in self.dimensions.items()}
+
+    def folder_in(self, output: str | None) -> str:
+        """The absolute path of the batch's folder, in `output` or else in the workspace's build folder."""
+        return os.path.join(os.path.abspath(output or os.path.join(self.workspace.root, self.workspace.build)), self.name)
+
+    def chosen(self, variant: Variant) -> dict[str, str | None]:
+        """What a variant has at every path at which something is chosen."""
+        return {path: variant.choices.get(path, self.own_choices.get(path)) for path in self.choice_paths}
+
+    @cached_property
+    def choice_paths(self) -> tuple[str, ...]:
+        """Every path at which something is chosen, in the order in which the document has them."""
+        settings = (self.fixed, *self.listed)
+        paths = [*(path for one in settings for path in one.choices), *(axis.key for axis in self.axes if axis.choice)]
+        return tuple(dict.fromkeys(paths))
+
+    def values(self, given: Mapping[str, ExpressionValue]) -> dict[str, ExpressionValue]:
+        """Every parameter of the assembly, and what stands at the paths, where these are set; without what cannot be worked out."""
+        values: dict[str, ExpressionValue] = {}
+        stated = {**self.own, **self.paths.own}
+        for name, expression in self._order:
+            if name in given:
+                values[name] = given[name]
+            elif expression is None:
+                if name in stated:
+                    values[name] = stated[name]
+            else:
+                try:
+                    values[name] = evaluate(expression, values)
+                except ExpressionError:
+                    continue
+        return {name: values[name] for name in self.kinds if name in values}
+
+    @cached_property
+    def _order(self) -> tuple[tuple[str, Expression | None], ...]:
+        """The assembly's parameters and what stands at the paths, each after those that its expression uses; those with a value of their
+        own have none."""
+        raw = {name: entry.value if isinstance(entry, ParameterSpec) else entry for name, entry in self.assembly_spec.parameters.items()}
+        ordered: dict[str, Expression | None] = {}
+
+        def visit(name: str) -> None:
+            if name in ordered or name not in raw:
+                return
+            entry = raw[name]
+            expression = entry if isinstance(entry, Expression) else None
+            for use in expression.names if expression is not None else ():
+                visit(use.name)
+            ordered[name] = expression
+
+        for name in raw:
+            visit(name)
+        return (*ordered.items(), *((path, self.paths.expressions.get(path)) for path in self.paths.kinds))
+
+    @cached_property
+    def _stated(self) -> dict[str, Value]:
+        """What the assembly says itself, not by an expression: setting it to that says nothing."""
+        own = {**self.own, **self.paths.own}
+        return {name: plain(own[name]) for name, expression in self._order if expression is None and name in own}
+
+    def _settings(self) -> Iterator[Setting]:
+        """Everything that the document asks for, in its order; some may be equal."""
+        yield from self.listed
+        if self.method is not None:
+            for point in points(self.method, len(self.axes), self.drawn, self.seed):
+                yield self._setting(axis.drawn(u) for axis, u in zip(self.axes, point, strict=True))
+        elif self.axes or not self.listed:
+            yield from self._grid()
+
+    def _grid(self) -> Iterator[Setting]:
+        """The last axis changes fastest."""
+        sizes = [len(axis.values) for axis in self.axes]
+        for number in range(math.prod(sizes)):
+            at: list[int] = []
+            for size in reversed(sizes):
+                number, position = divmod(number, size)
+                at.append(position)
+            yield self._setting(axis.values[k] for axis, k in zip(self.axes, reversed(at), strict=True))
+
+    def _setting(self, values: Iterator[ExpressionValue]) -> Setting:
+        parameters, choices = dict(self.fixed.parameters), dict(self.fixed.choices)
+        for axis, value in zip(self.axes, values, strict=True):
+            if axis.choice:
+                choices[axis.key] = str(value)
+            else:
+                parameters[axis.key] = value
+        return Setting(name=None, parameters=parameters, choices=choices)
+
+    def _unique(self, done: Sequence[int]) -> Iterator[tuple[int, str, Setting, dict[str, ExpressionValue], dict[str, str]]]:
+        """The settings that are not `done`, each once, with their places and ids and without what the documents say anyway.
+
+        Points of a grid, and points with a coordinate drawn from an interval, differ among themselves: only of what may come
+        twice the ids are remembered, so that a plan of any length needs no memory.
+        """
+        listed = len(self.listed)
+        discrete = self.method is not None and all(axis.range is None or axis.whole for axis in self.axes)
+        seen: set[str] = set()
+        index = -1
+        for number, setting in enumerate(self._settings()):
+            if not listed and not discrete and index + 1 < len(done) and done[index + 1]:
+                index += 1
+                continue
+            parameters = {
+                name: value for name, value in setting.parameters.items()
+                if name not in self._stated or plain(value) != self._stated[name]
+            }
+            choices = {path: text for path, text in setting.choices.items() if self.own_choices.get(path) != text}
+            id = identity(self.assembly_relative, parameters, choices)
+            if id in seen:
+                continue
+            index += 1
+            if number < listed or discrete:
+                seen.add(id)
+            if index >= len(done) or not done[index]:
+                yield index, id, setting, parameters, choices
+
+    def command(self, variant: Variant) -> list[str]:
+        """The words of the command that builds a variant alone, run in the workspace's folder."""
+        words = ["thingc", "build", self.assembly_relative]
+        for name, text in variant.parameters.items():
+            words += ["-p", f"{name}={text}"]
+        for path, text in variant.choices.items():
+            words += ["--set", f"{path}={text}"]
+        for mode in self.chosen_modes:
+            words += ["--mode", mode]
+        return [*words, *(word for target in self.emit for word in ("--emit", target))]
+
+
+def _holds(rule: Rule, values: Mapping[str, ExpressionValue]) -> bool:
+    """Whether a rule on parameters is kept. What cannot be worked out is the build's to say, not the rule's."""
+    try:
+        return rule.holds(values, {})
+    except (ExpressionError, KeyError):
+        return True
+
+
+def _plain(setting: Setting) -> list[object]:
+    return [setting.name, {name: plain(value) for name, value in sorted(setting.parameters.items())}, dict(sorted(setting.choices.items()))]
+
+
+def moved(text: str, source: str, target: str) -> str:
+    """A path that the document `source` names, as the document `target` (both by path in the workspace) would name it."""
+    place = posixpath.normpath(posixpath.join(posixpath.dirname(source), text.replace(os.sep, "/")))
+    return posixpath.relpath(place, posixpath.dirname(target) or ".")

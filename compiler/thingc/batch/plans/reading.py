@@ -1,0 +1,259 @@
+"""Settings as they are given: by the name of a parameter, or by the path of anything in the document; a number in SI, or text as documents
+have it."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import field
+from fnmatch import fnmatchcase
+from typing import Any
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.frozen import dataclass
+from thingc.base.source import SET, Document, MappingNode, Node
+from thingc.base.typos import did_you_mean
+from thingc.base.units import NUMBER, Quantity, UnitError, parse_quantity
+from thingc.documents.expressions import Expression, ExpressionError, ExpressionValue, evaluate, parse_expression, text_of
+from thingc.documents.load import Documents
+from thingc.documents.spec import dimension_stated, nested_document, stated_parameter, stated_value
+from thingc.documents.spec.assembly import AssemblySpec
+from thingc.documents.spec.choices import SECTIONS
+from thingc.model.resolve import AssemblyParameters, Settings, Sources
+
+EVERYWHERE = frozenset(("joints", "links", "sensors", "tendons"))
+"""Sections of which a name with stars means those of nested documents, too."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Read:
+    """Settings that have been read: `names` of numbers, sorted, and their `values` in SI; all else as `texts`. What is wrong with them is
+    in `report` (None: nothing)."""
+
+    names: tuple[str, ...]
+    values: tuple[float, ...]
+    texts: tuple[tuple[str, str], ...]
+    report: Report | None = field(default=None, compare=False)
+
+
+class SettingsReader:
+    """Reads settings of one document. `parameters` are its own, by name; `kinds` has values of the kinds that others set by path."""
+
+    def __init__(
+        self, sources: Sources, fixed: Mapping[str, Any] | None = None, kinds: Mapping[str, ExpressionValue] | None = None,
+    ) -> None:
+        self._declared = AssemblyParameters(sources.documents, sources.specs, sources.workspace)
+        self.parameters: Mapping[str, ExpressionValue] = self._declared.values
+        self.fixed = dict(fixed or {})
+        self._documents = sources.documents
+        self._kinds: dict[str, ExpressionValue | None] = dict(kinds or {})
+        self._meant: dict[str, tuple[str, ...]] = {}
+        self._numeric: set[str] = set()  # names that numbers have been set by
+
+    def kind(self, name: str) -> ExpressionValue | None:
+        """What stands there in the document, or by default; None where nothing does, or nobody knows what it comes to."""
+        if name not in self._kinds:
+            self._kinds[name] = self.parameters.get(name) if "." not in name else self._stated(name)
+        return self._kinds[name]
+
+    def _stated(self, path: str) -> ExpressionValue | None:
+        section, _, rest = path.partition(".")
+        by_default = f"defaults.{section[:-1]}.{rest.partition('.')[2]}"
+        places = (path, by_default) if section in ("joints", "components") else (path,)
+        for place in (one + inner for inner in ("", ".value") for one in places):  # a mass may say its source as well
+            stated = stated_value(self._documents, place)
+            if isinstance(stated, Expression):
+                try:
+                    stated = evaluate(stated, self.parameters)
+                except ExpressionError:
+                    stated = None
+            if stated is not None:
+                return stated
+        return stated_parameter(self._documents, path)
+
+    def meant(self, name: str) -> tuple[str, ...]:
+        """The names that one with stars stands for (`joints.*.dynamics.damping`, `leg_*` of parameters), in nested documents as well; one
+        without is itself."""
+        known = self._meant.get(name)
+        if known is None:
+            if "*" not in name:
+                known = (name,)
+            elif "." not in name:
+                known = tuple(one for one in self.parameters if fnmatchcase(one, name))
+            else:
+                known = tuple(_everywhere(self._documents, self._documents.root, name.split(".")))
+            self._meant[name] = known
+        return known
+
+    def _hint(self, name: str) -> str:
+        """What there is where a name with stars meets nothing."""
+        if "." not in name:
+            return did_you_mean(name, self.parameters, what="parameters")
+        met: list[Node] = [self._documents.root.tree]
+        for word in name.split("."):
+            inside = [(key, node) for one in met if isinstance(one, MappingNode) for key, node in one.entries.items()]
+            met = [node for key, node in inside if fnmatchcase(key, word)]
+            if not met:
+                break
+        return did_you_mean(word, [key for key, _ in inside])
+
+    def read(self, settings: Mapping[str, Any]) -> Read:
+        """The settings, over those that hold for the whole family. What is no mapping, or has keys that are no names, is reported."""
+        numbers: dict[str, float] = {}
+        texts: dict[str, str] = {}
+        report: Report | None = None
+        if not isinstance(settings, Mapping):
+            report = Report()
+            message = f"settings are a mapping from names to values, found {type(settings).__name__} `{settings}`"
+            report.add(Code.CHOICE_OPTION, message, None, path=SET, help="write `{'joints.NAME.limit.upper': 1.5}`")
+            settings = {}
+        for given, value in (*self.fixed.items(), *settings.items()):
+            if type(value) is float and given in self._numeric:  # as nearly all are: what follows would come to the same
+                numbers[given] = value + 0.0
+                texts.pop(given, None)
+                continue
+            names = self.meant(given) if isinstance(given, str) else ()
+            if type(value) is not float:
+                value = _plain(value)
+            if not names:
+                report = report or Report()
+                help = self._hint(given) if isinstance(given, str) else "a name is a text, such as `joints.NAME.limit.upper`"
+                report.add(Code.CHOICE_OPTION, f"nothing in the document is meant by `{given}`", None, path=f"{SET}{given}", help=help)
+            for name in names:
+                numbers.pop(name, None)
+                texts.pop(name, None)
+                number = self._number(name, value)
+                if number is not None:
+                    numbers[name] = number
+                    if name == given:
+                        self._numeric.add(name)
+                else:
+                    texts[name] = _text(value)
+        names = tuple(sorted(numbers))
+        return Read(names=names, values=tuple(map(numbers.__getitem__, names)), texts=tuple(sorted(texts.items())), report=report)
+
+    def _number(self, name: str, value: Any) -> float | None:
+        """A value in SI; None where it is no number, or one of another kind than what stands there."""
+        kind = self.kind(name)
+        if isinstance(value, str) and (isinstance(kind, Quantity) or (kind is None and "." in name)):
+            try:
+                quantity = parse_quantity(value)
+            except UnitError:
+                return None
+            if kind is None and quantity.dimension != NUMBER:
+                kind = self._kinds[name] = quantity  # nothing stands there: it is what is set first
+            return quantity.value if isinstance(kind, Quantity) and quantity.dimension == kind.dimension else None
+        if isinstance(value, bool):
+            return None
+        try:
+            number = float(value) + 0.0
+        except (TypeError, ValueError, OverflowError):
+            return None
+        if kind is None and "." in name and (dimension := dimension_stated(self._documents, name)) is not None:
+            kind = self._kinds[name] = Quantity(number, dimension)
+        return number if isinstance(kind, Quantity) else None
+
+    def quantities(self, read: Read) -> dict[str, Quantity]:
+        """The numbers with their dimensions."""
+        quantities = {}
+        for name, value in zip(read.names, read.values):
+            kind = self.kind(name)
+            assert isinstance(kind, Quantity)
+            quantities[name] = Quantity(value, kind.dimension)
+        return quantities
+
+    def values(self, read: Read) -> dict[str, ExpressionValue]:
+        """What every parameter comes to, those too that follow from others, and what is set by path: numbers, flags and expressions."""
+        settings = self.settings(read)
+        values = {**self._declared.given(settings.parameters), **self.quantities(read)}
+        stated = {path: _stated(text, values) for path, text in read.texts if path in settings.choices}
+        return {**values, **{path: value for path, value in stated.items() if value is not None}}
+
+    def as_given(self, settings: Mapping[str, Any]) -> dict[str, str]:
+        """The texts of settings by the names that they are of, where no number replaces them later."""
+        texts: dict[str, str] = {}
+        for given, value in settings.items():
+            for name in self.meant(given):
+                texts.pop(name, None)
+                if isinstance(value, str):
+                    texts[name] = value
+        return texts
+
+    def settings(self, read: Read, units: Mapping[str, str] | None = None, given: Mapping[str, str] | None = None) -> Settings:
+        """As `thingc build -p` and `--set` take them: a number in the words that it was `given` in, else the same to the last bit in a unit
+        of its own or in SI."""
+        units = units or {}
+        numbers = {name: text_of(number, units.get(name, "")) for name, number in self.quantities(read).items()}
+        texts = {**numbers, **dict(read.texts), **(given or {})}
+        return Settings(
+            parameters={name: text for name, text in texts.items() if "." not in name},
+            choices={name: text for name, text in texts.items() if "." in name},
+        )
+
+
+def with_values(own: Settings, values: Mapping[str, Any], report: Report, sources: Sources) -> Settings:
+    """Settings, and what else is set by `values`, as a reader takes them; of a document that is no sound assembly only the settings. What
+    is wrong with the names of values is reported."""
+    if not isinstance(sources.specs.get(sources.documents.root.relative), AssemblySpec):
+        return own
+    reader = SettingsReader(sources)
+    read = reader.read(values)
+    if read.report is not None:
+        report.diagnostics.extend(read.report.diagnostics)
+    more = reader.settings(read)
+    return Settings(parameters={**own.parameters, **more.parameters}, choices={**own.choices, **more.choices})
+
+
+def _plain(value: Any) -> Any:
+    """A scalar of numpy as Python's own, and a whole number that no float can hold as an infinite one."""
+    if hasattr(value, "item") and not getattr(value, "ndim", 0):
+        value = value.item()
+    if isinstance(value, int) and abs(value) > sys.float_info.max:
+        return math.inf if value > 0 else -math.inf
+    return value
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return value if isinstance(value, str) else repr(value)
+
+
+def _stated(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
+    """What a text comes to that is a flag or an expression; None of another one, and where it comes to nothing."""
+    if text in ("true", "false"):
+        return text == "true"
+    try:
+        return evaluate(parse_expression(text), names) if text.startswith("=") else None
+    except ExpressionError:
+        return None
+
+
+def _everywhere(documents: Documents, document: Document, words: Sequence[str], before: tuple[str, ...] = ()) -> list[str]:
+    """The paths that words with stars stand for, in a document and in those that it nests: `joints.*` are the joints of all of them."""
+    found = _matching(documents, document, document.tree, words, before)
+    components = document.tree.entries.get("components") if words[0] in EVERYWHERE else None
+    for name in components.entries if isinstance(components, MappingNode) else ():
+        inner = nested_document(documents, document, name)
+        if inner is not None:
+            found += _everywhere(documents, inner, words, (*before, "components", name))
+    return found
+
+
+def _matching(
+    documents: Documents, document: Document, node: Node | None, words: Sequence[str], before: tuple[str, ...],
+) -> list[str]:
+    """The paths below a node that words with stars stand for; behind the last star a path need not be there yet."""
+    if before[-2:-1] == ("components",) and words and words[0] in SECTIONS and node is not document.tree:
+        inner = nested_document(documents, document, before[-1])
+        if inner is None:
+            return []
+        document, node = inner, inner.tree
+    if not any("*" in word for word in words):
+        return [".".join((*before, *words))]
+    if not isinstance(node, MappingNode):
+        return []
+    first, *rest = words
+    names = [key for key in node.entries if fnmatchcase(key, first)]
+    return [path for name in names for path in _matching(documents, document, node.entries[name], rest, (*before, name))]

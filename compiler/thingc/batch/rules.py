@@ -1,0 +1,155 @@
+"""`keep:` rules: comparisons over a variant's parameters and results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
+from thingc.base.frozen import dataclass
+from thingc.base.source import Document, Path
+from thingc.base.typos import did_you_mean
+from thingc.base.units import INERTIA, LENGTH, MASS, NUMBER, Dimension, Quantity
+from thingc.documents.expressions import Expression, ExpressionError, ExpressionValue, evaluate
+from thingc.documents.spec import within
+
+RESULTS: dict[str, Dimension] = {
+    "mass": MASS,
+    "centre.x": LENGTH, "centre.y": LENGTH, "centre.z": LENGTH,
+    "inertia.xx": INERTIA, "inertia.yy": INERTIA, "inertia.zz": INERTIA,
+    "inertia.xy": INERTIA, "inertia.xz": INERTIA, "inertia.yz": INERTIA,
+    "box.x": LENGTH, "box.y": LENGTH, "box.z": LENGTH,
+    "reach": LENGTH,
+    "torque_margin": NUMBER,
+}
+"""What is worked out of every variant, and its dimension; besides `length.JOINT` for the distance to the joint before."""
+
+LENGTHS = "length."
+PARAMETERS = "parameters."
+OF_RESULTS = "results."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rule:
+    """A comparison. `names` maps every name in it to the result that it means, or to None for a parameter."""
+
+    text: str
+    expression: Expression
+    names: Mapping[str, str | None]
+
+    @property
+    def needs_results(self) -> bool:
+        """Whether it can only be decided of a compiled robot."""
+        return any(result is not None for result in self.names.values())
+
+    def holds(self, parameters: Mapping[str, ExpressionValue], results: Mapping[str, float | None]) -> bool:
+        """Whether a variant passes. Raises `ExpressionError` where the rule has no value (a division by zero), and `KeyError`,
+        with the name of the result, where the variant has not the result."""
+        values: dict[str, ExpressionValue] = {}
+        for name, result in self.names.items():
+            if result is None:
+                values[name] = parameters[name.removeprefix(PARAMETERS)]
+                continue
+            number = results.get(result)
+            if number is None:
+                raise KeyError(result)
+            values[name] = Quantity(number, dimension_of(result))
+        return evaluate(self.expression, values) is True
+
+
+def unkept(
+    rules: Iterable[Rule], parameters: Mapping[str, ExpressionValue], results: Mapping[str, float | None], mode: str,
+) -> Iterator[tuple[Rule, Diagnostic | None]]:
+    """The rules that a variant does not keep, with what is wrong where one cannot be decided. `results` are those of `mode`."""
+    for rule in rules:
+        wrong = None
+        try:
+            if rule.holds(parameters, results):
+                continue
+        except KeyError as fault:
+            wrong = Diagnostic(
+                code=Code.RESULT, severity=Severity.ERROR, message=f"`{rule.text}`: there is no `{fault.args[0]}` in mode `{mode}`",
+                help="choose another mode or pose for the results, or take the rule out",
+            )
+        except ExpressionError as fault:
+            wrong = Diagnostic(code=Code.RULE, severity=Severity.ERROR, message=f"`{rule.text}`: {fault.message}", help=fault.help)
+        yield rule, wrong
+
+
+def dimension_of(result: str) -> Dimension:
+    """The dimension of a result."""
+    return RESULTS.get(result, LENGTH)
+
+
+def meaning(name: str, parameters: Iterable[str], lengths: Iterable[str]) -> str | None:
+    """The result that a name means, None for a parameter.
+
+    Raises `KeyError` for a name that means nothing, and `ValueError` for one that means two things.
+    """
+    known = {*RESULTS, *(LENGTHS + joint for joint in lengths)}
+    own = set(parameters)
+    if name.startswith(PARAMETERS) and name.removeprefix(PARAMETERS) in own:
+        return None
+    if name.startswith(OF_RESULTS) and name.removeprefix(OF_RESULTS) in known:
+        return name.removeprefix(OF_RESULTS)
+    if name in own and name in known:
+        raise ValueError(name)
+    if name in own:
+        return None
+    if name in known:
+        return name
+    raise KeyError(name)
+
+
+def read_rules(
+    document: Document, expressions: Iterable[Expression], parameters: Mapping[str, ExpressionValue], lengths: Iterable[str], *,
+    reach: bool, report: Report,
+) -> list[Rule]:
+    """The rules of a document, names and dimensions checked; what is wrong is reported at its place and left out.
+
+    `parameters` are the assembly's own values, `lengths` the joints that have a `length.JOINT`, `reach` whether the document
+    says what the reach is.
+    """
+    rules: list[Rule] = []
+    lengths = list(lengths)
+    for index, expression in enumerate(expressions):
+        path: Path = ("keep", index)
+        names: dict[str, str | None] = {}
+        sound = True
+        for use in expression.names:
+            help = None
+            try:
+                result = meaning(use.name, parameters, lengths)
+                if result != "reach" or reach:
+                    names[use.name] = result
+                    continue
+                message = "this document does not say what the reach is"
+                help = "add for example `reach: {of: tip, from: base}`, with two mounts of the assembly"
+            except KeyError:
+                message = f"there is no parameter and no result `{use.name}`"
+                known = [*parameters, *RESULTS, *(LENGTHS + joint for joint in lengths)]
+                help = did_you_mean(use.name, known, what="names")
+            except ValueError:
+                message = f"`{use.name}` is a parameter and a result"
+                help = f"write `{PARAMETERS}{use.name}` or `{OF_RESULTS}{use.name}`"
+            _report(report, document, path, message, use.offset, use.end, help)
+            sound = False
+        rule = Rule(text=expression.text, expression=expression, names=names)
+        if sound and _of_one_dimension(report, document, path, rule, parameters):
+            rules.append(rule)
+    return rules
+
+
+def _of_one_dimension(report: Report, document: Document, path: Path, rule: Rule, parameters: Mapping[str, ExpressionValue]) -> bool:
+    """Try the rule on the assembly's own values and on results of 1: dimensions do not depend on values."""
+    try:
+        rule.holds(parameters, {result: 1.0 for result in rule.names.values() if result is not None})
+    except ExpressionError as error:
+        if error.kind != "value":
+            _report(report, document, path, error.message, error.offset, error.end, error.help)
+            return False
+    return True
+
+
+def _report(report: Report, document: Document, path: Path, message: str, offset: int, end: int, help: str | None) -> None:
+    where = within(document, path, offset, end) or document.span(path)
+    report.add(Code.RULE, message, where, help=help, path=f"keep[{path[-1]}]")

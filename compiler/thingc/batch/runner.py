@@ -1,0 +1,217 @@
+"""`python -m thingc.batch.runner`: builds variants, one after the other, in a process of its own.
+
+The first line of its standard input is the job, each further line a list of tasks (JSON). It answers `{"ready": true}` when the
+documents have been read, then one row per task, in their order, each as soon as it is there. When its input ends, it ends, and with
+it the geometry worker that it may have started: nothing of a batch outlives its driver.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import os
+import queue
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.diagnostics import Code, Diagnostic, Severity
+from thingc.base.printing import as_json
+from thingc.base.units import Dimension, Quantity
+from thingc.batch.chunks import FILES, SHARED
+from thingc.batch.job import STOPPED, Job, Row, Task, refusal, row
+from thingc.batch.measure import Results, UnknownMount, measure
+from thingc.batch.places import keep_asset, write_variant
+from thingc.batch.plans import Builds, SettingsReader
+from thingc.batch.rules import Rule, unkept
+from thingc.documents.expressions import ExpressionValue, parse_expression
+from thingc.driver.environment import Options
+from thingc.driver.session import Session
+from thingc.model.resolve import Settings
+from thingc.targets.artifact import Content, Stored, counts_of
+
+if TYPE_CHECKING:
+    from thingc.driver.pipeline import Compilation
+
+SHOWN = 5
+"""Diagnostics of a refused variant that the journal keeps."""
+
+
+class Runner:
+    """Builds the variants of one job. A context manager: leaving it ends the geometry worker."""
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        self.printed: dict[str, list[str]] = {}
+        options = Options(store=job.store, jobs=1, part_timeout=job.part_timeout, printed=self._hear)
+        self.session = Session(job.assembly, options)
+        self.dimensions = {name: Dimension(*exponents) for name, exponents in job.dimensions.items()}
+        self.rules = [
+            Rule(text=text, expression=parse_expression(text, dotted=True), names=names)
+            for text, names in zip(job.rules, job.rule_names, strict=True)
+        ]
+        sources = self.session.sources
+        self.builds = None if job.verify == 1 or sources is None or self.session.report.failed else Builds(
+            self.session, SettingsReader(sources), modes=job.modes, targets=job.emit, verify=job.verify, measured=self._results,
+        )
+
+    def __enter__(self) -> Runner:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.session.__exit__(*exception)
+
+    def build(self, task: Task) -> Row:
+        """Build one variant. What is wrong with it is in the row; so is an exception of thingc itself, and a system that
+        refuses to write."""
+        from thingc.geometry import BlobMissing, StoreUnusable
+
+        started = time.perf_counter()
+        try:
+            try:
+                outcome = self._attempt(task)
+            except BlobMissing:  # a damaged blob of the store: it is made anew
+                outcome = self._passed(task)
+        except StoreUnusable as fault:
+            outcome = row(task, STOPPED, code=Code.OUTPUT.code, message=f"the store `{fault.root}` cannot be used: {fault.reason}")
+        except OSError as fault:
+            if fault.filename is None and fault.errno is None:
+                outcome = _raised(task, fault)
+            else:
+                outcome = row(task, STOPPED, code=Code.OUTPUT.code, message=refusal(fault))
+        except Exception as fault:
+            outcome = _raised(task, fault)
+        if self.printed:
+            outcome["printed"], self.printed = self.printed, {}
+        outcome["seconds"] = round(time.perf_counter() - started, 6)
+        return outcome
+
+    def _hear(self, part: str, lines: Sequence[str]) -> None:
+        self.printed.setdefault(part, []).extend(lines)
+
+    def _attempt(self, task: Task) -> Row:
+        settings = Settings(parameters=task.parameters, choices=task.choices)
+        planned = self.builds.planned(settings) if self.builds is not None else None
+        if planned is None:
+            return self._passed(task)
+        parts: dict[str, Any] = {"modelled": [], "reused": planned.parts}
+        shown = _shown(planned.results)
+        verdict = self._judge(task, planned.results)
+        if verdict is not None:
+            return row(task, **verdict, results=shown, **parts)
+        if self.job.folder is not None:
+            parts |= self._written(self.job.folder, task, planned.files())
+        return row(task, "built", results=shown, losses=dict(planned.losses), **parts)
+
+    def _passed(self, task: Task) -> Row:
+        """Build a variant by every pass."""
+        compilation = self.session.compile(Settings(parameters=task.parameters, choices=task.choices), self.job.modes)
+        parts: dict[str, Any] = {"modelled": compilation.modelled, "reused": len(compilation.reused)}
+        if compilation.report.failed:
+            return row(task, "refused", **_said(compilation.report.ordered()), **parts)
+        try:
+            results = self._measured(compilation)
+        except UnknownMount as fault:
+            return row(task, "refused", **_said([fault.diagnostic]), **parts)
+        shown = _shown(results)
+        verdict = self._judge(task, results)
+        if verdict is not None:
+            return row(task, **verdict, results=shown, **parts)
+        artifacts = self.session.emit(compilation, self.job.emit, verify=self.job.verify)
+        if compilation.report.failed:
+            return row(task, "refused", **_said(compilation.report.ordered()), results=shown, **parts)
+        if self.job.folder is not None:
+            parts |= self._written(self.job.folder, task, self.session.files(compilation, artifacts))
+        losses = counts_of(loss for one in artifacts.values() for loss in one.losses)
+        return row(task, "built", results=shown, losses=losses, **parts)
+
+    def _written(self, folder: str, task: Task, files: Mapping[str, Content]) -> dict[str, Any]:
+        """Write a variant; of a packed batch what it shares with others alone, and its own files are said."""
+        store = self.session.environment.store
+        if not self.job.packed:
+            write_variant(folder, task.id, files, store)
+            return {}
+        shared = {path: content.sha256 for path, content in files.items() if isinstance(content, Stored)}
+        for sha256 in shared.values():
+            keep_asset(folder, sha256, store)
+        own = {path: base64.b64encode(data).decode() for path, data in files.items() if isinstance(data, bytes)}
+        return {FILES: own, SHARED: shared}
+
+    def _measured(self, compilation: Compilation) -> Results:
+        robot = next(robot for robot in compilation.robots if robot.mode.name == self.job.results_mode)
+        return measure(robot, self.job.pose, self.job.reach)
+
+    def _results(self, compilation: Compilation) -> Results | None:
+        """The results; None where there is no such mount."""
+        try:
+            return self._measured(compilation)
+        except UnknownMount:
+            return None
+
+    def _judge(self, task: Task, results: Results) -> dict[str, Any] | None:
+        """What a rule says against a variant; None where all are kept."""
+        if not self.rules:
+            return None
+        values: dict[str, ExpressionValue] = {
+            name: Quantity(float(value), self.dimensions[name]) if name in self.dimensions else value  # type: ignore[misc]
+            for name, value in task.values.items()
+        }
+        for rule, wrong in unkept(self.rules, values, results, self.job.results_mode):
+            return {"status": "kept_out", "rule": rule.text} if wrong is None else {"status": "refused", **_said([wrong])}
+        return None
+
+
+def _shown(results: Results) -> dict[str, float | str]:
+    """Results as JSON has them: an infinite torque margin is the text `inf`."""
+    return {name: value if math.isfinite(value) else "inf" for name, value in results.items() if value is not None}
+
+
+def _said(diagnostics: Iterable[Diagnostic]) -> dict[str, Any]:
+    """The first error and, for the journal, everything that was said."""
+    errors = [one for one in diagnostics if one.severity is Severity.ERROR]
+    return {"code": errors[0].code.code, "message": errors[0].message, "diagnostics": as_json(errors[:SHOWN])}
+
+
+def _raised(task: Task, fault: BaseException) -> Row:
+    words = " ".join(str(fault).split())
+    return row(
+        task, "failed", code=Code.VARIANT_RAISED.code, message=f"thingc itself failed: {type(fault).__name__}: {words}",
+        detail="".join(traceback.format_exception(fault)),
+    )
+
+
+def main() -> None:
+    """Answer the lines of standard input on standard output until it ends."""
+    answers = os.dup(1)
+    os.dup2(2, 1)  # whatever is printed on the way goes to standard error
+    lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+    job = Job.decode(sys.stdin.readline())
+
+    def listen() -> None:
+        for line in sys.stdin:
+            lines.put(line)
+        os._exit(0)  # whoever wanted the answers is gone
+
+    threading.Thread(target=listen, daemon=True).start()
+
+    def answer(value: dict[str, Any]) -> None:
+        data = memoryview(json.dumps(value, separators=(",", ":")).encode() + b"\n")
+        try:
+            while data:
+                data = data[os.write(answers, data):]
+        except BrokenPipeError:
+            os._exit(0)
+
+    with Runner(job) as runner:
+        answer({"ready": True})
+        while True:
+            for given in json.loads(lines.get()):
+                answer(runner.build(Task(**given)))
+
+
+if __name__ == "__main__":
+    main()

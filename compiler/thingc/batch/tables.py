@@ -1,0 +1,134 @@
+"""The table of a batch, `results.csv` and `results.parquet`: one row for each variant in plan order, made from what the batch has done.
+
+Rows are read, written and forgotten one by one, so a table of any length needs no memory.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+from thingc.base.csvcell import cell
+from thingc.base.frozen import dataclass
+from thingc.batch import places
+from thingc.batch.columns import column
+from thingc.batch.journal import Line
+from thingc.batch.records import in_order, lengths_in
+from thingc.batch.rules import PARAMETERS, RESULTS, dimension_of
+from thingc.batch.values import unit_of
+
+BLOCK = 1024
+"""Rows of one group in the Parquet file."""
+
+HEAD = ("index", "id", "name", "status", "rule", "code", "message")
+LOSSES = "losses"
+"""The column of how many things the targets of a variant cannot say."""
+
+TAIL = ("path", "command")
+RUN = ("parts_modelled", "parts_reused", "seconds")
+"""Columns that tell of the run and differ from one to the next."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """`name`, `kind` (`integer | number | text | flag`) and SI `unit` (empty for what has none). `written` is the unit in which documents
+    write it (empty: that of SI): the page shows it so."""
+
+    name: str
+    kind: str
+    unit: str = ""
+    written: str = ""
+
+
+def setting(name: str) -> str:
+    """The column of a parameter, or of what is set by its path: that is called by the path."""
+    return name if "." in name else PARAMETERS + name
+
+
+def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Sequence[str]) -> tuple[Column, ...]:
+    """Every column, in order. `parameters` by their own names; `lengths` are the results `length.JOINT`."""
+    return (
+        *(Column(name=name, kind="integer" if name == "index" else "text") for name in HEAD),
+        *(replace(one, name=setting(one.name)) for one in parameters),
+        *(Column(name=path, kind="text") for path in choices),
+        *(Column(name=name, kind="number", unit=unit_of(dimension_of(name))) for name in (*RESULTS, *lengths)),
+        Column(name=LOSSES, kind="integer"),
+        *(Column(name=name, kind="text") for name in TAIL),
+        *(Column(name=name, kind="number" if name == "seconds" else "integer", unit="s" if name == "seconds" else "") for name in RUN),
+    )
+
+
+def flat(line: Line) -> dict[str, Any]:
+    """The cells of a line of the journal by column, None where it has none. An infinite result is the text `inf`."""
+    return {
+        **{name: line.get(name) for name in HEAD},
+        **{setting(name): value for name, value in line["parameters"].items()},
+        **line["choices"],
+        **line.get("results", {}),
+        LOSSES: sum(line["losses"].values()) if "losses" in line else None,
+        **{name: line.get(name) for name in TAIL},
+        "parts_modelled": len(line["modelled"]) if "modelled" in line else None,
+        "parts_reused": line.get("reused"),
+        "seconds": line.get("seconds"),
+    }
+
+
+def cells(line: Line, wanted: Sequence[Column]) -> list[Any]:
+    """One row: the values of a line of the journal, None where it has none."""
+    values = flat(line)
+    typed = [(column.kind, values.get(column.name)) for column in wanted]
+    return [float(value) if kind == "number" and value is not None else value for kind, value in typed]
+
+
+def write_tables(folder: str, parameters: Sequence[Column], choices: Sequence[str]) -> tuple[Column, ...]:
+    """Write both files anew from what a batch has done; each appears as a whole. Returns their columns."""
+    wanted = columns(parameters, choices, lengths_in(folder))
+    written = os.path.join(folder, places.TABLE_CSV), os.path.join(folder, places.TABLE_PARQUET)
+    with _csv(f"{written[0]}.new", wanted) as to_csv, _parquet(f"{written[1]}.new", wanted) as to_parquet:
+        for line in in_order(folder):
+            row = cells(line, wanted)
+            to_csv(row)
+            to_parquet(row)
+    for path in written:
+        os.replace(f"{path}.new", path)
+    return wanted
+
+
+@contextlib.contextmanager
+def _csv(path: str, wanted: Sequence[Column]) -> Iterator[Callable[[list[Any]], None]]:
+    with open(path, "w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow([cell(column.name) for column in wanted])
+        yield lambda row: writer.writerow([cell(value) for value in row])
+
+
+@contextlib.contextmanager
+def _parquet(path: str, wanted: Sequence[Column]) -> Iterator[Callable[[list[Any]], None]]:
+    import pyarrow
+    from pyarrow import parquet
+
+    types = {"integer": pyarrow.int64(), "number": pyarrow.float64(), "text": pyarrow.string(), "flag": pyarrow.bool_()}
+    schema = pyarrow.schema([
+        pyarrow.field(column.name, types[column.kind], metadata={"unit": column.unit} if column.unit else None) for column in wanted
+    ])
+    block: list[list[Any]] = []
+    with parquet.ParquetWriter(path, schema) as writer:
+
+        def write(row: list[Any]) -> None:
+            block.append(row)
+            if len(block) == BLOCK:
+                writer.write_table(_table(pyarrow, schema, block))
+                block.clear()
+
+        yield write
+        if block:
+            writer.write_table(_table(pyarrow, schema, block))
+
+
+def _table(pyarrow: Any, schema: Any, block: Sequence[Sequence[Any]]) -> Any:
+    arrays = [column([row[k] for row in block], field.type) for k, field in enumerate(schema)]
+    return pyarrow.Table.from_arrays(arrays, schema=schema)

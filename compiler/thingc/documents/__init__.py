@@ -1,0 +1,1 @@
+"""Documents: their text, schemas, names and tests."""

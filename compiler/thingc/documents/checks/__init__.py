@@ -1,0 +1,23 @@
+"""Kinds of document tests (`tests:` of a document), one file each: what is written, what is read of it, how it is run, what is said.
+
+A file of this room that has a `KIND` is a kind. The language, its schema and its page in the documentation, references, linking and
+running follow from what that declares.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from importlib import import_module
+from typing import Any
+
+from thingc.documents.checks.kind import CheckKind
+
+
+@cache
+def kinds() -> dict[str, CheckKind[Any, Any]]:
+    """Every kind by its name, in the order of the documentation."""
+    files = (name.removesuffix(".py") for name in os.listdir(os.path.dirname(__file__)) if name.endswith(".py"))
+    modules = [import_module(f"{__name__}.{stem}") for stem in files if stem != "__init__"]
+    unsorted: list[CheckKind[Any, Any]] = [module.KIND for module in modules if hasattr(module, "KIND")]
+    return {kind.name: kind for kind in sorted(unsorted, key=lambda kind: (kind.position, kind.name))}

@@ -1,0 +1,139 @@
+"""`centre`: the centre of mass of the robot, or of some of its components, lies within a box."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import ConfigDict, Field, model_validator
+
+from thingc.base.brief import Brief
+from thingc.base.diagnostics import Code
+from thingc.base.frozen import dataclass
+from thingc.base.units import LENGTH, Quantity
+from thingc.documents.checks.kind import CheckKind
+from thingc.documents.checks.outcome import ROUNDING, Failure, Measure, Outcome, shown
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.fields import LengthField, fault
+from thingc.documents.spec.named import ComponentField, ModeNames, PoseNames, ShownMountField
+
+if TYPE_CHECKING:
+    from thingc.driver.testing.results import Case
+    from thingc.model.resolve.model import Reference
+    from thingc.model.resolve.tests import Reader
+
+Interval = Annotated[list[LengthField], Field(min_length=2, max_length=2)]
+
+class WithinSpec(Model):
+    """A box, axis by axis: smallest and largest value. An axis that is not written is free."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+
+    x: Interval | None = Field(default=None, examples=[["-10 mm", "10 mm"]])
+    """Smallest and largest value along x."""
+    y: Interval | None = Field(default=None, examples=[["-10 mm", "10 mm"]])
+    """Smallest and largest value along y."""
+    z: Interval | None = Field(default=None, examples=[[0, "120 mm"]])
+    """Smallest and largest value along z."""
+
+    @model_validator(mode="after")
+    def _one(self) -> WithinSpec:
+        if self.x is None and self.y is None and self.z is None:
+            raise fault(
+                "rule", "`within` bounds at least one of `x`, `y` and `z`; none is here", help="write for example `x: [-10 mm, 10 mm]`",
+            )
+        return self
+
+
+class CentreTest(Model):
+    """The centre of mass lies within a box."""
+
+    of: ComponentField | None = None
+    """A component, or several by a pattern; the whole robot unless written."""
+    in_: ShownMountField | None = Field(
+        default=None, alias="in", description="The frame, a mount; the world of the mode unless written.",
+    )
+    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    """Modes, patterns allowed, or `all`; the first unless written."""
+    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    """Poses, patterns allowed, or `all` keyframes of the mode; where the mode starts unless written."""
+    within: WithinSpec = Field(examples=[{"x": ["-10 mm", "10 mm"], "y": ["-10 mm", "10 mm"]}])
+    """Bounds on its coordinates in that frame."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CentreCheck(Brief):
+    """The centre of mass of components (none named: of the robot) in a box: `box["x"]` is (smallest, largest) [m]."""
+
+    of: tuple[Reference, ...]
+    frame: Reference | None
+    box: dict[str, tuple[float, float]]
+
+
+def read(written: CentreTest, reader: Reader) -> CentreCheck:
+    """A box for the centre of mass."""
+    box: dict[str, tuple[float, float]] = {}
+    for axis in ("x", "y", "z"):
+        bounds = getattr(written.within, axis)
+        if bounds is not None:
+            box[axis] = reader.interval(bounds, ("within", axis), LENGTH, f"a bound on {axis}")
+    return CentreCheck(of=reader.components(written.of, "of"), frame=reader.mount(written.in_, "in"), box=box)
+
+
+def run(case: Case, check: CentreCheck) -> Outcome:
+    """The centre of mass [m] in the frame of a mount, or in the world."""
+    from thingc.base.inertia import total
+    from thingc.model.robot import occurrence_poses
+
+    robot, frame = case.robot, case.frames[0]
+    at = occurrence_poses(robot, frame.q, frame.base)
+    whole = total(robot.assembly.occurrences[index].properties.seen_from(at[index]) for index in case.components(check.of))
+    expected: dict[str, Measure] = {axis: list(box) for axis, box in check.box.items()}
+    if whole.mass <= 0.0:
+        weightless = Failure(code=Code.TEST_CENTRE, key="of", message="what is named weighs nothing, and has no centre of mass")
+        return Outcome(measured={"mass": 0.0}, expected=expected, said="no mass", failure=weightless)
+    place = whole.centre
+    if check.frame is not None:
+        mount = case.linked.mounts[check.frame]
+        pose = at[mount.occurrence] @ robot.assembly.occurrences[mount.occurrence].mounts[mount.mount].pose
+        place = pose.inverse().apply(place)
+    failures: list[Failure] = []
+    for axis, (low, high) in check.box.items():
+        value = place["xyz".index(axis)]
+        if low - ROUNDING <= value <= high + ROUNDING:
+            continue
+        bound, word = (low, "below") if value < low else (high, "above")
+        failures.append(Failure(
+            code=Code.TEST_CENTRE, key=f"within.{axis}.{0 if value < low else 1}",
+            message=f"{axis} of the centre of mass is {shown(value, LENGTH)}, {word} {Quantity(bound, LENGTH)} by "
+            f"{shown(abs(value - bound), LENGTH)}",
+        ))
+    text = "  ".join(f"{1000.0 * v:z.1f}" for v in place)
+    failure = None
+    if failures:
+        failure = Failure(code=Code.TEST_CENTRE, key=failures[0].key, message="; ".join(one.message for one in failures))
+    return Outcome(measured={"centre": list(place), "mass": whole.mass}, expected=expected, said=f"centre {text} mm", failure=failure)
+
+
+PAGE = """\
+<!-- keys: CentreTest -->
+| key | value | without it | |
+|---|---|---|---|
+| `of` | a component, or a pattern | the whole robot | |
+| `in` | a mount | the world of the mode | the frame |
+| `mode` | modes | the first | |
+| `pose` | poses | where the mode starts | |
+| `within` | mapping | an error | a box in that frame |
+
+<!-- keys: WithinSpec -->
+| key | value | without it | |
+|---|---|---|---|
+| `x` | two lengths | free | smallest and largest; at least one of the axes |
+| `y` | two lengths | free | |
+| `z` | two lengths | free | |
+"""
+
+KIND = CheckKind(
+    name="centre", position=2, summary="The centre of mass lies within a box.", examples=[{"within": {"x": ["-10 mm", "10 mm"]}}],
+    stub={"within": {"z": ["-1 m", "1 m"]}},
+    page=PAGE, model=CentreTest, read=read, run=run,
+)

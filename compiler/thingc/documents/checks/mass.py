@@ -1,0 +1,82 @@
+"""`mass`: the mass of the robot, or of some of its components, is within bounds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pydantic import model_validator
+
+from thingc.base.brief import Brief
+from thingc.base.diagnostics import Code
+from thingc.base.frozen import dataclass
+from thingc.base.summing import plain_sum
+from thingc.base.units import MASS
+from thingc.documents.checks.kind import BOUNDED, CheckKind, require_bounds
+from thingc.documents.checks.outcome import Outcome, bounded
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.fields import MassField
+from thingc.documents.spec.named import ComponentField
+
+if TYPE_CHECKING:
+    from thingc.driver.testing.results import Case
+    from thingc.model.resolve.model import Reference
+    from thingc.model.resolve.tests import Reader
+
+
+class MassTest(Model):
+    """The mass is within bounds."""
+
+    model_config = BOUNDED
+
+    of: ComponentField | None = None
+    """A component, or several by a pattern; a nested assembly counts as a whole. The whole robot unless written."""
+    min: MassField | None = None
+    """The smallest mass allowed."""
+    max: MassField | None = None
+    """The largest mass allowed."""
+
+    @model_validator(mode="after")
+    def _bounds(self) -> MassTest:
+        require_bounds(self.min, self.max, "mass", "max: 2.2 kg")
+        return self
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MassCheck(Brief):
+    """The mass [kg] of components (none named: of the robot) within bounds."""
+
+    of: tuple[Reference, ...]
+    minimum: float | None
+    maximum: float | None
+
+
+def read(written: MassTest, reader: Reader) -> MassCheck:
+    """Bounds of a mass."""
+    low, high = reader.bounds(written.min, written.max, MASS, "the mass")
+    return MassCheck(of=reader.components(written.of, "of"), minimum=low, maximum=high)
+
+
+def run(case: Case, check: MassCheck) -> Outcome:
+    """The sum of the masses [kg]."""
+    occurrences = case.robot.assembly.occurrences
+    value = plain_sum(occurrences[index].properties.mass for index in case.components(check.of))
+    return bounded("mass", "the mass", value, check.minimum, check.maximum, MASS, Code.TEST_MASS)
+
+
+PAGE = """\
+**Mass and centre** are sums over components, as `thingc info` shows them.
+
+<!-- keys: MassTest -->
+| key | value | without it | |
+|---|---|---|---|
+| `of` | a component, or a pattern | the whole robot | |
+| `min` | a mass | no bound | `min`, `max` or both |
+| `max` | a mass | no bound | |
+"""
+
+KIND = CheckKind(
+    name="mass", position=1, summary="The mass is within bounds.", examples=[{"max": "2.2 kg"}],
+    stub={"max": "10 kg"},
+    page=PAGE,
+    model=MassTest, read=read, run=run,
+)

@@ -1,0 +1,156 @@
+"""`point`: a mount can be brought to a point, with every joint within its limits."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import ConfigDict, Field, model_validator
+
+from thingc.base.brief import Brief
+from thingc.base.diagnostics import Code, Note
+from thingc.base.frozen import dataclass
+from thingc.base.pose import Vector
+from thingc.base.summing import hypot
+from thingc.base.units import ANGLE, LENGTH, NUMBER, Quantity
+from thingc.documents.checks.kind import CheckKind
+from thingc.documents.checks.outcome import Failure, Measure, Outcome, shown
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.fields import AngleField, LengthField, NumberField, Vector3Length, fault
+from thingc.documents.spec.named import ModeNames, ShownMountField
+
+if TYPE_CHECKING:
+    from thingc.driver.testing.results import Case
+    from thingc.model.resolve.model import Reference
+    from thingc.model.resolve.tests import Reader
+
+ANGLE_OFF = math.radians(1.0)
+"""How far a mount may be off the direction [rad] of a test that does not say."""
+
+
+class PointTest(Model):
+    """A mount can be brought to a point, with every joint within its limits."""
+
+    model_config = ConfigDict(json_schema_extra={"dependentRequired": {"angle": ["direction"]}})
+
+    mount: ShownMountField
+    """The mount that has to get there."""
+    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    """Modes, patterns allowed, or `all`; the first unless written."""
+    in_: ShownMountField | None = Field(
+        default=None, alias="in", description="The point's frame, a mount; the world of the mode unless written.",
+    )
+    at: Vector3Length
+    """The point."""
+    within: LengthField
+    """How near its origin has to come."""
+    direction: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 0, -1]])
+    """Where the z axis of the mount has to point then, in the same frame: three numbers, of any length."""
+    angle: AngleField | None = None
+    """How far off that direction it may be; 1 deg unless written."""
+
+    @model_validator(mode="after")
+    def _angle(self) -> PointTest:
+        if self.angle is not None and self.direction is None:
+            raise fault(
+                "rule", "`angle` says how exactly `direction` is met; there is none", help="write for example `direction: [0, 0, -1]`",
+            )
+        return self
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointCheck(Brief):
+    """`mount` comes `within` [m] of `point` [m]; with a `direction` (a unit vector) its z is off it by at most `angle` [rad]."""
+
+    mount: Reference
+    point: Vector
+    frame: Reference | None
+    within: float
+    direction: Vector | None
+    angle: float
+
+
+def read(written: PointTest, reader: Reader) -> PointCheck | None:
+    """A point that a mount has to reach."""
+    mount, frame = reader.mount(written.mount, "mount"), reader.mount(written.in_, "in")
+    at = reader.vector(written.at, "at", LENGTH)
+    within = reader.number(written.within, "within", LENGTH, above=0.0)
+    direction, angle = None, ANGLE_OFF
+    if written.direction is not None:
+        x, y, z = (
+            reader.number(value, ("direction", index), NUMBER, "a part of `direction`") for index, value in enumerate(written.direction)
+        )
+        length = hypot(x, y, z)
+        if length == 0.0:
+            reader.error(Code.OUT_OF_RANGE, "`direction` has no length: it points nowhere", "direction",
+                         help="write for example `direction: [0, 0, -1]`")
+        direction = (x / length, y / length, z / length) if length > 0.0 else None
+    if written.angle is not None:
+        angle = reader.number(written.angle, "angle", ANGLE, above=0.0)
+    if mount is None or at is None:
+        return None
+    return PointCheck(mount=mount, point=at, frame=frame, within=within, direction=direction, angle=angle)
+
+
+def run(case: Case, check: PointCheck) -> Outcome:
+    """The nearest that the mount gets to the point, and how far off the direction it is there."""
+    from thingc.driver.testing.poses import joints_text
+    from thingc.driver.testing.reaching import Goal, nearest
+
+    best = nearest(case.robot, case.frames[0], Goal(
+        mount=case.linked.mounts[check.mount], frame=None if check.frame is None else case.linked.mounts[check.frame],
+        point=check.point, direction=check.direction, within=check.within, angle=check.angle,
+    ))
+    target = f"within {Quantity(check.within, LENGTH)}"
+    expected = {"distance": check.within} | ({"angle": check.angle} if check.direction is not None else {})
+    failure: Failure | None = None
+    if best is None:
+        failure = Failure(code=Code.TEST_POINT, key="at", message="the loops of the robot close in no position that was tried")
+        return Outcome(measured={}, expected=expected, said="no position", failure=failure)
+    distance, off, joints = best
+    said = f"{shown(distance, LENGTH)} from the point ({target}"
+    measured: dict[str, Measure] = {"distance": distance}
+    if check.direction is not None:
+        measured["angle"] = off
+        said += f"; {shown(off, ANGLE)} off the direction, at most {Quantity(check.angle, ANGLE)}"
+    where = joints_text(case.robot.assembly, joints)
+    notes = (Note(message=f"nearest at {where}"),) if where else ()
+    if distance > check.within:
+        failure = Failure(
+            code=Code.TEST_POINT, key="at", notes=notes,
+            message=f"`{check.mount.text}` comes no nearer to the point than {shown(distance, LENGTH)}, and "
+            f"{Quantity(check.within, LENGTH)} were asked for",
+        )
+    elif check.direction is not None and off > check.angle:
+        failure = Failure(
+            code=Code.TEST_POINT, key="direction", notes=notes,
+            message=f"`{check.mount.text}` reaches the point, but at best {shown(off, ANGLE)} off the direction, and "
+            f"{Quantity(check.angle, ANGLE)} were asked for",
+        )
+    return Outcome(measured={**measured, "joints": joints}, expected=expected, said=f"{said})", failure=failure)
+
+
+PAGE = """\
+**Point** looks for joint positions within their limits that bring a mount to a point: a trust-region least-squares method from
+where the mode starts, from the middle of the ranges, and from 24 positions spread over them, until one is near enough. Holds
+and loops of the mode are closed there, in whichever way they close; a base that floats stays where the mode puts it. The same starts are
+taken in every run.
+
+<!-- keys: PointTest -->
+| key | value | without it | |
+|---|---|---|---|
+| `mount` | a mount | an error | |
+| `mode` | modes | the first | |
+| `in` | a mount | the world of the mode | the frame of `at` and `direction` |
+| `at` | three lengths | an error | the point |
+| `within` | a length | an error | how near the origin of the mount has to come |
+| `direction` | three numbers | any | where the mount's z has to point |
+| `angle` | an angle | `1 deg` | how far off that it may be |
+"""
+
+KIND = CheckKind(
+    name="point", position=4, summary="A mount can be brought to a point.",
+    examples=[{"mount": "hand.tip", "at": "200 0 50 mm", "within": "1 mm"}],
+    stub={"mount": "$mount", "at": ["0", "0", "0"], "within": "1 m"},
+    page=PAGE, model=PointTest, read=read, run=run,
+)

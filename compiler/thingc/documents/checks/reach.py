@@ -1,0 +1,103 @@
+"""`reach`: the greatest distance of two mounts, over the ranges of all joints, is within bounds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from pydantic import Field, model_validator
+
+from thingc.base.brief import Brief
+from thingc.base.diagnostics import Code, Note
+from thingc.base.frozen import dataclass
+from thingc.base.units import LENGTH
+from thingc.documents.checks.kind import BOUNDED, CheckKind, require_bounds
+from thingc.documents.checks.outcome import Outcome, bounded, unclosed
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.fields import LengthField
+from thingc.documents.spec.named import ShownMountField
+
+if TYPE_CHECKING:
+    from thingc.driver.testing.results import Case
+    from thingc.model.resolve.model import Reference
+    from thingc.model.resolve.tests import Reader
+
+
+class ReachTest(Model):
+    """The greatest distance of two mounts, over the ranges of all joints."""
+
+    model_config = BOUNDED
+
+    of: ShownMountField
+    """The mount that reaches."""
+    from_: ShownMountField = Field(alias="from", description="The mount that the distance is measured from.")
+    min: LengthField | None = None
+    """The least that the greatest distance has to be."""
+    max: LengthField | None = None
+    """The most that the greatest distance may be. What is found is a lower bound: this can be refuted, not proven."""
+
+    @model_validator(mode="after")
+    def _bounds(self) -> ReachTest:
+        require_bounds(self.min, self.max, "reach", "min: 300 mm")
+        return self
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReachCheck(Brief):
+    """The greatest distance [m] of the mounts `of` and `base` over the ranges of all joints within bounds."""
+
+    of: Reference
+    base: Reference
+    minimum: float | None
+    maximum: float | None
+
+
+def read(written: ReachTest, reader: Reader) -> ReachCheck | None:
+    """Bounds of the greatest distance of two mounts."""
+    of, base = reader.mount(written.of, "of"), reader.mount(written.from_, "from")
+    low, high = reader.bounds(written.min, written.max, LENGTH, "the reach")
+    return ReachCheck(of=of, base=base, minimum=low, maximum=high) if of is not None and base is not None else None
+
+
+def run(case: Case, check: ReachCheck) -> Outcome:
+    """In no mode: without holds, from the base component. What is found can be taken: a lower bound of the true reach."""
+    from thingc.driver.testing.poses import joints_text, posed, starting_pose
+    from thingc.driver.testing.reaching import farthest
+
+    assembly = case.robot.assembly
+    mode = replace(assembly.modes[0], holds=(), cut=(), pose=None, base="fixed")
+    robot = posed(assembly, mode, [starting_pose(assembly, mode)])
+    if robot is None:
+        return unclosed()
+    best, joints = farthest(robot, case.linked.mounts[check.of], case.linked.mounts[check.base], case.linked.test.origin)
+    outcome = bounded("reach", "the reach", best, check.minimum, check.maximum, LENGTH, Code.TEST_REACH)
+    where = joints_text(assembly, joints)
+    if outcome.failure is not None:
+        message = f"{outcome.failure.message}, over the ranges of all joints"
+        note = Note(message=f"farthest at {where}") if where else None
+        outcome = replace(outcome, failure=replace(outcome.failure, message=message, notes=(note,) if note else ()))
+    return replace(outcome, measured={**outcome.measured, "joints": joints})
+
+
+PAGE = """\
+**Reach** is the greatest distance of two mounts over the ranges of all joints (a joint without limits: once round): 1 000
+positions spread over the ranges, the farthest of them followed uphill within the limits. Of a robot with loops it is the poses of
+the document and 100 positions of its driven joints, closed, and then followed with the loops kept closed. The distance found can be
+taken, so `min` is proven when it passes; it is a lower bound of what is possible, so `max` is only refuted when it fails. It
+depends on no mode. Collisions do not count.
+
+<!-- keys: ReachTest -->
+| key | value | without it | |
+|---|---|---|---|
+| `of` | a mount | an error | the one that reaches |
+| `from` | a mount | an error | where the distance is measured from |
+| `min` | a length | no bound | `min`, `max` or both |
+| `max` | a length | no bound | |
+"""
+
+KIND = CheckKind(
+    name="reach", position=3, summary="The greatest distance of two mounts, over the ranges of all joints.",
+    examples=[{"of": "hand.tip", "from": "plate.bottom", "min": "300 mm"}],
+    stub={"of": "$mount", "from": "$base", "min": "1 mm"},
+    page=PAGE, model=ReachTest, read=read, run=run,
+)

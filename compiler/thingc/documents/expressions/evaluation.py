@@ -1,0 +1,211 @@
+"""Working an expression out: one double and one dimension per term, every fault at its term."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Union
+
+from thingc.base.typos import did_you_mean
+from thingc.base.units import ANGLE, NUMBER, UNITS, Dimension, Quantity, fits, shortened
+from thingc.documents.expressions.terms import CONSTANTS, Binary, Call, Expression, ExpressionError, Literal, NameUse, Term, Unary
+
+ExpressionValue = Union[Quantity, bool, str]
+"""What a value of a document comes to."""
+
+
+def evaluate(expression: Expression, names: Mapping[str, ExpressionValue]) -> ExpressionValue:
+    """Work an expression out. `names` are the parameters and the repeat index (a Quantity of dimension NUMBER).
+
+    A name alone passes a flag or a text through; a comparison gives a flag; everything else gives a finite Quantity.
+    Raises ExpressionError for an unknown name, dimensions that do not go together, and results that are not finite.
+    """
+    return _Evaluator(expression.text, names).value(expression.tree)
+
+
+class _Evaluator:
+    """Walks a tree; the text is for messages."""
+
+    def __init__(self, text: str, names: Mapping[str, ExpressionValue]) -> None:
+        self.text = text
+        self.names = names
+
+    def value(self, term: Term) -> ExpressionValue:
+        if isinstance(term, Literal):
+            return term.value
+        if isinstance(term, NameUse):
+            return self.lookup(term)
+        if isinstance(term, Unary):
+            operand = self.quantity(term.operand)
+            return Quantity(0.0 - operand.value, operand.dimension)
+        if isinstance(term, Call):
+            return self.call(term)
+        if term.operator in ("+", "-", "*", "/"):
+            return self.chain(term)
+        if term.operator == "**":
+            return self.power(term)
+        return self.compare(term)
+
+    def lookup(self, term: NameUse) -> ExpressionValue:
+        if term.name in self.names:
+            return self.names[term.name]
+        if term.name in CONSTANTS:
+            return CONSTANTS[term.name]
+        if term.name in UNITS:
+            help = f"a unit follows its number: `2 {term.name}`"
+        else:
+            help = did_you_mean(term.name, [*self.names, *CONSTANTS], what="names")
+        raise ExpressionError(f"unknown name `{term.name}`", term.offset, term.end, kind="name", help=help)
+
+    def quantity(self, term: Term) -> Quantity:
+        value = self.value(term)
+        if isinstance(value, Quantity):
+            return value
+        found = "true or false" if isinstance(value, bool) else "a text"
+        raise ExpressionError(
+            f"expected a quantity, found {found} (`{self.written(term)}`)", term.offset, term.end, kind="dimension",
+        )
+
+    def written(self, term: Term) -> str:
+        return shortened(self.text[term.offset : term.end])
+
+    def same(self, left: Term, a: Quantity, right: Term, b: Quantity) -> Dimension:
+        """The common dimension of two operands (a bare 0 takes the other's)."""
+        if fits(b.dimension, a.dimension) and fits(a.dimension, b.dimension):
+            return a.dimension
+        if _zero(right):
+            return a.dimension
+        if _zero(left):
+            return b.dimension
+        help = None
+        for term, quantity, other in ((right, b, a), (left, a, b)):
+            if quantity.dimension == NUMBER and isinstance(term, Literal):
+                unit = other.dimension.example.partition(" ")[2]
+                help = f"write `{self.written(term)} {unit}`"
+        raise ExpressionError(
+            f"`{self.written(left)}` is {a.dimension.words}, `{self.written(right)}` is {b.dimension.words}: "
+            "they do not go together",
+            right.offset, right.end, kind="dimension", help=help,
+        )
+
+    def finite(self, term: Term, work: Callable[[], float], dimension: Dimension) -> Quantity:
+        try:
+            result = work()
+        except ZeroDivisionError:
+            raise ExpressionError(f"division by zero in `{self.written(term)}`", term.offset, term.end, kind="value") from None
+        except (OverflowError, ValueError):
+            result = math.inf
+        if isinstance(result, complex) or not math.isfinite(result):
+            raise ExpressionError(f"`{self.written(term)}` has no finite result", term.offset, term.end, kind="value")
+        return Quantity(result + 0.0, dimension)
+
+    def chain(self, term: Binary) -> Quantity:
+        """Sums and products lean to the left: a loop along them, so that a long sum needs no deep stack."""
+        spine: list[Binary] = []
+        first: Term = term
+        while isinstance(first, Binary) and first.operator in ("+", "-", "*", "/"):
+            spine.append(first)
+            first = first.left
+        total = self.quantity(first)
+        for step in reversed(spine):
+            total = self.step(step, total, self.quantity(step.right))
+        return total
+
+    def step(self, term: Binary, a: Quantity, b: Quantity) -> Quantity:
+        if term.operator == "*":
+            return self.finite(term, lambda: a.value * b.value, a.dimension * b.dimension)
+        if term.operator == "/":
+            return self.finite(term, lambda: a.value / b.value, a.dimension / b.dimension)
+        dimension = self.same(term.left, a, term.right, b)
+        sign = 1.0 if term.operator == "+" else -1.0
+        return self.finite(term, lambda: a.value + sign * b.value, dimension)
+
+    def power(self, term: Binary) -> Quantity:
+        base, exponent = self.quantity(term.left), self.quantity(term.right)
+        if exponent.dimension != NUMBER:
+            raise ExpressionError(
+                f"an exponent is a number, found {exponent.dimension.words} (`{self.written(term.right)}`)",
+                term.right.offset, term.right.end, kind="dimension",
+            )
+        dimension = base.dimension
+        if dimension != NUMBER:
+            from fractions import Fraction
+
+            ratio = Fraction(exponent.value).limit_denominator(12)
+            if abs(exponent.value) > 12.0 or abs(float(ratio) - exponent.value) > 1e-12:
+                raise ExpressionError(
+                    f"the exponent of {dimension.words} must be a small whole number or fraction, "
+                    f"found `{self.written(term.right)}`",
+                    term.right.offset, term.right.end, kind="dimension",
+                )
+            dimension = dimension**ratio
+        return self.finite(term, lambda: base.value**exponent.value, dimension)
+
+    def compare(self, term: Binary) -> bool:
+        left, right = self.value(term.left), self.value(term.right)
+        equality = term.operator in ("==", "!=")
+        if equality and not isinstance(left, Quantity) and type(left) is type(right):
+            return (left == right) is (term.operator == "==")
+        a, b = self.quantity(term.left), self.quantity(term.right)
+        self.same(term.left, a, term.right, b)
+        x, y = a.value, b.value
+        return {"<": x < y, "<=": x <= y, ">": x > y, ">=": x >= y, "==": x == y, "!=": x != y}[term.operator]
+
+    def call(self, term: Call) -> Quantity:
+        arguments = [self.quantity(argument) for argument in term.arguments]
+        first = arguments[0]
+        x = first.value
+        if term.function in ("min", "max"):
+            return self.extreme(term, arguments)
+        if term.function == "abs":
+            return Quantity(abs(x), first.dimension)
+        if term.function == "sqrt":
+            from fractions import Fraction
+
+            return self.finite(term, lambda: math.sqrt(x), first.dimension ** Fraction(1, 2))
+        if term.function == "atan2":
+            self.same(term.arguments[0], first, term.arguments[1], arguments[1])
+            return Quantity(math.atan2(x, arguments[1].value), ANGLE)
+        if first.dimension != ANGLE and not _zero(term.arguments[0]):
+            shown = self.written(term.arguments[0])
+            raise ExpressionError(
+                f"`{term.function}` takes an angle (such as 30 deg), found {first.dimension.words} (`{shown}`)",
+                term.arguments[0].offset, term.arguments[0].end, kind="dimension",
+                help=f"for radians write `{shown} * 1 rad`" if first.dimension == NUMBER else None,
+            )
+        return self.finite(term, lambda: {"sin": math.sin, "cos": math.cos, "tan": math.tan}[term.function](x), NUMBER)
+
+    def extreme(self, term: Call, arguments: list[Quantity]) -> Quantity:
+        """`min` and `max`: the dimension is that of the first argument that is no bare 0."""
+        lead = next((k for k, argument in enumerate(term.arguments) if not _zero(argument)), 0)
+        for argument, quantity in zip(term.arguments, arguments, strict=True):
+            self.same(term.arguments[lead], arguments[lead], argument, quantity)
+        values = [argument.value for argument in arguments]
+        return Quantity(min(values) if term.function == "min" else max(values), arguments[lead].dimension)
+
+
+def _zero(term: Term) -> bool:
+    return isinstance(term, Literal) and term.zero
+
+
+def kind_of(value: ExpressionValue) -> str:
+    """What a value is, with its article: `an angle`, `a text`, `true or false`."""
+    if isinstance(value, Quantity):
+        return value.dimension.words
+    return "true or false" if isinstance(value, bool) else "a text"
+
+
+def words_of(value: ExpressionValue) -> str:
+    """A value as a document writes it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return str(value)
+
+
+def plain(value: ExpressionValue) -> float | bool | str:
+    """A value without its dimension."""
+    if not isinstance(value, Quantity):
+        return value
+    if value.dimension == NUMBER and value.value % 1.0 == 0.0:
+        return int(value.value)
+    return value.value + 0.0

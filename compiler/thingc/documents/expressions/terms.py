@@ -1,0 +1,138 @@
+"""The tree of an expression, with the place of every term."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Union
+
+from thingc.base.frozen import dataclass
+from thingc.base.units import Quantity, scan_number
+
+
+class ExpressionError(ValueError):
+    """An expression that cannot be read or worked out.
+
+    `kind` is `expression` (how it is written), `name` (an unknown name), `dimension`, `unit` or `value` (no finite
+    result); `offset` and `end` are characters of the expression's text, its `=` counted where it has one.
+    """
+
+    def __init__(self, message: str, offset: int, end: int, *, kind: str = "expression", help: str | None = None) -> None:
+        super().__init__(message)
+        self.message = message
+        self.kind = kind
+        self.help = help
+        self.offset = offset
+        self.end = end
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Literal:
+    """A number with its unit. `zero`: written as a bare 0, which is 0 of every dimension."""
+
+    value: Quantity
+    zero: bool
+    offset: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NameUse:
+    """A name: a parameter, or the index of a repeat."""
+
+    name: str
+    offset: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unary:
+    """`-a` (a leading `+` leaves no trace)."""
+
+    operand: Term
+    offset: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Binary:
+    """`a op b`, `op` one of `+ - * / ** < <= > >= == !=`."""
+
+    operator: str
+    left: Term
+    right: Term
+    offset: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Call:
+    """`function(a, b)`."""
+
+    function: str
+    arguments: tuple[Term, ...]
+    offset: int
+    end: int
+
+
+Term = Union[Literal, NameUse, Unary, Binary, Call]
+
+FUNCTIONS: dict[str, tuple[int, int]] = {
+    "min": (1, 32), "max": (1, 32), "abs": (1, 1), "sqrt": (1, 1), "sin": (1, 1), "cos": (1, 1), "tan": (1, 1), "atan2": (2, 2),
+}
+"""Every function, with its least and largest number of arguments."""
+
+COMPARISONS = frozenset(("<", "<=", ">", ">=", "==", "!="))
+"""Operators whose value is true or false."""
+
+CONSTANTS = {"pi": Quantity(math.pi)}
+
+MAX_DEPTH = 60
+"""Levels of parentheses, signs and powers in one expression."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expression:
+    """A parsed expression: its text as written (with the `=` where it had one) and its tree."""
+
+    text: str
+    tree: Term
+
+    @property
+    def compares(self) -> bool:
+        """Whether it is a comparison, whose value is true or false."""
+        return isinstance(self.tree, Binary) and self.tree.operator in COMPARISONS
+
+    @property
+    def names(self) -> tuple[NameUse, ...]:
+        """Every use of a name, in the order written; constants and functions are none."""
+        return tuple(term for term in _terms(self.tree) if isinstance(term, NameUse) and term.name not in CONSTANTS)
+
+
+def _terms(tree: Term) -> Iterator[Term]:
+    waiting = [tree]
+    while waiting:
+        term = waiting.pop()
+        yield term
+        if isinstance(term, Unary):
+            waiting.append(term.operand)
+        elif isinstance(term, Binary):
+            waiting.extend((term.right, term.left))
+        elif isinstance(term, Call):
+            waiting.extend(reversed(term.arguments))
+
+
+def words_in(expression: Expression) -> Iterator[tuple[int, int, str]]:
+    """Each word of an expression: from where to where, and whether it is a `name`, a `function`, a `number` or a `unit`."""
+    for term in _terms(expression.tree):
+        if isinstance(term, NameUse):
+            yield term.offset, term.end, "name"
+        elif isinstance(term, Call):
+            yield term.offset, term.offset + len(term.function), "function"
+        elif isinstance(term, Literal):
+            scanned = scan_number(expression.text, term.offset)
+            number = term.end if scanned is None else scanned[1]
+            yield term.offset, number, "number"
+            unit = expression.text[number : term.end].lstrip()
+            if unit:
+                yield term.end - len(unit), term.end, "unit"

@@ -1,0 +1,208 @@
+"""Which fixes of diagnostics are applied, and where: only what can have meant one thing.
+
+A name that a person chose may be misspelt where it is used or where it is given. It is taken to be misspelt where it
+stands once while the other spelling stands in two places at least; with one place each nobody can tell.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+from thingc.base.diagnostics import Code, Diagnostic, Severity
+from thingc.base.frozen import dataclass
+from thingc.base.source import Document, Edit, MappingNode, ScalarNode, walk
+from thingc.documents.load.text import Source
+
+LANGUAGE = frozenset({
+    Code.UNKNOWN_KEY, Code.UNKNOWN_CHOICE, Code.HEADER, Code.BAD_UNIT, Code.BAD_QUANTITY, Code.BAD_EXPRESSION, Code.WRONG_TYPE,
+    Code.BAD_COLOR, Code.EXPRESSION_COMMA, Code.RAW_TARGET, Code.RAW_UNKNOWN, Code.LIBRARY, Code.PART_MISSING, Code.MISSING_FILE,
+    Code.DIMENSION,
+})
+"""Codes of faults in words that no document gives: those of the language, of units, of Python, of files; and of expressions."""
+
+GIVING = frozenset({"components", "joints", "links", "mounts", "parameters", "materials", "poses", "modes", "sensors", "tendons"})
+"""Keys of a document below which it gives names."""
+
+PASSES = 5
+"""Times that the mended documents are looked at again: a fault may hide others."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TextEdit:
+    """One change: characters `start` to before `end` of the text of `file`, in `line` and `column` (from 1)."""
+
+    file: str
+    line: int
+    column: int
+    start: int
+    end: int
+    written: str
+    replacement: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Looked:
+    """What a check found, and the documents that it read (empty where it could read none)."""
+
+    found: Sequence[Diagnostic]
+    documents: Sequence[Document]
+
+
+Look = Callable[[Mapping[str, bytes]], Looked]
+"""Checks with other contents of files (by absolute path) than those on disk."""
+
+
+def located(edit: Edit, text: str) -> tuple[int, int] | None:
+    """The characters of the text of its file (without a byte order mark) that an edit replaces; None where what should stand
+    there does not stand there exactly once."""
+    source = Source(edit.span.file, text)
+    if not (0 < edit.span.line <= len(source.starts) and 0 < edit.span.end_line <= len(source.starts)):
+        return None
+    start = source.starts[edit.span.line - 1] + edit.span.column - 1
+    end = source.starts[edit.span.end_line - 1] + edit.span.end_column - 1
+    stretch = text[start:end]
+    places = [match.start() for match in re.finditer(rf"(?<![^\W\d]){re.escape(edit.written)}(?!\w)", stretch)]
+    if len(places) != 1:
+        return None
+    return start + places[0], start + places[0] + len(edit.written)
+
+
+def autofix(
+    look: Look, contents: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
+) -> tuple[list[TextEdit], dict[str, bytes], Sequence[Diagnostic]]:
+    """Apply what is sure until nothing of that kind is left.
+
+    `contents` are files that have been changed before, by absolute path; `allowed` says of a file whether it may be changed,
+    `read` its bytes on disk. Returns the changes in the order made, the contents of all changed files, and what is left to
+    say. A change that leaves a fault at its place is not made, and in the end every changed file has fewer faults of the first
+    pass in which anything changed than before.
+    """
+    before = look(contents)
+    done, texts, left = _autofix(look, before, contents, allowed, read, strict=False)
+    # TextEdit one fault may show those that it hid. Where more came to light than were mended, each change must lessen them.
+    if any(_faults(left, one.file) >= _faults(before.found, one.file) for one in done):
+        return _autofix(look, before, contents, allowed, read, strict=True)
+    return done, texts, left
+
+
+def _autofix(
+    look: Look, now: Looked, contents: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None],
+    *, strict: bool,
+) -> tuple[list[TextEdit], dict[str, bytes], Sequence[Diagnostic]]:
+    done: list[TextEdit] = []
+    texts = dict(contents)
+    for _ in range(PASSES):
+        chosen = sure_edits(now, texts, allowed, read)
+        while chosen:
+            fresh = {**texts, **_applied(chosen, texts, read)}
+            then = look(fresh)
+            kept = _better(chosen, now.found, then.found, strict=strict)
+            if len(kept) == len(chosen):
+                break
+            chosen = kept
+        if not chosen:
+            break
+        done += chosen
+        texts, now = fresh, then
+    return done, texts, now.found
+
+
+def sure_edits(
+    now: Looked, texts: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
+) -> list[TextEdit]:
+    """The fixes of which nothing else can have been meant, those that do not overlap. `texts`, `allowed`, `read`: as for `autofix`."""
+    words, given = _words(now.documents)
+    edits: list[TextEdit] = []
+    decoded: dict[str, str | None] = {}
+    for diagnostic in now.found:
+        for edit in diagnostic.fixes:
+            file = edit.span.file
+            if file not in decoded:
+                data = texts.get(file) or read(file) if allowed(file) else None
+                decoded[file] = None if data is None else data.decode("utf-8-sig", errors="replace")
+            text = decoded[file]
+            place = located(edit, text) if text is not None else None
+            if place is None or text is None or (diagnostic.code not in LANGUAGE and not _told_apart(edit, words, given)):
+                continue
+            at = Source(file, text).span(*place)
+            text_edit = TextEdit(
+                file=file, line=at.line, column=at.column, start=place[0], end=place[1], written=edit.written, replacement=edit.replacement,
+            )
+            if any(other.file == file and other.start < place[1] and place[0] < other.end for other in edits):
+                continue
+            if text_edit not in edits:
+                edits.append(text_edit)
+    return edits
+
+
+def _base(word: str) -> str:
+    """A name without the number that a repeat gives it."""
+    return re.sub(r"_(?:\d+|\$\w+)$", "", word)
+
+
+def _words(documents: Iterable[Document]) -> tuple[Counter[str], set[str]]:
+    """How often every word stands in the documents, and the names that they give."""
+    words: Counter[str] = Counter()
+    given: set[str] = set()
+    for document in documents:
+        for path, node in walk(document.tree):
+            if isinstance(node, MappingNode):
+                for key in node.entries:
+                    words.update(_base(word) for word in re.findall(r"[A-Za-z_][\w$]*", key))
+                if (len(path) == 1 and path[0] in GIVING) or (len(path) == 3 and path[::2] == ("components", "mounts")):
+                    given.update(node.entries)
+            elif isinstance(node, ScalarNode) and isinstance(node.value, str) and path[-1:] not in (("description",), ("doc",)):
+                words.update(_base(word) for word in re.findall(r"[A-Za-z_][\w$]*", node.value))
+    return words, given
+
+
+def _told_apart(edit: Edit, words: Counter[str], given: set[str]) -> bool:
+    """Whether a name is surely misspelt where it is used: not where a document gives the other spelling and nobody else
+    uses that."""
+    written, meant = (_base(word.rpartition(".")[2]) for word in (edit.written, edit.replacement))
+    if words[written] != 1:
+        return False
+    return meant not in given or words[meant] >= 2
+
+
+def _applied(chosen: Sequence[TextEdit], texts: Mapping[str, bytes], read: Callable[[str], bytes | None]) -> dict[str, bytes]:
+    fresh: dict[str, bytes] = {}
+    for file in {text_edit.file for text_edit in chosen}:
+        data = texts.get(file) or read(file)
+        assert data is not None
+        text = data.decode("utf-8-sig")
+        for text_edit in sorted((one for one in chosen if one.file == file), key=lambda one: -one.start):
+            text = text[: text_edit.start] + text_edit.replacement + text[text_edit.end :]
+        mark = b"\xef\xbb\xbf" if data.startswith(b"\xef\xbb\xbf") else b""
+        fresh[file] = mark + text.encode()
+    return fresh
+
+
+def _faults(diagnostics: Sequence[Diagnostic], file: str) -> tuple[int, ...]:
+    """How many errors of each pass a file has, the first pass first: fewer of an early one is better, whatever it hid."""
+    passes = Counter(
+        d.code.code[2] for d in diagnostics if d.severity is Severity.ERROR and d.span is not None and d.span.file == file
+    )
+    return tuple(passes[digit] for digit in "123456789")
+
+
+def _better(chosen: Sequence[TextEdit], before: Sequence[Diagnostic], after: Sequence[Diagnostic], *, strict: bool) -> list[TextEdit]:
+    """The changes that did good: no fault is where they were made, and with `strict` their file has fewer faults."""
+    errors = [d.span for d in after if d.severity is Severity.ERROR and d.span is not None]
+
+    def mended(one: TextEdit) -> bool:
+        above = [other for other in chosen if (other.file, other.line) == (one.file, one.line) and other.column < one.column]
+        start = one.column + sum(len(other.replacement) - len(other.written) for other in above)
+        end = start + len(one.replacement)
+        return not any(
+            (span.file, span.line) == (one.file, one.line) and span.column < end
+            and (span.end_line > span.line or span.end_column > start)
+            for span in errors
+        )
+
+    return [
+        one for one in chosen
+        if mended(one) and (not strict or _faults(after, one.file) < _faults(before, one.file))
+    ]

@@ -1,0 +1,119 @@
+"""`format_document`: a document in canonical layout, proven to mean the same."""
+
+from __future__ import annotations
+
+import re
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode
+from thingc.documents.format.order import root_shape, shape_below, shape_for
+from thingc.documents.format.pieces import Unusual
+from thingc.documents.format.quantities import equal_values, takes_vectors
+from thingc.documents.load import read_tree
+from thingc.documents.load.documents import document_kind
+from thingc.documents.spec.shapes import AnnotationShape
+
+MODELINE = "# yaml-language-server: $schema="
+"""What begins the comment in which the YAML language server looks for a schema."""
+
+
+def format_document(
+    path: str, data: bytes, report: Report, *, schema: str | None = None, tree: MappingNode | None = None,
+) -> bytes | None:
+    """The bytes of a document in canonical layout; None where it is not well-formed, which has been reported.
+
+    Lines end as the first of the file does; a byte order mark goes. With `schema` (a path relative to the document) a
+    YAML document has a modeline that names it. `tree` is that of the text, where it has been read. Texts in a form that is left alone come
+    back as they are.
+    """
+    before = tree or read_tree(path, data, report)
+    kind = None if before is None else document_kind(before, report)
+    if before is None or kind is None or report.failed:
+        return None
+    text = data.decode("utf-8-sig")
+    first = re.search(r"\r\n|\r|\n", text)
+    line_end = first.group() if first is not None else "\n"
+    shape = root_shape(kind)
+    plain = re.sub(r"\r\n?", "\n", text)
+    try:
+        plain = _layout(path, plain, shape)
+    except Unusual:
+        pass
+    if schema is not None and not path.lower().endswith(".toml"):
+        plain = with_modeline(plain, schema)
+    formatted = plain.replace("\n", line_end).encode()
+    if formatted != data:
+        again = Report()
+        after = read_tree(path, formatted, again)
+        if after is None or again.failed or not same(before, after, shape):
+            report.add(
+                Code.INTERNAL, "the canonical layout of this document would not mean the same; it is left as it is", before.span,
+                help="this is a defect of thingc, not of your document; please report it with the document",
+            )
+            return None
+    return formatted
+
+
+def is_laid_out(document: Document) -> bool:
+    """Whether `format_document` would leave a document as it is, but for the ends of lines."""
+    text = re.sub(r"\r\n?", "\n", document.text)
+    try:
+        return _layout(document.path, text, root_shape(document.kind)) == text
+    except Unusual:
+        return True
+
+
+def _layout(path: str, text: str, shape: AnnotationShape | None) -> str:
+    if path.lower().endswith(".toml"):
+        from thingc.documents.format.toml_layout import toml_layout
+
+        return toml_layout(text, shape)
+    from thingc.documents.format.yaml_layout import yaml_layout
+
+    return yaml_layout(text, shape)
+
+
+def with_modeline(text: str, schema: str) -> str:
+    """The text with a modeline that names a schema: the one that is there mended, else one above all."""
+    line = MODELINE + schema
+    lines = text.split("\n")
+    for at, old in enumerate(lines):
+        if old.strip() and not old.lstrip().startswith("#"):
+            break
+        if re.match(r"#\s*yaml-language-server:\s*\$schema=", old):
+            return "\n".join([*lines[:at], line, *lines[at + 1 :]])
+    return f"{line}\n{text}"
+
+
+def schema_path(relative: str) -> str:
+    """Where `thingc schema` writes the schema of a document (its path in the workspace), relative to the document."""
+    up = "../" * relative.count("/")
+    return f"{up}.thingc/schema/{relative}.json"
+
+
+def same(before: Node, after: Node, shape: AnnotationShape | None) -> bool:
+    """Whether two trees mean the same: equal values and keys, and the keys that a person chooses in the same order.
+
+    A quantity may have another space before its unit.
+    """
+    if isinstance(before, ScalarNode) and isinstance(after, ScalarNode):
+        if type(before.value) is type(after.value) and before.value == after.value:
+            return True
+        old, new = before.value, after.value
+        spaced = isinstance(old, str) and isinstance(new, str) and old.replace(" ", "") == new.replace(" ", "")
+        return spaced and equal_values(str(old), str(new), shape_for(shape, old))
+    if isinstance(before, SequenceNode) and isinstance(after, SequenceNode):
+        shape = shape_for(shape, [])
+        below = shape if shape is not None and takes_vectors(shape) else shape_below(shape, None)
+        return len(before.items) == len(after.items) and all(
+            same(one, other, below) for one, other in zip(before.items, after.items, strict=True)
+        )
+    if isinstance(before, MappingNode) and isinstance(after, MappingNode):
+        shape = shape_for(shape, dict.fromkeys(before.entries))
+        names, others = list(before.entries), list(after.entries)
+        if shape is not None and shape.kind == "model":
+            names, others = sorted(names), sorted(others)
+        return names == others and all(
+            same(before.entries[name], after.entries[name], shape_below(shape, name)) for name in names
+        )
+    return False

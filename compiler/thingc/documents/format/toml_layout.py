@@ -1,0 +1,232 @@
+"""The canonical layout of a TOML document."""
+
+from __future__ import annotations
+
+import tomllib
+from bisect import bisect_left
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from thingc.documents.format.flow import Inline
+from thingc.documents.format.order import ordered, shape_below, shape_for
+from thingc.documents.format.pieces import EndComment, Item, Piece, Unusual, commented, gap, tidy
+from thingc.documents.spec.shapes import AnnotationShape
+
+if TYPE_CHECKING:
+    from tree_sitter import Node as Syntax
+
+
+@dataclass(slots=True, kw_only=True)
+class _Statement:
+    """A header `[a.b]` (`value` is None) or `key = value`: where it stands, the words of its key, and its comments."""
+
+    start: int
+    end: int
+    key: tuple[int, int]
+    words: tuple[str, ...]
+    value: Piece | None = None
+    leading: list[str | None] = field(default_factory=list)
+    comment: EndComment | None = None
+    pairs: list[_Statement] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class _Names:
+    """The tables of a document: for each key the keys below it, in the order first written; once they are settled what shape a table has,
+    and the canonical rank of each key."""
+
+    below: dict[str, _Names] = field(default_factory=dict)
+    shape: AnnotationShape | None = None
+    ranks: dict[str, int] = field(default_factory=dict)
+
+    def add(self, words: tuple[str, ...], value: Piece | None) -> None:
+        table = self
+        for word in words:
+            table = table.below.setdefault(word, _Names())
+        if value is not None and value.kind == "map":
+            for item in value.items:
+                table.add((item.name,), item.value)
+
+    def settle(self, shape: AnnotationShape | None) -> None:
+        """Work out shapes and ranks, when all keys are there."""
+        self.shape = shape
+        known = list(self.below)
+        inner = shape_for(shape, dict.fromkeys(known))
+        self.ranks = {known[at]: rank for rank, at in enumerate(ordered(known, inner))}
+        for word, table in self.below.items():
+            table.settle(shape_below(inner, word))
+
+    def rank(self, words: tuple[str, ...]) -> tuple[int, ...]:
+        """Where a key stands in canonical order: its rank at every level."""
+        rank, table = [], self
+        for word in words:
+            rank.append(table.ranks[word])
+            table = table.below[word]
+        return tuple(rank)
+
+    def at(self, words: tuple[str, ...]) -> _Names:
+        """What is below a key."""
+        table = self
+        for word in words:
+            table = table.below[word]
+        return table
+
+
+def toml_layout(text: str, shape: AnnotationShape | None) -> str:
+    """The text in canonical layout (lines end with a line feed, as those of `text` do). Raises Unusual."""
+    sections, foot = _Cutter(text).sections()
+    names = _Names()
+    for section in sections:
+        names.add(section.words, None)
+        for pair in section.pairs:
+            names.add((*section.words, *pair.words), pair.value)
+    names.settle(shape)
+    lines = [line or "" for line in _opening(sections)]
+    for section in sorted(sections, key=lambda section: names.rank(section.words)):
+        lines.extend(_section(section, text, names, not any(lines)))
+    lines.extend(line or "" for line in tidy(foot))
+    while lines and not lines[-1]:
+        lines.pop()
+    return "\n".join(lines) + "\n"
+
+
+def _opening(sections: list[_Statement]) -> list[str | None]:
+    """The comments above everything that an empty line parts from the first statement, or that are for an editor."""
+    first = next((s for section in sections for s in (section, *section.pairs) if s.end), None)
+    if first is None:
+        return []
+    lines = tidy(first.leading)
+    while lines and lines[0] is None:
+        lines.pop(0)
+    cut = max((at for at, line in enumerate(lines) if line is None or line.startswith("#:schema")), default=-1) + 1
+    first.leading = lines[cut:]
+    return lines[:cut]
+
+
+def _section(section: _Statement, text: str, names: _Names, first: bool) -> list[str]:
+    """The lines of a section: its header (the first section has none) and its pairs in order."""
+    lines: list[str] = []
+    if section.end:
+        leading = tidy(section.leading)
+        while leading and leading[0] is None:
+            leading.pop(0)
+        lines.extend([] if first else [""])
+        lines.extend(line or "" for line in leading)
+        head = text[section.start : section.end]
+        marks = 2 if head.startswith("[[") else 1
+        lines.append(commented(f"{'[' * marks}{text[slice(*section.key)].strip()}{']' * marks}", section.comment))
+    pairs = sorted(section.pairs, key=lambda pair: names.rank((*section.words, *pair.words)))
+    inline = Inline(text, " = ")
+    for at, (pair, spaces) in enumerate(zip(pairs, _alignment(pairs, text), strict=True)):
+        leading = tidy(pair.leading)
+        while at == 0 and leading and leading[0] is None:
+            leading.pop(0)
+        lines.extend(line or "" for line in leading)
+        assert pair.value is not None
+        below = names.at((*section.words, *pair.words)).shape
+        written = f"{text[slice(*pair.key)]}{' ' * spaces}= {inline.value(pair.value, below, 0)}".split("\n")
+        written[-1] = commented(written[-1], pair.comment)
+        lines.extend(written)
+    return lines
+
+
+def _alignment(pairs: list[_Statement], text: str) -> list[int]:
+    """The spaces before each `=`: more than one where it stands under (or above) that of a neighbour."""
+    columns: list[int] = []
+    widths: list[int] = []
+    for pair in pairs:
+        equals = text.index("=", pair.key[1])
+        widths.append(max(1, equals - pair.key[1]))
+        columns.append(pair.key[1] - pair.key[0] + widths[-1])
+    spaces = []
+    for at, width in enumerate(widths):
+        near = {columns[other] for other in (at - 1, at + 1) if 0 <= other < len(columns)}
+        between = text[pairs[at].key[1] : text.index("=", pairs[at].key[1])]
+        spaces.append(width if columns[at] in near and not between.strip(" ") else 1)
+    return spaces
+
+
+class _Cutter:
+    """tree-sitter's tree to statements."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.data = text.encode()
+        self.offsets: list[int] | None = None
+        if len(self.data) != len(text):
+            self.offsets = [at for at, byte in enumerate(self.data) if byte & 0xC0 != 0x80]
+
+    def index(self, byte: int) -> int:
+        return byte if self.offsets is None else bisect_left(self.offsets, byte)
+
+    def sections(self) -> tuple[list[_Statement], list[str | None]]:
+        """The sections (the first without a header) and the comments behind the last statement."""
+        import tree_sitter_toml
+        from tree_sitter import Language, Parser
+
+        root = Parser(Language(tree_sitter_toml.language())).parse(self.data).root_node
+        if root.has_error:
+            raise Unusual
+        sections = [_Statement(start=0, end=0, key=(0, 0), words=())]
+        for node in root.named_children:
+            if node.type == "pair":
+                sections[0].pairs.append(self.pair(node))
+            elif node.type == "table":
+                sections.append(self.header(node))
+            elif node.type != "comment":
+                raise Unusual  # arrays of tables: no document has them
+        at = 0
+        last: _Statement | None = None
+        for statement in (s for section in sections for s in (section, *section.pairs) if s.end):
+            between = gap(self.text, at, statement.start)
+            self.comment(last, between.comment)
+            statement.leading = [line and line[1] for line in between.lines]
+            at, last = statement.end, statement
+        rest = gap(self.text, at, len(self.text))
+        self.comment(last, rest.comment)
+        return sections, [line and line[1] for line in rest.lines]
+
+    def comment(self, last: _Statement | None, comment: EndComment | None) -> None:
+        if comment is not None:
+            if last is None:
+                raise Unusual
+            last.comment = comment
+
+    def header(self, node: Syntax) -> _Statement:
+        children = node.named_children
+        key = children[0]
+        start = self.index(node.start_byte)
+        end = self.text.index("]", self.index(key.end_byte)) + 1
+        return _Statement(
+            start=start, end=end, key=(self.index(key.start_byte), self.index(key.end_byte)), words=self.words(key),
+            pairs=[self.pair(child) for child in children[1:] if child.type == "pair"],
+        )
+
+    def pair(self, node: Syntax) -> _Statement:
+        key, value = (child for child in node.named_children if child.type != "comment")
+        piece = self.value(value)
+        return _Statement(
+            start=self.index(node.start_byte), end=piece.end, key=(self.index(key.start_byte), self.index(key.end_byte)),
+            words=self.words(key), value=piece,
+        )
+
+    def words(self, key: Syntax) -> tuple[str, ...]:
+        if key.type == "dotted_key":
+            return tuple(word for child in key.named_children for word in self.words(child))
+        text = self.data[key.start_byte : key.end_byte].decode()
+        return (next(iter(tomllib.loads(f"{text} = 0"))),) if key.type == "quoted_key" else (text,)
+
+    def value(self, node: Syntax) -> Piece:
+        start, end = self.index(node.start_byte), self.index(node.end_byte)
+        children = [child for child in node.named_children if child.type != "comment"]
+        if node.type == "array":
+            items = [Item(value=self.value(child)) for child in children]
+            return Piece(kind="list", start=start, end=end, body=start, flow=True, items=items)
+        if node.type == "inline_table":
+            pairs = [self.pair(child) for child in children if child.type == "pair"]
+            items = [
+                Item(key=pair.key, name=pair.words[0], value=pair.value) for pair in pairs if pair.value is not None
+            ]
+            odd = any(len(pair.words) > 1 for pair in pairs)
+            return Piece(kind="map", start=start, end=end, body=start, flow=True, items=items, odd=odd)
+        return Piece(kind="scalar", start=start, end=end, body=start)

@@ -1,0 +1,393 @@
+"""`load`: a document and every document that it names, as trees with positions."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import field
+from typing import TYPE_CHECKING
+
+from thingc.base.diagnostics import Code, Note, Report
+from thingc.base.files import beginning
+from thingc.base.frozen import dataclass
+from thingc.base.memo import Memo
+from thingc.base.shown import unseen
+from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span
+from thingc.base.typos import did_you_mean, near_hint, nearest
+from thingc.base.units import shortened
+from thingc.documents.load.packaged import find_packaged, is_packaged
+from thingc.documents.load.paths import DOCUMENT_SUFFIXES, MESH_SUFFIXES, PART_SUFFIXES, find_file, libraries, named, refuse_name
+from thingc.documents.load.text import MAX_ALL_BYTES, MAX_BYTES, MAX_FAULTS, decode
+
+if TYPE_CHECKING:
+    from thingc.documents.workspace import Workspace
+
+KINDS: dict[str, str] = {"assembly": "1", "materials": "1", "variants": "1", "workspace": "1"}
+"""Kinds of documents and the version that is read."""
+
+MAX_CHAIN = 100
+"""Documents that may nest in one another."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Documents:
+    """A document and all that it names, directly or not.
+
+    `by_path` is keyed by path in the workspace, in the order first named. `links` maps (path of a document, text in it)
+    to the path of the document that the text names. `broken` are the documents on a cycle of assemblies (reported).
+    `files` are the absolute paths of all files in the workspace that they name, documents and parts, there or not, as they are named: a
+    symbolic link is itself, and may lead elsewhere tomorrow; and those that were looked at for a document of a package, there or not.
+    """
+
+    root: Document
+    by_path: dict[str, Document]
+    links: dict[tuple[str, str], str] = field(default_factory=dict)
+    broken: frozenset[str] = frozenset()
+    files: frozenset[str] = frozenset()
+
+    def named(self, document: Document, text: str) -> Document | None:
+        """The document that `text` names in `document`; None where it could not be read (which has been reported)."""
+        path = self.links.get((document.relative, text))
+        return None if path is None else self.by_path.get(path)
+
+
+def load(
+    document: str, workspace: Workspace, report: Report, *, kinds: Collection[str] = ("assembly",),
+    texts: Mapping[str, bytes] | None = None, memo: Memo | None = None,
+) -> Documents | None:
+    """Read a document and follow its `assembly:` and `materials:`.
+
+    Everything wrong is reported; what can still be read is returned, None where the document itself cannot be.
+    `kinds` are the kinds that the document itself may have; `texts` what documents hold instead of what is on disk, by absolute
+    path; `memo` knows documents that have been read before.
+    """
+    path = os.path.abspath(document)
+    if not path.lower().endswith(DOCUMENT_SUFFIXES):
+        name = shortened(os.path.basename(path))
+        report.add(Code.FILE_TYPE, f"expected a document ({', '.join(DOCUMENT_SUFFIXES)}), found `{name}`", None)
+        return None
+    if not workspace.contains(path):
+        name = shortened(os.path.basename(path))
+        report.add(
+            Code.OUTSIDE_WORKSPACE, f"`{name}` is a link that leaves the workspace", None, help="name the file that the link leads to",
+        )
+        return None
+    if unseen(workspace.relative(path)):
+        refuse_name(workspace.relative(path), None, report)
+        return None
+    reader = _Reader(workspace, report, texts, memo)
+    root = reader.read(path)
+    if root is None:
+        return None
+    if root.kind not in kinds:
+        _refuse(root, kinds, report)
+        return None
+    reader.follow(root, [])
+    return reader.documents(root)
+
+
+def remember(document: Document, memo: Memo) -> None:
+    """Let `load` take a document that has been read already for what lies at its path, or is given as its text, with the same bytes."""
+    memo.keep(*_known(document.path, document.relative, document.sha256), document)
+
+
+def _known(path: str, relative: str, sha256: str) -> tuple[tuple[str, str, str], tuple[str]]:
+    """Where a document is remembered, and what it holds."""
+    return ("document", path, relative), (sha256,)
+
+
+def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, report: Report) -> Documents:
+    """The documents together with further assemblies that stand in none of them (as the root document would name them), and
+    what those name. Documents that have been read are not read again; everything wrong with the new ones is reported."""
+    reader = _Reader(workspace, report)
+    reader.by_path.update(documents.by_path)
+    reader.links.update(documents.links)
+    reader.done.update(documents.by_path)
+    reader.broken.update(documents.broken)
+    reader.files.update(documents.files)
+    for text in texts:
+        document = reader.named(documents.root, text, None, "assembly")
+        if document is not None:
+            reader.follow(document, [])
+    return reader.documents(documents.root)
+
+
+def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
+    """Say that a document is of a kind that is not wanted here."""
+    if root.kind == "variants":
+        report.add(
+            Code.WRONG_KIND, "this document is of many variants, and one assembly is wanted here", root.span(("thingc",)),
+            help="`thingc batch` builds them all; or name the assembly, with -p 'NAME=VALUE' for one of them",
+        )
+        return
+    *others, last = (f"`{kind}`" for kind in kinds)
+    wanted = f"{', '.join(others)} or {last}" if others else last
+    report.add(
+        Code.WRONG_KIND, f"expected a document of kind {wanted}, found `{root.kind}`", root.span(("thingc",)),
+        help=(
+            "name a document of variants; `thingc build` builds one assembly" if kinds == ("variants",)
+            else f"name the assembly {'that uses it' if root.kind == 'materials' else 'itself; this document is found by itself'}"
+        ),
+    )
+
+
+def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
+    """The tree of a YAML or TOML file (by its suffix), a mapping; None when it has been reported that it is none."""
+    source = decode(path, data, report)
+    if source is None:
+        return None
+    tree: Node | None
+    before = len(report.diagnostics)
+    if path.lower().endswith(".toml"):
+        from thingc.documents.load.toml_tree import read_toml
+
+        tree = read_toml(source, report)
+    else:
+        from thingc.documents.load.yaml_tree import read_yaml
+
+        tree = read_yaml(source, report)
+    if isinstance(tree, MappingNode):
+        return tree
+    empty = tree is None or (isinstance(tree, ScalarNode) and tree.value is None)
+    if empty and len(report.diagnostics) == before:
+        report.add(Code.NOT_A_MAPPING, "the document is empty", source.span(0, 0), help=f"begin with `{head_line(path)}`")
+    elif tree is not None and not empty:
+        found = "a list" if isinstance(tree, SequenceNode) else "text"
+        span, help = tree.span, f"begin with `{head_line(path)}`"
+        if isinstance(tree, ScalarNode) and (missing := re.match(r"([A-Za-z_]\w*):(\S+)", tree.text)):
+            help = f"a space is missing after the `:`: `{missing.group(1)}: {missing.group(2)}`"
+        elif isinstance(tree, ScalarNode) and re.match(r"(\[\s*)?\w+\s*=", tree.text):
+            help = f"TOML lies in files called `.toml`: call it `{os.path.splitext(os.path.basename(path))[0]}.toml`, or {help}"
+        report.add(Code.NOT_A_MAPPING, f"a document is a mapping, found {found}", span, help=help)
+    return None
+
+
+class _Reader:
+    """Reads every file once; `by_path` in the order first named."""
+
+    def __init__(
+        self, workspace: Workspace, report: Report, texts: Mapping[str, bytes] | None = None, memo: Memo | None = None,
+    ) -> None:
+        self.workspace = workspace
+        self.report = report
+        self.texts = texts or {}
+        self.memo = memo or Memo()
+        self.by_path: dict[str, Document] = {}
+        self.failed: set[str] = set()
+        self.done: set[str] = set()
+        self.links: dict[tuple[str, str], str] = {}
+        self.broken: set[str] = set()
+        self.files: set[str] = set()
+        self.bytes = 0
+        self.ended = False
+        self.before = len(report.diagnostics)
+
+    def documents(self, root: Document) -> Documents:
+        """What has been read, of the document `root`."""
+        return Documents(
+            root=root, by_path=self.by_path, links=self.links, broken=frozenset(self.broken), files=frozenset(self.files),
+        )
+
+    def find(self, text: str, document: Document, where: Span | None, suffixes: tuple[str, ...], what: str) -> str | None:
+        """The absolute path of the file that a document names (see `find_file`)."""
+        wanted = named(text, document.path)
+        if wanted is not None and self.workspace.contains(wanted):
+            self.files.add(wanted)
+        return find_file(
+            text, beside=document.path, where=where, workspace=self.workspace, suffixes=suffixes, what=what, report=self.report,
+        )
+
+    def enough(self, where: Span) -> bool:
+        """Whether nothing more is to be read: more has been, or more has been said, than anybody looks through."""
+        if self.ended:
+            return True
+        if self.bytes > MAX_ALL_BYTES:
+            self.report.add(Code.TOO_LARGE, f"this document and those that it names have more than {MAX_ALL_BYTES} bytes", where)
+        elif len(self.report.diagnostics) - self.before > MAX_FAULTS:
+            self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} faults; the rest of the files is not looked for", where)
+        else:
+            return False
+        self.ended = True
+        return True
+
+    def read(self, path: str) -> Document | None:
+        relative = self.workspace.relative(path)
+        if relative in self.by_path or relative in self.failed:
+            return self.by_path.get(relative)
+        self.failed.add(relative)
+        try:
+            data = self.texts[path] if path in self.texts else beginning(path, MAX_BYTES + 1)
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else "it cannot be read"
+            name = shortened(os.path.basename(path))
+            self.report.add(Code.UNREADABLE, f"cannot read `{name}`: {reason[:1].lower()}{reason[1:]}", None)
+            return None
+        self.bytes += len(data)
+        sha256 = hashlib.sha256(data).hexdigest()
+        document: Document | None = self.memo.last(*_known(path, relative, sha256))
+        if document is None:
+            said = len(self.report.diagnostics)
+            tree = read_tree(path, data, self.report)
+            kind = None if tree is None else document_kind(tree, self.report)
+            if tree is None or kind is None:
+                return None
+            document = Document(
+                path=path, relative=relative, kind=kind, tree=tree, sha256=sha256, text=data.decode("utf-8-sig"),
+            )
+            if len(self.report.diagnostics) == said:
+                remember(document, self.memo)
+        self.by_path[relative] = document
+        self.failed.discard(relative)
+        return document
+
+    def follow(self, document: Document, chain: list[tuple[Document, Span]]) -> None:
+        """Read what a document names. `chain` are the assemblies above it, each with the place that nests the next."""
+        if document.relative in self.done:
+            return
+        self.done.add(document.relative)
+        if document.kind != "assembly":
+            return
+        for text, where in _materials(document.tree):
+            if self.enough(where):
+                return
+            self.named(document, text, where, "materials")
+        for text, where in _components(document.tree, "file"):
+            if self.enough(where):
+                return
+            self.find(text, document, where, PART_SUFFIXES, "a file of a part")
+        for text, where in _meshes(document.tree):
+            if self.enough(where):
+                return
+            path = self.find(text, document, where, MESH_SUFFIXES, "a mesh file")
+            if path is not None:
+                self.files.update(os.path.join(os.path.dirname(path), name) for name in libraries(path))
+        for text, where in _components(document.tree, "assembly"):
+            if self.enough(where):
+                return
+            nested = self.named(document, text, where, "assembly")
+            if nested is None:
+                continue
+            hops = [*chain, (document, where)]
+            position = next((k for k, (above, _) in enumerate(hops) if above.relative == nested.relative), None)
+            if position is not None:
+                self.cycle(hops[position:])
+            elif len(hops) >= MAX_CHAIN:
+                self.report.add(Code.TOO_LARGE, f"more than {MAX_CHAIN} assemblies nest in one another", where)
+            else:
+                self.follow(nested, hops)
+
+    def cycle(self, hops: list[tuple[Document, Span]]) -> None:
+        names = [document.relative for document, _ in hops]
+        following = [*names[1:], names[0]]
+        self.broken.update(names)
+        self.report.add(
+            Code.DOCUMENT_CYCLE, f"`{names[0]}` nests itself: {' -> '.join([*names, names[0]])}", hops[0][1],
+            notes=[
+                Note(message=f"`{name}` nests `{inner}` here", span=where)
+                for name, inner, (_, where) in zip(names[1:], following[1:], hops[1:], strict=True)
+            ],
+            help="an assembly cannot be a part of itself",
+        )
+
+    def named(self, document: Document, text: str, where: Span | None, kind: str) -> Document | None:
+        what = "an assembly document" if kind == "assembly" else "a materials document"
+        if kind == "materials" and is_packaged(text):
+            path = find_packaged(text, where=where, workspace=self.workspace, looked_at=self.files, report=self.report)
+        else:
+            path = self.find(text, document, where, DOCUMENT_SUFFIXES, what)
+        target = None if path is None else self.read(path)
+        if target is None:
+            return None
+        if target.kind != kind:
+            wanted = "an assembly" if kind == "assembly" else "a materials"
+            self.report.add(
+                Code.WRONG_KIND, f"expected {wanted} document, found `{shortened(text)}` of kind `{target.kind}`", where,
+                notes=[Note(message="its kind is written here", span=target.span(("thingc",)))],
+            )
+            return None
+        self.links[document.relative, text] = target.relative
+        return target
+
+
+def head_line(path: str, kind: str = "assembly") -> str:
+    """How a document of a kind begins, in the format of the file."""
+    head = f"{kind}/{KINDS[kind]}"
+    return f'thingc = "{head}"' if path.lower().endswith(".toml") else f"thingc: {head}"
+
+
+def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly") -> str | None:
+    """The kind that a document's `thingc:` key states; None when it has been reported that it states none we know.
+
+    `usual` is the kind that hints show.
+    """
+    file = tree.span.file
+    node = tree.entries.get("thingc")
+    if node is None:
+        first = next(iter(tree.keys), None)
+        if first is not None and nearest(first, ["thingc"]) and isinstance(tree.entries[first], ScalarNode):
+            message = f"expected the key `thingc`, found `{shortened(first)}`"
+            report.add(Code.HEADER, message, tree.keys[first], help=near_hint(first, ["thingc"]))
+        else:
+            where = tree.keys[first] if first is not None else tree.span
+            report.add(
+                Code.HEADER, "the key `thingc`, which says kind and version, is missing", where,
+                help=f"begin with `{head_line(file, usual)}`",
+            )
+        return None
+    if isinstance(node, ScalarNode) and node.damaged:
+        return None
+    value = node.value if isinstance(node, ScalarNode) else None
+    if not isinstance(value, str):
+        if isinstance(node, ScalarNode):
+            found = "nothing" if value is None else f"`{shortened(node.text)}`"
+        else:
+            found = "a list" if isinstance(node, SequenceNode) else "a mapping"
+        report.add(
+            Code.HEADER, f"`thingc` says kind and version, found {found}", tree.keys["thingc"] if value is None else node.span,
+            help=f"write for example `{head_line(file, usual)}`",
+        )
+        return None
+    kind, slash, version = value.partition("/")
+    if kind not in KINDS:
+        report.add(
+            Code.HEADER, f"unknown kind of document `{shortened(kind)}`", node.span,
+            help=did_you_mean(kind, KINDS, what="kinds"),
+        )
+        return None
+    if version != KINDS[kind]:
+        message = f"unknown version `{shortened(version)}` of `{kind}`" if slash else f"the version of `{kind}` is missing"
+        report.add(Code.HEADER, message, node.span, help=f"write `{head_line(file, kind)}`")
+        return None
+    return kind
+
+
+def _texts(node: Node | None) -> Iterator[tuple[str, Span]]:
+    if isinstance(node, ScalarNode) and isinstance(node.value, str):
+        yield node.value, node.span
+
+
+def _components(tree: MappingNode, key: str) -> Iterator[tuple[str, Span]]:
+    components = tree.entries.get("components")
+    if isinstance(components, MappingNode):
+        for component in components.entries.values():
+            if isinstance(component, MappingNode):
+                yield from _texts(component.entries.get(key))
+
+
+def _meshes(tree: MappingNode) -> Iterator[tuple[str, Span]]:
+    """The mesh files among the shapes of links."""
+    components = tree.entries.get("components")
+    for component in components.entries.values() if isinstance(components, MappingNode) else ():
+        shapes = component.entries.get("shapes") if isinstance(component, MappingNode) else None
+        for shape in shapes.items if isinstance(shapes, SequenceNode) else ():
+            if isinstance(shape, MappingNode):
+                yield from _texts(shape.entries.get("mesh"))
+
+
+def _materials(tree: MappingNode) -> Iterator[tuple[str, Span]]:
+    materials = tree.entries.get("materials")
+    if isinstance(materials, SequenceNode):
+        for item in materials.items:
+            yield from _texts(item)

@@ -1,0 +1,123 @@
+"""Paths that documents name: relative to the document, inside the workspace, links resolved."""
+
+from __future__ import annotations
+
+import os
+import re
+from typing import TYPE_CHECKING
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.shown import is_text, shown, unseen
+from thingc.base.source import Span
+from thingc.base.typos import file_meant
+from thingc.base.units import shortened
+
+if TYPE_CHECKING:
+    from thingc.documents.workspace import Workspace
+
+DOCUMENT_SUFFIXES = (".yaml", ".yml", ".toml")
+PART_SUFFIXES = (".step", ".stp", ".brep", ".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf")
+MESH_SUFFIXES = (".stl", ".obj", ".dae", ".ply", ".glb")
+"""Of files that a link lists as its shapes."""
+SUFFIXES_WITH_UNIT = (".step", ".stp", ".3mf", ".glb", ".gltf", ".dae")
+"""Of these, the files that say in which unit their numbers are."""
+
+_HEAD = 1 << 16
+_LIBRARY = re.compile(rb"^mtllib[ \t]+([^\r\n]+?)[ \t]*\r?$", re.MULTILINE)
+
+_DRIVE = re.compile(r"[A-Za-z]:|\\\\")
+
+
+def find_file(
+    text: str, *, beside: str, where: Span | None, workspace: Workspace, suffixes: tuple[str, ...], what: str, report: Report,
+) -> str | None:
+    """The absolute path of the file that a document at the path `beside` calls `text`.
+
+    None when it has been reported at `where` that it is absolute, leaves the workspace, is not there, or has none of
+    the `suffixes`. `what` names it in messages (`an assembly document`).
+    """
+    shown = shortened(text)
+    if not text.strip():
+        report.add(Code.MISSING_FILE, f"expected the path of {what}, found `{shown}`", where)
+        return None
+    if os.path.isabs(text) or text.startswith(("/", "~")) or _DRIVE.match(text):
+        report.add(
+            Code.OUTSIDE_WORKSPACE, f"`{shown}` is an absolute path", where,
+            help="write it relative to this document, inside the workspace",
+        )
+        return None
+    path = named(text, beside)
+    if path is None:
+        refuse_name(text, where, report)
+        return None
+    if not workspace.contains(path):
+        report.add(
+            Code.OUTSIDE_WORKSPACE, f"`{shown}` leaves the workspace", where,
+            help="move the file into the folder of `thingc.toml`, or put a `thingc.toml` into a folder above both",
+        )
+        return None
+    if not path.lower().endswith(suffixes):
+        report.add(
+            Code.FILE_TYPE, f"expected {what} ({', '.join(suffixes)}), found `{shown}`", where,
+        )
+        return None
+    if not os.path.isfile(path):
+        if os.path.isdir(path):
+            report.add(Code.MISSING_FILE, f"`{shown}` is a folder, not a file", where, help="name a file in it")
+        else:
+            report.add(Code.MISSING_FILE, f"there is no file `{shown}`", where, help=_near(path, text, beside, suffixes))
+        return None
+    relative = workspace.relative(path)
+    if unseen(relative):  # of the file that a link leads to
+        refuse_name(relative, where, report)
+        return None
+    return path
+
+
+def find_assembly(text: str, *, beside: str, where: Span | None, workspace: Workspace, report: Report) -> str | None:
+    """`find_file` of an assembly document."""
+    return find_file(
+        text, beside=beside, where=where, workspace=workspace, suffixes=DOCUMENT_SUFFIXES, what="an assembly document", report=report,
+    )
+
+
+def named(text: str, beside: str) -> str | None:
+    """The absolute path of what a document at the path `beside` calls `text`, be it there or not; None where nothing can be called
+    so."""
+    return None if unseen(text) else os.path.normpath(os.path.join(os.path.dirname(beside), text))
+
+
+def libraries(path: str) -> tuple[str, ...]:
+    """The names, in the same folder, of the files that an OBJ file takes its colours from, as its first lines say; of other files none."""
+    if not path.lower().endswith(".obj"):
+        return ()
+    try:
+        with open(path, "rb") as stream:
+            head = stream.read(_HEAD)
+    except OSError:
+        return ()
+    names = {name.decode("utf-8", "replace") for name in _LIBRARY.findall(head)}
+    return tuple(sorted(name for name in names if name.lower().endswith(".mtl") and os.path.basename(name) == name and not unseen(name)))
+
+
+def refuse_name(name: str, where: Span | None, report: Report) -> None:
+    """Say that a file has a name that nobody can read, or keep on one line."""
+    what = "characters that nobody sees" if is_text(name) else "bytes that are no UTF-8"
+    report.add(
+        Code.FILE_NAME, f"the file name `{shown(name)}` has {what}: `{shown(unseen(name))}`", where,
+        help="rename the file: letters, digits, spaces and signs that can be seen",
+    )
+
+
+def _near(path: str, text: str, beside: str, suffixes: tuple[str, ...]) -> str:
+    """A hint: the file of that folder that was meant, or what there is."""
+    folder = os.path.dirname(path)
+    prefix = text[: len(text) - len(os.path.basename(text))]
+    try:
+        files = [entry.name for entry in os.scandir(folder) if entry.is_file() and entry.name.lower().endswith(suffixes)]
+    except OSError:
+        return f"there is no folder `{shortened(prefix)}` here" if prefix else "paths are relative to this document"
+    names = [prefix + name for name in files if os.path.join(folder, name) != os.path.normpath(beside)]
+    if not names:
+        return "paths are relative to this document, and there is no such file in that folder"
+    return file_meant(text, names)

@@ -1,0 +1,99 @@
+"""Bytes of a file to text, and places in it as spans."""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.source import Span, line_of
+
+MAX_BYTES = 10_000_000
+MAX_ALL_BYTES = 40_000_000
+"""Of a document and all that it names."""
+MAX_LEVELS = 100
+MAX_ALIAS_NODES = 10_000
+MAX_NODES = 300_000
+"""Values of one document: ten megabytes of `{}` would take a gigabyte."""
+MAX_FAULTS = 200
+"""Faults said of one document: nobody reads more, and a broken file of ten megabytes has a million."""
+
+_BREAK = re.compile(r"\r\n|\r|\n")
+_FORBIDDEN_ASCII = "[^\t\n\r\x20-\x7e]"
+_FORBIDDEN = "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
+"""Control characters (which no terminal should see), NEL, line and paragraph separators (which editors and parsers
+count differently), surrogates, and a byte order mark that is not at the start. (Compiled where it is needed: that takes as long as
+reading a short document.)"""
+
+_SPOKEN = {
+    "\ufeff": "a byte order mark", "\u2028": "a line separator", "\u2029": "a paragraph separator",
+    "\x85": "a next-line character", "\x00": "a zero byte",
+}
+
+
+class Source:
+    """The text of one file without its byte order mark, and where its lines begin."""
+
+    def __init__(self, file: str, text: str) -> None:
+        self.file = file
+        self.text = text
+        self.starts = [0, *(match.end() for match in _BREAK.finditer(text))]
+
+    def span(self, start: int, end: int) -> Span:
+        """The characters from `start` to before `end` (indices into `text`)."""
+        line = bisect_right(self.starts, start)
+        on_one = end <= start or line == len(self.starts) or end < self.starts[line]
+        last = line if on_one else bisect_right(self.starts, end)
+        return Span(
+            file=self.file, line=line, column=start - self.starts[line - 1] + 1,
+            end_line=last, end_column=max(end, start) - self.starts[last - 1] + 1,
+        )
+
+    def line_at(self, index: int) -> int:
+        """The number of the line (from 0) that holds the character at `index`."""
+        return bisect_right(self.starts, index) - 1
+
+    def line(self, number: int) -> str:
+        """The text of a line (from 0), without its break."""
+        end = self.starts[number + 1] if number + 1 < len(self.starts) else len(self.text)
+        return self.text[self.starts[number] : end].rstrip("\r\n")
+
+
+def decode(file: str, data: bytes, report: Report) -> Source | None:
+    """The text of a file read: UTF-8, a byte order mark and CRLF allowed. None when it has been reported."""
+    top = line_of(file)
+    if len(data) > MAX_BYTES:
+        report.add(
+            Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes, which is the bound", top, help="split the document",
+        )
+        return None
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        report.add(Code.NOT_UTF8, "expected UTF-8, found UTF-16", top, help="save the file as UTF-8")
+        return None
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = Source(file, data[: error.start].decode("utf-8-sig", errors="replace"))
+        end = len(before.text)
+        report.add(
+            Code.NOT_UTF8, f"expected UTF-8, found the byte 0x{data[error.start]:02x}", before.span(end, end),
+            help="save the file as UTF-8",
+        )
+        return None
+    source = Source(file, text)
+    bad = forbidden(text)
+    if bad is not None:
+        at, words = bad
+        report.add(Code.SYNTAX, words, source.span(at, at + 1), help="delete it; it is invisible in most editors")
+        return None
+    return source
+
+
+def forbidden(text: str) -> tuple[int, str] | None:
+    """Where the first character stands that no document may have, and what is said of it."""
+    bad = re.search(_FORBIDDEN_ASCII if text.isascii() else _FORBIDDEN, text)
+    if bad is None:
+        return None
+    character = bad.group()
+    name = _SPOKEN.get(character, "half a character" if "\ud800" <= character <= "\udfff" else "a control character")
+    return bad.start(), f"{name} (U+{ord(character):04X}) cannot stand in a document"

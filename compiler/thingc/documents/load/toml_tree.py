@@ -1,0 +1,375 @@
+"""TOML text to a tree with positions: tomllib says what the values are, tree-sitter where they stand."""
+
+from __future__ import annotations
+
+import datetime
+import re
+import tomllib
+from bisect import bisect_left
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Union
+
+from thingc.base.diagnostics import Code, Note, Report
+from thingc.base.source import MappingNode, Node, Scalar, ScalarNode, SequenceNode, Span
+from thingc.base.units import shortened
+from thingc.documents.load.text import MAX_FAULTS, MAX_LEVELS, MAX_NODES, Source
+
+if TYPE_CHECKING:
+    from tree_sitter import Node as Syntax
+
+
+def read_toml(source: Source, report: Report) -> MappingNode | None:
+    """The tree of a TOML 1.0 text, or None when it has been reported that there is none."""
+    import tree_sitter_toml
+    from tree_sitter import Language, Parser
+
+    data = source.text.encode()
+    tree = Parser(Language(tree_sitter_toml.language())).parse(data)
+    places = _Places(source, data)
+    if _too_large(tree.root_node, places, report):
+        return None
+    try:
+        values = tomllib.loads(source.text)
+    except (ValueError, RecursionError) as error:
+        _report_error(error, tree.root_node, places, report)
+        return None
+    root = _Statements(places, None).read(tree.root_node)
+    return _Joiner(places, report).table(root, values, 1)
+
+
+class _Places:
+    """Byte offsets of tree-sitter to character indices and spans."""
+
+    def __init__(self, source: Source, data: bytes) -> None:
+        self.source = source
+        self.data = data
+        self.offsets: list[int] | None = None
+        if len(data) != len(source.text):
+            self.offsets = [at for at, byte in enumerate(data) if byte & 0xC0 != 0x80]
+
+    def index(self, byte: int) -> int:
+        return byte if self.offsets is None else bisect_left(self.offsets, byte)
+
+    def text(self, node: Syntax) -> str:
+        return self.data[node.start_byte : node.end_byte].decode()
+
+
+@dataclass(slots=True)
+class _Leaf:
+    """A scalar: character indices."""
+
+    start: int
+    end: int
+
+
+@dataclass(slots=True)
+class _Array:
+    """A list of values, or an array of tables (`tables`)."""
+
+    start: int
+    end: int
+    tables: bool
+    items: list[_Item] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class _Table:
+    """A table: entries, and for each key where it stands, and where `again`."""
+
+    start: int
+    end: int
+    entries: dict[str, _Item] = field(default_factory=dict)
+    keys: dict[str, tuple[int, int]] = field(default_factory=dict)
+    again: list[tuple[str, tuple[int, int]]] = field(default_factory=list)
+    declared: bool = False
+
+
+_Item = Union[_Leaf, _Array, _Table]
+
+
+class _Statements:
+    """The statements of a TOML text in order, put where they belong. With a report, keys written twice are reported."""
+
+    def __init__(self, places: _Places, report: Report | None) -> None:
+        self.places = places
+        self.report = report
+        self.before = len(report.diagnostics) if report is not None else 0
+
+    def read(self, document: Syntax) -> _Table:
+        root = _Table(0, len(self.places.source.text))
+        for statement in document.named_children:
+            if statement.type == "pair":
+                self.pair(root, statement)
+            elif statement.type in ("table", "table_array_element"):
+                self.header(root, statement)
+        return root
+
+    def header(self, root: _Table, statement: Syntax) -> None:
+        children = statement.named_children
+        if not children:
+            return
+        parts = self.parts(children[0])
+        start, end = self.places.index(statement.start_byte), self.places.index(statement.end_byte)
+        end = start + len(self.places.source.text[start:end].rstrip())
+        table = self.descend(root, parts[:-1], start, end)
+        if table is None or not parts:
+            return
+        name, place = parts[-1]
+        entry = table.entries.get(name)
+        if statement.type == "table_array_element":
+            if not isinstance(entry, _Array):
+                if self.twice(table, name, place):
+                    return
+                entry = _Array(start, end, True)
+                table.entries[name], table.keys[name] = entry, place
+            inner = _Table(start, end)
+            entry.items.append(inner)
+            entry.end = end
+        elif isinstance(entry, _Table) and not entry.declared:
+            inner = entry
+            inner.start, inner.end, inner.declared = min(inner.start, start), max(inner.end, end), True
+            table.again.append((name, place))
+        elif self.twice(table, name, place):
+            return
+        else:
+            inner = _Table(start, end, declared=True)
+            table.entries[name], table.keys[name] = inner, place
+        for child in children[1:]:
+            if child.type == "pair":
+                self.pair(inner, child)
+
+    def pair(self, table: _Table, statement: Syntax) -> None:
+        children = [child for child in statement.named_children if child.type != "comment"]
+        if len(children) < 2:
+            return
+        parts = self.parts(children[0])
+        value = self.value(children[1])
+        target = self.descend(table, parts[:-1], self.places.index(statement.start_byte), value.end) if parts else None
+        if target is None:
+            return
+        name, place = parts[-1]
+        if not self.twice(target, name, place):
+            target.entries[name], target.keys[name] = value, place
+
+    def twice(self, table: _Table, name: str, place: tuple[int, int]) -> bool:
+        if name not in table.entries:
+            return False
+        if self.report is not None and len(self.report.diagnostics) - self.before < MAX_FAULTS:
+            span = self.places.source.span
+            self.report.add(
+                Code.DUPLICATE_KEY, f"the key `{shortened(name)}` is written twice", span(*place),
+                notes=[Note(message="first written here", span=span(*table.keys[name]))], help="remove or rename one of them",
+            )
+        return True
+
+    def descend(self, table: _Table, parts: list[tuple[str, tuple[int, int]]], start: int, end: int) -> _Table | None:
+        """The table at a dotted key, made where it is not there; of an array of tables the last."""
+        for name, place in parts:
+            entry = table.entries.get(name)
+            if isinstance(entry, _Array) and entry.items:
+                entry.end = max(entry.end, end)
+                entry = entry.items[-1]
+            if entry is None:
+                entry = _Table(start, end)
+                table.entries[name], table.keys[name] = entry, place
+            else:
+                table.again.append((name, place))
+            if not isinstance(entry, _Table):
+                self.twice(table, name, place)
+                return None
+            entry.end = max(entry.end, end)
+            table = entry
+        return table
+
+    def parts(self, key: Syntax) -> list[tuple[str, tuple[int, int]]]:
+        """The words of a key and where they stand."""
+        if key.type == "dotted_key":
+            return [part for child in key.named_children for part in self.parts(child)]
+        text = self.places.text(key)
+        place = (self.places.index(key.start_byte), self.places.index(key.end_byte))
+        if key.type == "quoted_key":
+            try:
+                text = next(iter(tomllib.loads(f"{text} = 0")))
+            except tomllib.TOMLDecodeError:
+                pass
+        return [(text, place)]
+
+    def value(self, syntax: Syntax) -> _Item:
+        start, end = self.places.index(syntax.start_byte), self.places.index(syntax.end_byte)
+        if syntax.type == "array":
+            array = _Array(start, end, False)
+            array.items.extend(self.value(child) for child in syntax.named_children if child.type != "comment")
+            return array
+        if syntax.type == "inline_table":
+            table = _Table(start, end, declared=True)
+            for child in syntax.named_children:
+                if child.type == "pair":
+                    self.pair(table, child)
+            return table
+        return _Leaf(start, end)
+
+
+class _Joiner:
+    """Values and places to nodes."""
+
+    def __init__(self, places: _Places, report: Report) -> None:
+        self.source = places.source
+        self.report = report
+        self.before = len(report.diagnostics)
+
+    def fault(self, code: Code, message: str, span: Span, help: str | None = None) -> None:
+        """Say a fault, as long as there are not too many."""
+        if len(self.report.diagnostics) - self.before < MAX_FAULTS:
+            self.report.add(code, message, span, help=help)
+
+    def table(self, table: _Table, values: dict[str, Any], level: int) -> MappingNode:
+        entries: dict[str, Node] = {}
+        keys = {}
+        for name, item in table.entries.items():
+            if name in values:
+                entries[name] = self.node(item, values[name], level + 1)
+                keys[name] = self.source.span(*table.keys[name])
+        again = tuple((name, self.source.span(*place)) for name, place in table.again)
+        return MappingNode(entries=entries, keys=keys, span=self.source.span(table.start, table.end), again=again)
+
+    def node(self, item: _Item, value: Any, level: int) -> Node:
+        span = self.source.span(item.start, item.end)
+        if level > MAX_LEVELS:
+            self.fault(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", span)
+            return ScalarNode(value=None, text="", span=span)
+        if isinstance(item, _Table) and isinstance(value, dict):
+            return self.table(item, value, level)
+        if isinstance(item, _Array) and isinstance(value, list):
+            return SequenceNode(
+                items=tuple(self.node(inner, entry, level + 1) for inner, entry in zip(item.items, value, strict=False)),
+                span=span,
+            )
+        return self.scalar(item, value)
+
+    def scalar(self, item: _Item, value: Any) -> ScalarNode:
+        text = self.source.text[item.start : item.end]
+        span = self.source.span(item.start, item.end)
+        known: Scalar
+        damaged = False
+        if isinstance(value, (datetime.date, datetime.time)):
+            message = f"expected text or a number, found the date or time `{shortened(text)}`"
+            self.fault(Code.DATE, message, span, f'if it is text write `"{shortened(text)}"`')
+            known, damaged = text, True
+        elif isinstance(value, str):
+            known = text = value
+        elif isinstance(value, (int, float)):
+            try:
+                finite = isinstance(value, bool) or float(value) - float(value) == 0.0
+            except OverflowError:
+                finite = False
+            if not finite:
+                self.fault(Code.NOT_FINITE, f"expected a finite number, found `{shortened(text)}`", span)
+            known, damaged = value if finite else 0, not finite
+        else:
+            known = None
+        return ScalarNode(value=known, text=text, span=span, damaged=damaged)
+
+
+def _too_large(root: Syntax, places: _Places, report: Report) -> bool:
+    """Whether brackets or dotted keys nest beyond the bound, or there are too many values (reported): looked at before
+    anything recurses."""
+    waiting = [(root, 0)]
+    values = 0
+    while waiting:
+        node, level = waiting.pop()
+        values += 1
+        if values > 2 * MAX_NODES:  # a pair is a statement, a key, its words and a value; a table one, its header and its words
+            start = places.index(node.start_byte)
+            report.add(Code.TOO_LARGE, f"more than {MAX_NODES} values in one document", places.source.span(start, start + 1))
+            return True
+        if node.type in ("array", "inline_table", "dotted_key", "ERROR"):
+            level += 1
+            if level > MAX_LEVELS:
+                start = places.index(node.start_byte)
+                report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", places.source.span(start, start + 1))
+                return True
+        waiting.extend((child, level) for child in reversed(node.named_children))
+    return False
+
+
+_PLACE = re.compile(r"\s*\(at (?:line (\d+), column (\d+)|end of document)\)$")
+_TWICE = ("overwrite", "twice", "mutate", "Duplicate", "namespace")
+
+
+def _report_error(error: Exception, root: Syntax, places: _Places, report: Report) -> None:
+    """Say a fault that tomllib found, where, and what was probably meant."""
+    source = places.source
+    if isinstance(error, RecursionError):
+        start = _bracket_beyond(source.text)
+        report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(start, start + 1))
+        return
+    match = _PLACE.search(str(error))
+    words = str(error)[: match.start()] if match else str(error)
+    index = len(source.text.rstrip())
+    if match and match.group(1):
+        index = min(source.starts[int(match.group(1)) - 1] + int(match.group(2)) - 1, len(source.text))
+    if any(word in words for word in _TWICE):
+        before = len(report.diagnostics)
+        _Statements(places, report).read(root)
+        if len(report.diagnostics) > before:
+            return
+    bare = _unquoted(source, index) if words.startswith(("Invalid value", "Expected newline", "Unclosed")) else None
+    if bare is not None:
+        start, end, key = bare
+        text = source.text[start:end]
+        quoted = f'{key} = "{text}"' if key else f'"{text}"'
+        report.add(
+            Code.SYNTAX, f"`{shortened(text)}` is no TOML value", source.span(start, end),
+            help=f"text and quantities need quotes: `{shortened(quoted)}`",
+        )
+        return
+    message, help = _in_words(words)
+    end = index + 1 if index < len(source.text) and source.text[index] not in "\r\n" else index
+    report.add(Code.SYNTAX, message, source.span(index, end), help=help)
+
+
+def _bracket_beyond(text: str) -> int:
+    """Where the brackets of a text that is broken, too, first nest beyond the bound (those in strings count)."""
+    level = 0
+    for at, character in enumerate(text):
+        level += character in "[{"
+        level -= character in "]}"
+        if level > MAX_LEVELS:
+            return at
+    return 0
+
+
+def _unquoted(source: Source, index: int) -> tuple[int, int, str] | None:
+    """Where text or a quantity stands without quotes at or before `index`, and the key it is the value of (empty in a list).
+
+    None where what stands there does not look like a value that lacks its quotes.
+    """
+    number = source.line_at(min(index, max(0, len(source.text) - 1)))
+    line, begin = source.line(number), source.starts[number]
+    start = max(line.rfind(mark, 0, max(0, index - begin)) for mark in "=[,{") + 1
+    match = re.compile(r"\s*([^\s\"'\[\]{}=,#][^\"'\[\]{}=,#]*?)\s*(?=[,\]}#]|$)").match(line, start)
+    if match is None or re.fullmatch(r"[-+]?[0-9_.]+(?:[eE][-+]?[0-9]+)?|true|false", match.group(1)):
+        return None
+    key = re.search(r"([\w.-]+)\s*=\s*$", line[:start])
+    return begin + match.start(1), begin + match.end(1), key.group(1) if key else ""
+
+
+def _in_words(words: str) -> tuple[str, str | None]:
+    """tomllib's words as ours, with a hint."""
+    if words.startswith("Expected '=' after a key"):
+        return "expected `=` after the key", "TOML writes `key = value`"
+    if words == "Invalid value":
+        return "expected a value", "text and quantities need quotes"
+    if words.startswith("Expected newline or end of document"):
+        return "expected the end of the line", "one `key = value` per line"
+    if words.startswith("Expected ']'"):
+        return "the `[` of this table is not closed", "add `]`"
+    if "Unterminated string" in words or "Illegal character '\\n'" in words:
+        return "the text is not closed", 'add the closing `"`'
+    if "Unclosed array" in words:
+        return "a list is not closed", "add `]`, or `,` between the items"
+    if "Unclosed inline table" in words:
+        return "an inline table is not closed", "add `}`, or `,` between the entries; it stands on one line"
+    if "integer string conversion" in words:
+        return "a whole number with too many digits", None
+    return f"not well-formed TOML: {words[:1].lower()}{words[1:]}", None

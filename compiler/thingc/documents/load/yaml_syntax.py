@@ -1,0 +1,240 @@
+"""What a YAML parser says is wrong, in the words of a person: where to look and what was probably meant."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from thingc.base.frozen import dataclass
+from thingc.base.units import shortened
+from thingc.documents.load.text import Source
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SyntaxFault:
+    """A message, the characters to blame, a hint, and a second place with its words."""
+
+    message: str
+    start: int
+    end: int
+    help: str | None = None
+    note: tuple[str, int] | None = None
+
+
+_LONGEST_KEY = 200
+"""Characters of a key without its colon, with what is before it: looking for more takes long where a text has millions."""
+_QUOTED = re.compile(r"""(?:^|(?<=[\s\[{,:]))(?:"(?:\\.|[^"\\])*"|'(?:''|[^'])*'|\#[^\n\r]*)""", re.MULTILINE | re.DOTALL)
+"""A text in quotes, or a comment."""
+_NO_SPACE = re.compile(r"\s*(?:-\s+)*(?P<key>[A-Za-z_][\w.*$-]*):(?P<value>[^\s:#].*)")
+
+
+def explain(source: Source, *, problem: str, at: int, context: str, began: int) -> SyntaxFault:
+    """Put libyaml's (or PyYAML's) `problem` at index `at`, met while `context` that `began` there, into better words."""
+    text = source.text
+    tab = _tab_before(source, at)
+    if tab is not None:
+        return SyntaxFault(
+            message="a tab in the indentation; YAML indents with spaces", start=tab, end=tab + 1,
+            help="replace the tab by spaces",
+        )
+    for match in _QUOTED.finditer(text, 0, at):
+        start, end = match.start(), match.end() - 1
+        if source.line_at(start) < source.line_at(end) == source.line_at(at):
+            return SyntaxFault(
+                message="the quote opened here is not closed on its line", start=start, end=start + 1,
+                help=f"add `{text[start]}` at the end of the text", note=(f"the next `{text[start]}` closes it here", end),
+            )
+    if "quoted scalar" in context and ("end of stream" in problem or "document indicator" in problem or "separator" in problem):
+        quote = text[began : began + 1]
+        return SyntaxFault(
+            message="the quote opened here is never closed", start=began, end=began + 1,
+            help=f"add `{quote}` at the end of the text",
+        )
+    if "escape" in problem or "hexdecimal" in problem or "hexadecimal" in problem:
+        return SyntaxFault(
+            message="an unknown escape in double quotes", start=at, end=at + 1,
+            help="write `\\\\` for a backslash, or use single quotes",
+        )
+    missing = _missing_space(source, at)
+    if missing is not None:
+        key, value, start = missing
+        return SyntaxFault(
+            message=f"a space is missing after `{key}:`", start=start, end=start + len(key) + 1 + len(value),
+            help=f"write `{shortened(f'{key}: {value}')}`",
+        )
+    if text[at : at + 1] == ":" and text[:at].rstrip(" ")[-1:] in ("", "\n", "\r", "{", ","):
+        return SyntaxFault(message="a key is missing before the `:`", start=at, end=at + 1)
+    if "flow mapping" in context or "flow sequence" in context or "flow node" in context:
+        return _in_flow(source, at, began, "flow mapping" in context)
+    return _in_value(source, problem, at, began) or _by_layout(source, problem, context, at, began)
+
+
+def _in_value(source: Source, problem: str, at: int, began: int) -> SyntaxFault | None:
+    """Characters that have no place in a key or a value without quotes."""
+    text = source.text
+    if "mapping values are not allowed" in problem:
+        return SyntaxFault(
+            message="a second `:` in one value", start=at, end=at + 1,
+            help="text that holds `: ` needs quotes; a nested mapping begins on a line of its own",
+        )
+    if "could not find expected ':'" in problem:
+        line = source.line_at(began)
+        written = source.line(line).strip()
+        start = source.starts[line] + len(source.line(line)) - len(source.line(line).lstrip())
+        return SyntaxFault(
+            message=f"expected `key: value`, found `{shortened(written)}`", start=start, end=start + max(1, len(written)),
+            help="a `:` and a space come after a key",
+        )
+    if "cannot start any token" in problem:
+        character = text[at : at + 1]
+        return SyntaxFault(message=f"`{character}` cannot begin a value", start=at, end=at + 1, help="put the value in quotes")
+    if "alphabetic or numeric" in problem:
+        return SyntaxFault(
+            message=f"`{text[began : began + 1]}` cannot begin a value", start=began, end=began + 1,
+            help='a name that begins with `*` or `&` needs quotes: `"*_knee"`',
+        )
+    return None
+
+
+def _by_layout(source: Source, problem: str, context: str, at: int, began: int) -> SyntaxFault:
+    """Faults of indentation, and whatever is left."""
+    at = min(at, max(0, len(source.text) - 1))
+    end = at + max(1, len(re.match(r"[^\s:,{}\[\]]*", source.text[at:]).group()))  # type: ignore[union-attr]
+    if "sequence entries are not allowed" in problem:
+        return SyntaxFault(
+            message="a list item `-` cannot stand here", start=at, end=at + 1, help="begin the list on the line after its key",
+        )
+    if "block mapping" in context or "expected key" in problem:
+        above = _deeper_above(source, at)
+        if above is not None:
+            place, columns = above
+            return SyntaxFault(
+                message="this line does not continue the mapping above it", start=at, end=end,
+                help=f"keys of one mapping begin in one column: here {' or '.join(map(str, columns))}",
+                note=(f"the line above it begins in column {columns[0]}", place),
+            )
+        shallow = _shallow_above(source, at)
+        if shallow is not None:
+            return SyntaxFault(
+                message="this line is indented further than the one above it, which has a value already", start=at, end=end,
+                help="keys of one mapping begin in one column: indent the line above like this one, or this one like the line above",
+                note=("the line above it begins here", shallow),
+            )
+        return SyntaxFault(
+            message="this line does not continue the mapping above it", start=at, end=end,
+            help="keys of one mapping begin in one column, and text with quotes inside is quoted whole",
+            note=("the mapping begins here", began),
+        )
+    if "block collection" in context or "block sequence" in context:
+        return SyntaxFault(
+            message="this line does not continue the list above it", start=at, end=end,
+            help="items of one list begin with `-` in one column", note=("the list begins here", began),
+        )
+    if "document start" in problem:
+        return SyntaxFault(
+            message="expected the end of the document, found more text", start=at, end=end,
+            help="a document is one mapping: keys of the first level begin in column 1",
+        )
+    if "block scalar" in context:
+        return SyntaxFault(
+            message="text after `|` or `>` begins on the next line", start=at, end=end, help="write the text below it, indented",
+        )
+    return SyntaxFault(message=f"not well-formed YAML: {problem}", start=at, end=end)
+
+
+def _deeper_above(source: Source, at: int) -> tuple[int, list[int]] | None:
+    """For a line whose column fits no mapping: where the line above it begins, and the columns (from 1) that would fit.
+
+    None where the line is no less indented than the one above it.
+    """
+    own = at - source.starts[source.line_at(at)]
+    place: int | None = None
+    columns: list[int] = []
+    for start, indent, _ in _lines_above(source, at):
+        if columns and indent + 1 >= columns[-1]:
+            continue
+        if place is None:
+            if indent <= own:
+                return None
+            place = start
+        columns.append(indent + 1)
+        if indent < own:
+            break
+    return None if place is None else (place, columns)
+
+
+def _shallow_above(source: Source, at: int) -> int | None:
+    """For a line that begins at `at`: where the line above it begins, if that is a key with its value and less indented."""
+    own = at - source.starts[source.line_at(at)]
+    start, indent, written = next(_lines_above(source, at), (0, own, ""))
+    return start if indent < own and re.match(r"\s*[\w.$*-]+: +[^\s#]", written) else None
+
+
+def _lines_above(source: Source, at: int) -> Iterator[tuple[int, int, str]]:
+    """The lines above the one that begins at `at`, without empty lines and comments: where each begins behind its indentation, how wide
+    that is, and the line. None if something else is before `at` in its line."""
+    number = source.line_at(at)
+    if source.line(number)[: at - source.starts[number]].strip():
+        return
+    for above in range(number - 1, -1, -1):
+        written = source.line(above)
+        indent = len(written) - len(written.lstrip())
+        if written.strip() and not written.lstrip().startswith("#"):
+            yield source.starts[above] + indent, indent, written
+
+
+def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
+    """A `{` or `[` that meets something else than `,` or its end."""
+    opened, closing = ("{", "}") if mapping else ("[", "]")
+    if source.text[began : began + 1] not in "{[":
+        began = max(source.text.rfind("{", 0, at), source.text.rfind("[", 0, at), 0)
+        opened = source.text[began : began + 1]
+        closing = "}" if opened == "{" else "]"
+    rest = source.text[at : at + 1]
+    line = source.line(source.line_at(began))
+    comment = re.search(r"(?<=[\s])#\w+", line[began - source.starts[source.line_at(began)] :])
+    if comment is not None and source.line_at(at) != source.line_at(began):
+        start = began + comment.start()
+        return SyntaxFault(
+            message=f"a `#` behind a space begins a comment, so that the `{opened}` of this line is not closed",
+            start=start, end=start + len(comment.group()), help=f'write `"{comment.group()}"`',
+        )
+    if at >= len(source.text.rstrip()) or source.line_at(at) != source.line_at(began) or rest in "}]":
+        return SyntaxFault(
+            message=f"the `{opened}` opened here is not closed with `{closing}`", start=began, end=began + 1,
+            help=f"add `{closing}`", note=("it meets this first", min(at, max(0, len(source.text) - 1))),
+        )
+    before = source.text[max(began, at - _LONGEST_KEY) : at]
+    key = re.search(r"[{\[,]\s*([\w.$*-]+) +$", before) if rest in "{[" else None
+    second = re.search(r":.*\s([\w.$*-]+)$", before) if rest == ":" else None
+    help = "text with `,`, `:` or quotes inside needs quotes around it"
+    if second is not None:
+        help = f"separate entries by `,`: write one before `{second[1]}`"
+    if key is not None:
+        help = f"a `:` and a space come after a key: `{key[1]}: {rest}`"
+    return SyntaxFault(
+        message=f"expected `,` or `{closing}`, found `{rest}`", start=at, end=at + 1, help=help,
+        note=(f"inside the `{opened}` opened here", began),
+    )
+
+
+def _tab_before(source: Source, at: int) -> int | None:
+    """A tab in the indentation of the line of the fault, or of the one before it."""
+    line = source.line_at(min(at, len(source.text)))
+    for number in (line, line - 1):
+        if number >= 0:
+            written = source.line(number)
+            indentation = written[: len(written) - len(written.lstrip())]
+            if "\t" in indentation:
+                return source.starts[number] + indentation.index("\t")
+    return None
+
+
+def _missing_space(source: Source, at: int) -> tuple[str, str, int] | None:
+    """`key:value` on the line of the fault or on one of the two lines above it: key, value, where."""
+    line = source.line_at(min(at, len(source.text)))
+    for number in range(line, max(-1, line - 3), -1):
+        match = _NO_SPACE.fullmatch(source.line(number))
+        if match is not None:
+            return match.group("key"), match.group("value").rstrip(), source.starts[number] + match.start("key")
+    return None

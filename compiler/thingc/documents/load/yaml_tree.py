@@ -1,0 +1,406 @@
+"""YAML text to a tree with positions: libyaml's events, and rules of our own on top of them.
+
+PyYAML's own values are YAML 1.1 (`on` is true, `1e-3` is text), so only its event stream is used.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from thingc.base.diagnostics import Code, Note, Report
+from thingc.base.source import MappingNode, Node, Scalar, ScalarNode, SequenceNode, Span
+from thingc.base.typos import Hint, did_you_mean
+from thingc.base.units import scan_number, shortened
+from thingc.documents.load.scalars import core_value
+from thingc.documents.load.text import MAX_ALIAS_NODES, MAX_FAULTS, MAX_LEVELS, MAX_NODES, Source
+from thingc.documents.load.yaml_syntax import explain
+
+
+def read_yaml(source: Source, report: Report) -> Node | None:
+    """The tree of a YAML 1.2 text, or None when it has been reported that there is none.
+
+    What can be mended is reported and mended (the first of two equal keys stays, a tag is left out), so that the
+    later passes can look at the rest.
+    """
+    import yaml
+
+    loader = getattr(yaml, "CLoader", yaml.Loader)
+    try:
+        return _Builder(source, report, yaml.parse(source.text, Loader=loader)).whole()
+    except _Stop:
+        return None
+    except yaml.YAMLError as error:
+        report_syntax(error, source, report)
+        return None
+
+
+def report_syntax(error: Any, source: Source, report: Report) -> None:
+    """Say what is wrong in a text that YAML cannot read, where, and what was probably meant."""
+    problem, context = getattr(error, "problem_mark", None), getattr(error, "context_mark", None)
+    at = min(problem.index if problem is not None else 0, len(source.text))
+    # libyaml has a bound of its own, 1 000 levels. It is beyond MAX_LEVELS, but libyaml reads ahead of what we have been given.
+    if "nesting depth" in str(getattr(error, "problem", "")):
+        report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(at, at + 1))
+        return
+    fault = explain(
+        source, problem=str(getattr(error, "problem", None) or error), at=at, context=str(getattr(error, "context", None) or ""),
+        began=min(context.index, len(source.text)) if context is not None else at,
+    )
+    notes = () if fault.note is None else (Note(message=fault.note[0], span=source.span(fault.note[1], fault.note[1] + 1)),)
+    report.add(Code.SYNTAX, fault.message, source.span(fault.start, fault.end), help=fault.help, notes=notes)
+
+
+class _Stop(Exception):
+    """Reading cannot go on; it has been reported why."""
+
+
+class _Anchored:
+    """An anchor: its node once complete, how many nodes it stands for and how many levels."""
+
+    __slots__ = ("height", "node", "nodes")
+
+    def __init__(self) -> None:
+        self.node: Node | None = None
+        self.nodes = 1
+        self.height = 0
+
+
+class _Builder:
+    """Walks the events once. `nodes` counts with aliases expanded."""
+
+    def __init__(self, source: Source, report: Report, events: Any) -> None:
+        self.source = source
+        self.report = report
+        self.events = events
+        self.anchors: dict[str, _Anchored] = {}
+        self.before = len(report.diagnostics)
+        self.nodes = 0
+        self.from_aliases = 0
+        self.deepest = 0
+
+    def whole(self) -> Node | None:
+        root: Node | None = None
+        for event in self.events:
+            kind = type(event).__name__
+            if kind == "DocumentStartEvent":
+                if root is not None:
+                    self.report.add(
+                        Code.SEVERAL_DOCUMENTS, "a second document begins here; a file holds one", self.span(event),
+                        help="move it to a file of its own",
+                    )
+                    raise _Stop
+                self.directives(event)
+                root = self.node(next(self.events), 1)
+        return root
+
+    def directives(self, event: Any) -> None:
+        if event.version is not None and tuple(event.version) != (1, 2):
+            major, minor = event.version
+            self.report.add(
+                Code.SYNTAX, f"documents are YAML 1.2, found `%YAML {major}.{minor}`", self.source.span(0, 5),
+                help="remove the line",
+            )
+
+    def span(self, event: Any) -> Span:
+        return self.source.span(event.start_mark.index, event.end_mark.index)
+
+    def node(self, event: Any, level: int) -> Node:
+        kind = type(event).__name__
+        if kind == "AliasEvent":
+            return self.alias(event, level)
+        self.nodes += 1
+        self.deepest = max(self.deepest, level)
+        self.bound(event, level)
+        if event.tag is not None:
+            start = event.start_mark.index
+            shown = self.source.text[start : event.end_mark.index].split(None, 1)[0] if kind == "ScalarEvent" else event.tag
+            self.report.add(
+                Code.TAG, f"tags such as `{shortened(shown)}` have no meaning here",
+                self.source.span(start, start + max(1, len(shown))),
+                help="remove it",
+            )
+        anchored = _Anchored() if event.anchor is not None else None
+        if anchored is not None:
+            self.anchors[event.anchor] = anchored
+        before, deepest = self.nodes, self.deepest
+        self.deepest = level
+        node = self.content(event, kind, level)
+        if anchored is not None:
+            anchored.node = node
+            anchored.nodes = self.nodes - before + 1
+            anchored.height = self.deepest - level
+        self.deepest = max(self.deepest, deepest)
+        return node
+
+    def bound(self, event: Any, level: int) -> None:
+        """Stop where the document is too deep, too large, or too wrong to go on."""
+        if level > MAX_LEVELS:
+            message = f"more than {MAX_LEVELS} levels of nesting"
+        elif self.nodes > MAX_NODES:
+            message = f"more than {MAX_NODES} values in one document"
+        elif len(self.report.diagnostics) - self.before > MAX_FAULTS:
+            message = f"more than {MAX_FAULTS} faults in one document; the rest of it was not read"
+        else:
+            return
+        start = event.start_mark.index
+        self.report.add(Code.TOO_LARGE, message, self.source.span(start, start + 1))
+        raise _Stop
+
+    def content(self, event: Any, kind: str, level: int) -> Node:
+        if kind == "ScalarEvent":
+            return self.scalar(event)
+        if kind == "SequenceStartEvent":
+            return self.sequence(event, level)
+        return self.mapping(event, level)
+
+    def alias(self, event: Any, level: int) -> Node:
+        anchored = self.anchors.get(event.anchor)
+        if anchored is None:
+            help = f'a value that begins with `*` needs quotes: `"*{event.anchor}..."`'
+            if self.anchors:
+                help = did_you_mean(event.anchor, self.anchors, what="anchors")
+            self.report.add(Code.ALIAS, f"`*{event.anchor}` is an alias of an unknown anchor", self.span(event), help=help)
+            raise _Stop
+        if anchored.node is None:
+            self.report.add(Code.ALIAS, f"`*{event.anchor}` stands inside the value that it names", self.span(event))
+            raise _Stop
+        self.from_aliases += anchored.nodes
+        self.nodes += anchored.nodes
+        self.deepest = max(self.deepest, level + anchored.height)
+        if self.from_aliases > MAX_ALIAS_NODES:
+            self.report.add(Code.TOO_LARGE, f"aliases stand for more than {MAX_ALIAS_NODES} values", self.span(event))
+            raise _Stop
+        if level + anchored.height > MAX_LEVELS:
+            self.report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", self.span(event))
+            raise _Stop
+        return anchored.node
+
+    def scalar(self, event: Any) -> ScalarNode:
+        text: str = event.value
+        plain = not event.style
+        start, end = event.start_mark.index, event.end_mark.index
+        if event.anchor is not None or event.tag is not None:
+            start = self.after_properties(start, end)
+        if not plain and event.style in "|>":
+            end = start + len(self.source.text[start:end].rstrip())
+        span = self.source.span(start, end)
+        value: Scalar = text
+        damaged = False
+        if plain:
+            try:
+                value = core_value(text)
+            except OverflowError:
+                self.report.add(Code.NOT_FINITE, f"expected a finite number, found `{shortened(text)}`", span)
+                value, damaged = 0, True
+        return ScalarNode(value=value, text=text, span=span, damaged=damaged)
+
+    def after_properties(self, start: int, end: int) -> int:
+        """Where the scalar begins behind its `&anchor` and `!tag`."""
+        text = self.source.text
+        while start < end and text[start] in "&!":
+            while start < end and not text[start].isspace():
+                start += 1
+            while start < end and text[start].isspace():
+                start += 1
+        return start
+
+    def sequence(self, event: Any, level: int) -> SequenceNode:
+        items: list[Node] = []
+        start, end = event.start_mark.index, event.end_mark.index
+        following = next(self.events)
+        while type(following).__name__ != "SequenceEndEvent":
+            if event.flow_style and _cut(following):
+                pieces = [following]
+                while _open(pieces) and type(following := next(self.events)).__name__ == "ScalarEvent":
+                    pieces.append(following)
+                items.append(self.rejoined(pieces))
+                if following not in pieces:
+                    continue
+            else:
+                items.append(self.node(following, level + 1))
+            following = next(self.events)
+        span = self.collection_span(start, end, following, bool(event.flow_style))
+        return SequenceNode(items=tuple(items), span=span)
+
+    def mapping(self, event: Any, level: int) -> MappingNode:
+        entries: dict[str, Node] = {}
+        keys: dict[str, Span] = {}
+        damaged = False
+        start, end = event.start_mark.index, event.end_mark.index
+        following = next(self.events)
+        behind: list[tuple[Any, Any]] = []
+        while behind or type(following).__name__ != "MappingEndEvent":
+            if behind:
+                first, value = behind.pop(0)
+                key = self.key(first, level)
+            else:
+                key = self.key(following, level)
+                value, following = next(self.events), None
+            node: Node
+            if event.flow_style and _cut(value):
+                node, following = self.rejoined_entries(value)
+            else:
+                node = self.node(value, level + 1)
+            damaged = damaged or key is None
+            if not behind and following is None:
+                following = next(self.events)
+                if event.flow_style and _is_value(value) and _is_value(following):
+                    behind, following = self.numbers(following)
+                    if len(behind) == 2 and following is not None:
+                        node, behind = self.vector(value, [piece for piece, _ in behind]), []
+            if key is not None:
+                name, place = key
+                if name in entries:
+                    self.report.add(
+                        Code.DUPLICATE_KEY, f"the key `{shortened(name)}` is written twice", place,
+                        notes=[Note(message="first written here", span=keys[name])], help="remove or rename one of them",
+                    )
+                else:
+                    entries[name], keys[name] = node, place
+        span = self.collection_span(start, end, following, bool(event.flow_style))
+        return MappingNode(entries=entries, keys=keys, span=span, damaged=damaged)
+
+    def collection_span(self, start: int, end: int, last: Any, flow: bool) -> Span:
+        """From the first character to the end of the last that is no space or comment of what follows."""
+        end = max(end, last.end_mark.index)
+        if flow:
+            return self.source.span(start, end)
+        text = self.source.text
+        end = min(last.start_mark.index, len(text))
+        # libyaml ends a block collection where the next token begins: go back over comments and blank lines
+        while end > start:
+            line = self.source.line_at(end - 1)
+            begin = max(self.source.starts[line], start)
+            written = text[begin:end].strip()
+            if written and not (written.startswith("#") and begin != start):
+                end = begin + len(text[begin:end].rstrip())
+                break
+            end = begin
+            if begin == start:
+                break
+        return self.source.span(start, max(start, end))
+
+    def key(self, event: Any, level: int) -> tuple[str, Span] | None:
+        """The text of a key and its place; None for a key that cannot be one (reported)."""
+        kind = type(event).__name__
+        if kind == "AliasEvent":
+            if event.anchor not in self.anchors:
+                shown = self.source.text[event.start_mark.index :].partition(":")[0].strip()
+                self.report.add(
+                    Code.ALIAS, f"`*{event.anchor}` is an alias of an unknown anchor", self.span(event),
+                    help=f'a key that begins with `*` needs quotes: `"{shortened(shown)}"`',
+                )
+            else:
+                self.report.add(
+                    Code.KEY_NOT_TEXT, f"a key must be written out, found the alias `*{event.anchor}`", self.span(event),
+                )
+            return None
+        start = event.start_mark.index
+        if self.source.text[max(0, start - 1) : start] == "?" and not self.source.text[start : start + 1].isspace():
+            # libyaml takes the `?` of `{?_knee: 1}` for its mark of a long key, though no space follows
+            self.report.add(
+                Code.SYNTAX, "`?` cannot begin a name here", self.source.span(start - 1, start), help="put the name in quotes",
+            )
+            raise _Stop
+        node = self.node(event, level + 1)
+        if not isinstance(node, ScalarNode):
+            found = "a list" if isinstance(node, SequenceNode) else "a mapping"
+            self.report.add(
+                Code.KEY_NOT_TEXT, f"a key must be text, found {found}", node.span,
+                help="text that begins with `{` or `[` needs quotes",
+            )
+            return None
+        if isinstance(node.value, str):
+            if node.value == "<<" and not event.style:
+                self.report.add(
+                    Code.ALIAS, "`<<` merges nothing: YAML 1.2 has no merge keys", node.span,
+                    help="write the keys out, or use `defaults:`",
+                )
+                return None
+            return node.value, node.span
+        if node.text.isdecimal() and node.text.isascii() and not event.style:
+            return node.text, node.span  # one of several by its number, as in `limit: {0: ..., 1: ...}`
+        if node.text == "":
+            self.report.add(Code.KEY_NOT_TEXT, "a key is missing before the `:`", self.source.span(start, start))
+            return None
+        what = "the number" if not isinstance(node.value, (bool, type(None))) else "the word"
+        self.report.add(
+            Code.KEY_NOT_TEXT, f"a key must be text, found {what} `{shortened(node.text)}`", node.span,
+            help=f'write `"{shortened(node.text)}"`',
+        )
+        return None
+
+    # An unquoted comma inside `{length: =min(a, 80 mm)}` ends the value: what follows comes as keys without values, in
+    # a list as further items. One diagnostic says so, and the pieces are put together again.
+
+    def numbers(self, following: Any) -> tuple[list[tuple[Any, Any]], Any]:
+        """Up to two keys of a mapping that are values of a vector, without a value of their own, from the event `following` on, and the
+        event behind them; with None for that the last of them has a value."""
+        pairs: list[tuple[Any, Any]] = []
+        while len(pairs) < 2 and _is_value(following):
+            value = next(self.events)
+            pairs.append((following, value))
+            if type(value).__name__ != "ScalarEvent" or value.value or value.style:
+                return pairs, None
+            following = next(self.events)
+        return pairs, following
+
+    def vector(self, first: Any, more: list[Any]) -> ScalarNode:
+        """Three values in a mapping, as in `{xyz: 0, 0, 4 mm}`, as the vector that was meant."""
+        start, end = first.start_mark.index, more[-1].end_mark.index
+        span, text = self.source.span(start, end), " ".join(piece.value for piece in (first, *more))
+        written = self.source.text[start:end]
+        shared = all(scan_number(piece.value) == (piece.value, len(piece.value)) for piece in (first, more[0]))
+        whole = text if shared else f"[{written}]"  # a unit at the end is that of all three
+        self.report.add(
+            Code.EXPRESSION_COMMA, "the comma ends the value: the three of a vector stand in `[]`, or have spaces between them", span,
+            help=Hint(f"write `{shortened(whole)}`", (written, whole) if "\n" not in written else None),
+        )
+        return ScalarNode(value=text, text=text, span=span, damaged=True)
+
+    def rejoined_entries(self, first: Any) -> tuple[ScalarNode, Any]:
+        """The expression that begins with `first`, and the event that follows it (its mapping's next key or end)."""
+        pieces = [first]
+        following = next(self.events)
+        while _open(pieces) and type(following).__name__ == "ScalarEvent":
+            value = next(self.events)
+            pieces.append(following)
+            if type(value).__name__ != "ScalarEvent" or value.value or value.style:
+                self.say_cut(pieces)
+                raise _Stop
+            following = next(self.events)
+        return self.rejoined(pieces), following
+
+    def rejoined(self, pieces: list[Any]) -> ScalarNode:
+        if len(pieces) > 1:
+            self.say_cut(pieces)
+        start, end = pieces[0].start_mark.index, pieces[-1].end_mark.index
+        text = " ".join(self.source.text[start:end].split())
+        self.nodes += 1
+        return ScalarNode(value=text, text=text, span=self.source.span(start, end))
+
+    def say_cut(self, pieces: list[Any]) -> None:
+        start, end = pieces[0].start_mark.index, pieces[-1].end_mark.index
+        text = " ".join(self.source.text[start:end].split())
+        quoted = f"'{text}'" if '"' in text else f'"{text}"'
+        self.report.add(
+            Code.EXPRESSION_COMMA, "the comma ends the expression: inside `{}` and `[]` an expression with a comma needs quotes",
+            self.source.span(start, end),
+            help=Hint(f"write `{shortened(quoted)}`", (text, quoted) if text == self.source.text[start:end] else None),
+        )
+
+
+def _cut(event: Any) -> bool:
+    """Whether this is a plain scalar that begins an expression and ends before its parentheses are closed."""
+    return type(event).__name__ == "ScalarEvent" and not event.style and event.value.startswith("=") and _open([event])
+
+
+def _is_value(event: Any) -> bool:
+    """Whether this is a plain scalar that is a number or an expression, or begins with one."""
+    if type(event).__name__ != "ScalarEvent" or event.style:
+        return False
+    return event.value.startswith("=") or scan_number(event.value) is not None
+
+
+def _open(pieces: list[Any]) -> bool:
+    return bool(sum(piece.value.count("(") - piece.value.count(")") for piece in pieces) > 0)

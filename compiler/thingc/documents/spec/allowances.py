@@ -1,0 +1,107 @@
+"""`allow:` of documents: which warnings are meant so, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field
+
+from thingc.base.diagnostics import Allowance, Code
+from thingc.base.source import Document, Node, Path, Span, node_at
+from thingc.base.typos import did_you_mean
+from thingc.base.units import shortened
+from thingc.documents.spec.fields import Checked, fault, found
+
+if TYPE_CHECKING:
+    from thingc.documents.spec.assembly import AssemblySpec
+
+_BY_CODE = {code.code: code for code in Code}
+
+ALLOWABLE = {code.code: code.title for code in Code if code.warned_by is not None}
+"""The codes of warnings that a document may allow, and what they mean."""
+
+
+def _warning_code(value: Any) -> str:
+    """The code of a warning."""
+    if not isinstance(value, str):
+        raise fault("type", f"expected the code of a warning such as `TC407`, found {found(value)}")
+    if value in ALLOWABLE:
+        return value
+    if value in _BY_CODE:
+        raise fault("choice", f"`{value}` is no warning that can be allowed", help=f"`thingc explain {value}` says what it is")
+    raise fault("choice", f"there is no warning `{shortened(value)}`", help=did_you_mean(value, ALLOWABLE, what="warnings"))
+
+
+def _reason(value: Any) -> str:
+    """Why something is right, for people."""
+    if isinstance(value, str) and value.strip():
+        return value
+    raise fault("type", f"expected a reason in words, found {found(value)}", help="say why it is right as it is")
+
+
+_REASON_SCHEMA = {"type": "string", "pattern": r"\S"}
+
+if TYPE_CHECKING:
+    Allow = dict[str, str]
+else:
+    Allow = dict[
+        Annotated[str, Checked(_warning_code, "the code of a warning", {"type": "string", "examples": ["TC407"]})],
+        Annotated[str, Checked(_reason, "a reason in words", _REASON_SCHEMA)],
+    ]
+
+
+def allow() -> Any:
+    """The field `allow`: its schema offers every code that may be written, with what it means."""
+    return Field(default={}, examples=[{"TC407": "the idler carries no rotor"}], json_schema_extra={
+        "properties": {code: {**_REASON_SCHEMA, "description": f"{title}."} for code, title in ALLOWABLE.items()},
+        "additionalProperties": False,
+    })
+
+
+def allowances(spec: AssemblySpec, document: Document) -> Iterator[Allowance]:
+    """Every line of every `allow` of a document: of itself, its components, its joints and its modes.
+
+    What a mode allows is allowed in the modes that extend it, too.
+    """
+    yield from _lines(spec.allow, document, (), [()])
+    for name, component in spec.components.items():
+        yield from _lines(component.allow, document, ("components", name))
+    for name, joint in spec.joints.items():
+        yield from _lines(joint.allow, document, ("joints", name))
+    extending: dict[str, list[str]] = {}
+    for name, mode in spec.modes.items():
+        if mode.extends is not None:
+            extending.setdefault(mode.extends, []).append(name)
+    for name, mode in spec.modes.items():
+        if mode.allow:
+            yield from _lines(mode.allow, document, ("modes", name), [("modes", one) for one in _with_heirs(extending, name)])
+
+
+def _lines(
+    written: Mapping[str, str], document: Document, path: Path, covered: list[Path] | None = None,
+) -> Iterator[Allowance]:
+    """The lines of one `allow`, written in the mapping at `path`, for what is `covered` (that mapping, unless given)."""
+    for code, reason in written.items():
+        yield Allowance(
+            code=_BY_CODE[code], reason=reason, where=document.span((*path, "allow", code), key=True), path=".".join(map(str, path)),
+            nodes=tuple(_place(document, one) for one in (covered or [path])),
+        )
+
+
+def _place(document: Document, path: Path) -> tuple[Span, Node]:
+    node = node_at(document.tree, path)
+    assert node is not None, path
+    return (document.span(path, key=True) if path else node.span), node
+
+
+def _with_heirs(extending: Mapping[str, list[str]], name: str) -> list[str]:
+    """A mode and those that extend it, one through the other; `extending` are the modes that extend one directly."""
+    modes = {name: None}
+    waiting = [name]
+    while waiting:
+        for heir in extending.get(waiting.pop(), ()):
+            if heir not in modes:
+                modes[heir] = None
+                waiting.append(heir)
+    return list(modes)

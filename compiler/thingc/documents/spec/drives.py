@@ -1,0 +1,90 @@
+"""What acts along a coordinate or a tendon: springs and friction of its own, and a drive."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticKnownError
+
+from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.fields import (
+    ArmatureField,
+    DampingField,
+    EffortField,
+    FrictionField,
+    JointValueField,
+    NumberField,
+    SpeedField,
+    StiffnessField,
+)
+from thingc.documents.spec.named import ComponentField
+
+DriveKind = Literal["position", "velocity", "motor"]
+
+UNUSED = {"velocity": ("kp",), "motor": ("kp", "kv")}
+"""By the kind of a drive, the gains that cannot replace those of a component, because a drive of that kind has none."""
+
+
+class DynamicsSpec(Model):
+    """What a joint does by itself."""
+
+    damping: DampingField | None = None
+    """Viscous friction: torque or force per speed."""
+    friction: FrictionField | None = None
+    """Dry friction: torque or force."""
+    armature: ArmatureField | None = None
+    """Reflected rotor inertia; from the drive unless written."""
+    stiffness: StiffnessField | None = None
+    """A spring towards its `rest`: torque or force per turn or length."""
+    rest: JointValueField | None = Field(default=None, examples=["20 deg"])
+    """The q at which the spring does nothing; 0 unless written."""
+
+
+class DriveSpec(Model):
+    """An inline actuator, or that of a component with some of its values replaced."""
+
+    model_config = ConfigDict(json_schema_extra={
+        "anyOf": [{"required": ["component"]}, {"required": ["kind"]}],
+        "if": {"properties": {"kind": {"const": "position"}, "component": False}, "required": ["kind"]}, "then": {"required": ["kp"]},
+        "allOf": [
+            {
+                "if": {"properties": {"kind": {"const": kind}}, "required": ["kind", "component"]},
+                "then": {"properties": dict.fromkeys(unused, False)},
+            }
+            for kind, unused in UNUSED.items()
+        ],
+    })
+
+    component: ComponentField | None = None
+    """The component whose Thing is the actuator. The other keys replace its values."""
+    kind: DriveKind | None = Field(default=None, validate_default=True)
+    """What is commanded: a position, a velocity, or the torque or force itself (`motor`); by default that of the component."""
+    kp: StiffnessField | None = None
+    """Position gain: torque per angle, or force per length."""
+    kv: DampingField | None = None
+    """Velocity gain: torque or force per speed."""
+    effort: EffortField | None = None
+    """Largest torque or force."""
+    velocity: SpeedField | None = None
+    """Largest speed."""
+    armature: ArmatureField | None = None
+    """Reflected rotor inertia."""
+    axis: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[1, 0, 0]])
+    """The axis about which it turns a ball: in the parent mount's axes at q = 0, from where it goes with the child."""
+
+    @field_validator("kind")
+    @classmethod
+    def _kind_or_component(cls, kind: str | None, info: ValidationInfo) -> str | None:
+        if kind is None and info.data.get("component", "wrong") is None:
+            raise PydanticKnownError("missing")
+        return kind
+
+    @model_validator(mode="after")
+    def _gain(self) -> DriveSpec:
+        for key in UNUSED.get(self.kind or "", ()) if self.component is not None else ():
+            if getattr(self, key) is not None:
+                raise rule(f"a {self.kind} drive has no `{key}`", "take it out", key)
+        if self.kind == "position" and self.kp is None and self.component is None:
+            raise rule("a position drive needs `kp`; none is here", "write for example `kp: 20 N*m/rad`")
+        return self

@@ -1,0 +1,491 @@
+"""The types of values in documents: quantities, expressions, vectors, names, references, colours.
+
+Each is an `Annotated` type that pydantic validates with one function of ours (no unions, no regular expressions of its
+own), so that a wrong value is one error, in our words. The errors are `PydanticCustomError`s whose type is the word that
+`spec.validation` turns into a code, and whose context holds `message`, `help`, `offset` and `end` (characters inside
+the scalar) where a part of it is to blame, `path` where something inside the value is, and `others`, the errors of more such.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Union
+
+from pydantic_core import PydanticCustomError, core_schema
+
+from thingc.base.typos import Hint, near_hint
+from thingc.base.units import (
+    ACCELERATION,
+    ANGLE,
+    ANGLE_PER_LENGTH,
+    ANGULAR_DAMPING,
+    ANGULAR_STIFFNESS,
+    ANGULAR_VELOCITY,
+    DENSITY,
+    FORCE,
+    INERTIA,
+    LENGTH,
+    LENGTH_PER_ANGLE,
+    LINEAR_DAMPING,
+    LINEAR_STIFFNESS,
+    MASS,
+    NUMBER,
+    TIME,
+    TORQUE,
+    VELOCITY,
+    Dimension,
+    Quantity,
+    UnitError,
+    checked,
+    parse_quantity,
+    parse_vector,
+    scan_number,
+    shortened,
+    suggested_units,
+)
+from thingc.documents.expressions import Expression, ExpressionError, expression_hint, parse_expression
+from thingc.documents.spec.patterns import ANY_VALUE, EXPRESSION, quantity_pattern, vector_pattern
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+    from pydantic.json_schema import JsonSchemaValue
+
+Value = Union[Quantity, Expression]
+Vector = tuple[Value, Value, Value]
+
+
+class Checked:
+    """Annotation of a field: its validator, what it is called in messages, and its JSON Schema."""
+
+    def __init__(self, validate: Callable[[Any], Any], words: str, schema: Mapping[str, Any]) -> None:
+        self.validate = validate
+        self.words = words
+        self.schema = dict(schema)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.validate, metadata=self._metadata())
+
+    def _metadata(self) -> dict[str, Any]:
+        def describe(schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+            return dict(self.schema)
+
+        return {"pydantic_js_functions": [describe]}
+
+
+def fault(
+    kind: str, message: str, *, help: str | None = None, offset: int | None = None, end: int | None = None,
+) -> PydanticCustomError:
+    """An error for `spec.validation`, see the head of this module for its parts."""
+    context: dict[str, Any] = {"message": message}
+    if help:
+        context["help"] = help
+    if offset is not None:
+        context["offset"] = offset
+        context["end"] = offset + 1 if end is None else end
+    return PydanticCustomError(kind, "{message}", context)
+
+
+def found(value: object) -> str:
+    """What stands there, in the words of a document: "text `x`", "the number `3`", "a list of 2", "a mapping"."""
+    if isinstance(value, str):
+        return f"text `{shortened(value)}`" if value else "an empty text"
+    if isinstance(value, bool):
+        return f"`{'true' if value else 'false'}`"
+    if isinstance(value, (int, float)):
+        return f"the number `{shortened(repr(value))}`"
+    if isinstance(value, (list, tuple)):
+        return f"a list of {len(value)}" if value else "an empty list"
+    if isinstance(value, Mapping):
+        keys = ", ".join(f"`{shortened(str(key), 20)}`" for key in list(value)[:3])
+        return f"a mapping with {keys}" if keys else "an empty mapping"
+    return "nothing"
+
+
+def read_expression(text: str) -> Expression:
+    """Parse `=...`, errors turned into faults."""
+    try:
+        return parse_expression(text)
+    except ExpressionError as error:
+        kind = "unit" if error.kind == "unit" else "expression"
+        raise fault(kind, error.message, help=error.help, offset=error.offset, end=error.end) from None
+
+
+def is_expression(value: object) -> bool:
+    """Whether a scalar is an expression: text that begins with `=`."""
+    return isinstance(value, str) and value.lstrip().startswith("=")
+
+
+def _of_unit(error: UnitError) -> PydanticCustomError:
+    return fault(error.kind, error.message, help=error.help, offset=error.offset, end=error.end)
+
+
+def _bare(value: int | float) -> Quantity:
+    """A bare number as a quantity; numbers that no finite double holds are refused."""
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise fault("quantity", "a number must be finite and within the range of a double")
+    return Quantity(number + 0.0)
+
+
+def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, example: str) -> Value:
+    """A quantity of one of the dimensions or an expression, from text or a bare number.
+
+    Raises a fault: `expected a length (such as `120 mm`), found ...`.
+    """
+    if is_expression(value):
+        return read_expression(value)
+    if isinstance(value, str):
+        try:
+            return checked(_quantity_in(value, dimensions, words, example), dimensions, value)
+        except UnitError as error:
+            raise _of_unit(error) from None
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        try:
+            return checked(_bare(value), dimensions, repr(value))
+        except UnitError as error:
+            raise _of_unit(error) from None
+    raise fault("type", f"expected {words} (such as `{example}`), found {found(value)}")
+
+
+def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: str) -> Quantity:
+    """`parse_quantity`, with what is wanted here named where the text is no quantity at all."""
+    start = len(text) - len(text.lstrip())
+    if scan_number(text, start) is None:
+        raise UnitError(f"expected {words} (such as `{example}`), found {found(text)}", help=expression_hint(text))
+    try:
+        return parse_quantity(text, wanted)
+    except UnitError as error:
+        comma = re.fullmatch(r"\s*([-+]?\d+),(\d.*)", text)
+        if comma is not None:
+            raise UnitError(
+                "a number is written with a point, not with a comma",
+                help=decimal_point(text.strip(), comma.group(1), comma.group(2)),
+            ) from None
+        if error.help is None and re.search(r"[*/(]", text):
+            error.help = expression_hint(text)
+        raise
+
+
+def decimal_point(text: str, whole: str, rest: str) -> Hint:
+    """The hint for a decimal comma; 1,500 may be 1500, so that a fix is only of other numbers of digits."""
+    point = f"{whole}.{rest}"
+    decimals = re.match(r"\d*", rest)
+    sure = decimals is not None and len(decimals.group()) != 3 and shortened(point) == point
+    return Hint(f"write `{shortened(point)}`", (text, point) if sure else None)
+
+
+def quantity(*dimensions: Dimension, doc: str = "") -> Any:
+    """The `Annotated` type of a value of one of the dimensions: validated to `Quantity | Expression`.
+
+    A bare 0 is 0 of every dimension; other bare numbers are refused unless NUMBER is among the dimensions.
+    `doc` replaces the words of messages and of the schema ("an angle or a length").
+    """
+    words = doc or " or ".join(dimension.words for dimension in dimensions)
+    examples = [dimension.example for dimension in dimensions]
+    schema = _schema(words, examples, dimensions)
+    return Annotated[
+        Union[Quantity, Expression], Checked(lambda value: read_value(value, dimensions, words, examples[0]), words, schema),
+    ]
+
+
+def _schema(words: str, examples: list[str], dimensions: tuple[Dimension, ...]) -> dict[str, Any]:
+    numbers = NUMBER in dimensions
+    text: dict[str, Any] = {"type": "string", "pattern": quantity_pattern(*dimensions)}
+    number: dict[str, Any] = {"type": "number"} if numbers else {"const": 0}
+    return {
+        "description": f"{words[0].upper()}{words[1:]}, such as `{examples[0]}`, or an expression such as `=reach / 2`.",
+        "examples": [2 if numbers else examples[0], *examples[1:], "=reach / 2"],
+        "anyOf": [text, number],
+    }
+
+
+if TYPE_CHECKING:
+    LengthField = Value
+    AngleField = Value
+    MassField = Value
+    DensityField = Value
+    TimeField = Value
+    RatioField = Value
+    EffortField = Value
+    SpeedField = Value
+    DampingField = Value
+    FrictionField = Value
+    ArmatureField = Value
+    StiffnessField = Value
+    ForceField = Value
+    MultiplierField = Value
+    InertiaField = Value
+else:
+    LengthField = quantity(LENGTH)
+    AngleField = quantity(ANGLE)
+    MassField = quantity(MASS)
+    DensityField = quantity(DENSITY)
+    TimeField = quantity(TIME)
+    RatioField = quantity(NUMBER, doc="a number or a percentage")
+    EffortField = quantity(TORQUE, FORCE)
+    SpeedField = quantity(ANGULAR_VELOCITY, VELOCITY)
+    DampingField = quantity(ANGULAR_DAMPING, LINEAR_DAMPING)
+    FrictionField = quantity(TORQUE, FORCE)
+    ArmatureField = quantity(INERTIA, MASS)
+    StiffnessField = quantity(ANGULAR_STIFFNESS, LINEAR_STIFFNESS)
+    ForceField = quantity(FORCE)
+    MultiplierField = quantity(NUMBER, LENGTH_PER_ANGLE, ANGLE_PER_LENGTH)
+    InertiaField = quantity(INERTIA)
+
+
+def any_value(value: Any) -> Value | bool | str:
+    """A parameter's value: a quantity of any dimension, an expression, a flag, or text (not beginning with a number)."""
+    if isinstance(value, bool):
+        return value
+    if is_expression(value):
+        return read_expression(value)
+    if isinstance(value, str):
+        if not _begins_with_number(value):
+            return value
+        try:
+            return parse_quantity(value)
+        except UnitError as error:
+            raise _of_unit(error) from None
+    if isinstance(value, (int, float)):
+        return _bare(value)
+    raise fault("type", f"expected a quantity, an expression, true or false, or text, found {found(value)}")
+
+
+def _begins_with_number(text: str) -> bool:
+    stripped = text.lstrip()
+    return scan_number(stripped) is not None
+
+
+def _joint_value(value: Any) -> Value | str:
+    """A joint's coordinate, or (in a pose) the name of a nested document's pose."""
+    if isinstance(value, str) and _NAME.fullmatch(value.strip()):
+        return value.strip()
+    return read_value(value, (ANGLE, LENGTH), "an angle or a length", "30 deg")
+
+
+def _vector(dimension: Dimension) -> Any:
+    """The type of three values of one dimension: `[10 mm, 0, =h]` or `0 120 30 mm`; validated to a tuple of three."""
+    words = f"three values, each {dimension.words}"
+    number, _, unit = dimension.example.partition(" ")
+    short = f"0 0 -{number} {unit}" if dimension == ACCELERATION else f"0 {number} 30 {unit}"
+    listed = f"[{dimension.example}, 0, 0]"
+
+    def validate(value: Any) -> Vector:
+        if isinstance(value, str) and not is_expression(value):
+            try:
+                x, y, z = (checked(part, (dimension,), value) for part in parse_vector(value, (dimension,)))
+            except UnitError as error:
+                if error.kind == "unit" and error.offset is None:
+                    meant = f"{' '.join(value.split())} {suggested_units(dimension, value)[0]}"
+                    error = UnitError(error.message, kind="unit", help=f"write for example `{meant}`")
+                raise _of_unit(error) from None
+            return x, y, z
+        if not isinstance(value, (list, tuple)):
+            raise fault("type", f"expected {words}, found {found(value)}", help=f"write for example `{short}` or `{listed}`")
+        if len(value) != 3:
+            raise fault("vector", f"expected {words}, found {found(value)}", help=f"write for example `{listed}`")
+        items: list[Value] = []
+        wrong: list[PydanticCustomError] = []
+        for index, item in enumerate(value):
+            try:
+                items.append(read_value(item, (dimension,), dimension.words, dimension.example))
+            except PydanticCustomError as error:
+                wrong.append(within(error, (index,)))
+        raise_all(wrong)
+        return items[0], items[1], items[2]
+
+    item = _schema(dimension.words, [dimension.example], (dimension,))
+    return Annotated[
+        tuple[Value, Value, Value],
+        Checked(validate, words, {
+            "description": f"Three values, each {dimension.words}: `{short}` or `{listed}`.",
+            "examples": [short, [dimension.example, 0, 0]],
+            "anyOf": [
+                {"type": "string", "pattern": vector_pattern(dimension)},
+                {"type": "array", "items": {"anyOf": item["anyOf"]}, "minItems": 3, "maxItems": 3},
+            ],
+        }),
+    ]
+
+
+def within(error: PydanticCustomError, path: tuple[str | int, ...]) -> PydanticCustomError:
+    """The fault of something inside the value, with its `path` there, so that `spec.validation` can point at it."""
+    context = dict(error.context or {})
+    context["path"] = path
+    return PydanticCustomError(error.type, "{message}", context)
+
+
+def raise_all(errors: list[PydanticCustomError]) -> None:
+    """Raise the first fault of what is inside a value, if there is any, with the others."""
+    if errors:
+        first, *others = errors
+        raise PydanticCustomError(first.type, "{message}", {**(first.context or {}), "others": others})
+
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
+
+
+def name_of(value: Any) -> str:
+    """A name as documents write it. Raises a fault for what is none."""
+    if not isinstance(value, str):
+        raise fault("type", f"expected a name, found {found(value)}")
+    if _NAME.fullmatch(value):
+        return value
+    from unicodedata import normalize
+
+    plain = re.sub("[\u0300-\u036f]+", "", normalize("NFD", value.strip()))  # letters without their accents
+    cleaned = re.sub(r"\W+", "_", plain, flags=re.ASCII).strip("_")
+    help = f"write for example `{cleaned}`" if _NAME.fullmatch(cleaned) else None
+    raise fault("name", f"`{shortened(value)}` is no name: a letter, then letters, digits and `_`", help=help)
+
+
+def _index(value: Any) -> str:
+    """The number of one of several, from 0."""
+    if isinstance(value, str) and value.isdecimal() and value.isascii() and len(value) < 3:
+        return value
+    raise fault("name", f"expected the number of a coordinate such as `0`, found {found(value)}")
+
+
+_REFERENCE_WORD = re.compile(
+    r"(?:[A-Za-z*?\[]|\$\{?[A-Za-z])(?:[A-Za-z0-9_*?\[\]!-]|\$\{?[A-Za-z][A-Za-z0-9_]*\}?)*", re.ASCII,
+)
+
+
+def _reference(value: Any) -> str:
+    """Dotted words; `$i` inside a repeat; `*`, `?`, `[...]` where globs are allowed."""
+    if not isinstance(value, str):
+        raise fault("type", f"expected a reference such as `plate.servo_seat`, found {found(value)}")
+    at = 0
+    for word in value.split("."):
+        if not _REFERENCE_WORD.fullmatch(word):
+            message = f"`{shortened(value)}` is no reference"
+            if word != value:
+                message += f": `{shortened(word)}` in it is no name" if word else ": a name is missing beside a `.`"
+            help = f"levels are separated by `.`: `{shortened(value.replace('/', '.'))}`" if "/" in word else None
+            if re.fullmatch(r"\w+ +\w+", word):
+                help = f"write `{'.'.join(word.split())}`"
+            raise fault("reference", message, help=help, offset=at, end=at + max(1, len(word)))
+        at += len(word) + 1
+    return value
+
+
+_HEX = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})", re.ASCII)
+
+
+def _color(value: Any) -> str:
+    """A CSS colour name or `#rgb`, `#rrggbb`, normalised to `#rrggbb`."""
+    from thingc.documents.spec.colors import COLORS
+
+    if not isinstance(value, str):
+        raise fault("type", f"expected a colour, found {found(value)}", help='write a CSS name or `"#rrggbb"`')
+    if _HEX.fullmatch(value):
+        digits = value[1:].lower()
+        return "#" + (digits if len(digits) == 6 else "".join(digit * 2 for digit in digits))
+    known = COLORS.get(value.lower())
+    if known is not None:
+        return known
+    if value.startswith("#"):
+        raise fault("color", f"`{shortened(value)}` is no colour", help='write `"#rrggbb"` with hexadecimal digits')
+    raise fault(
+        "color", f"unknown colour `{shortened(value)}`", help=near_hint(value, COLORS) or 'write a CSS name or `"#rrggbb"`',
+    )
+
+
+def _count(value: Any) -> int | Expression:
+    """A whole number from 0 on, or an expression."""
+    if is_expression(value):
+        return read_expression(value)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise fault("type", f"expected a whole number, found {found(value)}")
+    if value != math.floor(value):
+        raise fault("quantity", f"expected a whole number, found {found(value)}")
+    if value < 0:
+        raise fault("quantity", f"expected a whole number from 0 on, found {found(value)}")
+    if value > 1_000_000_000:
+        raise fault("quantity", f"expected a whole number up to 1000000000, found {found(value)}")
+    return int(value)
+
+
+def _number(value: Any) -> Value:
+    return read_value(value, (NUMBER,), "a number", "0.4")
+
+
+_COST = re.compile(r"\d+(?:\.\d+)? [A-Z]{3}", re.ASCII)
+
+
+def _cost(value: Any) -> str:
+    """An amount and a currency, kept as written."""
+    if isinstance(value, str) and _COST.fullmatch(value):
+        return value
+    amount = value if isinstance(value, (int, float)) and not isinstance(value, bool) else "12.50"
+    raise fault(
+        "quantity" if isinstance(value, str) else "type", f"expected an amount and a currency, found {found(value)}",
+        help=f"write for example `{amount} EUR`",
+    )
+
+
+_ANY_SCHEMA = {
+    "description": "A quantity with its unit, a number, an expression such as `=reach / 2`, true or false, or text.",
+    "examples": ["120 mm", 6, "=reach / 2", True],
+    "type": ["string", "number", "boolean"], "pattern": ANY_VALUE,
+}
+_INDEX_SCHEMA = {"type": "string", "pattern": "^[0-9]$"}
+_NAME_SCHEMA = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]*$", "examples": ["shoulder"]}
+REFERENCE_PATTERN = rf"^{_REFERENCE_WORD.pattern}(\.{_REFERENCE_WORD.pattern})*$"
+"""What the schema says of a text that is a reference."""
+_REFERENCE_SCHEMA = {
+    "type": "string", "pattern": REFERENCE_PATTERN,
+    "description": "Dotted names; the last may be a mount; `$i` inside a repeat.",
+    "examples": ["plate.servo_seat", "hand.cap.pen", "body.hip_$i"],
+}
+_COLOR_SCHEMA = {"type": "string", "description": "A CSS colour name or `#rrggbb`.", "examples": ["lavender", "#8899aa"]}
+_COUNT_SCHEMA = {
+    "description": "A whole number, or an expression.", "examples": [6, "=legs"],
+    "anyOf": [
+        {"type": "integer", "minimum": 0, "maximum": 1_000_000_000}, {"type": "string", "pattern": rf"^\s*{EXPRESSION}$"},
+    ],
+}
+_NUMBER_SCHEMA = {
+    "description": "A number, or an expression.", "examples": [0.4, "=grip"], 
+    "anyOf": [{"type": "number"}, {"type": "string", "pattern": quantity_pattern(NUMBER)}],
+}
+_COST_SCHEMA = {
+    "type": "string", "pattern": r"^\d+(\.\d+)? [A-Z]{3}$", "description": "An amount and a currency.", "examples": ["12.50 EUR"],
+}
+_JOINT_SCHEMA = {
+    "description": "An angle (`30 deg`) or a length (`20 mm`), an expression, or the name of a nested document's pose.",
+    "examples": ["30 deg", "20 mm", "=open / 2", "folded"],
+    "anyOf": [{"type": "string", "pattern": quantity_pattern(ANGLE, LENGTH, word="[A-Za-z][A-Za-z0-9_]*")}, {"const": 0}],
+}
+
+if TYPE_CHECKING:
+    AnyQuantityField = Union[Quantity, Expression, bool, str]
+    JointValueField = Union[Quantity, Expression, str]
+    Vector3Length = Vector
+    Vector3Angle = Vector
+    Vector3Acceleration = Vector
+    Name = str
+    Index = str
+    ReferenceField = str
+    ColorField = str
+    CostField = str
+    CountField = Union[int, Expression]
+    NumberField = Value
+else:
+    AnyQuantityField = Annotated[Any, Checked(any_value, "a quantity, true or false, or text", _ANY_SCHEMA)]
+    JointValueField = Annotated[Any, Checked(_joint_value, "an angle or a length", _JOINT_SCHEMA)]
+    Vector3Length = _vector(LENGTH)
+    Vector3Angle = _vector(ANGLE)
+    Vector3Acceleration = _vector(ACCELERATION)
+    Name = Annotated[str, Checked(name_of, "a name", _NAME_SCHEMA)]
+    Index = Annotated[str, Checked(_index, "the number of a coordinate", _INDEX_SCHEMA)]
+    ReferenceField = Annotated[str, Checked(_reference, "a reference", _REFERENCE_SCHEMA)]
+    ColorField = Annotated[str, Checked(_color, "a colour", _COLOR_SCHEMA)]
+    CostField = Annotated[str, Checked(_cost, "an amount and a currency", _COST_SCHEMA)]
+    CountField = Annotated[Any, Checked(_count, "a whole number", _COUNT_SCHEMA)]
+    NumberField = Annotated[Any, Checked(_number, "a number", _NUMBER_SCHEMA)]

@@ -1,0 +1,69 @@
+"""The `materials/1` document, key by key."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.fields import ColorField, CountField, DensityField, LengthField, NumberField, RatioField
+from thingc.documents.spec.named import NewMaterial
+
+
+class FrictionSpec(Model):
+    """Coefficients of friction against an average counterpart."""
+
+    slide: NumberField
+    """Sliding (Coulomb) friction."""
+    torsion: LengthField | NumberField | None = Field(default=None, examples=[0.005, "5 mm"])
+    """Torsional friction, as MuJoCo's [m]."""
+    roll: LengthField | NumberField | None = Field(default=None, examples=[0.0001, "0.1 mm"])
+    """Rolling friction, as MuJoCo's [m]."""
+
+
+class ProcessSpec(Model):
+    """How a part is made. The mass of a part with an infill is estimated from it: for `fdm` layer by layer."""
+
+    kind: Literal["fdm", "resin", "machined", "cast", "molded", "bought"] | None = None
+    """Printed from filament (`fdm`) or resin, machined, cast, molded, or bought."""
+    walls: CountField | None = None
+    """How many lines a wall is thick."""
+    line_width: LengthField | None = None
+    """Width of one printed line."""
+    layer: LengthField | None = None
+    """Height of one layer."""
+    top: CountField | None = None
+    """Solid layers on top."""
+    bottom: CountField | None = None
+    """Solid layers below."""
+    infill: RatioField | None = None
+    """0 % to 100 %."""
+    overlap: RatioField | None = Field(default=None, examples=["25 %"])
+    """How far infill reaches into the walls, of a line: 25 % unless written, as PrusaSlicer has it."""
+    bridge_flow: RatioField | None = Field(default=None, examples=["100 %"])
+    """How much is laid into bridges: 100 % unless written, as PrusaSlicer has it."""
+    estimate: Literal["layers", "skin"] | None = None
+    """How the mass of a part with an infill is worked out: `layers` (the default for `fdm`) or `skin` (for all others)."""
+
+
+class MaterialSpec(Model):
+    """A material: density, looks, friction and how parts are made of it."""
+
+    base: str | None = Field(default=None, examples=["bd_materials:pla"])
+    """A library material to start from: `bd_materials:pla`; what is written here goes over it."""
+    density: DensityField | None = None
+    """Mass per volume of the solid material."""
+    color: ColorField | None = None
+    """A CSS name or `#rrggbb`."""
+    friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 0.4}])
+    process: ProcessSpec | None = Field(default=None, examples=[{"kind": "fdm", "walls": 3, "line_width": "0.45 mm", "infill": "15 %"}])
+
+
+class MaterialsSpec(Model):
+    """A document of materials."""
+
+    thingc: Literal["materials/1"]
+    """Kind and version of this document."""
+    materials: dict[NewMaterial, MaterialSpec] = Field(examples=[{"petg": {"density": "1270 kg/m^3", "color": "lavender"}}])
+    """The materials, by name."""

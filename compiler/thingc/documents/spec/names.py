@@ -1,0 +1,56 @@
+"""The `names:` block of an `assembly/1` document."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field
+
+from thingc.base.file_names import LONGEST, is_file_name
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.fields import Checked, fault, found
+from thingc.documents.spec.named import DrivenKey, OwnComponentKey, OwnExportKey, OwnJointKey, OwnPoseKey, OwnTendonKey, SensorKey
+
+
+def _file_name(value: Any) -> str:
+    """A name that files have."""
+    if not isinstance(value, str):
+        raise fault("type", f"expected a name, found {found(value)}", help="write it in quotes")
+    if not is_file_name(value):
+        raise fault(
+            "name", f"expected a name, found {found(value)}",
+            help=f"write a text of one line and at most {LONGEST} characters, without spaces around it",
+        )
+    return value
+
+
+_FILE_NAME_SCHEMA = {
+    "type": "string", "minLength": 1, "maxLength": LONGEST, "examples": ["left-arm"],
+    "description": "What files call it: one line of text.",
+}
+
+if TYPE_CHECKING:
+    FileName = str
+else:
+    FileName = Annotated[str, Checked(_file_name, "a name in files", _FILE_NAME_SCHEMA)]
+
+
+class NamesSpec(Model):
+    """What files call things, where that is no name of a document, or another one: such as the names of a robot that was imported."""
+
+    components: dict[OwnComponentKey, FileName] = Field(default={}, examples=[{"left_arm": "left-arm"}])
+    """Components, and with them the links that are called after them."""
+    mounts: dict[OwnExportKey, FileName] = Field(default={}, examples=[{"tool": "tool.0"}])
+    """Mounts that this document exports."""
+    joints: dict[OwnJointKey, FileName] = Field(default={}, examples=[{"joint_1": "1"}])
+    """Joints; coordinates of one that has several have their numbers behind it."""
+    tendons: dict[OwnTendonKey, FileName] = Field(default={}, examples=[{"cable": "cable.0"}])
+    """Tendons."""
+    actuators: dict[DrivenKey, FileName] = Field(default={}, examples=[{"knee": "knee_motor"}])
+    """Drives, by their joints or tendons, in MuJoCo's models; without it they are called as these are."""
+    equalities: dict[OwnJointKey, FileName] = Field(default={}, examples=[{"finger": "coupling"}])
+    """Equalities of MuJoCo's models, by the joint that mimics another one or closes a loop."""
+    sensors: dict[SensorKey, FileName] = Field(default={}, examples=[{"imu": "torso-imu", "imu:gyro": "torso_gyro"}])
+    """Sensors, or what MuJoCo has for a part of one: `imu:gyro`."""
+    poses: dict[OwnPoseKey, FileName] = Field(default={}, examples=[{"home": "home pose"}])
+    """Poses."""

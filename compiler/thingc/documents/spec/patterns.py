@@ -1,0 +1,47 @@
+"""Regular expressions of values, and the like, for the JSON Schemas.
+
+They take everything that the compiler takes, and refuse words that are no unit, and a single unit of another dimension. What
+dimension a product of units has, and whether an expression is one, is beyond regular expressions.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from thingc.base.units import NUMBER, UNITS, Dimension, fits
+
+EXPRESSION = r"=\s*\S[\s\S]*"
+_DIGITS = r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?"
+_ZERO = r"[-+]?(0+(\.0*)?|\.0+)([eE][-+]?\d+)?"
+_FACTOR = rf"({'|'.join(sorted(UNITS, key=lambda unit: (-len(unit), unit)))})((\^|\*\*)\s*[-+]?\d{{1,2}}|[²³])?"
+_UNITS = rf"{_FACTOR}(\s*[*/·]\s*{_FACTOR})*"
+_BETWEEN = r"(\s+|(?=[-+.]))"
+ANY_VALUE = rf"^(\s*{EXPRESSION}|\s*{_DIGITS}(\s*{_UNITS})?\s*|(?!\s*(=|[-+]?\.?\d))[\s\S]*)$"
+
+
+def _units_of(*dimensions: Dimension) -> str:
+    """The pattern of a unit: no single one that is of none of the dimensions (`0 %` is a bare 0, which has every one)."""
+    single = {unit: dimension for unit, (_, _, dimension) in UNITS.items() if dimension != NUMBER}
+    wrong = sorted(unit for unit, dimension in single.items() if not any(fits(dimension, one) for one in dimensions))
+    return rf"(?!({'|'.join(wrong)})\s*$){_UNITS}"
+
+
+def quantity_pattern(*dimensions: Dimension, word: str = "") -> str:
+    """The pattern of a text for a value of one of the dimensions; `word` is what else it may be."""
+    bare = _DIGITS if any(fits(NUMBER, one) for one in dimensions) else _ZERO
+    return rf"^\s*({EXPRESSION}|{_DIGITS}\s*{_units_of(*dimensions)}|{bare}{'|' + word if word else ''})\s*$"
+
+
+def vector_pattern(dimension: Dimension) -> str:
+    """The pattern of three numbers and a unit, or of three zeros."""
+    numbers, zeros = ((_BETWEEN.join([one] * 3)) for one in (_DIGITS, _ZERO))
+    return rf"^\s*({numbers}\s*{_units_of(dimension)}|{zeros})\s*$"
+
+
+def raw_schema(levels: int) -> dict[str, Any]:
+    """Scalars, lists of them, and mappings of both down to `levels`."""
+    schema: dict[str, Any] = {
+        "type": ["string", "number", "boolean", "array", "object"],
+        "items": {"type": ["string", "number", "boolean", "object"] if levels else ["string", "number", "boolean"]},
+    }
+    return {**schema, "additionalProperties": raw_schema(levels - 1)} if levels else schema

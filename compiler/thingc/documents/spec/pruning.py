@@ -1,0 +1,109 @@
+"""The sound rest of a faulty document: what is wrong is taken out with the smallest entry that can be left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from thingc.base.frozen import dataclass
+from thingc.base.source import Path
+from thingc.base.typos import nearest
+from thingc.documents.spec.doubts import ANY_NAME
+from thingc.documents.spec.shapes import AnnotationShape, model_keys
+
+ROUNDS = 12
+"""How often the rest of a document is looked at again: an entry may need the key that was taken out of it."""
+
+_NEEDED = ("thingc", "name", "components")
+"""Keys without which nothing can be said of an assembly. (A document of materials needs its `materials`, see `prune`.)"""
+
+_STAND_INS: dict[str, Any] = {"parameters": 0, "poses": {}}
+"""What stays of an entry that is taken out, by section: its name is known, and its value is in doubt."""
+
+
+MISPLACED = "misplaced"
+"""The kind of a fault of keys (`value`) that stand beside the entry that they are of, the `owner` in its context (None where they stand
+before every entry)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """One error of the document: at `path`, of the key with `key`; the type and context as pydantic or `fields` gave
+    them; `shape` what is expected there, or the mapping that it is in where a key is unknown or missing."""
+
+    path: Path
+    kind: str
+    context: dict[str, Any]
+    value: Any
+    shape: AnnotationShape
+    key: bool = False
+
+
+def prune(plain: dict[str, Any], faults: Sequence[Fault]) -> set[Path] | None:
+    """Take faults out of a document's plain values. Returns what is in doubt then; None where nothing useful stays."""
+    doubts: set[Path] = set()
+    for fault in faults:
+        path = fault.path
+        if fault.kind == "extra_forbidden":
+            mapping = _at(plain, path[:-1])
+            keys = model_keys(fault.shape.model) if fault.shape.model is not None else {}
+            absent = [key for key in keys if not isinstance(mapping, dict) or key not in mapping]
+            close = nearest(str(path[-1]), absent)
+            doubts.update((*path[:-1], key) for key in ([close] if close else absent))
+            doubts.add(path)
+            if isinstance(mapping, dict):
+                mapping.pop(path[-1], None)
+            continue
+        if fault.kind == MISPLACED:
+            for name in fault.value:
+                doubts.update(((*path[:-1], name), (*path[:-1], fault.context["owner"], name)))
+                _at(plain, path[:-1]).pop(name, None)
+            continue
+        if fault.kind == "missing":
+            path = path[:-1]
+        elif fault.kind == "rule":
+            path = (*path, *fault.context.get("path", ()))
+        taken = take_out(plain, path, name=fault.key)
+        if taken is None:
+            return None
+        doubts.add(taken)
+        if fault.key:
+            doubts.add((*taken[:-1], ANY_NAME))
+    return doubts
+
+
+def take_out(plain: dict[str, Any], path: Path, *, name: bool = False) -> Path | None:
+    """Take the value at `path` out of a document, with the list that it is in. With `name` the name of the entry itself is
+    wrong. Returns the path of what was taken out; None where the document cannot be without it."""
+    while path and isinstance(path[-1], int):
+        path = path[:-1]
+    if not path or path[0] in _NEEDED[:2] or (len(path) == 1 and path[0] == "components"):
+        return None
+    if plain.get("thingc") == "materials/1" and len(path) == 1:
+        return None
+    for length in range(1, len(path)):  # a reference's own key may be a list's index
+        if isinstance(_at(plain, path[:length]), list):
+            return take_out(plain, path[:length], name=name)
+    mapping = _at(plain, path[:-1])
+    if isinstance(mapping, dict) and path[-1] in mapping:
+        if len(path) == 2 and path[0] in _STAND_INS and not name:
+            mapping[path[-1]] = _copied(_STAND_INS[str(path[0])])
+        else:
+            del mapping[path[-1]]
+    return path
+
+
+def _copied(value: Any) -> Any:
+    return dict(value) if isinstance(value, dict) else value
+
+
+def _at(value: Any, path: Path) -> Any:
+    """The plain value at a path; None where there is none."""
+    for step in path:
+        if isinstance(value, dict):
+            value = value.get(step)
+        elif isinstance(value, list) and isinstance(step, int) and step < len(value):
+            value = value[step]
+        else:
+            return None
+    return value

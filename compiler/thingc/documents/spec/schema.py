@@ -1,0 +1,163 @@
+"""JSON Schema (draft 2020-12) of the document kinds, for editors. `python -m thingc.documents.spec.schema` writes `schemas/`.
+
+Titles, descriptions and examples come from the models: the docstring under a field is its description.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import json
+import os
+import sys
+import types
+from typing import Any
+
+from pydantic.json_schema import GenerateJsonSchema
+
+from thingc.documents.checks import kinds
+from thingc.documents.spec import (
+    assembly,
+    drives,
+    listed,
+    materials,
+    modes,
+    names,
+    poses,
+    sensors,
+    stated_masses,
+    tendons,
+    variants,
+    workspace,
+)
+from thingc.documents.spec.validation import KINDS, model_of
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def json_schema(kind: str) -> dict[str, Any]:
+    """The JSON Schema of a kind of document (`assembly`, `materials`, `variants`, `workspace`)."""
+    model = model_of(kind)
+    assert model is not None, kind
+    schema = model.model_json_schema(schema_generator=_Generator)
+    checks = [sys.modules[check.model.__module__] for check in kinds().values()]
+    documented = _documentation(
+        poses, assembly, drives, listed, materials, modes, names, sensors, stated_masses, tendons, *checks, variants, workspace,
+    )
+    documented["TestSpec"] = {check.name: check.summary for check in kinds().values()}
+    for name, definition in {**schema.get("$defs", {}), model.__name__: schema}.items():
+        _describe(definition, documented.get(name, {}))
+    cleaned: dict[str, Any] = _without_null(schema)
+    definitions = cleaned.get("$defs", {})
+    for definition in (*definitions.values(), cleaned):
+        for name, field in definition.get("properties", {}).items():
+            _complete(name, field, definitions)
+    properties: dict[str, Any] = cleaned["properties"]
+    properties["$schema"] = {
+        "type": "string", "title": "Schema", "description": "Where this schema is, for editors.",
+        "examples": [f"../schemas/{kind}-1.json"],
+    }
+    return {"$schema": DIALECT, **cleaned, "title": f"thingc {kind} document, version 1"}
+
+
+class _Generator(GenerateJsonSchema):
+    """pydantic's generator, with our checked types described by themselves."""
+
+    def dict_schema(self, schema: Any) -> dict[str, Any]:
+        """A mapping; the pattern of its keys, which pydantic leaves out for checked types."""
+        mapping: dict[str, Any] = super().dict_schema(schema)
+        keys = schema.get("keys_schema")
+        if keys is not None and keys.get("metadata"):
+            names = self.generate_inner(keys)
+            if "pattern" in names:
+                mapping["propertyNames"] = {"pattern": names["pattern"]}
+        return mapping
+
+
+def _documentation(*modules: types.ModuleType) -> dict[str, dict[str, str]]:
+    """The docstring under every field: class name to field name to text; bases' fields are in their own class."""
+    texts: dict[str, dict[str, str]] = {}
+    for module in modules:
+        for node in ast.parse(inspect.getsource(module)).body:
+            if isinstance(node, ast.ClassDef):
+                bases = [base.id for base in node.bases if isinstance(base, ast.Name)]
+                fields = {name: text for base in bases for name, text in texts.get(base, {}).items()}
+                for statement, following in zip(node.body, node.body[1:], strict=False):
+                    if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name) and _is_text(following):
+                        fields[statement.target.id] = inspect.cleandoc(following.value.value)  # type: ignore[attr-defined]
+                texts[node.name] = fields
+    return texts
+
+
+def _is_text(node: ast.stmt) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+
+
+def _describe(definition: dict[str, Any], documented: dict[str, str]) -> None:
+    """Put the fields' docstrings before what their types say of themselves."""
+    for name, field in definition.get("properties", {}).items():
+        text = documented.get(name)
+        if text is not None:
+            own = field.get("description")
+            field["description"] = f"{text} {own}" if own and own != text else text
+
+
+def _complete(name: str, field: dict[str, Any], definitions: dict[str, Any]) -> None:
+    """Give a field what an editor shows of it and what its type knows: its title, the words of the mapping that it takes, and
+    its choices as examples."""
+    field.setdefault("title", name.replace("_", " ").title())
+    if "$ref" in field:
+        inner = definitions[field["$ref"].rpartition("/")[2]]
+        if "description" not in field and "description" in inner:
+            field["description"] = inner["description"]
+    if "examples" not in field:
+        if "enum" in field:
+            field["examples"] = list(field["enum"])
+        elif "const" in field:
+            field["examples"] = [field["const"]]
+        elif field.get("type") == "boolean":
+            field["examples"] = [not field.get("default", False)]
+
+
+def _without_null(schema: Any) -> Any:
+    """The schema without `null`, which is no value in any document, and without the defaults that were null."""
+    if isinstance(schema, list):
+        return [_without_null(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    cleaned = {key: _without_null(value) for key, value in schema.items() if not (key == "default" and value is None)}
+    branches = cleaned.get("anyOf")
+    if isinstance(branches, list) and {"type": "null"} in branches:
+        kept = [branch for branch in branches if branch != {"type": "null"}]
+        if len(kept) == 1:
+            del cleaned["anyOf"]
+            return {**kept[0], **cleaned, **_both(kept[0], cleaned)}
+        cleaned["anyOf"] = kept
+    return cleaned
+
+
+def _both(inner: dict[str, Any], outer: dict[str, Any]) -> dict[str, Any]:
+    texts = [text for text in (outer.get("description"), inner.get("description")) if text]
+    return {"description": " ".join(texts)} if texts else {}
+
+
+def write(folder: str) -> list[str]:
+    """Write every schema as `<kind>-1.json` into a folder; returns the paths."""
+    paths = []
+    for kind in KINDS:
+        path = os.path.join(folder, f"{kind}-1.json")
+        with open(path, "w", encoding="utf-8", newline="\n") as stream:
+            stream.write(text_of(kind))
+        paths.append(path)
+    return paths
+
+
+def text_of(kind: str) -> str:
+    """The file that holds the schema of a kind, byte by byte."""
+    return json.dumps(json_schema(kind), indent=2, ensure_ascii=False, sort_keys=False) + "\n"
+
+
+if __name__ == "__main__":
+    here = os.path.dirname(os.path.abspath(__file__))
+    for written in write(sys.argv[1] if len(sys.argv) > 1 else os.path.normpath(os.path.join(here, "..", "..", "..", "..", "schemas"))):
+        print(os.path.relpath(written))

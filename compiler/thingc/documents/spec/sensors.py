@@ -1,0 +1,132 @@
+"""The `sensors:` block of an `assembly/1` document."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pydantic import ConfigDict, Field, model_validator
+
+from thingc.base.primitives import PrimitiveShape
+from thingc.base.sensing import SENSORS, ReadingName, SensorKey, SensorType
+from thingc.base.units import ACCELERATION, ANGLE, ANGULAR_VELOCITY, FORCE, LENGTH, TORQUE, VELOCITY
+from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.fields import AngleField, LengthField, Value, Vector3Length, quantity
+from thingc.documents.spec.listed import LongSpec, RoundSpec
+from thingc.documents.spec.named import ComponentField, JointField, ShownMountField, TendonField
+from thingc.documents.spec.shapes import one_of
+
+if TYPE_CHECKING:
+    ReadingField = Value
+else:
+    ReadingField = quantity(
+        ACCELERATION, ANGULAR_VELOCITY, VELOCITY, FORCE, TORQUE, LENGTH, ANGLE, doc="a value in the unit of what a sensor reads",
+    )
+
+VOLUMES: tuple[PrimitiveShape, ...] = ("box", "sphere", "cylinder", "capsule", "ellipsoid")
+"""The shapes of the volume of a touch sensor."""
+
+_EXAMPLES: dict[SensorKey, str] = {
+    "at": "at: body.top", "joint": "joint: knee", "tendon": "tendon: cable", "of": "of: shin",
+    "volume": "volume: {sphere: {radius: 10 mm}}",
+}
+
+
+class VolumeSpec(Model):
+    """A volume about a mount: exactly one of `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`."""
+
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [kind]} for kind in VOLUMES]})
+
+    box: Vector3Length | None = Field(default=None, examples=["20 20 5 mm"])
+    """Its whole lengths along x, y and z of the mount."""
+    sphere: RoundSpec | None = Field(default=None, examples=[{"radius": "10 mm"}])
+    """Its radius."""
+    cylinder: LongSpec | None = Field(default=None, examples=[{"radius": "10 mm", "length": "5 mm"}])
+    """Its radius, and its length along z."""
+    capsule: LongSpec | None = Field(default=None, examples=[{"radius": "10 mm", "length": "20 mm"}])
+    """A cylinder along z, of this radius and length, between two half balls."""
+    ellipsoid: Vector3Length | None = Field(default=None, examples=["10 10 5 mm"])
+    """Its half axes along x, y and z."""
+
+    @property
+    def kind(self) -> PrimitiveShape:
+        """Which of `VOLUMES` it is."""
+        return next(kind for kind in VOLUMES if getattr(self, kind) is not None)
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> VolumeSpec:
+        kinds = [f"`{kind}`" for kind in VOLUMES if getattr(self, kind) is not None]
+        if len(kinds) != 1:
+            these = "here are " + " and ".join(kinds) if kinds else "none is here"
+            raise rule(f"a volume is exactly one of {', '.join(f'`{kind}`' for kind in VOLUMES)}; {these}", "keep one of them")
+        return self
+
+
+def _rules(schema: dict[str, Any]) -> None:
+    """By its type what a sensor takes, for editors."""
+    others = [key for key in schema["properties"] if key != "type"]
+    schema["allOf"] = [
+        {
+            "if": {"properties": {"type": {"const": kind.name}}, "required": ["type"]},
+            "then": {"allOf": [
+                *({"required": [*group]} if len(group) == 1 else {"oneOf": [{"required": [key]} for key in group]} for group in kind.needs),
+                {"not": {"anyOf": [{"required": [key]} for key in others if key not in kind.keys]}},
+            ]},
+        }
+        for kind in SENSORS.values()
+    ]
+
+
+class SensorSpec(Model):
+    """What the robot measures: on a mount, of a joint, a tendon or a drive, of a link, or of all of it."""
+
+    model_config = ConfigDict(json_schema_extra=_rules)
+
+    type: SensorType
+    """What it is, such as an `imu`, a `force`, a `joint`, a `camera`, a `touch` or a `rangefinder`."""
+    at: ShownMountField | None = None
+    """The mount it sits on; a camera and a rangefinder look along its z, a camera with its y up."""
+    in_: ShownMountField | None = Field(
+        default=None, alias="in", description="Of a `pose` or a `twist` the mount that it is seen from; the world unless written.",
+    )
+    joint: JointField | None = None
+    """Of a `joint` sensor the joint, if it is not the one that is called like the sensor; of a `drive` the joint that it drives."""
+    tendon: TendonField | None = None
+    """A tendon of this document: that is measured, or whose drive is."""
+    of: ComponentField | None = None
+    """Of a `contact` the component whose link is touched."""
+    with_: ComponentField | None = Field(
+        default=None, alias="with", description="Of a `contact` the component whose link touches it; anything unless written.",
+    )
+    volume: VolumeSpec | None = Field(default=None, examples=[{"sphere": {"radius": "10 mm"}}])
+    """Of a `touch` sensor where contacts of its link count: a shape about the mount."""
+    range: LengthField | None = Field(default=None, examples=["4 m"])
+    """Of a `rangefinder` how far it sees; without an end unless written."""
+    fovy: AngleField | None = None
+    """Of a camera the angle of view from bottom to top; 45 deg unless written."""
+    noise: ReadingField | dict[ReadingName, ReadingField] | None = Field(default=None, examples=["0.02 m/s^2", {"gyro": "0.001 rad/s"}])
+    """The standard deviation of what is read; of several readings by their names."""
+    cutoff: ReadingField | dict[ReadingName, ReadingField] | None = Field(default=None, examples=["160 m/s^2", {"gyro": "35 rad/s"}])
+    """The largest absolute value that is read; of several readings by their names."""
+
+    def said(self, key: SensorKey) -> Any:
+        """What is written under a key; None where nothing is."""
+        return getattr(self, f"{key}_" if key in ("in", "with") else key)
+
+    @model_validator(mode="after")
+    def _keys(self) -> SensorSpec:
+        kind = SENSORS[self.type]
+        for key in _KEYS:
+            if self.said(key) is not None and key not in kind.keys:
+                able = one_of([one.name for one in SENSORS.values() if key in one.keys])
+                raise rule(f"a sensor of type `{self.type}` has no `{key}`", f"take it out, or choose another `type`: {able}", key)
+        for group in kind.needs:
+            written = [key for key in group if self.said(key) is not None]
+            if len(written) != 1:
+                wanted = " or ".join(f"`{key}`" for key in group)
+                here = "both are here" if written else "none is here"
+                help = "keep one of them" if written else f"write for example `{_EXAMPLES[group[0]]}`"
+                raise rule(f"a sensor of type `{self.type}` needs {wanted}; {here}", help)
+        return self
+
+
+_KEYS: tuple[SensorKey, ...] = ("at", "in", "joint", "tendon", "of", "with", "volume", "range", "fovy", "noise", "cutoff")

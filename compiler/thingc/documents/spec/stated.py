@@ -1,0 +1,90 @@
+"""What an assembly says where something may be set or chosen in its place, asked by whoever is about to."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, node_at
+from thingc.base.units import Dimension
+from thingc.documents.expressions import Expression, ExpressionValue
+from thingc.documents.spec.choices import DEFAULT_MATERIAL, KEYS, nested
+from thingc.documents.spec.fields import any_value
+from thingc.documents.spec.joint_values import dimension_at
+
+if TYPE_CHECKING:
+    from thingc.documents.load import Documents
+    from thingc.documents.spec.assembly import AssemblySpec
+
+
+def stated_value(documents: Documents, path: str) -> ExpressionValue | Expression | None:
+    """What the root document, or the nested one that the path leads into, says at the path of a value: text where that is no value by
+    itself (the three of a vector). None where it says nothing there, and for an expression of a nested document."""
+    document, keys = _leading(documents, path)
+    return None if document is None else _value(documents, document, keys)
+
+
+def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
+    """What a nested document says of its own parameter that a path sets (`components.leg.parameters.length`); None for any other path,
+    and for an expression."""
+    document, keys = _leading(documents, path)
+    if document is None or len(keys) != 4 or (keys[0], keys[2]) != ("components", "parameters"):
+        return None
+    document = nested_document(documents, document, keys[1])
+    if document is None:
+        return None
+    said = (_value(documents, document, ("parameters", keys[3], *inner)) for inner in ((), ("value",)))
+    return next((value for value in said if value is not None and not isinstance(value, Expression)), None)
+
+
+def dimension_stated(documents: Documents, path: str) -> Dimension | None:
+    """The dimension of what may be said at a path of a joint, whether or not the document that it leads into says something there; None
+    of any other path."""
+    document, keys = _leading(documents, path)
+    return None if document is None else dimension_at(document, keys)
+
+
+def _leading(documents: Documents, path: str) -> tuple[Document | None, tuple[str, ...]]:
+    """The document that a path leads into, and the keys from there on."""
+    document: Document | None = documents.root
+    while document is not None and (through := nested(path)) is not None:
+        component, path = through
+        document = nested_document(documents, document, component)
+    return document, tuple(path.split("."))
+
+
+def nested_document(documents: Documents, document: Document, component: str) -> Document | None:
+    """The document that a component of another one nests; None of any other component."""
+    text = node_at(document.tree, ("components", component, "assembly"))
+    return documents.named(document, text.text) if isinstance(text, ScalarNode) else None
+
+
+def _value(documents: Documents, document: Document, keys: tuple[str, ...]) -> ExpressionValue | Expression | None:
+    node = node_at(document.tree, keys)
+    if not isinstance(node, ScalarNode):
+        return None
+    try:
+        value = any_value(node.value)
+    except ValueError:
+        return node.text
+    return None if isinstance(value, Expression) and document is not documents.root else value
+
+
+def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
+    """What a document says at the paths of choices of its own components: choosing it says nothing."""
+    default = assembly.defaults.component if assembly.defaults is not None else None
+    choices = {DEFAULT_MATERIAL: default.material} if default is not None and default.material is not None else {}
+    for name, component in assembly.components.items():
+        choices.update({f"components.{name}.{key}": text for key in KEYS if (text := getattr(component, key)) is not None})
+    return choices
+
+
+def whole_drive(tree: Node, keys: Path) -> MappingNode | None:
+    """The drive of a joint as a mapping, for a path to one of its values (`joints.elbow.drive.kp`), if the joint only names a component or
+    has the drive of `defaults`. None otherwise."""
+    if len(keys) < 4 or (keys[0], keys[2]) != ("joints", "drive") or node_at(tree, keys[:2]) is None:
+        return None
+    own = node_at(tree, keys[:3])
+    drive = node_at(tree, ("defaults", "joint", "drive")) if own is None else own
+    if isinstance(drive, ScalarNode):
+        return MappingNode(entries={"component": drive}, keys={"component": drive.span}, span=drive.span)
+    return drive if own is None and isinstance(drive, MappingNode) else None

@@ -1,0 +1,56 @@
+"""What a document states of the mass of a component, and where that is from."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.fields import InertiaField, MassField, Vector3Length
+
+Source = Literal["measured", "vendor", "estimated", "repaired"]
+
+
+class StatedMass(Model):
+    """A mass and where it is from."""
+
+    value: MassField
+    """The mass."""
+    source: Source
+    """`measured`, `vendor`, `estimated`, or `repaired` (by an import, because no solid has what its source said)."""
+
+
+class StatedCentre(Model):
+    """A centre of mass and where it is from."""
+
+    value: Vector3Length
+    """The centre of mass."""
+    source: Source
+    """`measured`, `vendor`, `estimated`, or `repaired` (by an import, because no solid has what its source said)."""
+
+
+class InertiaMatrix(Model):
+    """Inertia about the centre of mass, component axes. Products default to 0."""
+
+    ixx: InertiaField
+    """Moment about x."""
+    iyy: InertiaField
+    """Moment about y."""
+    izz: InertiaField
+    """Moment about z."""
+    ixy: InertiaField | Literal[0] = Field(default=0, examples=["1e-6 kg*m^2", 0])
+    """Product of x and y."""
+    ixz: InertiaField | Literal[0] = Field(default=0, examples=["1e-6 kg*m^2", 0])
+    """Product of x and z."""
+    iyz: InertiaField | Literal[0] = Field(default=0, examples=["1e-6 kg*m^2", 0])
+    """Product of y and z."""
+
+
+class StatedInertia(Model):
+    """An inertia and where it is from."""
+
+    value: InertiaMatrix = Field(examples=[{"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"}])
+    """The inertia."""
+    source: Source
+    """`measured`, `vendor`, `estimated`, or `repaired` (by an import, because no solid has what its source said)."""

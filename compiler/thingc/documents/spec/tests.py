@@ -1,0 +1,48 @@
+"""The `tests:` block of an `assembly/1` document: what has to be true of the robot, by name. Kinds are those of `checks`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pydantic import ConfigDict, Field, create_model, model_validator
+
+from thingc.documents.checks import kinds
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.fields import fault
+
+
+class _OneKind(Model):
+    """A mapping with one key, which says the kind."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+
+    @property
+    def kind(self) -> str:
+        """The key that is written."""
+        return next(kind for kind in kinds() if getattr(self, kind) is not None)
+
+    @property
+    def stated(self) -> Any:
+        """What is written under it: of the model of its kind."""
+        return getattr(self, self.kind)
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> _OneKind:
+        written = [kind for kind in kinds() if getattr(self, kind) is not None]
+        if not written:
+            raise fault("rule", "a test needs a kind; none is here", help="write for example `{mass: {max: 2.2 kg}}`")
+        if len(written) > 1:
+            raise fault(
+                "rule", f"a test has one kind; here are {' and '.join(f'`{kind}`' for kind in written)}",
+                help="make two tests of it, each with a name of its own",
+            )
+        return self
+
+
+if TYPE_CHECKING:
+    TestSpec = _OneKind
+else:
+    TestSpec = create_model(
+        "TestSpec", __base__=_OneKind, __module__=__name__, __doc__="One named test: exactly one of its keys, which says the kind.",
+        **{name: (kind.model | None, Field(default=None, examples=list(kind.examples))) for name, kind in kinds().items()},
+    )

@@ -1,0 +1,128 @@
+"""Documents against their models. What is said of those that are wrong is in `faults`, which is loaded for them alone."""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from pydantic_core import ValidationError
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.memo import Memo
+from thingc.base.source import Document, ScalarNode, SequenceNode, Span, walk
+from thingc.documents.spec.allowances import allowances
+from thingc.documents.spec.assembly import AssemblySpec
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.doubts import Doubts, Specs
+from thingc.documents.spec.materials import MaterialsSpec
+
+if TYPE_CHECKING:
+    from thingc.documents.load import Documents
+
+KINDS = ("assembly", "materials", "variants", "workspace")
+"""The kinds of documents that have a model."""
+
+
+def model_of(kind: str) -> type[Model] | None:
+    """The model of a kind of document, None where there is none."""
+    match kind:
+        case "assembly":
+            return AssemblySpec
+        case "materials":
+            return MaterialsSpec
+        case "workspace":
+            from thingc.documents.spec.workspace import WorkspaceSpec
+
+            return WorkspaceSpec
+        case "variants":
+            from thingc.documents.spec.variants import VariantsSpec
+
+            return VariantsSpec
+    return None
+
+
+def validate(documents: Documents, report: Report, memo: Memo | None = None) -> Specs:
+    """Check every document by itself: path in the workspace to its model.
+
+    Of a document with faults (all reported) the model is that of its sound rest, and `doubts` says what was left out.
+    Documents of which nothing useful stays are absent. `memo` knows the models of sound documents.
+    """
+    specs, memo = Specs(), memo or Memo()
+    for path, document in documents.by_path.items():
+        place, content, said = ("spec", path), (document.sha256,), len(report.diagnostics)
+        spec, doubts = memo.last(place, content) or _sound(document, report)
+        if len(report.diagnostics) == said:
+            memo.keep(place, content, (spec, doubts))
+        if isinstance(spec, (AssemblySpec, MaterialsSpec)) and path not in documents.broken:
+            specs[path] = spec
+            if doubts:
+                specs.doubts[path] = doubts
+            if isinstance(spec, AssemblySpec):
+                specs.allowances.extend(allowances(spec, document))
+    return specs
+
+
+def validate_one(document: Document, report: Report) -> Model | None:
+    """Check one document; None when it is wrong, which has been reported with every place."""
+    spec, doubts = _sound(document, report)
+    return None if doubts else spec
+
+
+def _sound(document: Document, report: Report) -> tuple[Model | None, Doubts]:
+    """The model of what is sound in a document, None where that is nothing; and what was left out (reported)."""
+    model = model_of(document.kind)
+    if model is None:
+        report.add(
+            Code.WRONG_KIND, f"documents of kind `{document.kind}` cannot be used yet", document.span(("thingc",)),
+        )
+        return None, Doubts()
+    plain = document.tree.plain()
+    assert isinstance(plain, dict)
+    plain.pop("$schema", None)  # for editors
+    nodes = tuple(walk(document.tree))
+    empty = {path: node for path, node in nodes if isinstance(node, ScalarNode) and node.value is None}
+    damaged = frozenset(path for path, node in nodes if not isinstance(node, SequenceNode) and node.damaged)
+    _build(model)
+    error = None
+    try:
+        spec = model.model_validate(plain, strict=True)
+        if not empty and not damaged:
+            return spec, Doubts()
+    except ValidationError as raised:
+        error = raised
+    from thingc.documents.spec.faults import sound_rest
+
+    return sound_rest(document, model, plain, error, empty, damaged, report)
+
+
+def _build(model: type[Model]) -> None:
+    """Build a model's validator at its first use, without pydantic's search for plugins in all installed packages: what it would load
+    to read their metadata takes longer than a document."""
+    if model.__pydantic_complete__:
+        return
+    name = "pydantic.plugin._loader"
+    finder, before = ModuleType(name), sys.modules.get(name)
+    finder.__dict__["get_plugins"] = tuple
+    sys.modules[name] = finder
+    try:
+        model.model_rebuild()
+    finally:
+        del sys.modules[name]
+        if before is not None:
+            sys.modules[name] = before
+
+
+def part_references(
+    specs: Specs, documents: Documents,
+) -> tuple[tuple[str, Span], ...]:
+    """Every `part:` of every assembly, in the order written, with its place."""
+    references: list[tuple[str, Span]] = []
+    for path, spec in specs.items():
+        if isinstance(spec, AssemblySpec):
+            document = documents.by_path[path]
+            references.extend(
+                (component.part, document.span(("components", name, "part")))
+                for name, component in spec.components.items() if component.part is not None
+            )
+    return tuple(references)

@@ -1,0 +1,173 @@
+"""The `variants/1` document, key by key. Field docstrings are the hover text of an editor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from thingc.base.units import shortened
+from thingc.documents.expressions import Expression, ExpressionError, parse_expression
+from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.choices import EXAMPLES, VALUES, is_value, parse
+from thingc.documents.spec.fields import AnyQuantityField, Checked, CountField, Name, fault, found, name_of
+from thingc.documents.spec.named import AssemblyDocument, Means, ModeField, PoseField, ShownMountField
+
+
+def _choice_path(value: Any) -> str:
+    if isinstance(value, str) and parse(value) is not None:
+        return value
+    raise fault("reference", f"`{shortened(str(value))}` is nothing that can be chosen", help=f"write {EXAMPLES}")
+
+
+def _rule_text(value: Any) -> Expression:
+    """A comparison over parameters and results."""
+    if not isinstance(value, str):
+        raise fault("type", f"expected a comparison such as `mass < 2.5 kg`, found {found(value)}")
+    try:
+        expression = parse_expression(value, dotted=True)
+    except ExpressionError as error:
+        raise fault(
+            "unit" if error.kind == "unit" else "expression", error.message, help=error.help, offset=error.offset, end=error.end,
+        ) from None
+    if not expression.compares:
+        raise fault("expression", f"expected a comparison, found {found(value)}", help=f"write for example `{shortened(value)} > 0`")
+    return expression
+
+
+def _setting(value: Any) -> str:
+    """What a variant sets: a parameter by its name, or a value by its path."""
+    if not isinstance(value, str) or "." not in value:
+        return name_of(value)
+    if parse(value) is not None:
+        raise fault("reference", f"`{shortened(value)}` is a choice", help="write it under `choices`")
+    if not is_value(value):
+        raise fault("reference", f"`{shortened(value)}` is no path of a value", help=f"write {VALUES}")
+    return value
+
+
+_SETTING_SCHEMA = {
+    "type": "string", "pattern": r"^[A-Za-z]\w*(\.[^.\s]+)*$", "description": "A parameter, or the path of a value in the assembly.",
+    "examples": ["leg_length", "joints.elbow.limit.upper"],
+}
+_PATH_SCHEMA = {
+    "type": "string", "pattern": r"^(components\.[A-Za-z]\w*\.)*(part|file|assembly|material|defaults\.component\.material)$",
+    "description": "What is chosen.", "examples": ["components.foot.part", "defaults.component.material"],
+}
+_RULE_SCHEMA = {
+    "type": "string", "description": "A comparison over parameters and results.",
+    "examples": ["mass < 2.5 kg", "leg_length > 2 * foot_length", "torque_margin > 1.3"],
+}
+
+if TYPE_CHECKING:
+    ChoicePathField = str
+    SettingField = str
+    RuleField = Expression
+else:
+    SettingField = Annotated[str, Checked(_setting, "a parameter or the path of a value", _SETTING_SCHEMA), Means("setting")]
+    ChoicePathField = Annotated[str, Checked(_choice_path, "the path of a choice", _PATH_SCHEMA), Means("setting")]
+    RuleField = Annotated[Any, Checked(_rule_text, "a comparison", _RULE_SCHEMA), Means("rule")]
+
+ChoiceField = Annotated[str, Means("choice")]
+
+
+class AxisSpec(Model):
+    """Values at equal distances, both ends included."""
+
+    from_: AnyQuantityField = Field(alias="from", description="The first value.")
+    to: AnyQuantityField
+    """The last value."""
+    count: CountField
+    """How many values, at least 2."""
+
+
+class ListedSpec(Model):
+    """One variant, written out."""
+
+    name: Name | None = None
+    """What it is called; from the name of the document and its number unless written."""
+    parameters: dict[SettingField, AnyQuantityField] = Field(default={}, examples=[{"leg_length": "100 mm"}])
+    """Values of parameters of the assembly, and of anything else in it by its path."""
+    choices: dict[ChoicePathField, ChoiceField] = Field(default={}, examples=[{"components.foot.part": "minchw.foot:WideFoot"}])
+    """Parts, assemblies and materials, by where they stand in the assembly."""
+
+
+Method = Literal["sobol", "lhs", "uniform"]
+"""How variants are drawn."""
+
+
+class SampleSpec(Model):
+    """Variants that are drawn. What is listed under `parameters` and `choices` is drawn, too."""
+
+    method: Method = "sobol"
+    """`sobol` (scrambled Sobol sequence), `lhs` (Latin hypercube) or `uniform`."""
+    count: CountField
+    """How many are drawn."""
+    seed: CountField
+    """The same seed draws the same variants."""
+    ranges: dict[SettingField, Annotated[list[AnyQuantityField], Field(min_length=2, max_length=2)]] = Field(
+        default={}, examples=[{"leg_length": ["70 mm", "140 mm"], "joints.elbow.dynamics.damping": ["0.1 N*m*s/rad", "1 N*m*s/rad"]}],
+    )
+    """The smallest and the largest value of a parameter, or of what stands at a path. Two
+    whole numbers written without a point: whole numbers are drawn."""
+
+
+class ReachSpec(Model):
+    """The distance between two mounts, which the result `reach` states."""
+
+    of: ShownMountField
+    """The mount that reaches out: `tip`, `hand.tip`."""
+    from_: ShownMountField = Field(alias="from", description="The mount that it is measured from.")
+
+
+class VariantsSpec(Model):
+    """A family of robots: one assembly with many settings."""
+
+    thingc: Literal["variants/1"]
+    """Kind and version of this document."""
+    assembly: AssemblyDocument = Field(examples=["minchw.yaml"])
+    """The assembly document."""
+    name: Name
+    """The batch, and the folder that it is written to."""
+    description: str = Field(default="", examples=["How long its legs should be."])
+    """For people."""
+    parameters: dict[SettingField, list[AnyQuantityField] | AxisSpec | AnyQuantityField] = Field(
+        default={}, examples=[{"leg_length": ["80 mm", "100 mm"], "body_width": {"from": "60 mm", "to": "90 mm", "count": 4}}],
+    )
+    """Of the assembly, by name, or anything else in it by path (`joints.elbow.limit.upper`): a list or a range is an axis of the
+    grid, a single value holds for all variants."""
+    choices: dict[ChoicePathField, list[ChoiceField] | ChoiceField] = Field(
+        default={}, examples=[{"components.foot.part": ["minchw.foot:Foot", "minchw.foot:WideFoot"]}],
+    )
+    """Parts, assemblies, files and materials by where they stand in the assembly: a list is an axis of the grid."""
+    list_: list[ListedSpec] = Field(
+        default=[],
+        alias="list",
+        description="Variants written out, before those of the grid.",
+        examples=[[{"name": "short", "parameters": {"leg_length": "80 mm"}}]],
+    )
+    sample: SampleSpec | None = Field(
+        default=None, examples=[{"method": "sobol", "count": 256, "seed": 7, "ranges": {"leg_length": ["70 mm", "140 mm"]}}],
+    )
+    """Variants are drawn instead of taken from the grid."""
+    keep: list[RuleField] = Field(default=[], examples=[["mass < 2.5 kg", "reach > 400 mm"]])
+    """Comparisons over parameters and results: a variant that fails one is recorded, not built."""
+    modes: list[ModeField] = Field(default=[], examples=[["bench"]])
+    """The modes that are built; all of the assembly's unless written. Results are of the first."""
+    pose: PoseField | None = None
+    """The pose that results are of; the mode's own unless written."""
+    reach: ReachSpec | None = Field(default=None, examples=[{"of": "hand.tip", "from": "base"}])
+    """What the result `reach` measures."""
+    emit: list[str] = Field(default=["mjcf"], examples=[["mjcf", "stl"]])
+    """What is written of each variant, as `thingc build --emit` takes it."""
+
+    layout: Literal["folders", "packed"] | None = None
+    """`folders`: a folder for each variant; `packed`: 1024 variants in one file.
+    Unless written, packed where there are more than 2000."""
+
+    @model_validator(mode="after")
+    def _one_source(self) -> VariantsSpec:
+        both = [name for name in (self.sample.ranges if self.sample is not None else {}) if name in self.parameters]
+        if both:
+            raise rule(f"`{both[0]}` is set under `parameters` and drawn under `sample`", "keep one of them", "parameters")
+        return self

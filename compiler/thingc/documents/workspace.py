@@ -1,0 +1,448 @@
+"""The workspace of a document: the folder that holds all its files, and where parts are looked for.
+
+It is the nearest folder above the document with a `thingc.toml`, or a `pyproject.toml` with `[tool.thingc]`; else the
+document's own folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import field
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.files import NoPlainFile, beginning
+from thingc.base.frozen import dataclass
+from thingc.base.installed import dotted_name
+from thingc.base.packaging import KEYS, MEMORY, About
+from thingc.base.shown import is_text
+from thingc.base.source import MappingNode, Path, Span, line_of
+from thingc.base.typos import did_you_mean
+from thingc.base.units import ANGLE, LENGTH, TIME, Dimension, Quantity, checked, parse_quantity, shortened
+
+if TYPE_CHECKING:
+    from thingc.base.source import Document
+
+MAX_BYTES = 500_000
+"""Of a workspace file. (A `pyproject.toml` that does not mention thingc may have any size.)"""
+OWN_FILE = "thingc.toml"
+SHARED_FILE = "pyproject.toml"
+DEFAULT_PARTS = ("parts",)
+DEFAULT_PACKAGES = ("thingc_stock", "bd_warehouse")
+DEFAULT_BUILD = "build"
+DEFAULT_TIMEOUT = 120.0
+LONGEST = 1e6
+"""The longest time [s] that anybody may allow, ten days and more: systems cannot wait for any number of seconds."""
+MESH_URIS = ("relative", "package", "absolute")
+"""How URDF files may name their meshes: relative to the file, in the robot's ROS package, or on this machine; the first unless written."""
+
+CONSUMERS = ("mjx", "warp", "drake", "pymjcf")
+"""Programs besides MuJoCo that MuJoCo models may be written for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tessellation:
+    """How finely curved surfaces are meshed: the mesh is at most `linear` [m] off the surface, and neighbouring facets have at most
+    `angular` [rad] between them."""
+
+    linear: float
+    angular: float
+
+    def coarser(self, other: Tessellation) -> Tessellation:
+        """As coarse as this one and the other, each number by itself."""
+        return Tessellation(linear=max(self.linear, other.linear), angular=max(self.angular, other.angular))
+
+
+DEFAULT_MESH = Tessellation(linear=1e-4, angular=0.17453292519943295)
+"""0.1 mm and 10 deg: what printers and checks of clearance are given."""
+DEFAULT_SIMULATION = Tessellation(linear=1e-4, angular=0.5235987755982988)
+"""0.1 mm and 30 deg: what simulators draw and touch. The bound on the distance is that of the other mesh; what has a radius below
+2.9 mm has a third of the facets, and that is where most of a robot's facets are (holes, screws, fillets)."""
+
+
+DEFAULT_MEMORY = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2 if hasattr(os, "sysconf") else 8_000_000_000
+"""Bytes that one part may need: half of what the machine has."""
+
+LIBRARIES = frozenset({"site-packages", "dist-packages"})
+"""What folders of installed packages are called. An environment may lie in a workspace, and is no part of it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Workspace:
+    """A folder and its settings.
+
+    `root` absolute; `parts` absolute folders whose modules may be named in `part:`; `packages` installed packages that
+    may be, too; `build` the absolute folder of outputs; `part_timeout` [s] and `part_memory` [bytes] for one part; `mesh` the
+    tessellation that is printed and checked, `simulation` that for simulators; `emit` the targets of a build that names none;
+    `mesh_uri` one of `MESH_URIS`; `about` what ROS packages say of themselves; `compat` those of `CONSUMERS` that shall read MuJoCo
+    models; `origin` the file that says so, None where the defaults stand.
+    `inputs` are the files that were looked at on the way, by absolute path, with the SHA-256 of their bytes (None: not there).
+    """
+
+    root: str
+    parts: tuple[str, ...]
+    packages: tuple[str, ...]
+    build: str
+    part_timeout: float
+    mesh: Tessellation
+    simulation: Tessellation
+    part_memory: int = DEFAULT_MEMORY
+    emit: tuple[str, ...] = ()
+    mesh_uri: str = MESH_URIS[0]
+    about: About = About()
+    compat: tuple[str, ...] = ()
+    origin: Span | None = None
+    inputs: dict[str, str | None] = field(default_factory=dict, compare=False, repr=False)
+
+    @staticmethod
+    def find(document: str, report: Report, texts: Mapping[str, bytes] | None = None) -> Workspace | None:
+        """The workspace of a document (a path that need not exist). None when its file is wrong, which is reported. `texts` are what files
+        hold instead of what is on disk, by absolute path."""
+        start = folder = os.path.dirname(os.path.abspath(document))
+        if not is_text(start):
+            report.add(
+                Code.FILE_NAME, f"the folder `{start}` has bytes in its name that are no UTF-8", None,
+                help="rename it, or move the workspace elsewhere: everything that is written about it is UTF-8",
+            )
+            return None
+        inputs: dict[str, str | None] = {}
+        while True:
+            for name in (OWN_FILE, SHARED_FILE):
+                path = os.path.join(folder, name)
+                try:
+                    data = texts[path] if texts and path in texts else _bytes(path)
+                except OSError as error:
+                    report.add(Code.UNREADABLE, f"cannot read `{name}`: {(error.strerror or 'an error').lower()}", None)
+                    return None
+                inputs[path] = None if data is None else hashlib.sha256(data).hexdigest()
+                if data is not None and (name == OWN_FILE or _has_table(data)):
+                    return _read(path, data, folder, inputs, report)
+            above = os.path.dirname(folder)
+            if above == folder:
+                return _default(start, inputs)
+            folder = above
+
+    def relative(self, path: str) -> str:
+        """The path inside the workspace with `/`, links resolved: the name of a file that all artifacts use. A document of an installed
+        package is called as documents call it, `thingc_stock.materials`: where that lies is another place on every machine."""
+        name = os.path.relpath(os.path.realpath(path), os.path.realpath(self.root)).replace(os.sep, "/")
+        elsewhere = name.startswith("../") or not LIBRARIES.isdisjoint(name.split("/"))
+        if elsewhere and "." in (dotted := dotted_name(os.path.realpath(path))):
+            return dotted
+        return name
+
+    def span(self, path: Path) -> Span | None:
+        """Where the workspace's own file says something: `("emit", 1)`. Reads the file again; None where there is none."""
+        if self.origin is None:
+            return None
+        from thingc.base.source import node_at
+        from thingc.documents.load.documents import read_tree
+
+        prefix: Path = () if os.path.basename(self.origin.file) == OWN_FILE else ("tool", "thingc")
+        tree = read_tree(self.origin.file, _bytes(self.origin.file) or b"", Report())
+        node = node_at(tree, (*prefix, *path)) if tree is not None else None
+        return node.span if node is not None else self.origin
+
+    def contains(self, path: str) -> bool:
+        """Whether a path, links resolved, is inside the workspace (it need not exist)."""
+        return _inside(path, self.root)
+
+
+def settings_files(document: str) -> list[str]:
+    """The absolute paths of all files, there or not, that may say what the workspace of a document is: beside it and above."""
+    folder = os.path.dirname(os.path.abspath(document))
+    folders = [folder]
+    while (above := os.path.dirname(folder)) != folder:
+        folders.append(folder := above)
+    return [os.path.join(folder, name) for folder in folders for name in (OWN_FILE, SHARED_FILE)]
+
+
+def _inside(path: str, root: str) -> bool:
+    real, top = os.path.realpath(path), os.path.realpath(root)
+    return real == top or real.startswith(top.rstrip(os.sep) + os.sep)
+
+
+def _default(folder: str, inputs: dict[str, str | None]) -> Workspace:
+    return Workspace(
+        root=folder, parts=_existing(folder, DEFAULT_PARTS, inputs), packages=DEFAULT_PACKAGES,
+        build=os.path.join(folder, DEFAULT_BUILD), part_timeout=DEFAULT_TIMEOUT, mesh=DEFAULT_MESH, simulation=DEFAULT_SIMULATION,
+        inputs=inputs,
+    )
+
+
+def _existing(root: str, names: tuple[str, ...], inputs: dict[str, str | None]) -> tuple[str, ...]:
+    """The folders that are there, inside the workspace; others are inputs, too: should one appear, the workspace is another."""
+    folders = [os.path.normpath(os.path.join(root, name)) for name in names]
+    inputs.update({folder: None for folder in folders if not os.path.isdir(folder) or not _inside(folder, root)})
+    return tuple(folder for folder in folders if folder not in inputs)
+
+
+def _bytes(path: str) -> bytes | None:
+    """The content of a file (of a larger one a byte more than the bound), None where there is none; raises OSError where it cannot
+    be read.
+
+    What is no plain file counts as absent, and so does a link out of the folder: its target is none of the workspace's business.
+    """
+    if os.path.islink(path) and not _inside(path, os.path.dirname(path)):
+        return None
+    try:
+        return beginning(path, MAX_BYTES + 1)
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, NoPlainFile):
+        return None
+
+
+def _has_table(data: bytes) -> bool:
+    """Whether a `pyproject.toml` has a `[tool.thingc]`; the quick look first, so that other projects' cost no parsing.
+
+    Where it cannot be parsed the answer is yes if the header stands there, so that the fault is reported.
+    """
+    if b"thingc" not in data:
+        return False
+    if len(data) > MAX_BYTES:
+        return b"[tool.thingc" in data
+    import tomllib
+
+    try:
+        tool = tomllib.loads(data.decode("utf-8-sig")).get("tool")
+    except (ValueError, RecursionError):
+        return b"[tool.thingc" in data
+    return isinstance(tool, dict) and isinstance(tool.get("thingc"), dict)
+
+
+def _read(path: str, data: bytes, root: str, inputs: dict[str, str | None], report: Report) -> Workspace | None:
+    """The workspace that a file describes.
+
+    The settings are first read plainly, which costs nothing of the machinery for positions and models; where
+    anything is unusual, the document model looks at the file and says what is wrong.
+    """
+    if len(data) > MAX_BYTES:
+        report.add(
+            Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes, which is the bound",
+            line_of(path), help="move what is not about thingc elsewhere",
+        )
+        return None
+    import tomllib
+
+    prefix: Path = () if os.path.basename(path) == OWN_FILE else ("tool", "thingc")
+    try:
+        table: Any = tomllib.loads(data.decode("utf-8-sig"))
+        for key in prefix:
+            table = table[key]
+        settings = _Settings.plain(table)
+    except (ValueError, RecursionError, KeyError, TypeError, OverflowError):
+        settings = None
+    span: Span | None = line_of(path)
+    if settings is not None:
+        workspace = _workspace(settings, root, span, inputs)
+        if workspace is not None:
+            return workspace
+    return _explained(path, data, root, prefix, inputs, report)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Settings:
+    """What a workspace file says, in its own words (paths relative) and SI."""
+
+    parts: tuple[str, ...] | None
+    packages: tuple[str, ...]
+    build: str
+    part_timeout: float
+    part_memory: int
+    mesh: Tessellation
+    simulation: Tessellation
+    emit: tuple[str, ...]
+    mesh_uri: str
+    about: About
+    compat: tuple[str, ...]
+
+    @staticmethod
+    def plain(table: dict[str, Any]) -> _Settings | None:
+        """The settings of a table in which nothing is unusual; None (or ValueError, TypeError) where anything is."""
+        known = {"thingc", "parts", "packages", "build", "part_timeout", "part_memory", "mesh", "emit", "mesh_uri", "about", "compat"}
+        mesh, about = table.get("mesh", {}), table.get("about", {})
+        if table["thingc"] != "workspace/1" or not known.issuperset(table.keys() - {"$schema"}):
+            return None
+        if not isinstance(mesh, dict) or not isinstance(about, dict):
+            return None
+        if not {"linear", "angular", "simulation"}.issuperset(mesh) or not KEYS.issuperset(about):
+            return None
+        simulation = mesh.get("simulation", {})
+        if not {"linear", "angular"}.issuperset(simulation):
+            return None
+        fine = _plain_tessellation(mesh, DEFAULT_MESH)
+        build, mesh_uri = table.get("build", DEFAULT_BUILD), table.get("mesh_uri", MESH_URIS[0])
+        compat = _plain_texts(table.get("compat", []))
+        return None if not isinstance(build, str) or mesh_uri not in MESH_URIS or not set(CONSUMERS).issuperset(compat) else _Settings(
+            parts=_plain_texts(table["parts"]) if "parts" in table else None,
+            packages=_plain_texts(table["packages"]) if "packages" in table else DEFAULT_PACKAGES,
+            build=build,
+            part_timeout=_plain_value(table, "part_timeout", TIME, DEFAULT_TIMEOUT),
+            part_memory=bytes_of(table.get("part_memory")),
+            mesh=fine,
+            simulation=_plain_tessellation(simulation, DEFAULT_SIMULATION.coarser(fine)),
+            emit=_plain_texts(table.get("emit", [])),
+            mesh_uri=mesh_uri,
+            about=About.of(about),
+            compat=compat,
+        )
+
+
+def _plain_texts(value: Any) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+        raise TypeError
+    return tuple(value)
+
+
+def _plain_tessellation(table: Any, default: Tessellation) -> Tessellation:
+    if not isinstance(table, dict):
+        raise TypeError
+    return Tessellation(
+        linear=_plain_value(table, "linear", LENGTH, default.linear), angular=_plain_value(table, "angular", ANGLE, default.angular),
+    )
+
+
+def _plain_value(table: dict[str, Any], key: str, dimension: Dimension, default: float) -> float:
+    if key not in table:
+        return default
+    text = table[key]
+    if not isinstance(text, str):
+        raise TypeError
+    value = checked(parse_quantity(text), (dimension,), text).value
+    if not 0.0 < value <= (LONGEST if dimension == TIME else math.inf):
+        raise ValueError
+    return value
+
+
+def bytes_of(memory: Any) -> int:
+    """Bytes of a text such as `4 GB`; None is the default. Raises `ValueError`, `TypeError`."""
+    if memory is None:
+        return DEFAULT_MEMORY
+    if (match := re.fullmatch(MEMORY, memory)) is None:
+        raise ValueError
+    return int(match[1], 10) * {"MB": 1_000_000, "GB": 1_000_000_000}[match[2]]
+
+
+def _workspace(settings: _Settings, root: str, span: Span | None, inputs: dict[str, str | None]) -> Workspace | None:
+    """The workspace, or None where one of its folders is wrong."""
+    folders = DEFAULT_PARTS if settings.parts is None else settings.parts
+    if len(folders) > MAX_FOLDERS or len(settings.packages) > MAX_FOLDERS:
+        return None
+    for text in (*folders, settings.build):
+        if _folder_fault(text, root) is not None:
+            return None
+    parts = _existing(root, folders, inputs)
+    if settings.parts is not None and len(parts) != len(folders):
+        return None
+    return Workspace(
+        root=root, parts=parts, packages=settings.packages, build=os.path.normpath(os.path.join(root, settings.build)),
+        part_timeout=settings.part_timeout, part_memory=settings.part_memory, mesh=settings.mesh, simulation=settings.simulation,
+        emit=settings.emit, mesh_uri=settings.mesh_uri, about=settings.about, compat=settings.compat, origin=span, inputs=inputs,
+    )
+
+
+MAX_FOLDERS = 100
+
+
+def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
+    """What is wrong with a path of the workspace file and a hint; None when it stays inside."""
+    shown = shortened(text)
+    if not text.strip() or "\0" in text:
+        return f"expected a folder, found `{shown}`", "`.` is the workspace itself"
+    if os.path.isabs(text) or text.startswith("~"):
+        return f"`{shown}` is an absolute path", "write it relative to this file"
+    if not _inside(os.path.join(root, text), root):
+        return f"`{shown}` leaves the workspace", "name a folder below this file"
+    return None
+
+
+def _explained(
+    path: str, data: bytes, root: str, prefix: Path, inputs: dict[str, str | None], report: Report,
+) -> Workspace | None:
+    """The slow and exact reading: positions and the document model. Returns None unless everything is right."""
+    from thingc.base.source import Document, node_at
+    from thingc.documents.load.documents import document_kind, read_tree
+    from thingc.documents.spec.validation import validate_one
+
+    before = len(report.diagnostics)
+    tree = read_tree(path, data, report)
+    table = node_at(tree, prefix) if tree is not None else None
+    if not isinstance(table, MappingNode):
+        return None
+    kind = document_kind(table, report, usual="workspace")
+    if kind is None:
+        return None
+    if kind != "workspace":
+        report.add(
+            Code.WRONG_KIND, f"expected a document of kind `workspace`, found `{kind}`", table.entries["thingc"].span,
+            help="write `thingc = \"workspace/1\"`",
+        )
+        return None
+    document = Document(
+        path=path, relative=os.path.basename(path), kind=kind, tree=table, sha256="", text=data.decode("utf-8-sig"),
+    )
+    spec = validate_one(document, report)
+    if spec is None or len(report.diagnostics) > before:
+        return None
+    settings = _from_spec(spec, document, report)
+    _check_folders(settings, document, root, report)
+    return None if len(report.diagnostics) > before else _workspace(settings, root, table.span, inputs)
+
+
+def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
+    """The settings of a validated model; expressions and values that are not above 0 are reported."""
+
+    def value(said: Any, path: Path, default: float) -> float:
+        if said is None:
+            return default
+        if not isinstance(said, Quantity):
+            report.add(Code.BAD_EXPRESSION, "a workspace has no parameters: write the value", document.span(path))
+            return default
+        if said.value <= 0.0:
+            report.add(Code.BAD_QUANTITY, f"expected a value above 0, found `{said}`", document.span(path))
+            return default
+        if said.dimension == TIME and said.value > LONGEST:
+            report.add(Code.BAD_QUANTITY, f"expected a time of at most {LONGEST:.0f} s, found `{said}`", document.span(path))
+            return default
+        return said.value
+
+    def tessellation(said: Any, path: Path, default: Tessellation) -> Tessellation:
+        if said is None:
+            return default
+        return Tessellation(
+            linear=value(said.linear, (*path, "linear"), default.linear),
+            angular=value(said.angular, (*path, "angular"), default.angular),
+        )
+
+    mesh = tessellation(spec.mesh, ("mesh",), DEFAULT_MESH)
+    return _Settings(
+        parts=tuple(spec.parts) if "parts" in document.tree.entries else None, packages=tuple(spec.packages), build=spec.build,
+        part_timeout=value(spec.part_timeout, ("part_timeout",), DEFAULT_TIMEOUT), part_memory=bytes_of(spec.part_memory),
+        mesh=mesh,
+        simulation=tessellation(spec.mesh.simulation if spec.mesh else None, ("mesh", "simulation"), DEFAULT_SIMULATION.coarser(mesh)),
+        emit=tuple(spec.emit),
+        mesh_uri=spec.mesh_uri,
+        about=About.of(spec.about.model_dump(exclude_none=True) if spec.about is not None else {}),
+        compat=tuple(spec.compat),
+    )
+
+
+def _check_folders(settings: _Settings, document: Document, root: str, report: Report) -> None:
+    for key, texts in (("parts", settings.parts or ()), ("packages", settings.packages)):
+        if len(texts) > MAX_FOLDERS:
+            report.add(Code.TOO_LARGE, f"more than {MAX_FOLDERS} {key}", document.span((key,)))
+            return
+    parts = DEFAULT_PARTS if settings.parts is None else settings.parts
+    named: list[tuple[str, Path]] = [(text, ("parts", index)) for index, text in enumerate(parts)]
+    for text, path in [*named, (settings.build, ("build",))]:
+        where = document.span(path)
+        fault = _folder_fault(text, root)
+        if fault is not None:
+            report.add(Code.OUTSIDE_WORKSPACE, fault[0], where, help=fault[1])
+        elif path != ("build",) and settings.parts is not None and not os.path.isdir(os.path.join(root, text)):
+            here = [entry.name for entry in os.scandir(root) if entry.is_dir() and not entry.name.startswith(".")]
+            help = did_you_mean(text, here, what="folders")
+            report.add(Code.WORKSPACE_FOLDER, f"there is no folder `{shortened(text)}`", where, help=help)

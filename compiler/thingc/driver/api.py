@@ -1,0 +1,192 @@
+"""thingc from Python: `thingc.compile("assemblies/arm.yaml").modes["bench"].mjcf()`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import field
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.brief import Brief
+from thingc.base.diagnostics import Diagnostic, Report
+from thingc.base.frozen import dataclass
+from thingc.base.inertia import MassProperties
+from thingc.base.printing import as_text
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options, Printed, attempted
+
+if TYPE_CHECKING:
+    from thingc.geometry.store.local import Store
+    from thingc.model.assembly.types import Assembly
+    from thingc.model.robot.types import Robot
+    from thingc.targets import Page
+    from thingc.targets.request import EmitRequest
+
+
+class CompileError(Exception):
+    """A document that has errors. `diagnostics` are all of them; `str()` shows them as the command line does."""
+
+    def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
+        super().__init__("\n" + as_text(diagnostics))
+        self.diagnostics = tuple(diagnostics)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompiledMode(Brief):
+    """One mode of a compiled robot. `robot` is its tree of links and joints."""
+
+    robot: Robot
+    files: Mapping[str, bytes]
+
+    @property
+    def name(self) -> str:
+        """The mode's name."""
+        return self.robot.mode.name
+
+    def mjcf(self) -> str:
+        """The MuJoCo model as XML, the same bytes that a build writes; its meshes are `assets()`."""
+        return self.files[f"mjcf/{self.robot.assembly.name}_{self.name}.xml"].decode()
+
+    def assets(self) -> dict[str, bytes]:
+        """The meshes that `mjcf()` names, as `mujoco.MjModel.from_xml_string(xml, assets)` takes them."""
+        prefix = "mjcf/assets/"
+        return {path.removeprefix(prefix): data for path, data in self.files.items() if path.startswith(prefix)}
+
+    def model(self) -> Any:
+        """The compiled `mujoco.MjModel`."""
+        import mujoco
+
+        return mujoco.MjModel.from_xml_string(self.mjcf(), self.assets())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown(Brief):
+    """A page (HTML) that a notebook shows in a frame of its own, `height` pixels high."""
+
+    page: str
+    height: int
+
+    def _repr_html_(self) -> str:
+        """What Jupyter asks for. The frame may run the page's program, and reach nothing of the notebook."""
+        from html import escape
+
+        return (
+            f'<iframe srcdoc="{escape(self.page)}" sandbox="allow-scripts allow-downloads" '
+            f'style="width: 100%; height: {self.height}px; border: 0" title="robot"></iframe>'
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compiled(Brief):
+    """A robot, compiled. `modes` in document order; `diagnostics` the warnings; `modelled` and `reused` definition texts."""
+
+    name: str
+    assembly: Assembly
+    modes: Mapping[str, CompiledMode]
+    diagnostics: tuple[Diagnostic, ...]
+    modelled: tuple[str, ...]
+    reused: tuple[str, ...]
+    _page: Callable[[], Page] = field(repr=False, compare=False)
+
+    def show(self, height: int = 600) -> Shown:
+        """The robot's page, which a notebook shows in a cell of so many pixels. Raises `BlobMissing` where its meshes are not in the store
+        any more."""
+        return Shown(page=self._page().html().decode(), height=height)
+
+    @property
+    def hag(self) -> Any:
+        """The assembly graph as a `networkx.MultiDiGraph`: definitions, and what is a subcomponent of what."""
+        from thingc.targets.graphs import hag_graph
+        from thingc.targets.hag.words import quantities
+
+        hag = self.assembly.hag
+        return hag_graph(hag, quantities(hag))
+
+    @property
+    def links(self) -> Any:
+        """The links and the joints between them as a `networkx.MultiDiGraph`, whatever the root."""
+        from thingc.targets.graphs import link_graph
+
+        return link_graph(self.assembly)
+
+    @property
+    def mates(self) -> Any:
+        """The occurrences and the mates between them as a `networkx.MultiDiGraph`."""
+        from thingc.targets.graphs import mate_graph
+
+        return mate_graph(self.assembly)
+
+    @property
+    def properties(self) -> MassProperties:
+        """Mass [kg], centre [m] and inertia [kg m^2, about the centre] at q = 0, in the base component's frame."""
+        return self.assembly.properties
+
+
+def compile(
+    document: str,
+    *,
+    parameters: Mapping[str, str | float] | None = None,
+    choices: Mapping[str, str | float] | None = None,
+    modes: Sequence[str] = (),
+    store: str | None = None,
+    jobs: int = 0,
+    compat: Iterable[str] | str | None = None,
+    strict: bool = False,
+    printed: Printed | None = None,
+) -> Compiled:
+    """Compile an assembly document.
+
+    `parameters` are texts as a document would have them (`{"reach": "120 mm"}`), or numbers in SI and flags, as `family` takes them;
+    `choices` the same by path (`{"components.foot.part": "feet:Wide"}`), `modes` the names wanted (none: all), `store` the folder of
+    modelled parts (None: the user's cache), `jobs` how many parts are modelled at once (0: one per core), `compat` the programs besides
+    MuJoCo that read its models (`["mjx"]`; None: those of the workspace). `printed(part, lines)` hears of
+    what parts print when they are modelled.
+    Raises `CompileError` with every diagnostic; with `strict` for warnings, too; `UnknownChoice` for a mode or a program that does not
+    exist. Writes nothing but the store.
+    """
+    given = {**(parameters or {}), **(choices or {})}
+    others = {name: value for name, value in given.items() if not isinstance(value, str)}
+    known = None if compat is None else pipeline.chosen_consumers(compat)
+    texts = [{name: value for name, value in (one or {}).items() if isinstance(value, str)} for one in (parameters, choices)]
+    options = Options(parameters=texts[0], choices=texts[1], store=store, jobs=jobs, printed=printed, compat=known)
+    return attempted(document, options, partial(_compiled, others=others, modes=modes, strict=strict))
+
+
+def _compiled(environment: Environment, others: Mapping[str, float], modes: Sequence[str], strict: bool) -> Compiled:
+    settings = None
+    if others:
+        from thingc.batch.plans import with_values
+
+        settings = partial(with_values, pipeline.settings_of(environment.options), others, environment.report)
+    compilation = pipeline.compile(environment, modes, settings=settings)
+    _stop_on_errors(compilation.report, strict)
+    artifacts = pipeline.build(environment, compilation, ["mjcf"])["mjcf"]
+    _stop_on_errors(compilation.report, strict)
+    assembly = compilation.assembly
+    assert assembly is not None
+    files = {path: _read(environment.store, content) for path, content in artifacts.files.items()}
+    return Compiled(
+        name=assembly.name,
+        assembly=assembly,
+        modes={robot.mode.name: CompiledMode(robot=robot, files=files) for robot in compilation.robots},
+        diagnostics=tuple(compilation.report.ordered()),
+        modelled=tuple(compilation.modelled),
+        reused=tuple(compilation.reused),
+        _page=partial(_page, pipeline.request_of(environment, compilation)),
+    )
+
+
+def _page(request: EmitRequest) -> Page:
+    from thingc.targets import page_of
+
+    return page_of(request)
+
+
+def _stop_on_errors(report: Report, strict: bool) -> None:
+    judged = report.judged(strict=strict)
+    if judged.failed:
+        raise CompileError(judged.ordered())
+
+
+def _read(store: Store, content: object) -> bytes:
+    return content if isinstance(content, bytes) else store.read(content.sha256)  # type: ignore[attr-defined]

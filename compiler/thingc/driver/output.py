@@ -1,0 +1,492 @@
+"""The build folder: it appears as a whole, or it stays as it was. (So does the folder of a new workspace, unless it is there.)
+
+A build is written into a hidden folder beside its place and the two change places in one step of the system
+(`renameat2(RENAME_EXCHANGE)`; where that is not to be had two renames, which the next run mends). After a kill at any
+instant the folder is the old build or the new one. What was left lying about is swept away by the next run.
+
+    <parent>/<name>/              the build
+    <parent>/.<name>.thingc-lock  held while a build is written: one at a time
+    <parent>/.<name>.thingc-new   being written; after the exchange the old build, being deleted
+    <parent>/.<name>.thingc-old   the old build between two renames
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import hashlib
+import json
+import os
+import stat
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from typing import Any, NoReturn, Protocol
+
+from thingc.base.diagnostics import Code, Report, shown_path
+from thingc.base.exchange import exchange
+from thingc.base.files import check_tree
+from thingc.base.frozen import dataclass
+from thingc.base.shown import quoted
+from thingc.geometry.store.digests import Digests, digest_of
+from thingc.geometry.store.local import Store
+from thingc.targets import written
+from thingc.targets.artifact import MANIFEST, Content, Stored
+
+Waiting = Callable[[str], None]
+"""Called once with the build folder when another build of it must be waited for; what it raises ends the waiting."""
+
+
+class Blobs(Protocol):
+    """What is needed of a store: the bytes of a blob, checked against its SHA-256."""
+
+    def read(self, sha256: str) -> bytes:
+        """The bytes; raises when they are absent or damaged."""
+        ...
+
+
+class OutputError(Exception):
+    """A build folder that cannot be written: `message` says why, `hint` what to do. A wrong command line (exit 2)."""
+
+    code = Code.OUTPUT
+
+    def __init__(self, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+    def diagnose(self, report: Report) -> None:
+        """Say it in `report`; it has no place in a document."""
+        report.add(self.code, self.message, None, help=self.hint)
+
+
+class UnexpectedFilesError(OutputError):
+    """The folder holds what a build must not delete: `names` relative to `folder`, sorted."""
+
+    code = Code.UNEXPECTED
+
+    def __init__(self, folder: str, names: tuple[str, ...], message: str, *, ours: bool) -> None:
+        more = ", or give them up with --force" if ours else ""
+        super().__init__(message, f"move these files away, or build into another folder with -o{more}")
+        self.folder = folder
+        self.names = names
+
+
+NOTHING = hashlib.sha256(b"").hexdigest()
+"""The content of a file that a power failure has emptied, or that somebody has: there is nothing to lose."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnexpectedFiles:
+    """What a build must not delete from a folder, by path in it, sorted: files that no build wrote (`others`), and those that one
+    wrote and somebody has `changed` since: edited, or replaced by a link. `owner` is the document whose build the folder holds,
+    None where it holds none."""
+
+    owner: str | None
+    others: tuple[str, ...]
+    changed: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All of them, sorted."""
+        return tuple(sorted((*self.others, *self.changed)))
+
+
+def write_build(
+    parent: str, name: str, files: Mapping[str, Content], store: Blobs, document: str, *, force: bool = False,
+    on_wait: Waiting | None = None,
+) -> str:
+    """Make `<parent>/<name>` hold exactly `files`; its absolute path.
+
+    `files` are by path in the folder and contain a `manifest.json` of `document` (its path in the workspace) that lists
+    the others; stored ones come out of `store` (whose exception for a missing blob passes through). `parent` is made
+    if it is not there; where the folder is a symbolic link, what it points to is replaced. `on_wait` is called when
+    another build of the same folder is under way, before waiting for it. With `force` files in a build of the same document that
+    no build wrote, or that were changed since, are given up.
+
+    Raises `UnexpectedFilesError` when the folder holds anything but a build of the same document as it was written, `OutputError` when the
+    system refuses, and `ValueError` for paths that would leave the folder; the folder is then as it was.
+    """
+    _check_paths(name, files)
+    folder = build_folder(parent, name)
+    try:
+        os.makedirs(os.path.dirname(folder), exist_ok=True)
+        with _locked(folder, on_wait):
+            _mend(folder)
+            known: Digests = {}
+            unexpected = _refuse_unexpected(folder, document, files, known, force=force)
+            fresh = _beside(folder, "new")
+            try:
+                _write_files(fresh, files, store)
+                _swap(fresh, folder, document, files, known, given_up=unexpected.names)
+            finally:
+                _delete(fresh)
+    except OSError as fault:
+        raise OutputError(_words(folder, fault), f"{_cure(fault)} build into another folder with -o") from fault
+    return folder
+
+
+KEPT = ".git"
+"""What may be in a folder that a new workspace is written into: nothing is written there."""
+
+
+def write_new(folder: str, files: Mapping[str, bytes]) -> str:
+    """Make a folder that is not there, or has nothing in it but `.git`, with `files` (by path in it, with `/`); its absolute path. Folders
+    above it are made.
+
+    A new folder appears at once. Into one that is there, for somebody may be in it, files are moved one after the other; what lies there
+    just as it would be written stays, so that another run goes on where one was killed.
+
+    Raises `OutputError` where there is something else already, another run is at it, or the system refuses.
+    """
+    folder = os.path.realpath(folder)
+    place, there = shown_path(folder), os.path.isdir(folder)
+
+    def refuse(_: str) -> NoReturn:
+        raise OutputError(f"`{place}` is being made by another command", "wait until it has ended, or choose another name")
+
+    try:
+        os.makedirs(os.path.dirname(folder), exist_ok=True)
+        aside = os.path.join(folder, os.path.basename(folder)) if there else folder
+        with _locked(aside, refuse):
+            fresh = _beside(aside, "new")
+            if not there and os.path.lexists(folder):
+                raise OutputError(f"`{place}` is there already: a file", "choose another name, or move it away")
+            _delete(fresh)
+            try:
+                _write_files(fresh, files, None)
+                if there:
+                    ours = {KEPT, *(os.path.basename(_beside(aside, what)) for what in ("lock", "new"))}
+                    before = sorted(set(os.listdir(folder)) - ours)
+                    others = [name for name in before if not _alike(os.path.join(folder, name), os.path.join(fresh, name))]
+                    if others:
+                        message = f"the folder `{place}` has something in it already: {quoted(others, 8)}"
+                        raise OutputError(message, "choose another name, or move that away")
+                    _move_into(folder, fresh, sorted(set(os.listdir(fresh)) - set(before)))
+                else:
+                    os.rename(fresh, folder)
+            finally:
+                _delete(fresh)
+    except OSError as fault:
+        where = f" (`{shown_path(fault.filename)}`)" if isinstance(fault.filename, str) and ".thingc-" not in fault.filename else ""
+        reason = (fault.strerror or str(fault)).lower()
+        cure = "choose a shorter name" if fault.errno == errno.ENAMETOOLONG else f"{_cure(fault)} choose another name or place"
+        raise OutputError(f"`{place}` cannot be made: {reason}{where}", cure) from fault
+    return folder
+
+
+def _move_into(folder: str, fresh: str, names: Sequence[str]) -> None:
+    """Move what `fresh` has by these names into a folder that has none of them; interrupted, it leaves the folder as it was."""
+    try:
+        for name in names:
+            os.rename(os.path.join(fresh, name), os.path.join(folder, name))
+    except BaseException:
+        for name in names:
+            if not os.path.lexists(os.path.join(fresh, name)):
+                _delete(os.path.join(folder, name))
+        raise
+
+
+def _alike(one: str, other: str) -> bool:
+    """Whether two files have the same content, or two folders the same files; links are like nothing."""
+    if os.path.isdir(one) and os.path.isdir(other) and not os.path.islink(one):
+        names = set(os.listdir(one))
+        return names == set(os.listdir(other)) and all(_alike(os.path.join(one, name), os.path.join(other, name)) for name in names)
+    import filecmp  # late: only `thingc new` compares
+
+    return os.path.isfile(other) and _is_plain(one) and filecmp.cmp(one, other, shallow=False)
+
+
+def build_folder(parent: str, name: str) -> str:
+    """The absolute path of the folder `<parent>/<name>`: where that is a symbolic link, of what it leads to."""
+    folder = os.path.abspath(os.path.join(parent, name))
+    return os.path.realpath(folder) if os.path.islink(folder) else folder
+
+
+def verify(folder: str, store: Store | None = None) -> dict[str, Any] | None:
+    """The manifest of a build folder that is whole: every listed file is there with its SHA-256, and nothing else is. `store` keeps the
+    digests of large files.
+
+    None in every other case; never raises, and writes nothing there.
+    """
+    try:
+        manifest = _manifest(folder)
+        if manifest is None or set(_listing(folder)) != {*manifest["files"], MANIFEST}:
+            return None
+        for path, sha256 in manifest["files"].items():
+            place = os.path.join(folder, path)
+            if not _is_plain(place) or digest_of(place, store) != sha256:
+                return None
+    except OSError:
+        return None
+    return manifest
+
+
+def listed(folder: str) -> frozenset[str]:
+    """The files that the manifest of a build folder lists, if there is one; itself among them. Writes nothing there."""
+    manifest = _manifest(folder)
+    return frozenset() if manifest is None else frozenset((*manifest["files"], MANIFEST))
+
+
+def unswept(folder: str) -> bool:
+    """Whether something of a killed build lies beside the folder, or another build is under way: the next one waits, and sweeps."""
+    return any(os.path.lexists(_beside(folder, what)) for what in ("lock", "new", "old"))
+
+
+def unexpected_files(
+    folder: str, document: str, *, also: Collection[str] = (), known: Digests | None = None,
+) -> UnexpectedFiles:
+    """What a build of `document` must not delete from `folder`: what its manifest does not list, or lists with another content;
+    everything where the manifest is missing, damaged or of another document. Links are files here; empty folders do not count.
+
+    A manifest is believed only for names that a target writes, or that are in `also`: it is a file like any other, and may have been
+    made to list what is not ours. `known` keeps the SHA-256 of contents, so that the next look reads none of them again.
+
+    Raises `OSError` when the folder cannot be read.
+    """
+    names = _listing(folder)
+    manifest = _manifest(folder)
+    if manifest is None or manifest["document"] != document:
+        return UnexpectedFiles(None if manifest is None else manifest["document"], tuple(sorted(names)))
+    listed: dict[str, str] = manifest["files"]
+    ours = written()
+    others = [name for name in names if name != MANIFEST and not (name in listed and (name in also or ours.fullmatch(name)))]
+    own = sorted(set(names) - {MANIFEST, *others})
+    known = {} if known is None else known
+    changed = [name for name in own if _content_of(os.path.join(folder, name), known) not in (listed[name], NOTHING)]
+    return UnexpectedFiles(document, tuple(sorted(others)), tuple(changed))
+
+
+def _content_of(path: str, known: Digests) -> str | None:
+    """The SHA-256 of a file; None for a link, or what is no file."""
+    return digest_of(path, known=known) if _is_plain(path) else None
+
+
+def _check_paths(name: str, files: Mapping[str, Content]) -> None:
+    """Check the name and the paths of a build. Raises `ValueError`."""
+    check_tree(files)
+    check_tree([name])
+    if "/" in name or any("\\" in path for path in (name, *files)):
+        raise ValueError(f"{name!r} must not contain `/`, and no path of a build a backslash")
+    if MANIFEST not in files:
+        raise ValueError(f"a build needs a {MANIFEST}")
+
+
+def _beside(folder: str, what: str) -> str:
+    parent, name = os.path.split(folder)
+    return os.path.join(parent, f".{name}.thingc-{what}")
+
+
+@contextlib.contextmanager
+def _locked(folder: str, on_wait: Waiting | None) -> Iterator[None]:
+    """Hold the lock of `folder`. The lock file goes away with the lock, so whoever waited looks whether it still is the one."""
+    path = _beside(folder, "lock")
+    said = False
+    while True:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                if on_wait is not None and not said:
+                    on_wait(folder)
+                said = True
+                fcntl.flock(descriptor, fcntl.LOCK_EX)
+            if same_file(descriptor, path):
+                break
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            os.unlink(path)
+        os.close(descriptor)
+
+
+def same_file(descriptor: int, path: str) -> bool:
+    """Whether the file that is open still is the one at `path`."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), os.stat(path))
+    except FileNotFoundError:
+        return False
+
+
+def _mend(folder: str) -> None:
+    """Finish or undo what a killed run began."""
+    old = _beside(folder, "old")
+    if os.path.lexists(old):
+        if os.path.lexists(folder):
+            _delete(old)
+        else:
+            os.rename(old, folder)
+    _delete(_beside(folder, "new"))
+
+
+def _refuse_unexpected(
+    folder: str, document: str, also: Collection[str], known: Digests, *, force: bool,
+) -> UnexpectedFiles:
+    """What is given up by `force`; raises `UnexpectedFilesError` where there is anything else."""
+    if not os.path.lexists(folder):
+        return UnexpectedFiles(None, ())
+    if not os.path.isdir(folder):
+        message = f"`{shown_path(folder)}` is a file, and the build needs a folder there"
+        raise OutputError(message, "move it away, or build into another folder with -o")
+    unexpected = unexpected_files(folder, document, also=also, known=known)
+    if unexpected.names and not (force and unexpected.owner == document):
+        raise _accusation(folder, unexpected, document)
+    return unexpected
+
+
+def _accusation(folder: str, unexpected: UnexpectedFiles, document: str) -> UnexpectedFilesError:
+    place = f"`{shown_path(folder)}`"
+    ours = unexpected.owner == document
+    if unexpected.owner is not None and not ours:
+        message = f"{place} holds the build of another document, `{unexpected.owner}` and not `{document}`, and is left as it is"
+    else:
+        said = [
+            f"{what} ({quoted(names, 8)})"
+            for what, names in (
+                (f"files that no build of `{document}` wrote", unexpected.others),
+                ("files that were changed since they were built", unexpected.changed),
+            ) if names
+        ]
+        message = f"{place} holds {' and '.join(said)}, and is left as it is"
+    return UnexpectedFilesError(folder, unexpected.names, message, ours=ours)
+
+
+def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs | None) -> None:
+    """Everything into a new folder `fresh`, the manifest (if there is one) last and down to the disk: after a power failure it tells
+    which files did not get there. A store is needed where files lie in one."""
+    os.mkdir(fresh)
+    folders = {""}
+    for path in sorted(files, key=lambda path: (path == MANIFEST, path)):
+        above = os.path.dirname(path)
+        if above not in folders:
+            os.makedirs(os.path.join(fresh, above), exist_ok=True)
+            folders.add(above)
+        content = files[path]
+        if isinstance(content, Stored):
+            assert store is not None
+            data = store.read(content.sha256)
+        else:
+            data = content
+        with open(os.path.join(fresh, path), "xb") as stream:
+            stream.write(data)
+            if path == MANIFEST:
+                stream.flush()
+                os.fsync(stream.fileno())
+
+
+def _swap(
+    fresh: str, folder: str, document: str, also: Collection[str], known: Digests, *, given_up: Collection[str],
+) -> None:
+    """Put `fresh` in the place of `folder`, whose old content is deleted.
+
+    A file that someone saved into the old build while the new one was written brings the old one back, unless it is `given_up`.
+    """
+    if not os.path.lexists(folder):
+        os.rename(fresh, folder)
+        return
+    displaced = fresh
+    try:
+        exchange(fresh, folder)
+    except NotImplementedError:
+        displaced = _beside(folder, "old")
+        os.rename(folder, displaced)
+        os.rename(fresh, folder)
+    late = unexpected_files(displaced, document, also=also, known=known)
+    if set(late.names) - set(given_up):
+        if displaced != fresh:
+            os.rename(folder, fresh)
+            os.rename(displaced, folder)
+        else:
+            exchange(fresh, folder)
+        raise _accusation(folder, late, document)
+    _delete(displaced)
+
+
+def _delete(path: str) -> None:
+    """Delete a folder of ours as far as the system lets us; a rest is swept away by the next run."""
+    if os.path.islink(path) or os.path.isfile(path):
+        os.unlink(path)
+        return
+    if not os.path.lexists(path):
+        return
+    import shutil  # late: it imports every compression library, and a build that changes nothing deletes nothing
+
+    shutil.rmtree(path, ignore_errors=True)
+    if os.path.lexists(path):  # somebody took write permission away from a folder
+        with contextlib.suppress(OSError):
+            _permit(path)
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def _permit(folder: str) -> None:
+    """Let us delete what lies in `folder`, at every depth; links are not followed."""
+    os.chmod(folder, 0o700)
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                _permit(entry.path)
+
+
+def _manifest(folder: str) -> dict[str, Any] | None:
+    """The manifest in `folder` if there is one that has the shape of ours."""
+    path = os.path.join(folder, MANIFEST)
+    try:
+        if not _is_plain(path):
+            return None
+        with open(path, "rb") as stream:
+            manifest = json.load(stream)
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(manifest, dict) or not isinstance(manifest.get("document"), str) or not isinstance(manifest.get("name"), str):
+        return None
+    files = manifest.get("files")
+    if not isinstance(files, dict) or not all(isinstance(sha256, str) for sha256 in files.values()):
+        return None
+    return manifest
+
+
+def _is_plain(path: str) -> bool:
+    """Whether it is a file and neither a link nor a pipe, on which reading would hang. Raises `OSError` when it is absent."""
+    return stat.S_ISREG(os.lstat(path).st_mode)
+
+
+def _listing(folder: str) -> list[str]:
+    """Every file below `folder`, with `/`; links are not followed."""
+    files: list[str] = []
+    waiting = [""]
+    while waiting:
+        prefix = waiting.pop()
+        with os.scandir(os.path.join(folder, prefix)) as entries:
+            for entry in entries:
+                if entry.is_dir(follow_symlinks=False):
+                    waiting.append(f"{prefix}{entry.name}/")
+                else:
+                    files.append(f"{prefix}{entry.name}")
+    return files
+
+
+def _words(folder: str, fault: OSError) -> str:
+    """Why the system refused, in words."""
+    place = shown_path(folder)
+    if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return f"there is no room for the build in `{place}`: {os.strerror(fault.errno)}"
+    reason = fault.strerror or str(fault)
+    return f"the build cannot be written to `{place}`: {reason}"
+
+
+def _cure(fault: OSError) -> str:
+    """What to do about it, else to choose another folder."""
+    if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return "free some space, or"
+    if fault.errno == errno.ENAMETOOLONG:
+        return "shorten the `name` of the document or of what its files are called by, or"
+    if fault.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return "let the folder be written, or"
+    if fault.errno in (errno.EEXIST, errno.ENOTDIR):
+        return "move the file that is in its place away, or"
+    return "mend that, or"

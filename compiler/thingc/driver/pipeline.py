@@ -1,0 +1,387 @@
+"""The driver: the order of the passes, and nothing else. Read it as a table of contents.
+
+    documents -> spec -> model -> realized model -> graph -> robots (one per mode) -> artifacts
+      load     validate  resolve      realize       link      root                  emit
+
+`check` and `compile` go from a document to its robots; `recompile` does that again with other settings; `build` and `emit` go on to
+artifacts.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import field, replace
+from functools import partial
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from thingc.base.diagnostics import Code, Report, Stage, shown_path
+from thingc.base.files import beginning
+from thingc.base.frozen import dataclass
+from thingc.base.memo import Memo
+from thingc.base.shown import shortened
+from thingc.base.typos import did_you_mean
+from thingc.driver.environment import Environment, Options
+
+if TYPE_CHECKING:
+    from thingc.base.pose import Vector
+    from thingc.documents.load import Documents
+    from thingc.geometry.decisions import Decision
+    from thingc.geometry.record import Mesh, PartFailure, PartRecord, PartSchema
+    from thingc.model.assembly.types import Assembly
+    from thingc.model.resolve import Settings, Sources
+    from thingc.model.resolve.model import AssemblyDefinition
+    from thingc.model.robot.types import Robot
+    from thingc.targets.artifact import Artifacts, Content
+    from thingc.targets.request import EmitRequest
+
+
+PASSES = ("thingc.model.resolve.choices", "thingc.model.resolve.assembly", "thingc.model.assembly", "thingc.model.robot")
+"""What comes behind `describe`, imported while the kernel loads, where it does."""
+
+
+_LOOKED_THROUGH = 1 << 20
+"""Bytes of a document that are looked through for parts."""
+_LEADS_TO_PARTS = re.compile(rb"\b(?:part|file|assembly)[\"']?\s*[:=]")
+
+
+class UnknownChoice(Exception):
+    """A mode or target that is not there: a wrong command line, in words."""
+
+    def __init__(self, message: str, hint: str) -> None:
+        super().__init__(f"{message}: {hint}")
+        self.message = message
+        self.hint = hint
+
+
+def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
+    """The programs of these names (a text has commas between them) that read MuJoCo models, in the order of `CONSUMERS`. Raises
+    `UnknownChoice`."""
+    from thingc.documents.workspace import CONSUMERS
+
+    words = [word for word in (names.split(",") if isinstance(names, str) else names) if word]
+    for word in words:
+        if word not in CONSUMERS:
+            raise UnknownChoice(
+                f"MuJoCo models are not written for `{shortened(word)}`", did_you_mean(word, CONSUMERS, what="programs"),
+            )
+    return tuple(name for name in CONSUMERS if name in words)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compilation:
+    """What came of a document with one choice of settings: what was said, and what each pass has made of sound input.
+
+    `documents` are the document and those that it names, or choices do; `robots` one per chosen mode. `decisions` are why each part was
+    modelled or reused, `records` what is known of it, by definition text. `repeated`: one of many compilations.
+    """
+
+    settings: Settings
+    report: Report
+    documents: Documents | None = None
+    schemas: Mapping[str, PartSchema | PartFailure] = field(default_factory=dict)
+    model: AssemblyDefinition | None = None
+    records: Mapping[str, PartRecord | PartFailure] = field(default_factory=dict)
+    decisions: Mapping[str, Decision] = field(default_factory=dict)
+    assembly: Assembly | None = None
+    robots: tuple[Robot, ...] = ()
+    repeated: bool = False
+
+    @property
+    def modelled(self) -> list[str]:
+        """Definition texts of the parts that were modelled just now."""
+        return sorted(text for text, decision in self.decisions.items() if not decision.reused)
+
+    @property
+    def reused(self) -> list[str]:
+        """Definition texts of the parts whose records were in the store."""
+        return sorted(text for text, decision in self.decisions.items() if decision.reused)
+
+
+# --- paths ---------------------------------------------------------------------------------------------------------
+
+
+def check(environment: Environment) -> Compilation:
+    """Every pass up to `root`, for all modes of a document of any kind that may be checked (one of materials is only looked through, one
+    of variants not at all). Bad input ends in the report."""
+    compilation = compile(environment, kinds=("assembly", "materials", "variants"))
+    say_unneeded(compilation, [Stage.CHECK])
+    return compilation
+
+
+def compile(
+    environment: Environment, modes: Sequence[str] = (), *, kinds: Sequence[str] = ("assembly",),
+    settings: Callable[[Sources], Settings] | None = None,
+) -> Compilation:
+    """Every pass up to `root`, for the modes named (none: all). `kinds` are the kinds of document that are welcome; `settings` says what is
+    set of what was read (None: what the options set). Bad input ends in the report; raises `UnknownChoice`, and
+    `BlobMissing` where the store turns out to be damaged (see `environment.attempted`)."""
+    sources = read(environment, kinds, modelling=True)
+    told = settings(sources) if settings is not None and sources is not None else settings_of(environment.options)
+    compilation = _passes(environment, sources, told, modes, None)
+    if compilation.assembly is not None and not compilation.report.failed:
+        from thingc.model.robot import check_starts
+
+        check_starts(compilation.robots, _corners(environment), compilation.report, environment.memo)
+    return compilation
+
+
+def recompile(environment: Environment, sources: Sources | None, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
+    """What has been read, with other settings: see `compile`. What is looked for in single robots alone (starts within the floor, solids
+    within each other) is not looked for."""
+    return replace(_passes(environment, sources, settings, modes, environment.memo), repeated=True)
+
+
+def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
+    """What `build` imports that takes long, for `Options.ahead`; numpy, with which solids are compared, only where models need it, too."""
+    from thingc.targets import modules_of
+
+    return (*modules_of(targets), *(["thingc.model.solids.shapes"] if "mjcf" in targets else []))
+
+
+def build(
+    environment: Environment, compilation: Compilation, targets: Sequence[str], folder: str | None = None,
+) -> dict[str, Artifacts]:
+    """The passes behind `root`: what lies in what (a warning), and `emit`, while the kernel writes the STEP file. `folder` is the absolute
+    path of the folder that the files will lie in, where that is known."""
+    from thingc.model.robot import occurrence_poses
+    from thingc.model.solids import Overlaps, check_overlaps
+    from thingc.targets import emitted
+
+    request = request_of(environment, compilation, folder=folder)
+    if "step" in targets:
+        from thingc.targets import step
+
+        step.begin(request)
+    robot = next(iter(compilation.robots), None)
+    start = None if robot is None else robot.start
+    poses = request.assembly.rest if robot is None or start is None else occurrence_poses(robot, start.q, start.base)
+    overlaps = Overlaps(environment.store, request.workspace.mesh.linear, environment.memo)
+    check_overlaps(request.assembly, poses, overlaps, compilation.report)
+    return emitted(request, targets)
+
+
+# --- passes --------------------------------------------------------------------------------------------------------
+
+
+def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, modelling: bool = False) -> Sources | None:
+    """`load` and `validate`, and what the parts that are named take. None where there is no document to go on with. With `modelling`, parts
+    are wanted next: the kernel begins to load at once where they are likely to be new."""
+    workspace, report = environment.workspace, environment.report
+    if workspace is None:
+        return None
+    # before anything else is imported: nothing takes as long
+    kernel_loads = modelling and _may_name_parts(environment) and environment.parts.anticipate()
+    from thingc.documents.load import load
+    from thingc.documents.spec import part_references, validate
+
+    documents = load(environment.document, workspace, report, kinds=kinds, texts=environment.options.texts, memo=environment.memo)
+    if documents is None:
+        return None
+    specs = validate(documents, report, environment.memo)
+    named = part_references(specs, documents) if documents.root.kind == "assembly" else ()
+    references = [reference for reference, _ in named]
+    if kernel_loads and references:
+        schemas = environment.geometry.describe(references, lambda: [*map(import_module, (*PASSES, *environment.options.ahead))])
+    else:
+        schemas = environment.parts.describe(references) if references else {}
+    from thingc.geometry.store.digests import digest_of
+    from thingc.model.resolve import Sources
+
+    kept = environment.store if environment.options.code else None
+    digest = partial(digest_of, store=kept)
+    return Sources(workspace=workspace, documents=documents, specs=specs, schemas=schemas, digest=digest)
+
+
+def _may_name_parts(environment: Environment) -> bool:
+    """Whether code of parts may run, and the beginning of the document has a key that leads to them: else no kernel is needed."""
+    if not environment.options.code:
+        return False
+    text = environment.options.texts.get(environment.document)
+    if text is None:
+        try:
+            text = beginning(environment.document, _LOOKED_THROUGH)
+        except (OSError, ValueError):
+            return False
+    return _LEADS_TO_PARTS.search(text) is not None
+
+
+def settings_of(options: Options) -> Settings:
+    """What the options set."""
+    from thingc.model.resolve import Settings
+
+    return Settings(parameters=options.parameters, choices=options.choices)
+
+
+def choose(environment: Environment, sources: Sources, choices: Mapping[str, str], report: Report, memo: Memo | None) -> Sources:
+    """The sources, with the documents and parts that `choices` name; what is wrong with those is in `report`. `memo` is of this text of
+    the documents."""
+    if not choices:
+        return sources
+    from thingc.model.resolve.choices import documents_and_parts
+
+    assemblies, parts = documents_and_parts(choices)
+    place = ("choices", frozenset(assemblies), frozenset(parts))
+    widened, faults = (memo or Memo())(place, lambda: _widened(environment, sources, assemblies, parts))
+    for fault in faults.diagnostics:  # what has no place in a document is said of the choice
+        code, path = (fault.code, fault.path) if fault.span is not None else (Code.CHOICE_OPTION, "--set")
+        report.add(code, fault.message, fault.span, help=fault.help, path=path, notes=fault.notes, severity=fault.severity)
+    return widened
+
+
+def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], parts: Sequence[str]) -> tuple[Sources, Report]:
+    """`own` and the further assemblies and parts that are named, and what is wrong with those."""
+    from thingc.documents.load import load_more
+    from thingc.documents.spec import part_references, validate
+
+    documents, specs, report = own.documents, own.specs, Report()
+    if assemblies:
+        documents = load_more(documents, assemblies, own.workspace, report)
+        added = {path: one for path, one in documents.by_path.items() if path not in own.documents.by_path}
+        specs = specs.joined(validate(replace(documents, by_path=added), report))
+    wanted = [*parts, *(reference for reference, _ in part_references(specs, documents))]
+    schemas = {**own.schemas, **environment.parts.describe([one for one in wanted if one not in own.schemas])}
+    return replace(own, documents=documents, specs=specs, schemas=schemas), report
+
+
+def model(environment: Environment, own: Sources, settings: Settings, report: Report) -> AssemblyDefinition | None:
+    """`resolve` alone: what the documents say with these settings before a part is modelled. What is wrong with them is in `report`; None
+    where nothing is sound."""
+    from thingc.model.resolve import resolve
+
+    return resolve(choose(environment, own, settings.choices, report, environment.memo), settings, report, environment.memo)
+
+
+def _passes(
+    environment: Environment, own: Sources | None, settings: Settings, modes: Sequence[str], of_text: Memo | None,
+) -> Compilation:
+    """From what was read to the robots. `of_text` has answers that hold as long as the documents stand as they are, line by line; those of
+    the environment hold for all."""
+    from thingc.geometry.meshes import mesh_records
+    from thingc.model.assembly import likely_slicings, link, listed_meshes, slicings_of, with_own_images
+    from thingc.model.resolve import decomposed, part_definitions, resolve, resolve_materials
+    from thingc.model.robot import root, stand
+
+    report, memo = environment.report.continued(), environment.memo
+    if own is None:
+        return Compilation(settings=settings, report=report)
+    parts = environment.parts
+    sources = choose(environment, own, settings.choices, report, of_text)
+    documents = sources.documents
+    report.allowances = sources.specs.allowances
+    _say_hidden(environment, sources, report)
+    compilation = Compilation(settings=settings, report=report, documents=documents, schemas=sources.schemas)
+    if documents.root.kind == "materials":
+        resolve_materials(sources, report)
+    if documents.root.kind != "assembly":
+        return compilation
+    model = resolve(sources, settings, report, of_text or memo.apart(), memo)
+    if model is None:
+        return compilation
+    if not report.failed:
+        _require_modes(modes, model, documents)
+    definitions = part_definitions(model)
+    records = parts.realize(definitions, decomposed(model), partial(likely_slicings, model, sources.schemas))
+    model = with_own_images(model, records)
+    records = parts.slice(definitions, records, slicings_of(model, records))
+    environment.say_gaps(report)
+    compilation = replace(compilation, decisions=parts.decisions, model=model, records=records)
+    listed = listed_meshes(model, drawn=not environment.options.lock) if environment.options.code else {}
+    meshes = mesh_records(listed, environment.store, report, memo) if listed else {}
+    linked = link(model, records, report, memo, meshes)
+    if linked is None:
+        return compilation
+    assembly = stand(linked, _corners(environment), report, memo)
+    robots = [root(assembly, mode, report, memo) for mode in assembly.modes if not modes or mode.name in modes]
+    return replace(compilation, assembly=assembly, robots=tuple(robot for robot in robots if robot is not None))
+
+
+def _say_hidden(environment: Environment, sources: Sources, report: Report) -> None:
+    """Say which modules of parts hide others; most often there is none."""
+    from thingc.documents.spec import part_references
+    from thingc.geometry.answers import report_hidden
+
+    hiding = [reference for reference in sources.schemas if environment.parts.hiding(reference)]
+    if hiding:
+        named = [one for one in part_references(sources.specs, sources.documents) if one[0] in hiding]
+        report_hidden(environment.parts, [*named, *((reference, None) for reference in hiding)], report)
+
+
+def emit(environment: Environment, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:
+    """Artifacts per target, in the order asked; each loss with the first target that has it. Only for a compilation whose
+    report has no errors.
+
+    With `verify` 0 MuJoCo is not asked whether it takes the models: for the caller who compiles them anyway; with more than 1 only of the
+    first, and of every so many, that differ in nothing but numbers.
+    """
+    from thingc.targets import emitted
+
+    return emitted(request_of(environment, compilation, verify=verify), targets)
+
+
+def request_of(
+    environment: Environment, compilation: Compilation, *, verify: int = 1, folder: str | None = None,
+) -> EmitRequest:
+    """What targets are asked with. Only for a compilation whose report has no errors."""
+    from thingc.targets.request import EmitRequest
+
+    geometry = environment.geometry
+    return EmitRequest(
+        assembly=_assembly(compilation), robots=compilation.robots, store=environment.store, geometry=geometry,
+        workspace=geometry.workspace, report=compilation.report, verify=verify, compat=environment.compat, folder=folder,
+        repeated=compilation.repeated, memo=environment.memo,
+    )
+
+
+def files(environment: Environment, compilation: Compilation, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:
+    """What a build folder holds, by path in it: the files of all targets, and the manifest that lists them."""
+    from thingc.targets.artifact import MANIFEST
+    from thingc.targets.manifest import Choice, manifest
+
+    assembly, documents, settings = _assembly(compilation), compilation.documents, compilation.settings
+    assert documents is not None
+    files = {path: content for made in artifacts.values() for path, content in made.files.items()}
+    files[MANIFEST] = manifest(
+        assembly,
+        document=documents.root.relative,
+        documents={path: document.sha256 for path, document in documents.by_path.items()},
+        choice=Choice(
+            modes=tuple(robot.mode.name for robot in compilation.robots), emit=tuple(artifacts), compat=environment.compat,
+            parameters=dict(settings.parameters), choices=dict(settings.choices),
+        ),
+        files=files,
+        losses=[loss for made in artifacts.values() for loss in made.losses],
+        workspace=environment.geometry.workspace,
+    )
+    return files
+
+
+def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
+    """Say which allowances nothing has needed, after all of these stages; only where nothing is set, for other values may need them."""
+    settings, documents = compilation.settings, compilation.documents
+    if compilation.assembly is None or documents is None or compilation.report.failed or settings.parameters or settings.choices:
+        return
+    compilation.report.say_unneeded(documents.root.path, stages)
+
+
+def _assembly(compilation: Compilation) -> Assembly:
+    """Raises where there is none: the caller has not looked at the report."""
+    if compilation.assembly is None:
+        raise RuntimeError("the compilation failed")
+    return compilation.assembly
+
+
+def _corners(environment: Environment) -> Callable[[Mesh], tuple[Vector, ...]] | None:
+    """The vertices of a part's mesh; None where meshes need not be there."""
+    from thingc.geometry.store.meshes import vertices
+
+    return None if environment.options.lock else partial(vertices, environment.store)
+
+
+def _require_modes(wanted: Sequence[str], model: AssemblyDefinition, documents: Documents) -> None:
+    names = [mode.name for mode in model.modes]
+    for name in wanted:
+        if name not in names:
+            raise UnknownChoice(f"`{shown_path(documents.root.path)}` has no mode `{name}`", did_you_mean(name, names, what="modes"))
+

@@ -1,0 +1,9 @@
+"""Running the tests that a document states of its robot: `thingc test`."""
+
+from __future__ import annotations
+
+from thingc.documents.checks.outcome import Outcome
+from thingc.driver.testing.results import Result
+from thingc.driver.testing.running import Selection, run
+
+__all__ = ["Outcome", "Result", "Selection", "run"]

@@ -1,0 +1,111 @@
+"""The tree of a robot in numbers: where its bodies are at given coordinates, and how fast they go."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thingc.base.pose import Pose
+from thingc.model.assembly import balls, coordinates, in_cones, joints_of
+from thingc.model.assembly.types import MountAt
+from thingc.model.robot import in_link
+from thingc.model.robot.kinematics import in_world, placed_bodies
+from thingc.model.robot.loop_solver import Loops, SolverState
+from thingc.model.robot.types import Robot
+
+Array = NDArray[np.float64]
+
+ROUND = np.pi
+"""How far a joint without limits is turned either way [rad]: once round."""
+
+
+class Chain:
+    """The coordinates of a robot are its joints that mimic none (`paths`, n of them, `lower` and `upper` [rad or m]); `q(x)`
+    gives all joints. A base that floats stays where it is."""
+
+    def __init__(self, robot: Robot, base: Pose | None = None) -> None:
+        self.robot = robot
+        self.base = robot.bodies[0].X_PL if base is None else base
+        self._loops = loops = Loops(robot.bodies, robot.closures, joints_of(robot.assembly), self.base)
+        self.paths = [c.path for c in loops.coordinates]
+        self.lower = np.array([max(c.lower, -ROUND) if np.isinf(c.lower) else c.lower for c in loops.coordinates])
+        self.upper = np.array([min(c.upper, ROUND) if np.isinf(c.upper) else c.upper for c in loops.coordinates])
+        self._column = {path: k for k, path in enumerate(self.paths)}
+        self._balls = tuple(balls(joints_of(robot.assembly)))
+        self._joints = {joint.path: joint for joint in joints_of(robot.assembly)}
+        self._body_of = {body.link: index for index, body in enumerate(robot.bodies)}
+        self._in_link = in_link(robot.assembly)
+
+    def x(self, q: Mapping[str, float]) -> Array:
+        """The coordinates (n) of a state that is given by joint path."""
+        return np.array([q[path] for path in self.paths], dtype=np.float64)
+
+    def q(self, x: Array) -> dict[str, float]:
+        """Every joint [rad or m] by path at the coordinates x (n)."""
+        free = {path: float(value) for path, value in zip(self.paths, x, strict=True)}
+        return coordinates(self._joints.values(), free | in_cones(self._balls, free))
+
+    def cones(self, x: Array) -> tuple[Array, Array]:
+        """How far within its cone each ball is that has one, as the difference of the squares of the angles [rad^2], and the derivative
+        (k x n) by coordinates."""
+        room, slope = [], []
+        for ball in self._balls:
+            if ball[0].limit.cone is not None:
+                columns = [self._column[joint.path] for joint in ball]
+                room.append(ball[0].limit.cone ** 2 - float(x[columns] @ x[columns]))
+                slope.append(np.zeros(len(x)))
+                slope[-1][columns] = -2.0 * x[columns]
+        return np.array(room), np.array(slope).reshape(len(room), len(x))
+
+    def bodies(self, q: Mapping[str, float]) -> tuple[Pose, ...]:
+        """The pose of every body in the world."""
+        return placed_bodies(self.robot.bodies, q, self.base)
+
+    def mount(self, mount: MountAt) -> tuple[int, Pose]:
+        """The body that carries a mount, and the mount's pose in it."""
+        assembly = self.robot.assembly
+        pose = self._in_link[mount.occurrence] @ assembly.occurrences[mount.occurrence].mounts[mount.mount].pose
+        return self._body_of[assembly.link_of[mount.occurrence]], pose
+
+    def jacobian(self, body: int | None, point: Array, q: Mapping[str, float], at: tuple[Pose, ...]) -> Array:
+        """At `q`, where the bodies are `at`, the velocity of a point (3, in the world) of a body by coordinates: 6 x n, linear over
+        angular; 0 of the world (None)."""
+        x, y, z = (float(one) for one in point)
+        J = np.zeros((6, len(self.paths)))
+        follows = self._loops.follows(q)
+        while body is not None:
+            link = self.robot.bodies[body]
+            for joint, twist in in_world(link, at[body], q):
+                path, factor = follows[joint.path]
+                J[:, self._column[path]] += factor * np.concatenate(twist.velocity((x, y, z)))
+            body = link.parent
+        return J
+
+    def closing(self, q: Mapping[str, float]) -> tuple[Array, Array]:
+        """How far the loops are from closed (6 for each: [m] over [rad], in the world), and its derivative by coordinates."""
+        error, columns = self._loops.linearized(SolverState(q=dict(q), base=self.base))
+        return np.array(error), np.array(columns, dtype=np.float64).reshape(len(self.paths), -1).T
+
+
+def quasi_random(count: int, dimensions: int) -> Array:
+    """`count` points in the unit cube, evenly spread and the same in every run (count x dimensions).
+
+    Of one dimension equal steps from end to end. Else the additive recurrence of the generalised golden ratio g, the root of
+    g**(d + 1) = g + 1 (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018), after the corners of the
+    cube as far as they are at most a quarter of the points.
+    """
+    if dimensions == 0:
+        return np.zeros((1, 0))
+    if dimensions == 1:
+        return np.linspace(0.0, 1.0, count)[:, None] if count > 1 else np.array([[0.5]])
+    corners = np.zeros((0, dimensions))
+    if dimensions < 20 and 2**dimensions <= count // 4:
+        corners = np.array([[number >> k & 1 for k in range(dimensions)] for number in range(2**dimensions)], dtype=np.float64)
+    golden = 2.0
+    for _ in range(64):
+        golden = (1.0 + golden) ** (1.0 / (dimensions + 1.0))
+    steps = golden ** -np.arange(1.0, dimensions + 1.0)
+    inside = (0.5 + np.arange(1, count - len(corners) + 1)[:, None] * steps) % 1.0
+    return np.concatenate([corners, inside])

@@ -1,0 +1,148 @@
+"""The true shapes of the parts and links of a robot, and which pairs of them are near each other in a pose."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from thingc.base.diagnostics import Code
+from thingc.base.frozen import dataclass
+from thingc.base.pose import Pose
+from thingc.model.assembly.types import Assembly
+from thingc.model.robot.types import Keyframe
+from thingc.model.solids import Overlaps, contact_places, reason_to_skip
+from thingc.model.solids.shapes import Solid, Solids
+from thingc.targets.request import EmitRequest
+
+LOOK = 0.01
+"""How far [m] the smallest gap is looked for: beyond it nobody wants to know."""
+TOUCH = 1e-9
+"""A gap [m] that is none."""
+CELL = (0.1, 0.1, 0.1, 0.002)
+"""The size of a cell of poses: of the rows of the rotation (about 6 deg), and of the translation [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Near:
+    """Two occurrences (indices) near each other in a keyframe: their `gap` [m]; where it is 0 the `volume` [m^3] of what they
+    share and its mean thickness `depth` [m]; and the number of the allowance that they fall under."""
+
+    one: int
+    other: int
+    gap: float
+    depth: float
+    volume: float
+    allowance: int | None
+    where: Keyframe
+
+    @property
+    def badness(self) -> tuple[float, float]:
+        """Deeper, then nearer."""
+        return self.depth, -self.gap
+
+
+class Collisions:
+    """The pairs of an assembly that may collide, and their shapes. `pairs` (indices) are on links without a common joint: their gaps are
+    measured. `close` are on one link, or on links that a joint connects: they touch by design, and only their overlaps count. `skipped`
+    are the pairs that are not compared, by reason."""
+
+    def __init__(self, request: EmitRequest) -> None:
+        self.assembly, self.overlaps = request.assembly, Overlaps(request.store, request.workspace.mesh.linear, request.memo)
+        self._report, shapes = request.report, Solids(request.store)
+        self._solids = {one.index: solid for one in self.assembly.occurrences if (solid := shapes.solid(one)) is not None}
+        near, link_of = set(_neighbours(self.assembly)), self.assembly.link_of
+        indices = sorted(self._solids)
+        self.pairs: list[tuple[int, int]] = []
+        self.close: set[tuple[int, int]] = set()
+        self.skipped: dict[str, dict[str, None]] = {}
+        for pair in ((a, b) for k, a in enumerate(indices) for b in indices[k + 1 :]):
+            one, other = (link_of[index] for index in pair)
+            if one != other and _ordered(one, other) not in near:
+                self.pairs.append(pair)
+            elif reason := reason_to_skip(*(self.assembly.occurrences[index] for index in pair)):
+                self._skip(pair, reason)
+            else:
+                self.close.add(pair)
+        self.hulls = [o.path for o in self.assembly.occurrences if o.definition.text in shapes.hulls]
+
+    def _skip(self, pair: tuple[int, int], reason: str) -> None:
+        self.skipped.setdefault(reason, {})[" and ".join(self.assembly.occurrences[index].path for index in pair)] = None
+
+    def overlapping(
+        self, poses: Sequence[Pose], frame: Keyframe, allowed: Mapping[tuple[int, int], int], seen: set[object] | None,
+    ) -> Iterator[Near]:
+        """The `close` pairs that overlap, unless the document allows that (`TC520`). A sweep passes the cells of poses `seen` so far: in
+        each of them a pair is compared once."""
+        for pair in self.overlaps.pairs(self.assembly.occurrences, poses):
+            one, other = indices = pair.one.index, pair.other.index
+            cell = (indices, *(round(number / size) for row, size in zip((*pair.at.rotation, pair.at.translation), CELL) for number in row))
+            if indices not in self.close or (seen is not None and cell in seen):
+                continue
+            if seen is not None:
+                seen.add(cell)
+            if (shared := self.overlaps.shared(pair, keep=seen is None)) is None:
+                continue
+            places = [*pair.other.origin, *(note.span for note in contact_places(self.assembly, pair.one, pair.other) if note.span)]
+            reason = next((one.reason for one in self._report.allowances if one.covers(Code.OVERLAP, places)), None)
+            if reason is None:
+                volume, depth = shared
+                yield Near(one=one, other=other, gap=0.0, depth=depth, volume=volume, allowance=allowed.get(indices), where=frame)
+            else:
+                self._skip(indices, f"allowed: {reason}")
+
+    def wrong(self, near: Near, clearance: float) -> bool:
+        """Whether two occurrences are nearer than they may be."""
+        return near.gap < clearance - TOUCH if clearance > 0.0 else near.depth > self.overlaps.deep
+
+    def near(
+        self, poses: Sequence[Pose], frame: Keyframe, clearance: float, look: float, allowed: Mapping[tuple[int, int], int],
+        needed: Collection[int] = (),
+    ) -> Iterator[Near]:
+        """The pairs nearer than `clearance` [m], and of those that no allowance is for also the nearest within `look` [m]. Of
+        allowances that are known to be `needed` nothing more is found out."""
+        if not self.pairs:
+            return
+        boxes = {index: solid.box(poses[index]) for index, solid in self._solids.items()}
+        ones, others = (np.array([boxes[pair[side]] for pair in self.pairs]) for side in (0, 1))
+        between = np.maximum(others[:, 0] - ones[:, 1], ones[:, 0] - others[:, 1])
+        apart = np.linalg.norm(np.maximum(between, 0.0), axis=1)
+        placed: dict[int, Solid] = {}
+        for number in np.argsort(apart, kind="stable"):
+            pair = self.pairs[number]
+            allowance = allowed.get(pair)
+            within = max(clearance, TOUCH) if allowance is not None else max(clearance, look, TOUCH)
+            if apart[number] > within or allowance in needed:
+                continue
+            for index in pair:
+                if index not in placed:
+                    placed[index] = self._solids[index].at(poses[index])
+            one, other = (placed[index] for index in pair)
+            gap = one.gap(other, within)
+            if gap >= within:
+                continue
+            volume, depth = one.overlap(other) if gap <= 0.0 else (0.0, 0.0)
+            if allowance is None:
+                look = min(look, gap)
+            yield Near(one=pair[0], other=pair[1], gap=gap, depth=depth, volume=volume, allowance=allowance, where=frame)
+
+
+def collisions_of(request: EmitRequest) -> Collisions:
+    """The pairs and shapes of the assembly, made once for all tests of a request."""
+    known = request.made.get("collisions")
+    if isinstance(known, Collisions):
+        return known
+    made = Collisions(request)
+    request.made["collisions"] = made
+    return made
+
+
+def _ordered(a: int, b: int) -> tuple[int, int]:
+    return (a, b) if a < b else (b, a)
+
+
+def _neighbours(assembly: Assembly) -> Iterator[tuple[int, int]]:
+    """Pairs of links that a joint connects, also one that closes a loop."""
+    for mate in assembly.mates:
+        if mate.joints or mate.loop is not None:
+            yield _ordered(assembly.link_of[mate.parent], assembly.link_of[mate.child])

@@ -1,0 +1,56 @@
+"""Robots in the poses that tests ask for, their loops closed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+from thingc.base.diagnostics import Report
+from thingc.driver.testing.chain import quasi_random
+from thingc.model.assembly import joints_of
+from thingc.model.assembly.types import Assembly, LinkedMode
+from thingc.model.resolve.model import JointRange, NamedPose
+from thingc.model.robot import root
+from thingc.model.robot.types import Keyframe, Robot
+
+
+def posed(assembly: Assembly, mode: LinkedMode, poses: Iterable[NamedPose]) -> Robot | None:
+    """The robot of a mode with a keyframe for each of the poses in which its loops close; None where they close in none."""
+    wanted = {pose.name: pose for pose in poses}
+    others = tuple(pose for pose in assembly.poses if pose.name not in wanted)
+    return root(
+        replace(assembly, poses=(*wanted.values(), *others)), replace(mode, poses=tuple(wanted)), Report(),
+    )
+
+
+def starting_pose(assembly: Assembly, mode: LinkedMode) -> NamedPose:
+    """The pose that a mode starts in: its own, else all joints at 0, under a name that no pose of the document has."""
+    own = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
+    if own is not None:
+        return own
+    name = "at_zero"
+    while any(pose.name == name for pose in assembly.poses):
+        name += "_"
+    return NamedPose(name=name, values={}, origins={}, origin=mode.origin)
+
+
+def swept(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list[NamedPose]:
+    """A pose with joints moved through ranges: `samples` of them, named by their number."""
+    poses: list[NamedPose] = []
+    for number, place in enumerate(quasi_random(samples, len(ranges))):
+        moved = {r.joint: r.lower + float(part) * (r.upper - r.lower) for r, part in zip(ranges, place, strict=True)}
+        poses.append(NamedPose(
+            name=f"{pose.name}:{number}", values={**pose.values, **moved}, origins=pose.origins, origin=pose.origin,
+        ))
+    return poses
+
+
+def keyframe(robot: Robot, pose: NamedPose) -> Keyframe | None:
+    """The keyframe of a pose; None where the loops do not close in it."""
+    return next((frame for frame in robot.keyframes if frame.name == pose.name), None)
+
+
+def joints_text(assembly: Assembly, q: Mapping[str, float]) -> str:
+    """Coordinates [rad or m] for people: `shoulder -60 deg, elbow 120 deg`."""
+    twists = {joint.path: joint.twist for joint in joints_of(assembly)}
+    return ", ".join(f"{path} {twists[path].shown(round(value, 6) + 0.0)}" for path, value in q.items())

@@ -1,0 +1,120 @@
+"""The tests of a document, run one after the other."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+
+from thingc.base.diagnostics import Report
+from thingc.base.frozen import dataclass
+from thingc.documents.checks import kinds
+from thingc.documents.checks.outcome import Failure, Outcome, unclosed
+from thingc.driver.testing.poses import keyframe, posed, starting_pose
+from thingc.driver.testing.results import Case, Result
+from thingc.model.assembly.types import Assembly, LinkedMode, LinkedTest
+from thingc.model.resolve.model import NamedPose
+from thingc.targets.request import EmitRequest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Selection:
+    """What to run: names of tests, patterns allowed (none: all), and of modes (none: those of each test)."""
+
+    only: tuple[str, ...] = ()
+    modes: tuple[str, ...] = ()
+
+    def takes(self, test: LinkedTest) -> bool:
+        """Whether a test is meant."""
+        return not self.only or any(test.test.name == text or fnmatchcase(test.test.name, text) for text in self.only)
+
+
+def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result], None] = lambda result: None) -> list[Result]:
+    """Run the tests of `request.assembly` that are meant, in document order; `on_result` hears of each when it is done.
+
+    What fails is said in `request.report`, at the value that it contradicts. `request.robots` are the robots of its modes.
+    """
+    results: list[Result] = []
+    for linked in request.assembly.tests:
+        if not selection.takes(linked):
+            continue
+        outcomes: list[Outcome] = []
+        modes = [mode for mode in request.assembly.modes if mode.name in linked.test.modes]
+        chosen = [mode for mode in modes if not selection.modes or mode.name in selection.modes]
+        for attempt in _attempts(request, linked, chosen):
+            started = time.perf_counter()
+            outcome = attempt.run()
+            result = Result(
+                name=linked.test.name, kind=linked.test.kind, mode=attempt.mode, pose=attempt.pose, outcome=outcome,
+                seconds=time.perf_counter() - started,
+            )
+            outcomes.append(outcome)
+            if outcome.failure is not None:
+                _say(linked, result, outcome.failure, request.report)
+                result = replace(result, diagnostic=request.report.diagnostics[-1])
+            results.append(result)
+            on_result(result)
+        finish = kinds()[linked.test.kind].finish
+        if finish is not None and len(chosen) == len(modes):
+            finish(linked, outcomes, request.report)
+    return results
+
+
+def _say(linked: LinkedTest, result: Result, failure: Failure, report: Report) -> None:
+    """The diagnostic of a failed test, at the value that it contradicts."""
+    test = linked.test
+    span = test.spans.get(failure.key)
+    where = "" if not result.where else ", ".join(
+        f"{what} `{word}`" for what, word in (("mode", result.mode), ("pose", result.pose)) if word is not None
+    )
+    report.add(
+        failure.code, f"test `{test.name}`{f' ({where})' if where else ''}: {failure.message}",
+        (span,) if span is not None else test.origin, path=f"tests.{test.name}", help=failure.help, notes=failure.notes,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Attempt:
+    """One case, not yet run."""
+
+    mode: str | None
+    pose: str | None
+    run: Callable[[], Outcome]
+
+
+def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMode]) -> Iterator[_Attempt]:
+    """The cases of a test, in the order of modes and poses: once, once in each mode (where it starts), or in poses of each."""
+    kind, assembly, check = kinds()[linked.test.kind], request.assembly, linked.test.check
+    if not kind.takes("mode"):
+        yield _Attempt(mode=None, pose=None, run=lambda: kind.run(Case(linked=linked, robot=request.robots[0], request=request), check))
+        return
+    named = {pose.name for pose in assembly.poses}
+    for mode in modes:
+        for pose in _poses(request, linked, mode) if kind.takes("pose") else [starting_pose(assembly, mode)]:
+            shown = pose.name if kind.takes("pose") and pose.name in named else None
+            yield _Attempt(mode=mode.name, pose=shown, run=_in_pose(request, linked, mode, pose))
+
+
+def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[NamedPose]:
+    """The poses of a test in a mode: those named, where the mode starts, or all of its keyframes."""
+    assembly: Assembly = request.assembly
+    by_name = {pose.name: pose for pose in assembly.poses}
+    if linked.test.every_pose:
+        robot = next(robot for robot in request.robots if robot.mode.name == mode.name)
+        return [by_name[frame.name] for frame in robot.keyframes] or [starting_pose(assembly, mode)]
+    return [starting_pose(assembly, mode) if name is None else by_name[name] for name in linked.test.poses]
+
+
+def _in_pose(request: EmitRequest, linked: LinkedTest, mode: LinkedMode, pose: NamedPose) -> Callable[[], Outcome]:
+    """The case in a mode and a pose, ready to be run."""
+    def run() -> Outcome:
+        kind, check = kinds()[linked.test.kind], linked.test.check
+        wanted = kind.poses(check, pose)
+        robot = posed(request.assembly, mode, wanted)
+        frames = () if robot is None else tuple(frame for one in wanted if (frame := keyframe(robot, one)) is not None)
+        if robot is None or not frames:
+            return unclosed()
+        return kind.run(Case(linked=linked, robot=robot, request=request, frames=frames, missing=len(wanted) - len(frames)), check)
+
+    return run

@@ -1,0 +1,83 @@
+"""What a result is made of: labelled ingredients, whose digest is the key, and the words for what changed between two."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+
+from thingc.base.frozen import dataclass
+from thingc.base.shown import some
+from thingc.documents.workspace import Workspace
+from thingc.geometry.key.module_key import CodeIngredients
+from thingc.geometry.record import PartDefinition, Value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BuildKey:
+    """Ingredients by label (`module arm`, `parameter length`, `version build123d`) and the key they make."""
+
+    ingredients: dict[str, str]
+
+    @property
+    def key(self) -> str:
+        """The SHA-256 of the ingredients, hexadecimal."""
+        text = json.dumps(self.ingredients, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def schema_key(reference: str, code: CodeIngredients | None, versions: Mapping[str, str]) -> BuildKey:
+    """Of a part schema: the code with its docstrings, and versions. `code` None: the part of an installed package."""
+    return BuildKey(ingredients={"part": reference, **versions, **(code.documented if code is not None else {})})
+
+
+def record_key(
+    definition: PartDefinition, code: CodeIngredients | None, versions: Mapping[str, str], workspace: Workspace
+) -> BuildKey:
+    """Of a part record; of the workspace it depends on the tessellations."""
+    mesh, simulation = workspace.mesh, workspace.simulation
+    parameters = {f"parameter {name}": _shown(value) for name, value in definition.parameters}
+    return BuildKey(
+        ingredients={
+            "part": definition.reference, "definition": definition.text, **versions,
+            **(code.ingredients if code is not None else {}), **parameters,
+            "mirror": repr(definition.mirror), "mesh linear": repr(mesh.linear), "mesh angular": repr(mesh.angular),
+            "mesh simulation linear": repr(simulation.linear), "mesh simulation angular": repr(simulation.angular),
+        }
+    )
+
+
+def _shown(value: Value) -> str:
+    return f"{type(value).__name__} {value!r}"
+
+
+def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str:
+    """In words, what changed between two sets of ingredients of a part; at most three things are named, modules first."""
+    changed = [label for label in {**old, **new} if old.get(label) != new.get(label)]
+    if any(label.startswith("module ") and label in old and label in new for label in changed):
+        # what an edited module newly imports, or imports no longer, says less than the edit
+        changed = [label for label in changed if label in old and label in new]
+    changed.sort(key=lambda label: (not label.startswith("module "), label))
+    phrases = list(dict.fromkeys(_phrase(label, old, new) for label in changed))
+    if not phrases:
+        return "nothing that it depends on changed"
+    return some(phrases, 3, between="; ")
+
+
+def _phrase(label: str, old: Mapping[str, str], new: Mapping[str, str]) -> str:
+    kind, _, rest = label.partition(" ")
+    verb = "is new" if label not in old else "is gone" if label not in new else "changed"
+    if kind == "module":
+        return f"module `{rest}` {verb}"
+    if kind == "version" and rest == "thingc":
+        return "thingc changed"
+    if kind == "version":
+        return f"{rest} changed from {old.get(label, 'nothing')} to {new.get(label, 'nothing')}"
+    if kind == "parameter":
+        return f"parameter `{rest}` {verb}"
+    if kind == "mesh":
+        purpose, _, which = rest.rpartition(" ")
+        return f"the {which} tolerance of {purpose + ' ' if purpose else ''}meshes changed"
+    if label == "file":
+        return f"file {new.get('part', old.get('part'))} changed"
+    return f"{label} {verb}"

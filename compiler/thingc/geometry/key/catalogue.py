@@ -1,0 +1,82 @@
+"""Every Thing in reach of a workspace, found by reading code, not by importing it."""
+
+from __future__ import annotations
+
+import ast
+import os
+from collections.abc import Sequence
+
+from thingc.base.files import listing
+from thingc.base.syntax import syntax_tree
+from thingc.geometry.key.module_key import ModuleSources
+from thingc.geometry.record import PartFailure
+
+
+def classes_in_reach(sources: ModuleSources, packages: Sequence[str]) -> list[str]:
+    """`module:Class` of every public class in the part folders and in the allowed packages that are tracked by content.
+
+    Sorted. Which of them are Things only `describe` can tell. Packages that are merely installed (bd_warehouse) are not
+    listed: they have hundreds (see `installed_modules`).
+    """
+    references: list[str] = []
+    for module in _modules(sources, packages):
+        source = sources.source(module)
+        if source is None:
+            continue
+        references += [f"{module}:{name}" for name, (kind, _, _) in source.facts.names.items() if kind == "class" and name[0] != "_"]
+    return sorted(references)
+
+
+def installed_modules(sources: ModuleSources, packages: Sequence[str]) -> dict[str, str]:
+    """The files of the public modules right in the allowed packages that are merely installed, by module (`bd_warehouse.fastener`)."""
+    files: dict[str, str] = {}
+    for package in packages:
+        module = sources.finder.find(package)
+        if module.kind == "installed" and module.file is not None and os.path.basename(module.file) == "__init__.py":
+            folder = os.path.dirname(module.file)
+            names = [name[:-3] for name in listing(folder) if name.endswith(".py") and not name.startswith("_")]
+            files.update((f"{package}.{name}", os.path.join(folder, f"{name}.py")) for name in names if name.isidentifier())
+        elif module.kind == "installed" and module.file is not None:
+            files[package] = module.file
+    return files
+
+
+def classes_installed(module: str, file: str) -> list[str]:
+    """`module:Class` of every public class in the file of such a module, in order; none where that is no Python."""
+    try:
+        with open(file, "rb") as stream:
+            body = syntax_tree(stream.read()).body
+    except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
+        return []
+    return [f"{module}:{node.name}" for node in body if isinstance(node, ast.ClassDef) and not node.name.startswith("_")]
+
+
+def not_python(sources: ModuleSources, packages: Sequence[str]) -> list[PartFailure]:
+    """The modules in the same places that are no well-formed Python, in which no class can be found."""
+    failures: list[PartFailure] = []
+    for module in _modules(sources, packages):
+        source = sources.source(module)
+        if source is None or source.module.file is None or not source.facts.broken:
+            continue
+        try:
+            with open(source.module.file, "rb") as stream:
+                syntax_tree(stream.read())
+        except (SyntaxError, ValueError, RecursionError, MemoryError) as fault:
+            words, line = (fault.msg, fault.lineno) if isinstance(fault, SyntaxError) else (str(fault) or "too deeply nested", None)
+            failures.append(PartFailure(
+                subject=module, kind="raised", message=f"{type(fault).__name__}: {words}", file=source.module.file, line=line,
+            ))
+    return failures
+
+
+def _modules(sources: ModuleSources, packages: Sequence[str]) -> list[str]:
+    finder = sources.finder
+    modules = set(finder.part_modules())
+    for package in packages:
+        module = finder.find(package)
+        if module.kind == "content":
+            modules.add(package)
+            for folder in module.folders:
+                names = [name[:-3] for name in listing(folder) if name.endswith(".py") and name != "__init__.py"]
+                modules.update(f"{package}.{name}" for name in names if name.isidentifier())
+    return sorted(modules)

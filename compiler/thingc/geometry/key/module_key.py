@@ -1,0 +1,236 @@
+"""Which code a part depends on, found by reading: all of its module, and of every module that this one imports.
+
+Modules are followed through import statements wherever they stand, in functions, too, and with the packages that they lie in, to
+every module of the part folders and of packages that are tracked by content. Comments and layout do not count, nor docstrings, unless some
+code may look at them: then the text of every file counts. What is imported in another way is met when the part runs, and counts as a file
+that it read.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import field
+
+from thingc.base.frozen import dataclass
+from thingc.geometry.key.modules import Finder, Module
+from thingc.geometry.store.local import Store
+
+VERSION = 4
+"""Of `ModuleFacts`: a change of their meaning must raise it, since they are kept by the content of a file."""
+
+MAX_UNTRUSTED = 1_000_000
+"""Bytes of source that are read of a workspace that is not trusted: the syntax tree takes a hundred times as much memory."""
+
+MAX_STEPS = 20
+"""Modules through which a name is followed to where it is defined, which is for messages."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModuleFacts:
+    """What a source file says, made by `source_reader` and kept as JSON.
+
+    `syntax` is the digest of its syntax tree without positions and docstrings, `documented` that with docstrings, `outline` that without
+    what counts only where a function is called; of that `bodies` are the digests, function by function. `imports` are the
+    modules and names that it imports (`pkg.leg`, `pkg.leg:foot`, `.shapes:*`); `names` what it binds at its top level: kind
+    (`class | function | import | value`), line, and where an imported name comes from. `telling`: it may look at docstrings or lines;
+    `looking`: at functions that it does not call; `more`: it may have names that reading does not show; `broken`: it is no Python, and
+    counts by its bytes.
+    """
+
+    syntax: str
+    documented: str
+    outline: str
+    bodies: list[str]
+    imports: list[str]
+    names: dict[str, tuple[str, int, str]]
+    telling: bool
+    looking: bool
+    more: bool
+    broken: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ModuleSource:
+    """A module's source as read. `path` is where it lies in the workspace, since code looks for files beside itself; of what lies
+    elsewhere only the file's name, which is the same on every machine."""
+
+    module: Module
+    sha256: str
+    facts: ModuleFacts
+    path: str
+
+    @property
+    def label(self) -> str:
+        """What the module is called among the ingredients of a key."""
+        return f"module {self.module.name}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CodeIngredients:
+    """What a part's code is made of.
+
+    `ingredients` are digests and paths by module (`module arm`), `documented` the same with docstrings; `installed` the modules of
+    installed packages that it imports; `files` the files that it is loaded from, with their SHA-256; `plain` its packages without
+    `__init__.py`; `hiding` its modules that hide others of their name; `place` is `(file, line)` of the class. `sources` are the modules by
+    file, none where its code may look at itself: then it counts as a whole, whatever of it runs.
+    """
+
+    ingredients: dict[str, str] = field(default_factory=dict)
+    documented: dict[str, str] = field(default_factory=dict)
+    installed: set[str] = field(default_factory=set)
+    files: dict[str, str] = field(default_factory=dict)
+    plain: set[str] = field(default_factory=set)
+    hiding: tuple[Module, ...] = ()
+    place: tuple[str, int] | None = None
+    sources: dict[str, ModuleSource] = field(default_factory=dict, compare=False)
+
+
+class ModuleSources:
+    """Reads the source files of content-tracked modules, each once; their facts are kept in the store by content.
+
+    `root` is the folder of the workspace. `within` is for workspaces that are not trusted: only files of part folders for which it holds
+    are read, and at most `MAX_UNTRUSTED` bytes of them. What is not read has no source, so that the key of what uses it is another.
+    """
+
+    def __init__(self, finder: Finder, root: str, store: Store | None = None, within: Callable[[str], bool] | None = None) -> None:
+        self.finder = finder
+        self.root = os.path.join(root, "")
+        self.store = store
+        self._within = within
+        self._left = MAX_UNTRUSTED
+        self._read: dict[str, ModuleSource | None] = {}
+
+    def source(self, name: str) -> ModuleSource | None:
+        """The source of the content-tracked module `name`, or None when it has none or is of another kind."""
+        if name not in self._read:
+            module = self.finder.find(name)
+            data = self._bytes(module)
+            self._read[name] = None if data is None else self._source(module, data)
+        return self._read[name]
+
+    def _bytes(self, module: Module) -> bytes | None:
+        if module.kind != "content" or module.file is None:
+            return None
+        within = self._within if module.workspace else None
+        if within is not None and not within(module.file):
+            return None
+        try:
+            with open(module.file, "rb") as stream:
+                data = stream.read(-1 if within is None else self._left + 1)
+        except OSError:
+            return None
+        if within is None:
+            return data
+        self._left -= len(data)  # to -1 at the least
+        return data if self._left >= 0 else None
+
+    def _source(self, module: Module, data: bytes) -> ModuleSource:
+        sha256 = hashlib.sha256(data).hexdigest()
+        key = f"{VERSION} {sys.version_info[0]}.{sys.version_info[1]} {sha256}"  # syntax trees differ between versions of Python
+        facts = self.store.get_json("facts", key) if self.store is not None else None
+        if facts is None:
+            from thingc.geometry.key.source_reader import read
+
+            facts = read(data)
+            if self.store is not None:
+                self.store.note_json("facts", key, facts)
+        file = module.file or ""
+        inside = module.workspace and file.startswith(self.root)
+        path = file[len(self.root) :].replace(os.sep, "/") if inside else os.path.basename(file)
+        return ModuleSource(module, sha256, ModuleFacts(**facts), path)
+
+
+def code_of(reference: str, sources: ModuleSources) -> CodeIngredients:
+    """The code that `module:Class` depends on. The module must be found and content-tracked."""
+    module, _, name = reference.partition(":")
+    reached = [sources.finder.find(one) for one in reached_from(module, sources)]
+    tracked = [source for one in reached if (source := sources.source(one.name)) is not None]
+    texts = any(source.facts.telling for source in tracked)
+    whole = texts or any(source.facts.looking for source in tracked)
+    return CodeIngredients(
+        ingredients={one.label: f"{one.sha256 if texts else one.facts.syntax} {one.path}" for one in tracked},
+        documented={one.label: f"{one.sha256 if texts else one.facts.documented} {one.path}" for one in tracked},
+        installed={one.name for one in reached if one.kind == "installed"},
+        files={one.module.file: one.sha256 for one in tracked if one.module.file is not None},
+        plain={one.name for one in reached if one.kind == "content" and one.file is None},
+        hiding=tuple(one for one in reached if one.hides),
+        place=_place(module, name.partition(".")[0], sources),
+        sources={} if whole else {one.module.file: one for one in tracked if one.module.file is not None},
+    )
+
+
+def reached_from(module: str, sources: ModuleSources) -> list[str]:
+    """The names of `module` and of all that it and those import, with the packages that they lie in, there or not. Sorted."""
+    reached: set[str] = set()
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        if not name or name in reached:
+            continue
+        reached.add(name)
+        waiting.append(name.rpartition(".")[0])
+        source = sources.source(name)
+        if source is None:
+            continue
+        for origin in source.facts.imports:
+            target, inner = _absolute(source, origin)
+            waiting.append(target)
+            if target and inner not in ("", "*") and sources.finder.find(f"{target}.{inner}").kind == "content":
+                waiting.append(f"{target}.{inner}")
+    return sorted(reached)
+
+
+def may_have(module: str, name: str, sources: ModuleSources) -> bool:
+    """Whether `module` may have a `name`, by itself or through stars; reading cannot always be sure that it has not."""
+    return any(source is None or source.facts.more or name in source.facts.names for source in _namespaces(module, sources))
+
+
+def defined_in(module: str, sources: ModuleSources) -> tuple[str, ...]:
+    """The public classes and functions that `module` defines or has through stars, sorted."""
+    return tuple(sorted({
+        name for source in _namespaces(module, sources) if source is not None for name, (kind, _, _) in source.facts.names.items()
+        if kind in ("class", "function") and name[0] != "_"
+    }))
+
+
+def _namespaces(module: str, sources: ModuleSources) -> list[ModuleSource | None]:
+    """The module, and those whose names it has by stars; None stands for one that cannot be read."""
+    met = [module]
+    namespaces: list[ModuleSource | None] = []
+    for name in met:
+        source = sources.source(name)
+        namespaces.append(source)
+        if source is not None:
+            stars = [origin for origin in source.facts.imports if origin.endswith(":*")]
+            met += [target for origin in stars if (target := _absolute(source, origin)[0]) not in met]
+    return namespaces
+
+
+def _place(module: str, name: str, sources: ModuleSources) -> tuple[str, int] | None:
+    """Where a name is defined, through imports."""
+    for _ in range(MAX_STEPS):
+        source = next((one for one in _namespaces(module, sources) if one is not None and name in one.facts.names), None)
+        if source is None or source.module.file is None:
+            return None
+        _, line, origin = source.facts.names[name]
+        if ":" not in origin:
+            return source.module.file, line
+        module, name = _absolute(source, origin)
+    return None
+
+
+def _absolute(source: ModuleSource, origin: str) -> tuple[str, str]:
+    """The module that an import in `source` names, and what it takes from it ("" where it takes the module itself). A relative one that
+    leads out of its package names no module, which is ""."""
+    written, _, inner = origin.partition(":")
+    target = written.lstrip(".")
+    dots = len(written) - len(target)
+    if dots:
+        steps = source.module.name.split(".")
+        above = dots - 1 if source.module.folders else dots  # `__init__.py` stands for its package
+        package = ".".join(steps[: max(len(steps) - above, 0)])
+        target = f"{package}.{target}" if package and target else package
+    return target, inner

@@ -1,0 +1,197 @@
+"""Where modules lie: in the workspace's part folders, in a package tracked by content, elsewhere in the environment, or nowhere.
+
+Shared by the client, which reads part files without importing them, and the worker, which imports them, so that both
+mean the same file by the same name.
+"""
+
+from __future__ import annotations
+
+import os
+import site
+import sys
+import sysconfig
+from collections.abc import Collection, Iterable, Sequence
+from functools import cache
+
+import thingc
+from thingc.base.files import listing
+from thingc.base.frozen import dataclass
+from thingc.base.installed import import_path, specification_of
+
+OWN_FOLDER = os.path.dirname(os.path.abspath(thingc.__file__))
+"""Where thingc itself lies."""
+
+CONTENT_TRACKED = frozenset({"thingc_stock"})
+"""Packages tracked by content wherever they are installed."""
+
+OWN = frozenset({"thingc"})
+"""Packages that count by the state of the compiler, which is in every key."""
+
+SELDOM_USED = frozenset({
+    "IPython", "ezdxf", "fontTools", "lib3mf", "ocp_gordon", "ocpsvg", "requests", "scipy", "sklearn", "svgpathtools",
+    "sympy", "threejs_materials", "trianglesolver",
+})
+"""Top-level packages that build123d imports for a few of its functions only."""
+
+PROTECTED = frozenset(sys.stdlib_module_names) | SELDOM_USED | {
+    "OCP", "anytree", "bd_materials", "bd_warehouse", "build123d", "coacd", "manifold3d", "numpy", "thingc", "typing_extensions",
+    "webcolors",
+}
+"""Names that a part folder cannot take: the standard library, and what the geometry worker itself stands on."""
+
+
+MAX_NAME = 500
+"""Characters of a dotted name that is looked for: no module lies deeper."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Module:
+    """A module as found by name, without importing it.
+
+    `kind` is `content` (its code is read, followed and counts), `installed` (what Python finds by itself: it counts by its version,
+    or by its files as they were loaded) or `absent`. `file` is its source (None for a folder without `__init__.py`, and for
+    what is built in), or the binary of an extension; `folders` are where its submodules lie, empty for a plain module.
+    `hides` are further files in the part folders that would be this module, were the others not there.
+    """
+
+    name: str
+    kind: str
+    file: str | None = None
+    folders: tuple[str, ...] = ()
+    workspace: bool = False
+    hides: tuple[str, ...] = ()
+
+
+@cache
+def own_roots() -> tuple[str, ...]:
+    """The interpreter's own folders, as they are named and as they really are: the standard library and site-packages."""
+    named = sysconfig.get_paths()
+    roots = {named[key] for key in ("stdlib", "platstdlib", "purelib", "platlib")}
+    roots.update(site.getsitepackages() if hasattr(site, "getsitepackages") else ())
+    if site.ENABLE_USER_SITE:
+        roots.add(site.getusersitepackages())
+    return _in_both_forms(roots)
+
+
+@cache
+def installed_roots() -> tuple[str, ...]:
+    """The folders whose contents count by version: the interpreter's own, and those that the import path leads to besides
+    (a `.pth` file does that) and packages were installed into."""
+    others = [folder for folder in import_path() if any(name.endswith(".dist-info") for name in listing(folder))]
+    return tuple(dict.fromkeys((*own_roots(), *_in_both_forms(others))))
+
+
+def _in_both_forms(folders: Iterable[str]) -> tuple[str, ...]:
+    return tuple(sorted({os.path.join(form, "") for folder in folders for form in (folder, os.path.realpath(folder))}))
+
+
+def is_installed(file: str) -> bool:
+    """Whether a file lies in one of `installed_roots`."""
+    return (os.path.realpath(file) + os.sep).startswith(installed_roots())
+
+
+class Finder:
+    """Finds modules by name for one workspace: `parts` are its absolute part folders, in order of precedence, `packages` the
+    packages that it allows. Those are followed as code, unless they are installed; whatever else is imported is not.
+
+    `probed` collects the absolute paths that were looked at in folders tracked by content, there or not.
+    """
+
+    def __init__(self, parts: Sequence[str], packages: Iterable[str] = ()) -> None:
+        self.parts = tuple(parts)
+        self.followed = CONTENT_TRACKED.union(packages)
+        self.probed: set[str] = set()
+        self._found: dict[str, Module] = {}
+        self._part_modules: list[str] | None = None
+
+    def find(self, name: str) -> Module:
+        """The module `name` (dotted, absolute)."""
+        module = self._found.get(name)
+        if module is None:
+            module = self._found[name] = self._find(name)
+        return module
+
+    def _find(self, name: str) -> Module:
+        if len(name) > MAX_NAME:
+            return Module(name=name, kind="absent")
+        parent, _, last = name.rpartition(".")
+        if parent:
+            package = self.find(parent)
+            if package.kind != "content":
+                return Module(name=name, kind=package.kind)
+            return self._in_folders(name, last, package.folders, package.workspace) or Module(name=name, kind="absent")
+        if name in sys.builtin_module_names or name in OWN:
+            return Module(name=name, kind="installed")
+        if name not in PROTECTED:
+            module = self._in_folders(name, name, self.parts, True, plain_folders=False)
+            if module is not None:
+                return module
+        module = _on_path(name, self.followed)
+        if module is not None and module.kind == "content" and module.file is not None:
+            self.probed.add(module.file)
+        if module is None and name not in PROTECTED:
+            module = self._in_folders(name, name, self.parts, True)
+        return module or Module(name=name, kind="absent")
+
+    def hidden(self, name: str) -> str | None:
+        """The file in a part folder that would be the top-level module `name`, were that not one of `PROTECTED`."""
+        module = self._in_folders(name, name, self.parts, True, plain_folders=False) if name in PROTECTED else None
+        return module.file if module is not None else None
+
+    def _in_folders(
+        self, name: str, last: str, folders: Iterable[str], workspace: bool, *, plain_folders: bool = True
+    ) -> Module | None:
+        """As Python's path finder does: a package, else a module, else (where allowed) a folder without `__init__.py`."""
+        candidates: list[tuple[str, tuple[str, ...]]] = []
+        plain: list[str] = []
+        for folder in folders:
+            path = os.path.join(folder, last)
+            initial = os.path.join(path, "__init__.py")
+            self.probed.update((initial, path + ".py"))
+            candidates += [one for one in ((initial, (path,)), (path + ".py", ())) if os.path.isfile(one[0])]
+            if os.path.isdir(path):
+                plain.append(path)
+        if candidates:
+            file, inside = candidates[0]
+            others = (one for one, _ in candidates[1:] if workspace and not os.path.samefile(one, file))
+            return Module(name=name, kind="content", file=file, folders=inside, workspace=workspace, hides=tuple(others))
+        if plain and plain_folders:
+            return Module(name=name, kind="content", folders=tuple(plain), workspace=workspace)
+        return None
+
+    def part_modules(self) -> list[str]:
+        """Names of the modules in the part folders (two levels) that may be named, for near-name hints."""
+        if self._part_modules is None:
+            self._part_modules = self._list_modules()
+        return self._part_modules
+
+    def _list_modules(self) -> list[str]:
+        modules: set[str] = set()
+        for folder in self.parts:
+            for name in listing(folder):
+                path = os.path.join(folder, name)
+                if name.endswith(".py") and name[:-3].isidentifier():
+                    modules.add(name[:-3])
+                elif name.isidentifier() and os.path.isdir(path):
+                    inner = [entry for entry in listing(path) if entry.endswith(".py")]
+                    if "__init__.py" in inner:
+                        modules.add(name)
+                    own = [entry[:-3] for entry in inner if entry[:-3].isidentifier() and entry != "__init__.py"]
+                    modules.update(f"{name}.{entry}" for entry in own)
+        return sorted(name for name in modules if name.partition(".")[0] not in PROTECTED)
+
+
+def _on_path(name: str, followed: Collection[str]) -> Module | None:
+    """A top-level module of the environment (editable packages that bring a finder of their own are asked for, too)."""
+    specification = specification_of(name)
+    if specification is None:
+        return None
+    origin = specification.origin
+    folders = tuple(specification.submodule_search_locations or ())
+    if origin is None and folders and all(is_installed(os.path.join(folder, "")) for folder in folders):
+        return Module(name=name, kind="installed")
+    if origin is None:  # a folder without __init__.py: the project's own build/ or docs/ count for nothing
+        return None
+    if origin.endswith(".py") and name in followed and (name in CONTENT_TRACKED or not is_installed(origin)):
+        return Module(name=name, kind="content", file=origin, folders=folders)
+    return Module(name=name, kind="installed", file=origin if specification.has_location else None)

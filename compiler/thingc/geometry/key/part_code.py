@@ -1,0 +1,154 @@
+"""May a part be loaded, where is its code, and what does that code depend on: all before anything is imported."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.files import listing
+from thingc.geometry.key.module_key import CodeIngredients, ModuleSources, code_of, defined_in, may_have
+from thingc.geometry.key.modules import OWN, Finder, Module
+from thingc.geometry.key.versions import KERNEL, compiler_version, platform_versions, versions_of
+from thingc.geometry.record import PartDefinition, PartFailure
+from thingc.geometry.record_json import shortened
+from thingc.geometry.store.local import Store
+
+if TYPE_CHECKING:
+    from thingc.documents.workspace import Workspace
+    from thingc.geometry.key.results import Results
+
+FILES = (".step", ".stp", ".brep", ".brp", ".stl", ".3mf", ".obj")
+"""Suffixes of files that can be parts."""
+
+
+class PartCode:
+    """The code of parts of one workspace, each read once; `sources` are the files. Without a store the workspace is not trusted:
+    files of part folders that lie outside of it are not read."""
+
+    def __init__(self, workspace: Workspace, store: Store | None) -> None:
+        self.workspace = workspace
+        self.store = store
+        within = None if store is not None else workspace.contains
+        self.sources = ModuleSources(Finder(workspace.parts, workspace.packages), workspace.root, store, within)
+        self._codes: dict[str, CodeIngredients | None | PartFailure] = {}
+        self._known_versions: dict[tuple[str, ...], dict[str, str]] = {}
+
+    @property
+    def probed(self) -> set[str]:
+        """Absolute paths that decided which file a module is, there or not."""
+        return self.sources.finder.probed
+
+    def code(self, reference: str) -> CodeIngredients | None | PartFailure:
+        """The code of `module:Class`; None for an installed package; or why it may not or cannot be loaded."""
+        if reference not in self._codes:
+            code = self._read_code(reference)
+            self._codes[reference] = self.with_namesakes(code) if isinstance(code, PartFailure) else code
+        return self._codes[reference]
+
+    def with_namesakes(self, failure: PartFailure) -> PartFailure:
+        """Add references to classes of the same name in other modules to a failure to find a part."""
+        from thingc.geometry.key.catalogue import classes_in_reach
+
+        name = failure.subject.rpartition(":")[2]
+        if failure.kind != "missing" and name != failure.subject:
+            return failure
+        namesakes = [one for one in classes_in_reach(self.sources, self.workspace.packages) if one.partition(":")[2] == name]
+        return replace(failure, candidates=(*failure.candidates, *namesakes))
+
+    def hiding(self, reference: str) -> tuple[Module, ...]:
+        """The modules in reach of `module:Class` that hide others of their name; where there is no such class, its module alone."""
+        code = self.code(reference)
+        if isinstance(code, PartFailure) and code.file is not None:
+            return tuple(one for one in (self.sources.finder.find(reference.partition(":")[0]),) if one.hides)
+        return code.hiding if isinstance(code, CodeIngredients) else ()
+
+    def _read_code(self, reference: str) -> CodeIngredients | None | PartFailure:
+        module_name, colon, name = reference.partition(":")
+        if not colon or not all(part.isidentifier() for part in (*module_name.split("."), *name.split("."))):
+            message = f"`{reference}` is no part reference: expected `module:Class`"
+            return PartFailure(subject=reference, kind="invalid", message=message)
+        finder = self.sources.finder
+        module = finder.find(module_name)
+        top = module_name.partition(".")[0]
+        allowed = module.workspace or top in self.workspace.packages
+        if not allowed and (module.kind != "absent" or finder.find(top).kind == "installed"):
+            message = f"`{module_name}` is neither in a part folder nor in a package that the workspace allows"
+            if hidden := finder.hidden(top):
+                shown = os.path.relpath(hidden, self.workspace.root)
+                message = f"a module of Python or of what thingc stands on is called `{top}`, and hides `{shown}`: call the file otherwise"
+            return PartFailure(subject=reference, kind="refused", message=message, candidates=tuple(self.workspace.packages))
+        if module.kind == "installed":
+            return None
+        if module.kind == "absent" or module.file is None:
+            inside = finder.find(top).folders if top in self.workspace.packages else ()
+            known = (
+                *finder.part_modules(), *self.workspace.packages,
+                *(
+                    f"{top}.{name[:-3]}"
+                    for folder in inside for name in listing(folder) if name.endswith(".py") and name[0] != "_"
+                ),
+            )
+            return PartFailure(
+                subject=reference, kind="missing", message=f"there is no module `{module_name}`", candidates=known
+            )
+        first = name.partition(".")[0]
+        if not may_have(module_name, first, self.sources):
+            return PartFailure(
+                subject=reference, kind="missing", message=f"`{module_name}` has no `{first}`", file=module.file,
+                candidates=tuple(f"{module_name}:{one}" for one in defined_in(module_name, self.sources)),
+            )
+        return code_of(reference, self.sources)
+
+    def versions(self, code: CodeIngredients | None, reference: str = "") -> dict[str, str]:
+        """Versions of the kernel, of thingc, and of everything installed that the code uses; where the part is of an
+        installed package (`code` None), of that."""
+        package = reference.partition(":")[0].partition(".")[0]
+        own = {name.partition(".")[0] for name in code.installed} if code is not None else {package} - {""}
+        used = (*KERNEL, *own)
+        key = tuple(sorted(set(used) - OWN))
+        if key not in self._known_versions:
+            self._known_versions[key] = {**platform_versions(), **compiler_version(), **versions_of(key, self.file_of, self.store)}
+        return self._known_versions[key]
+
+    def file_of(self, package: str) -> str | None:
+        """The file of a top-level module of the environment, which then is one that decides."""
+        file = self.sources.finder.find(package).file
+        if file is not None:
+            self.probed.add(file)
+        return file
+
+    def around(self, code: CodeIngredients | None) -> dict[str, Any]:
+        """What a request to the worker says of the code: the workspace's folders and packages, the files that have a key (SHA-256
+        by file), part packages without `__init__.py`, and installed packages worth loading before the fork."""
+        code = code or CodeIngredients()
+        return {
+            "root": self.workspace.root, "parts": list(self.workspace.parts), "packages": list(self.workspace.packages),
+            "hashes": code.files, "plain": sorted(code.plain),
+            "preload": sorted(name for name in code.installed if name.partition(".")[0] in self.workspace.packages),
+        }
+
+    def files(self) -> dict[str, str]:
+        """The files of all code read so far (in the workspace relative to it) with their states, as `reads` has them."""
+        code = [code for code in self._codes.values() if isinstance(code, CodeIngredients)]
+        return {
+            shortened(file, self.workspace.root) or file: f"file:{sha256}" for one in code for file, sha256 in one.files.items()
+        }
+
+
+def file_state(definition: PartDefinition, workspace: Workspace, results: Results) -> str | PartFailure:
+    """What lies at the place of a part that is a file, as `reads` has it; or why there is none."""
+    path = os.path.join(workspace.root, definition.reference)
+    if os.path.isabs(definition.reference) or not workspace.contains(path):
+        return PartFailure(
+            subject=definition.text, kind="refused", message=f"`{definition.reference}` is outside of the workspace"
+        )
+    state = results.state(definition.reference, "file:")
+    if not state.startswith("file:"):
+        folder = os.path.dirname(definition.reference)
+        near = [os.path.join(folder, name).replace(os.sep, "/") for name in listing(os.path.dirname(path))]
+        return PartFailure(
+            subject=definition.text, kind="missing", message=f"there is no file `{definition.reference}`",
+            candidates=tuple(name for name in near if name.lower().endswith(FILES)),
+        )
+    return state

@@ -1,0 +1,109 @@
+"""Versions of everything that has a part in a result but is no code of the workspace: Python, packages, and thingc itself."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import re
+import sys
+from collections.abc import Callable, Iterable
+from functools import cache
+
+from thingc.base.files import listing
+from thingc.base.installed import import_path
+from thingc.geometry.key.environment import passed
+from thingc.geometry.key.file_states import state_of
+from thingc.geometry.key.modules import OWN_FOLDER, is_installed
+from thingc.geometry.store.local import Store
+
+KERNEL = ("build123d", "OCP", "numpy", "manifold3d")
+"""Top-level packages that every record depends on."""
+
+OF_FILES = ("fast_simplification", "trimesh")
+"""Those that read meshes and make fewer triangles of them."""
+
+_DISTRIBUTIONS = {
+    "OCP": ("cadquery_ocp", "cadquery_ocp_novtk"), "sklearn": ("scikit_learn",), "yaml": ("pyyaml",), "PIL": ("pillow",),
+}
+_METADATA = re.compile(r"(?P<name>[^-]+)-(?P<version>.+)\.(dist-info|egg-info)$")
+
+
+def versions_of(names: Iterable[str], file_of: Callable[[str], str | None], store: Store | None = None) -> dict[str, str]:
+    """`{"version build123d": "0.13.0"}` for top-level packages of the environment: the version of their distribution, else a hash
+    of the file `file_of(name)`. The standard library counts with Python."""
+    ingredients: dict[str, str] = {}
+    unknown: list[str] = []
+    for name in sorted(set(names) - sys.stdlib_module_names):
+        candidates = _DISTRIBUTIONS.get(name, (name.lower().replace("-", "_").replace(".", "_"),))
+        held = [one for one in candidates if one in _installed()]
+        versions = [f"{one} {_installed()[one]}" if len(candidates) > 1 else _installed()[one] for one in held]
+        if versions:
+            ingredients[f"version {name}"] = ", ".join(versions)
+        else:
+            unknown.append(name)
+    if unknown:
+        table = _by_import_name(store)
+        ingredients.update({f"version {name}": table.get(name) or _file_version(file_of(name)) for name in unknown})
+    return ingredients
+
+
+def _file_version(file: str | None) -> str:
+    """What stands for the version of a module that no distribution brings."""
+    return "unknown" if file is None else state_of(file)
+
+
+def platform_versions() -> dict[str, str]:
+    """Python, the machine, and what workers see of its environment."""
+    return {
+        **{f"variable {name}": value for name, value in passed().items()},
+        "version Python": f"{platform.python_implementation()} {'.'.join(map(str, sys.version_info[:3]))}",
+        "machine": f"{sys.platform} {platform.machine()}",
+    }
+
+
+@cache
+def compiler_version() -> dict[str, str]:
+    """The state of thingc's own code that makes records: a digest of its files, and for people its version."""
+    import thingc
+
+    digest = hashlib.sha256()
+    for room in ("realize", "things"):
+        for folder, below, names in os.walk(os.path.join(OWN_FOLDER, room)):
+            below.sort()
+            for file in (os.path.join(folder, name) for name in sorted(names) if name.endswith(".py")):
+                digest.update(os.path.relpath(file, OWN_FOLDER).encode())
+                with open(file, "rb") as stream:
+                    digest.update(hashlib.sha256(stream.read()).digest())
+    return {"version thingc": f"{getattr(thingc, '__version__', '0')} {digest.hexdigest()[:16]}"}
+
+
+@cache
+def _installed() -> dict[str, str]:
+    """Versions by normalised distribution name, read off the names of the metadata folders."""
+    versions: dict[str, str] = {}
+    for folder in reversed(import_path()):
+        if not is_installed(os.path.join(folder, "")):
+            continue
+        for name in listing(folder):
+            match = _METADATA.match(name)
+            if match is not None:
+                versions[re.sub(r"[-.]+", "_", match["name"]).lower()] = match["version"]
+    return versions
+
+
+def _by_import_name(store: Store | None) -> dict[str, str]:
+    """Versions by the name that is imported, for packages called otherwise than their distribution: slow, so it is kept."""
+    key = hashlib.sha256(repr(sorted(_installed().items())).encode()).hexdigest()
+    kept = store.get_json("packages", key) if store is not None else None
+    if isinstance(kept, dict):
+        return kept
+    from importlib import metadata
+
+    table = {
+        name: ", ".join(f"{one} {metadata.version(one)}" for one in sorted(set(distributions)))
+        for name, distributions in metadata.packages_distributions().items()
+    }
+    if store is not None:
+        store.note_json("packages", key, table)
+    return table

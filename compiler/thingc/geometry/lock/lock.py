@@ -1,0 +1,191 @@
+"""`parts.lock.json`: what the parts of a workspace take and are, written down so that documents can be checked without their
+code. It lies at the root of the workspace, is written by `thingc lock` and kept with the documents.
+
+Whoever reads it need not trust it: its size, its structure and every number in it are looked at, and nothing in it is run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import field
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from thingc.base.diagnostics import Code, Report, Severity
+from thingc.base.frozen import dataclass
+from thingc.base.source import Span, line_of
+from thingc.geometry.key.module_key import CodeIngredients
+from thingc.geometry.lock.values import BadLock, mapping, read_record, read_schema, text_at
+from thingc.geometry.record import PartDefinition, PartRecord, PartSchema
+
+if TYPE_CHECKING:
+    from thingc.documents.workspace import Workspace
+
+LOCK_FILE = "parts.lock.json"
+VERSION = "lock/1"
+MAX_BYTES = 10_000_000
+REMAKE = "run `thingc lock` where the code of the parts may run, and keep what it writes with the documents"
+"""What to do about any fault of the lock."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LockedThing:
+    """What the lock says of one Thing. `code` is the hash of its code, `reads` are the files that it read (states by path in
+    the workspace), `values` its schema as it stands there, `records` those of its definitions by their text."""
+
+    code: str
+    reads: Mapping[str, str]
+    values: Mapping[str, Any]
+    records: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lock:
+    """A lock that has been read. `things` by `module:Class`, `files` (parts that are files) by path in the workspace: the state
+    of the file's content and its record; `others` are the classes in reach that are no Things. Records and schemas are looked
+    at when they are asked for."""
+
+    file: str
+    sha256: str
+    things: Mapping[str, LockedThing]
+    files: Mapping[str, tuple[str, Any]]
+    others: frozenset[str]
+    _schemas: dict[str, PartSchema] = field(default_factory=dict, repr=False)
+
+    def schema(self, reference: str) -> PartSchema | None:
+        """The part schema of `module:Class` (without its place), None where the lock has none. Raises `BadLock`."""
+        thing = self.things.get(reference)
+        if thing is None:
+            return None
+        if reference not in self._schemas:
+            self._schemas[reference] = read_schema(reference, thing.values, f"things.{reference}")
+        return self._schemas[reference]
+
+    def record(self, definition: PartDefinition, code: tuple[str, int] | None = None) -> PartRecord | None:
+        """The record of a definition, None where the lock has none. Raises `BadLock`."""
+        if definition.kind == "file":
+            held = self.files.get(definition.text)
+            return None if held is None else read_record(definition.text, held[1], f"files.{definition.text}.record", None)
+        thing = self.things.get(definition.reference)
+        values = None if thing is None else thing.records.get(definition.text)
+        if values is None:
+            return None
+        return read_record(definition.text, values, f"things.{definition.reference}.records.{definition.text}", code)
+
+    def relatives(self, reference: str, code: tuple[str, int] | None = None) -> Iterable[PartRecord]:
+        """Every record of `module:Class`, whatever its parameters. Raises `BadLock`."""
+        thing = self.things.get(reference)
+        for text, values in (thing.records if thing is not None else {}).items():
+            yield read_record(text, values, f"things.{reference}.records.{text}", code)
+
+
+def lock_path(workspace: Workspace) -> str:
+    """Where the lock of a workspace lies."""
+    return os.path.join(workspace.root, LOCK_FILE)
+
+
+def code_hash(code: CodeIngredients | None, version: str = "") -> str:
+    """The hash of everything in a part's code that can change what it is; of a part of an installed package (`code` None) that
+    of the package's `version`. Comments, layout and docstrings do not count."""
+    ingredients = [["version", version]] if code is None else sorted(code.ingredients.items())
+    return hashlib.sha256(json.dumps(ingredients, separators=(",", ":")).encode()).hexdigest()
+
+
+def top_of(file: str) -> Span:
+    """The beginning of the lock: where faults are shown that concern all of it."""
+    return line_of(file)
+
+
+def read_lock(workspace: Workspace, report: Report) -> Lock | None:
+    """The lock of a workspace; None where there is none, or where it has been reported why it is none."""
+    path = lock_path(workspace)
+    if not os.path.lexists(path):
+        return None
+    if not os.path.isfile(path) or not workspace.contains(path):
+        report.add(
+            Code.LOCK_BROKEN, f"`{LOCK_FILE}` is no file of this workspace", None,
+            help="remove it (a link out of the workspace is not followed); then " + REMAKE,
+        )
+        return None
+    try:
+        with open(path, "rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except OSError as error:
+        report.add(Code.UNREADABLE, f"cannot read `{LOCK_FILE}`: {(error.strerror or 'an error').lower()}", None)
+        return None
+    try:
+        return read(path, data)
+    except BadLock as fault:
+        report_bad(path, fault, report)
+        return None
+
+
+def report_missing(workspace: Workspace, report: Report) -> None:
+    """Say that there is no lock, unless it has been said that it is broken."""
+    if not os.path.lexists(lock_path(workspace)):
+        report.add(
+            Code.NO_LOCK, f"there is no `{LOCK_FILE}` in the folder of the workspace: without it nothing is known of parts unless their "
+            "code is run", workspace.origin, help=REMAKE,
+        )
+
+
+def report_bad(path: str, fault: BadLock, report: Report, *, severity: Severity = Severity.ERROR) -> None:
+    """Say what cannot be in the lock at `path`."""
+    where = f" at `{fault.path[:200]}`" if fault.path else ""
+    report.add(Code.LOCK_BROKEN, f"`{LOCK_FILE}` is broken{where}: {fault}", top_of(path), help=REMAKE, severity=severity)
+
+
+def read(path: str, data: bytes) -> Lock:
+    """The lock in `data`. Raises `BadLock`."""
+    if len(data) > MAX_BYTES:
+        raise BadLock("", f"it has more than {MAX_BYTES} bytes")
+    try:
+        value = json.loads(data.decode("utf-8"), object_pairs_hook=_once, parse_constant=_refuse)
+    except UnicodeDecodeError:
+        raise BadLock("", "it is not UTF-8") from None
+    except RecursionError:
+        raise BadLock("", "it is nested too deep") from None
+    except json.JSONDecodeError as fault:
+        raise BadLock("", f"line {fault.lineno}, column {fault.colno} is no JSON") from None
+    except ValueError:
+        raise BadLock("", "a whole number in it has too many digits") from None
+    table = mapping(value, "")
+    if table.get("thingc") != VERSION:
+        raise BadLock("thingc", f'expected "{VERSION}"')
+    things: dict[str, LockedThing] = {}
+    for reference, values in mapping(table.get("things", {}), "things").items():
+        where = f"things.{reference}"
+        values = mapping(values, where)
+        things[reference] = LockedThing(
+            code=text_at(values, "code", where), reads=_states(values.get("reads", {}), f"{where}.reads"), values=values,
+            records=mapping(values.get("records", {}), f"{where}.records"),
+        )
+    files: dict[str, tuple[str, Any]] = {}
+    for file, values in mapping(table.get("files", {}), "files").items():
+        values = mapping(values, f"files.{file}")
+        files[file] = (text_at(values, "content", f"files.{file}"), values.get("record"))
+    others = table.get("others", [])
+    if not isinstance(others, list) or not all(isinstance(one, str) for one in others):
+        raise BadLock("others", "expected a list of texts")
+    return Lock(file=path, sha256=hashlib.sha256(data).hexdigest(), things=things, files=files, others=frozenset(others))
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    table = dict(pairs)
+    if len(table) != len(pairs):
+        raise BadLock("", "a key stands twice in one mapping")
+    return table
+
+
+def _refuse(word: str) -> NoReturn:
+    raise BadLock("", f"`{word}` is no number")
+
+
+def _states(value: Any, path: str) -> dict[str, str]:
+    states = mapping(value, path)
+    for file, state in states.items():
+        if not isinstance(state, str) or os.path.isabs(file) or ".." in file.split("/") or "\0" in file:
+            raise BadLock(path, "expected paths inside the workspace, and what lies there")
+    return dict(states)

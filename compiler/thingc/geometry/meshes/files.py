@@ -1,0 +1,54 @@
+"""Mesh files as documents name them, before anybody reads one: what is in them by content, and in which unit."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+
+from thingc.base.brief import Brief
+from thingc.base.frozen import dataclass
+from thingc.base.pose import Vector
+from thingc.documents.load.paths import libraries
+from thingc.geometry.store.digests import digest_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeshFile(Brief):
+    """A mesh file of the workspace: its path there, the SHA-256 of its content (and of those that its colours come from), and the factors
+    by which its numbers are metres along x, y and z; of one that is mirrored some are negative. `folder` is where it lies (absolute)."""
+
+    path: str
+    sha256: str
+    scale: Vector
+    beside: tuple[tuple[str, str], ...] = ()
+    folder: str = ""
+
+    @property
+    def suffix(self) -> str:
+        """`.stl`."""
+        return os.path.splitext(self.path)[1].lower()
+
+    @property
+    def name(self) -> str:
+        """What it is called among other files: `meshes.trunk.stl`, with 8 hex of the SHA-256 of its scale before the suffix where its
+        numbers are no metres."""
+        stem, suffix = os.path.splitext(self.path.replace("/", "."))
+        if self.scale == (1.0, 1.0, 1.0):
+            return stem + suffix
+        return f"{stem}-{hashlib.sha256(repr(self.scale).encode()).hexdigest()[:8]}{suffix}"
+
+    @property
+    def content(self) -> tuple[object, ...]:
+        """All that what is read of it depends on."""
+        return self.suffix, self.sha256, self.beside, self.scale
+
+
+def mesh_file(absolute: str, path: str, scale: Vector, digest: Callable[[str], str] = digest_of) -> MeshFile:
+    """The mesh file at an absolute path, which is `path` in the workspace; `digest` gives the SHA-256 of a file. Raises `OSError`."""
+    folder = os.path.dirname(absolute)
+    beside = [(name, os.path.join(folder, name)) for name in libraries(absolute)]
+    return MeshFile(
+        path=path, sha256=digest(absolute), scale=scale, folder=folder,
+        beside=tuple((name, digest(place)) for name, place in beside if os.path.isfile(place)),
+    )

@@ -1,0 +1,79 @@
+"""What is known of mesh files, kept in the store by their content."""
+
+from __future__ import annotations
+
+import gc
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.inertia import MassProperties
+from thingc.base.memo import Memo
+from thingc.base.source import Origin
+from thingc.geometry.mesh_bounds import BadMesh
+from thingc.geometry.meshes.files import MeshFile
+from thingc.geometry.meshes.record import MeshPiece, MeshRecord
+from thingc.geometry.record_json import matrix_from_json, mesh_from_json, mesh_to_json, vector_from_json
+from thingc.geometry.store.local import Store
+
+KIND = "mesh-files"
+"""Documents in the store."""
+
+VERSION = 2
+"""Of what is read of a file: another one is read anew."""
+
+
+def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | None:
+    """What is known of a file, from the store, else by reading it; without `read` None where nobody has read it yet. Raises `BadMesh`."""
+    key = json.dumps([VERSION, *file.content])
+    known = store.get_json(KIND, key)
+    if known is not None and all(store.has(sha256, size) for sha256, size in known["blobs"]):
+        return _record(known)
+    if not read:
+        return None
+    from thingc.geometry.meshes.reading import read_mesh
+
+    record = read_mesh(file, store)
+    gc.collect(1)  # what trimesh makes of a mesh refers to itself, and is large: that of many meshes would wait for a command's end
+    store.put_json(KIND, key, _plain(record))
+    return record
+
+
+def mesh_records(
+    listed: Mapping[MeshFile, tuple[Origin, bool]], store: Store, report: Report, memo: Memo,
+) -> dict[MeshFile, MeshRecord]:
+    """The records of mesh files, each with the place where it is listed and whether it has to be read, without those of which nothing is
+    known. One that is no mesh is an error at its place."""
+    records: dict[MeshFile, MeshRecord] = {}
+    for file, (origin, read) in listed.items():
+        try:
+            record = memo(("mesh record", file.path, file.scale, read), measured, file, store, read)
+        except BadMesh as fault:
+            report.add(Code.PART_INVALID, f"`{file.path}` {fault}", origin, help="export it anew, as STL, OBJ, COLLADA, PLY or glTF")
+            continue
+        if record is not None:
+            records[file] = record
+    return records
+
+
+def _plain(record: MeshRecord) -> dict[str, Any]:
+    meshes = [record.mesh, *(piece.mesh for piece in record.pieces)]
+    matter = record.matter
+    return {
+        "mesh": mesh_to_json(record.mesh), "pieces": [[mesh_to_json(piece.mesh), piece.color] for piece in record.pieces],
+        "matter": None if matter is None else [matter.mass, matter.centre, matter.inertia], "box": record.box, "own": record.own,
+        "blobs": [*([mesh.sha256, mesh.size] for mesh in meshes), *([record.own] if record.own is not None else [])],
+    }
+
+
+def _record(plain: dict[str, Any]) -> MeshRecord:
+    matter, (low, high) = plain["matter"], plain["box"]
+    return MeshRecord(
+        mesh=mesh_from_json(plain["mesh"]),
+        pieces=tuple(MeshPiece(mesh=mesh_from_json(mesh), color=color) for mesh, color in plain["pieces"]),
+        matter=None if matter is None else MassProperties(
+            mass=matter[0], centre=vector_from_json(matter[1]), inertia=matrix_from_json(matter[2]),
+        ),
+        box=(vector_from_json(low), vector_from_json(high)), own=None if plain["own"] is None else (plain["own"][0], plain["own"][1]),
+    )

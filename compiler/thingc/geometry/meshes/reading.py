@@ -1,0 +1,259 @@
+"""Mesh files, read by trimesh: triangles in metres, welded, in their colours."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+import os
+import re
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import trimesh
+
+from thingc.base.inertia import MassProperties, symmetric
+from thingc.base.primitives import FARTHEST
+from thingc.geometry.mesh_bounds import LARGEST, BadMesh, damaged, is_text, read_bounded, refuse_beyond
+from thingc.geometry.meshes.files import MeshFile
+from thingc.geometry.meshes.record import MeshPiece, MeshRecord
+from thingc.geometry.record import Mesh
+from thingc.geometry.store.local import Store
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+MUJOCO_MOST = 200_000
+"""Triangles of an STL file that MuJoCo reads."""
+
+LEAST_SCALE = 1e-4
+"""Factors below it leave a mesh of some units no volume for MuJoCo."""
+
+FLAT = 1e-9
+"""How thick a mesh may be, of its size, and have all points in one plane: coordinates have single precision."""
+
+_AXES = re.compile(rb"<up_axis>\s*([XYZ])_UP")
+_COLLADA = re.compile(rb"<(\w+:)?COLLADA\s[^>]*xmlns")
+_METER = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)")
+_TEXTURE = re.compile(rb"<texture\b[^>]*?(?:/>|>.*?</texture>)", re.DOTALL)
+_PARAMETER = re.compile(rb"<newparam\b.*?</newparam>", re.DOTALL)
+_MATERIALS = re.compile(rb"<bind_material\b.*?</bind_material>", re.DOTALL)
+"""Of COLLADA, in effects a colour that is an image and what leads to images, and what materials a geometry has."""
+_FACE, _NEXT = (re.compile(rb"^[ \t]*%s[ \t]" % word, re.MULTILINE) for word in (b"f", b"[og]"))
+"""Of an OBJ file, a line of a face, and one with which an object or a group begins."""
+
+
+class _Beside(trimesh.resolvers.Resolver):
+    """Files that a mesh file names: those of its colours, which are known by content, and no others."""
+
+    def __init__(self, file: MeshFile) -> None:
+        self._file = file
+
+    def get(self, name: str) -> bytes:
+        """The content of a file beside it. Raises `KeyError` where there is none that it may name."""
+        content = dict(self._file.beside)[name.strip()]
+        with open(os.path.join(self._file.folder, name.strip()), "rb") as stream:
+            data = stream.read(LARGEST)
+        if hashlib.sha256(data).hexdigest() != content:
+            raise BadMesh(f"takes its colours from `{name.strip()}`, which changes while it is read")
+        return data
+
+    def keys(self) -> list[str]:
+        return [name for name, _ in self._file.beside]
+
+    def namespaced(self, namespace: str) -> _Beside:
+        return self
+
+    def write(self, name: str, data: bytes) -> None:
+        raise OSError("mesh files are only read")
+
+
+def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
+    """What there is to know of a file; its triangles, and its bytes where MuJoCo reads them, are in the store then. Raises `BadMesh`."""
+    data = read_bounded(os.path.join(file.folder, os.path.basename(file.path)), file.suffix)
+    if hashlib.sha256(data).hexdigest() != file.sha256:
+        raise BadMesh("changes while it is read")
+    colored = [(color, _placed(file, data, corners)) for color, corners in _triangles(file, data)]
+    count = sum(len(corners) for _, corners in colored)
+    if count == 0:
+        raise BadMesh("holds no triangles")
+    corners = _in_order([corners for _, corners in colored])
+    if not np.isfinite(corners).all():
+        raise BadMesh("has a coordinate that is not finite")
+    if float(np.abs(corners).max()) > FARTHEST:
+        raise BadMesh(f"reaches {float(np.abs(corners).max()):.3g} m, and {FARTHEST:g} m at most are read")
+    mesh, matter, turned = _kept(corners, store)
+    by_color: dict[str | None, list[Any]] = {}
+    for color, some in colored:
+        by_color.setdefault(color, []).append(some)
+    pieces = tuple(
+        MeshPiece(mesh=mesh if len(by_color) == 1 else _kept(_in_order(some), store)[0], color=color)
+        for color, some in sorted(by_color.items(), key=lambda entry: entry[0] or "")
+    )
+    low, high = (tuple(float(x) for x in side) for side in (corners.reshape(-1, 3).min(axis=0), corners.reshape(-1, 3).max(axis=0)))
+    own = (store.put(data), len(data)) if len(pieces) == 1 and not turned and _for_mujoco(file, data, count) else None
+    return MeshRecord(mesh=mesh, pieces=pieces, matter=matter, box=(low, high), own=own)  # type: ignore[arg-type]
+
+
+def _in_order(several: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Triangles of several geometries as one, in an order that is theirs: in which trimesh hands geometries out, nobody says."""
+    if len(several) == 1:
+        return several[0]
+    together = np.concatenate(several)
+    order: NDArray[np.int64] = np.lexsort(together.reshape(len(together), 9).T[::-1])
+    return together[order]
+
+
+def _triangles(file: MeshFile, data: bytes) -> Iterator[tuple[str | None, NDArray[np.float64]]]:
+    """The corners of triangles (n x 3 x 3) in the file's numbers, by colour."""
+    try:
+        scene: Any = _scene(file, data)
+        count = 0
+        for node in scene.graph.nodes_geometry:
+            transform, name = scene.graph[node]
+            geometry = scene.geometry[name]
+            if not hasattr(geometry, "triangles") or len(geometry.faces) == 0:
+                continue
+            refuse_beyond(count := count + len(geometry.faces))
+            corners = np.asarray(geometry.triangles, dtype=np.float64)
+            turned = np.linalg.det(transform[:3, :3]) < 0.0
+            moved = corners @ transform[:3, :3].T + transform[:3, 3]
+            yield _color(geometry, file), moved[:, ::-1] if turned else moved
+    except MemoryError:
+        raise BadMesh("needs more memory than there is") from None
+    except BadMesh:
+        raise
+    except Exception as fault:
+        raise BadMesh(_unreadable(file, data, fault)) from fault
+
+
+def _unreadable(file: MeshFile, data: bytes, fault: Exception) -> str:
+    """Why a file cannot be read. Of XML that is no COLLADA, such as the page of a server that has no such file, trimesh only stumbles."""
+    if file.suffix == ".dae" and isinstance(fault, AttributeError):
+        return "shows nothing: it has no `<scene>`" if _COLLADA.search(data) else "is no COLLADA: it has no `<COLLADA xmlns=...>`"
+    return str(damaged(file.suffix, fault))
+
+
+def _scene(file: MeshFile, data: bytes) -> Any:
+    """As trimesh has it. Of a COLLADA file it would leave out, without a word, each geometry of which any material names what is not there:
+    such a file is read without images, of which nothing is wanted, or else without materials."""
+
+    def loaded(text: bytes, **options: Any) -> Any:
+        return trimesh.load_scene(io.BytesIO(text), file_type=file.suffix[1:], resolver=_Beside(file), process=False, **options)
+
+    if file.suffix != ".dae":
+        return loaded(data)
+    from collada.common import DaeError
+
+    for text in _readings(data):
+        with contextlib.suppress(DaeError):
+            return loaded(text, ignore_broken=False)
+    return loaded(_MATERIALS.sub(b"", data))
+
+
+def _readings(dae: bytes) -> Iterator[bytes]:
+    """A COLLADA file as it is, then with white for images, then without materials."""
+    yield dae
+    yield _PARAMETER.sub(b"", _TEXTURE.sub(b"<color>1 1 1 1</color>", dae))
+    yield _MATERIALS.sub(b"", dae)
+
+
+def _color(geometry: Any, file: MeshFile) -> str | None:
+    """The colour that a file gives a geometry. An OBJ without a library of materials, and other files without colours, give none."""
+    visual = geometry.visual
+    if not visual.defined or file.suffix in (".stl", ".obj") and not file.beside:
+        return None
+    try:
+        red, green, blue, alpha = (int(channel) for channel in (visual.material if visual.kind == "texture" else visual).main_color)
+    except (AttributeError, TypeError, ValueError):
+        return None
+    return f"#{red:02x}{green:02x}{blue:02x}" + (f"{alpha:02x}" if alpha < 255 else "")
+
+
+def _placed(file: MeshFile, data: bytes, corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """In metres, z up: glTF has y up, COLLADA says which axis is; turned round where an odd number of axes is mirrored."""
+    up, unit = b"Z", 1.0
+    if file.suffix == ".glb":
+        up = b"Y"
+    elif file.suffix == ".dae":
+        axis, meter = _AXES.search(data), _METER.search(data)
+        up = b"Y" if axis is None else axis[1]
+        try:
+            unit = 1.0 if meter is None else float(meter[1])
+        except ValueError:
+            raise BadMesh("has a `<unit>` whose `meter` is no number") from None
+    x, y, z = (corners[..., k] for k in range(3))
+    if up == b"Y":
+        corners = np.stack([x, -z, y], axis=-1)
+    elif up == b"X":
+        corners = np.stack([-y, -z, x], axis=-1)
+    corners = corners * unit * np.array(file.scale) + 0.0
+    return corners[:, ::-1] if np.prod(file.scale) < 0.0 else corners
+
+
+def _kept(corners: NDArray[np.float64], store: Store) -> tuple[Mesh, MassProperties | None, bool]:
+    """Triangles as a mesh in the store, what they enclose (None: they are open), and whether they had to be turned inside out."""
+    points = np.ascontiguousarray(corners.reshape(-1, 3))
+    first, inverse = _equal_rows(points)
+    order = np.argsort(np.argsort(first))  # vertices in the order in which they are met
+    vertices, faces = points[np.sort(first)], order[inverse].reshape(-1, 3)
+    faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
+    if len(faces) == 0:
+        raise BadMesh("holds no triangle that has an area")
+    closed, matter, turned = _is_closed(faces, len(vertices)), None, False
+    flat = _is_flat(vertices)
+    if closed and not flat:
+        whole: Any = trimesh.triangles.mass_properties(vertices[faces], density=1.0, skip_inertia=False)
+        turned = bool(whole.volume < 0.0)
+        if turned:
+            faces = faces[:, ::-1]
+            whole = trimesh.triangles.mass_properties(vertices[faces], density=1.0, skip_inertia=False)
+        inertia = tuple(tuple(float(x) for x in row) for row in whole.inertia)
+        x, y, z = (float(one) for one in whole.center_mass)
+        matter = MassProperties(mass=float(whole.volume), centre=(x, y, z), inertia=symmetric(inertia))  # type: ignore[arg-type]
+    text = ("v %.9g %.9g %.9g\n" * len(vertices)) % tuple(vertices.ravel()) + ("f %d %d %d\n" * len(faces)) % tuple((faces + 1).ravel())
+    data = text.encode()
+    kept = Mesh(sha256=store.put(data), size=len(data), vertices=len(vertices), faces=len(faces), closed=closed, flat=flat)
+    return kept, matter, turned
+
+
+def _equal_rows(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The first of each set of equal rows, and of every row the number of its set. Rows are told apart by a hash of their bits, three times
+    as fast as by themselves; should two that differ have the same, by themselves."""
+    bits = points.view(np.uint64)
+    with np.errstate(over="ignore"):
+        x, y, z = (bits * np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)).T
+    mixed = x ^ (y >> np.uint64(5)) ^ (z >> np.uint64(9))
+    _, first, inverse = np.unique(mixed, return_index=True, return_inverse=True)
+    if not np.array_equal(points[first][inverse], points):
+        _, first, inverse = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    return first, np.asarray(inverse).reshape(-1)
+
+
+def _is_closed(faces: NDArray[np.int64], count: int) -> bool:
+    """Whether through every edge another triangle runs the other way."""
+    a, b = faces.ravel(), faces[:, (1, 2, 0)].ravel()
+    return bool(np.array_equal(np.sort(a * count + b), np.sort(b * count + a)))
+
+
+def _is_flat(vertices: NDArray[np.float64]) -> bool:
+    centred = vertices - vertices.mean(axis=0)
+    spread = np.linalg.eigvalsh(centred.T @ centred)
+    return bool(spread[0] <= (FLAT**2) * spread[-1])
+
+
+def _for_mujoco(file: MeshFile, data: bytes, count: int) -> bool:
+    """Whether MuJoCo reads a file as it is: it takes binary STL files up to a size, and OBJ files of one object, in units that leave them a
+    volume."""
+    if min(map(abs, file.scale)) < LEAST_SCALE:
+        return False
+    if file.suffix == ".obj":
+        return _has_one_object(data)
+    return file.suffix == ".stl" and not is_text(data) and count <= MUJOCO_MOST
+
+
+def _has_one_object(obj: bytes) -> bool:
+    """Whether behind the first face of an OBJ file no other object, or group, begins: of that MuJoCo reads the points, and no face."""
+    face = _FACE.search(obj)
+    return face is None or _NEXT.search(obj, face.end()) is None

@@ -1,0 +1,99 @@
+"""What workers are asked for to model a part, and what their answer is kept under."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.frozen import dataclass
+from thingc.geometry.key.build_key import BuildKey, record_key
+from thingc.geometry.key.module_key import CodeIngredients
+from thingc.geometry.key.part_code import PartCode, file_state
+from thingc.geometry.key.results import Results
+from thingc.geometry.key.versions import OF_FILES, versions_of
+from thingc.geometry.record import PartDefinition, PartFailure, PartSchema, Value
+from thingc.geometry.slices import LikelySlicing
+from thingc.geometry.store.local import Store
+
+if TYPE_CHECKING:
+    from thingc.documents.workspace import Workspace
+
+
+Likely = Callable[[], Mapping[str, Collection[LikelySlicing]]] | None
+"""How parts will likely be sliced, by text, asked for when one has to be modelled."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartRequest:
+    """What the record of a definition is kept under, its code (None: of an installed package, or a file), and the request to make it."""
+
+    build_key: BuildKey
+    code: CodeIngredients | None
+    request: dict[str, Any]
+
+
+class PartRequests:
+    """Requests for the parts of one workspace, each to be done within `timeout` [s]. `schemas` are what classes take, by reference, as far
+    as they have been described, and `slicings` how parts of them will be sliced: once they are modelled, it is done at once."""
+
+    def __init__(self, workspace: Workspace, store: Store, timeout: float, parts: PartCode, results: Results) -> None:
+        self._workspace, self._store, self._timeout, self._parts, self._results = workspace, store, timeout, parts, results
+        self.schemas: dict[str, PartSchema] = {}
+        self.slicings: dict[str, set[LikelySlicing]] = {}
+
+    def around(self, code: CodeIngredients | None) -> dict[str, Any]:
+        """What every request says about where it runs."""
+        return {**self._parts.around(code), "store": self._store.root, "timeout": self._timeout, "memory": self._workspace.part_memory}
+
+    def given(self, definition: PartDefinition) -> dict[str, Value]:
+        """The parameters of a definition that are not what its class says by itself; all of them where it has not been described."""
+        schema = self.schemas.get(definition.reference)
+        own = {parameter.name: parameter.default for parameter in schema.parameters} if schema is not None else {}
+        return {name: value for name, value in definition.parameters if repr(value) != repr(own.get(name))}
+
+    def expect_slicings(self, definitions: Sequence[PartDefinition], wanted: Mapping[str, Collection[LikelySlicing]]) -> None:
+        """Note how parts are sliced now, or will likely be, `wanted` by the text of their definition."""
+        self.slicings.update((definition.reference, set()) for definition in definitions)
+        for definition in definitions:
+            self.slicings[definition.reference].update(wanted.get(definition.text, ()))
+
+    def suppose(self, definitions: Sequence[PartDefinition], likely: Likely) -> None:
+        """Note how parts of classes that were not sliced yet are likely to be."""
+        if likely is not None and (fresh := [one for one in definitions if one.reference not in self.slicings]):
+            self.expect_slicings(fresh, likely())
+
+    def modelling(self, definition: PartDefinition, prepared: PartRequest) -> dict[str, Any]:
+        """The request for a definition that is modelled now."""
+        slicings = sorted(self.slicings.get(definition.reference, ()), key=repr)
+        return {**prepared.request, "slicings": [[asdict(one), own_up] for one, own_up in slicings]}
+
+    def prepared(self, definition: PartDefinition, given: Mapping[str, Value] | None = None) -> PartRequest | PartFailure:
+        """The request for a definition, which says of its parameters only those that are `given` (None: as `given` says)."""
+        code: CodeIngredients | None = None
+        extra: dict[str, str] = {}
+        package = definition.reference
+        if definition.kind == "file":
+            state = file_state(definition, self._workspace, self._results)
+            if isinstance(state, PartFailure):
+                return state
+            extra = {"file": state, **versions_of(OF_FILES, self._parts.file_of, self._store)}
+            package = ""
+        else:
+            checked = self._parts.code(definition.reference)
+            if isinstance(checked, PartFailure):
+                return replace(checked, subject=definition.text)
+            code = checked
+        workspace = self._workspace
+        build_key = record_key(definition, code, {**self._parts.versions(code, package), **extra}, workspace)
+        request = {
+            "op": "model",
+            "definition": {
+                "kind": definition.kind, "reference": definition.reference, "text": definition.text, "mirror": definition.mirror,
+                "parameters": self.given(definition) if given is None else dict(given),
+                "placed": code is not None and code.place is not None,
+            },
+            "tessellations": {"fine": asdict(workspace.mesh), "simulation": asdict(workspace.simulation)},
+            **self.around(code),
+        }
+        return PartRequest(build_key=build_key, code=code, request=request)

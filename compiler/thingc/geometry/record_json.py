@@ -1,0 +1,232 @@
+"""Part schemas, records and failures as plain JSON values, as the store and the worker's pipe carry them.
+
+Files in the workspace are written relative to it (`root`), so that records can be shared between machines.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from typing import Any
+
+from thingc.base.pose import Matrix, Pose, Vector
+from thingc.base.primitives import Primitive
+from thingc.geometry.record import (
+    ActuatorRecord,
+    Expectation,
+    Mesh,
+    MountRecord,
+    Outside,
+    ParameterSchema,
+    PartFailure,
+    PartRecord,
+    PartSchema,
+    PartWarning,
+    Stated,
+)
+
+
+def shortened(file: str | None, root: str) -> str | None:
+    """A file relative to the workspace, with `/`; as it is outside of it."""
+    if file is None:
+        return None
+    inside = os.path.join(root, "")
+    return file[len(inside) :].replace(os.sep, "/") if file.startswith(inside) else file
+
+
+def full(file: str | None, root: str) -> str | None:
+    """The inverse of `shortened`."""
+    return None if file is None else os.path.normpath(os.path.join(root, file))
+
+
+# --- schemas ----------------------------------------------------------------------------------------------------------
+
+
+def schema_to_json(schema: PartSchema, root: str) -> Any:
+    """The inverse of `schema_from_json`."""
+    return {
+        "reference": schema.reference, "kind": schema.kind, "doc": schema.doc, "material": schema.material,
+        "actuator": schema.actuator, "file": shortened(schema.file, root), "line": schema.line,
+        "parameters": [
+            [p.name, p.kind, p.required, p.default, p.minimum, p.maximum, list(p.choices), p.doc] for p in schema.parameters
+        ],
+    }
+
+
+def schema_from_json(value: Any, root: str) -> PartSchema:
+    """A part schema."""
+    return PartSchema(
+        reference=value["reference"], kind=value["kind"], doc=value["doc"], material=value["material"],
+        actuator=value["actuator"], file=full(value["file"], root) or "", line=value["line"],
+        parameters=tuple(
+            ParameterSchema(
+                name=name, kind=kind, required=required, default=default, minimum=minimum, maximum=maximum,
+                choices=tuple(choices), doc=doc,
+            )
+            for name, kind, required, default, minimum, maximum, choices, doc in value["parameters"]
+        ),
+    )
+
+
+# --- failures ---------------------------------------------------------------------------------------------------------
+
+
+def failure_to_json(failure: PartFailure, root: str) -> Any:
+    """The inverse of `failure_from_json`."""
+    return {
+        "subject": failure.subject, "kind": failure.kind, "message": failure.message, "file": shortened(failure.file, root),
+        "line": failure.line, "candidates": list(failure.candidates), "detail": failure.detail,
+    }
+
+
+def failure_from_json(value: Any, root: str) -> PartFailure:
+    """A failure."""
+    return PartFailure(
+        subject=value["subject"], kind=value["kind"], message=value["message"], file=full(value["file"], root),
+        line=value["line"], candidates=tuple(value["candidates"]), detail=value["detail"],
+    )
+
+
+def with_left(answer: dict[str, Any], commands: Iterable[str]) -> dict[str, Any]:
+    """What a worker has made of a part, with a word on each of the processes that the part has left behind: their command lines, empty
+    for a copy of itself."""
+    if "record" not in answer:
+        return answer
+    names = sorted({"a copy of itself" if not line else f"`{line if len(line) <= 60 else line[:57] + '...'}`" for line in commands})
+    left = [[f"leaves {name} running, which was ended", None, None, Outside.LEFT.value] for name in names]
+    return {**answer, "record": {**answer["record"], "warnings": [*answer["record"]["warnings"], *left]}}
+
+
+# --- records ----------------------------------------------------------------------------------------------------------
+
+
+def record_to_json(record: PartRecord, root: str) -> Any:
+    """The inverse of `record_from_json`; without `convex` and `slices`, which are kept apart."""
+    return {
+        "text": record.text, "material": record.material, "color": record.color, "volume": record.volume,
+        "area": record.area, "centre": list(record.centre), "inertia": record.inertia, "box": record.box,
+        "mounts": {name: [_pose(m.pose), m.interface, m.tolerance] for name, m in record.mounts.items()},
+        "mount_order": list(record.mounts),
+        "references": list(record.references),
+        "expectations": [[e.mount, e.text, e.label, e.child_mount] for e in record.expectations],
+        "actuator": None if record.actuator is None else _actuator(record.actuator),
+        "mass": _stated(record.mass), "com": _stated(record.com), "matrix": _stated(record.matrix),
+        "density": _stated(record.density), "bom": dict(sorted(record.bom.items())),
+        "warnings": [[w.message, shortened(w.file, root), w.line, w.asked and w.asked.value] for w in record.warnings],
+        "fits": {name: _primitive(fit) for name, fit in sorted(record.fits.items())},
+        "meshes": {name: mesh_to_json(mesh) for name, mesh in sorted(record.meshes.items())},
+        "pieces": [_piece(piece) for piece in record.pieces],
+        "brep": record.brep, "apart": list(record.apart),
+        "up": record.up, "own_image": record.own_image,
+        "code": None if record.code is None else [shortened(record.code[0], root), record.code[1]],
+    }
+
+
+def record_from_json(value: Any, root: str) -> PartRecord:
+    """A part record, without convex pieces and slices."""
+    box = value["box"]
+    code = value["code"]
+    return PartRecord(
+        text=value["text"], material=value["material"], color=value["color"], volume=value["volume"], area=value["area"],
+        centre=vector_from_json(value["centre"]), inertia=matrix_from_json(value["inertia"]),
+        box=None if box is None else (vector_from_json(box[0]), vector_from_json(box[1])),
+        mounts={
+            name: MountRecord(pose=pose_from_json(pose), interface=interface, tolerance=tolerance)
+            for name in value["mount_order"]
+            for pose, interface, tolerance in (value["mounts"][name],)
+        },
+        references=tuple(value["references"]),
+        expectations=tuple(Expectation(mount=m, text=t, label=n, child_mount=c) for m, t, n, c in value["expectations"]),
+        actuator=None if value["actuator"] is None else ActuatorRecord(**value["actuator"]),
+        mass=_read_stated(value["mass"]), com=_read_stated(value["com"]), matrix=_read_stated(value["matrix"]),
+        density=_read_stated(value["density"]), bom=value["bom"],
+        warnings=tuple(
+            PartWarning(message=message, file=full(file, root), line=line, asked=None if asked is None else Outside(asked))
+            for message, file, line, asked in value["warnings"]
+        ),
+        fits={name: _read_primitive(fit) for name, fit in value["fits"].items()},
+        meshes={name: mesh_from_json(mesh) for name, mesh in value["meshes"].items()},
+        pieces=tuple(_read_piece(piece) for piece in value["pieces"]),
+        convex=(),
+        brep=value["brep"], apart=tuple(value["apart"]), own_image=value["own_image"],
+        up=None if value["up"] is None else vector_from_json(value["up"]),
+        code=None if code is None else (full(code[0], root) or "", code[1]),
+    )
+
+
+def blobs_of(value: Any) -> list[tuple[str, int | None]]:
+    """The blobs that a record's JSON needs: `(sha256, size)`, the size None where it is not known."""
+    pieces = [piece["mesh"] for piece in value["pieces"] if "mesh" in piece]
+    blobs: list[tuple[str, int | None]] = [(mesh[0], mesh[1]) for mesh in (*value["meshes"].values(), *pieces)]
+    return blobs if value["brep"] is None else [*blobs, (value["brep"], None)]
+
+
+def mesh_to_json(mesh: Mesh) -> Any:
+    """The inverse of `mesh_from_json`."""
+    return [mesh.sha256, mesh.size, mesh.vertices, mesh.faces, mesh.closed, mesh.flat]
+
+
+def mesh_from_json(value: Any) -> Mesh:
+    """A mesh file."""
+    sha256, size, vertices, faces, closed, flat = value
+    return Mesh(sha256=sha256, size=size, vertices=vertices, faces=faces, closed=closed, flat=flat)
+
+
+def _piece(piece: Mesh | Primitive) -> Any:
+    return {"mesh": mesh_to_json(piece)} if isinstance(piece, Mesh) else {"primitive": _primitive(piece)}
+
+
+def _read_piece(value: Any) -> Mesh | Primitive:
+    return mesh_from_json(value["mesh"]) if "mesh" in value else _read_primitive(value["primitive"])
+
+
+def _primitive(primitive: Primitive) -> Any:
+    return [primitive.shape, list(primitive.size), _pose(primitive.pose)]
+
+
+def _read_primitive(value: Any) -> Primitive:
+    shape, size, pose = value
+    return Primitive(shape=shape, size=tuple(size), pose=pose_from_json(pose))
+
+
+def _pose(pose: Pose) -> Any:
+    return [*pose.rotation[0], *pose.rotation[1], *pose.rotation[2], *pose.translation]
+
+
+def pose_from_json(value: Any) -> Pose:
+    """The rows of a rotation, then a translation: twelve numbers."""
+    a, b, c, d, e, f, g, h, i, x, y, z = value
+    return Pose(rotation=((a, b, c), (d, e, f), (g, h, i)), translation=(x, y, z))
+
+
+def vector_from_json(value: Any) -> Vector:
+    """Three numbers."""
+    x, y, z = value
+    return (x, y, z)
+
+
+def matrix_from_json(value: Any) -> Matrix:
+    """Three rows of three numbers."""
+    a, b, c = value
+    return (vector_from_json(a), vector_from_json(b), vector_from_json(c))
+
+
+def _stated(stated: Stated | None) -> Any:
+    return None if stated is None else [stated.value, stated.source]
+
+
+def _read_stated(value: Any) -> Stated | None:
+    if value is None:
+        return None
+    held, source = value
+    if isinstance(held, list):
+        held = matrix_from_json(held) if isinstance(held[0], list) else vector_from_json(held)
+    return Stated(value=held, source=source)
+
+
+def _actuator(actuator: ActuatorRecord) -> Any:
+    return {
+        "kind": actuator.kind, "stall_torque": actuator.stall_torque, "no_load_speed": actuator.no_load_speed,
+        "gear_ratio": actuator.gear_ratio, "rotor_inertia": actuator.rotor_inertia, "kp": actuator.kp, "kv": actuator.kv,
+        "sources": dict(sorted(actuator.sources.items())),
+    }

@@ -1,0 +1,496 @@
+"""The geometry service: what the passes ask for parts. Answers from the store where it can, else through workers.
+
+With nothing new to model no process is started and nothing heavy is imported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.frozen import dataclass
+from thingc.geometry.convex_answers import ConvexAnswers
+from thingc.geometry.decisions import Decision, Recent, unchanged, why
+from thingc.geometry.kept_records import KeptRecords
+from thingc.geometry.key.build_key import BuildKey, schema_key
+from thingc.geometry.key.module_key import CodeIngredients
+from thingc.geometry.key.modules import Module
+from thingc.geometry.key.part_code import PartCode
+from thingc.geometry.key.results import Kept, Results
+from thingc.geometry.key.versions import versions_of
+from thingc.geometry.lock.lock import LOCK_FILE, Lock
+from thingc.geometry.lock.locked import LockBeside
+from thingc.geometry.part_requests import Likely, PartRequest, PartRequests
+from thingc.geometry.record import AssemblyFailed, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
+from thingc.geometry.record_json import failure_from_json, record_from_json, schema_from_json, with_left
+from thingc.geometry.slices import Slicing
+from thingc.geometry.store.build_locks import BuildLocks
+from thingc.geometry.store.local import Store, StoreUnusable
+from thingc.geometry.store.slice_answers import SliceAnswers, lacking
+
+if TYPE_CHECKING:
+    from thingc.documents.workspace import Workspace
+    from thingc.geometry.client import Workers
+
+PATIENCE = 150.0
+"""How long [s] beyond a part's own timeout to wait for the process that has locked it: its worker may have to load the kernel."""
+
+Progress = Callable[[str, int, int], None]
+Printed = Callable[[str, Sequence[str]], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Task:
+    """A request for the worker and what its answer is for."""
+
+    subject: str
+    build_key: BuildKey
+    request: dict[str, Any]
+    reason: str = ""
+
+
+class GeometryService:
+    """Part schemas, part records and STEP files for one workspace. A context manager: leaving it ends its workers.
+
+    `jobs` parts are modelled at once, each for at most `timeout` [s]; `on_progress(what, done, total)` hears of it,
+    `on_printed(part, lines)` of what they print.
+    `modelled` and `reused` are the definition texts of parts made and of parts found by the last `realize`, `decisions` says why, and
+    `wanted` are the definitions that it was asked for; `inputs` are the absolute paths of all files and folders that decided about
+    answers, there or not.
+    `workers` are those of somebody else, who also ends them (many services in one long-lived process). `lock` reads the
+    workspace's lock when first needed: it answers what the store cannot, for callers who need no meshes. `broken` are its faults.
+    `seed` is that of Python's hashes in workers of its own: another one belongs with a store of its own, for no key has it.
+    `reads` are the files that decided about answers that were not taken from a lock, by what was asked: states by path.
+    Raises `StoreUnusable` where the store cannot be written and something has to be.
+    """
+
+    def __init__(
+        self, workspace: Workspace, store: Store, jobs: int, timeout: float, on_progress: Progress | None = None,
+        workers: Workers | None = None, lock: Callable[[], Lock | None] | None = None, seed: int = 0,
+        on_printed: Printed | None = None,
+    ) -> None:
+        self.workspace = workspace
+        self.store = store
+        self.timeout = timeout
+        self.decisions: dict[str, Decision] = {}
+        self.wanted: tuple[PartDefinition, ...] = ()
+        self._jobs = jobs
+        self._seed = seed
+        self._on_progress = on_progress
+        self._on_printed = on_printed
+        self._workers, self._lent = workers, workers is not None
+        self._parts = PartCode(workspace, store)
+        self._results = Results(store, workspace.root)
+        self._kept = KeptRecords(workspace, store, self._parts, self._results)
+        self._requests = PartRequests(workspace, store, timeout, self._parts, self._results)
+        self._build_locks = BuildLocks(store)
+        self._slices = SliceAnswers(store, lambda: self._parts.versions(None))
+        self._convex = ConvexAnswers(store, lambda: versions_of(["coacd", "manifold3d"], self._parts.file_of, store))
+        self._recent = Recent()
+        self._expected: dict[str, Kept] = {}
+        self._locked = LockBeside(lock, workspace, self._parts)
+        self.unknown: list[str] = []
+        self.reads: dict[str, dict[str, str]] = {}
+        self.broken = self._locked.broken
+
+    def __enter__(self) -> GeometryService:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    @property
+    def modelled(self) -> list[str]:
+        """Definition texts of the parts that the last `realize` modelled, in the order in which they were done."""
+        return [text for text, decision in self.decisions.items() if not decision.reused]
+
+    @property
+    def reused(self) -> list[str]:
+        """Definition texts of the parts whose records the last `realize` found in the store."""
+        return [text for text, decision in self.decisions.items() if decision.reused]
+
+    @property
+    def inputs(self) -> frozenset[str]:
+        """Absolute paths of everything in folders and packages tracked by content that the answers depend on."""
+        return frozenset(self._parts.probed | self._results.consulted | self._locked.consulted)
+
+    def warm(self) -> None:
+        """Start the worker without waiting for it: it loads the kernel while the caller does something else."""
+        self._worker_pool().warm()
+
+    def anticipate(self) -> bool:
+        """`warm` when a file that parts depend on has changed since the last run in this workspace, or there was none: whether it has.
+
+        Worth calling before the documents are read: that is the longest part of a build. Where a lock may answer, it is likely not needed.
+        """
+        if needed := not self._locked.there and self._results.files_changed():
+            self.warm()
+        return needed
+
+    def expect(self, last: GeometryService, saved: Collection[str] = ()) -> None:
+        """Begin with what will likely have to be modelled anew: parts that the service before this one was asked for, whose code is
+        another now, for these files (absolute paths) were `saved`. What they take is described meanwhile, and `realize` finds them under
+        way where that left them what they were: with the parameters that were given to them, and defaults as they are now."""
+        begun = 0
+        self._worker_pool().prepare([path for path in saved if path.endswith(".py")])
+        self._requests.slicings = dict(last._requests.slicings)
+        for definition in last.wanted:
+            prepared = self._requests.prepared(definition, last._requests.given(definition))
+            if isinstance(prepared, PartFailure):
+                continue
+            kept = self._kept.find(definition, prepared.build_key, prepared.code)
+            if kept is not None:
+                self._expected[prepared.build_key.key] = kept
+            elif begun < self._jobs:
+                self._worker_pool().begin([self._requests.modelling(definition, prepared)])
+                begun += 1
+
+    def close(self) -> None:
+        """End the workers; nothing of them is alive afterwards."""
+        if self._workers is not None and not self._lent:
+            self._workers.close()
+            self._workers = None
+
+    def catalogue(self) -> list[str]:
+        """`module:Class` of every public class in the part folders and in the allowed packages tracked by content."""
+        from thingc.geometry.key.catalogue import classes_in_reach
+
+        return classes_in_reach(self._parts.sources, self.workspace.packages)
+
+    @property
+    def part_code(self) -> PartCode:
+        """The code of the parts asked for so far."""
+        return self._parts
+
+    def code(self, reference: str) -> CodeIngredients | None:
+        """The code of a part that was described; None for one of an installed package."""
+        code = self._parts.code(reference)
+        return code if isinstance(code, CodeIngredients) else None
+
+    def hiding(self, reference: str) -> tuple[Module, ...]:
+        """The modules in reach of `module:Class` that hide others of their name."""
+        return self._parts.hiding(reference)
+
+    def in_part_folders(self, reference: str) -> bool:
+        """Whether `module:Class` is in a part folder of the workspace."""
+        return self._parts.sources.finder.find(reference.partition(":")[0]).workspace
+
+    def state(self, path: str) -> str:
+        """What lies at a path in the workspace (see `reads`)."""
+        return self._results.state(path, "file:")
+
+    def not_python(self) -> list[PartFailure]:
+        """The modules in the same places that are no well-formed Python."""
+        from thingc.geometry.key.catalogue import not_python
+
+        return not_python(self._parts.sources, self.workspace.packages)
+
+    # --- describe ------------------------------------------------------------------------------------------------
+
+    def describe(
+        self, references: Sequence[str], meanwhile: Callable[[], object] | None = None,
+    ) -> dict[str, PartSchema | PartFailure]:
+        """What each `module:Class` takes, by reference. Something to do `meanwhile` is done when the workers have been asked."""
+        answers: dict[str, PartSchema | PartFailure] = {}
+        tasks: dict[str, list[_Task]] = {}
+        for reference in dict.fromkeys(references):
+            code = self._parts.code(reference)
+            if isinstance(code, PartFailure):
+                answers[reference] = code
+                continue
+            build_key = schema_key(reference, code, self._parts.versions(code, reference))
+            kept = self._results.find("schema", build_key.key)
+            if kept is not None:
+                answers[reference] = self._schema(reference, kept.value, code)
+                self.reads[reference] = dict(kept.reads)
+                continue
+            locked = self._locked.schema(reference)
+            if locked is not None:
+                answers[reference] = locked
+                continue
+            request = {"op": "describe", "references": [reference], **self._requests.around(code)}
+            tasks.setdefault(reference.partition(":")[0], []).append(_Task(subject=reference, build_key=build_key, request=request))
+        groups = list(tasks.values())  # one child per module: what the classes of a file share is loaded once
+        if meanwhile is not None:
+            self._worker_pool().begin(self._describing(groups))
+            meanwhile()
+        self._describe_in_workers(groups, answers)
+        return answers
+
+    def _describing(self, groups: list[list[_Task]]) -> Iterator[dict[str, Any]]:
+        for index, group in enumerate(groups):
+            references = [task.subject for task in group]
+            placed = [one for one in references if (code := self.code(one)) is not None and code.place is not None]
+            yield {**group[0].request, "references": references, "placed": placed, "group": index}
+
+    def _describe_in_workers(self, groups: list[list[_Task]], described: dict[str, PartSchema | PartFailure]) -> None:
+        if not groups:
+            return
+        alone: list[list[_Task]] = []
+        for request, answer in self._run(list(self._describing(groups))):
+            group = groups[request["group"]]
+            if "failed" in answer:
+                if len(group) > 1:  # one of them: ask for each by itself
+                    alone.extend([task] for task in group)
+                else:
+                    self._printed(group[0].subject, answer)
+                    described[group[0].subject] = self._broken(group[0].subject, answer)
+                continue
+            given = answer["answer"]
+            failed = [task.subject for task in group if "failure" in given["answers"][task.subject]]
+            if failed:  # what the others print is said when they are modelled
+                self._printed(failed[0], answer)
+            for task in group:
+                value = given["answers"][task.subject]
+                # what was read for one class of a module counts for all that were asked for together
+                self._results.keep("schema", task.build_key, value, given["reads"])
+                self.reads[task.subject] = dict(given["reads"])
+                described[task.subject] = self._schema(task.subject, value, self._parts.code(task.subject))
+        self._describe_in_workers(alone, described)
+
+    def _schema(self, reference: str, value: Any, code: CodeIngredients | None | PartFailure) -> PartSchema | PartFailure:
+        if "failure" in value:
+            return self._parts.with_namesakes(failure_from_json(value["failure"], self.workspace.root))
+        schema = schema_from_json(value["schema"], self.workspace.root)
+        if isinstance(code, CodeIngredients) and code.place is not None:  # comments move lines, and rebuild nothing
+            schema = replace(schema, file=code.place[0], line=code.place[1])
+        self._requests.schemas[reference] = schema
+        return schema
+
+    # --- realize -------------------------------------------------------------------------------------------------
+
+    def realize(
+        self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: Likely = None, *, locked: bool = True,
+    ) -> dict[str, PartRecord | PartFailure]:
+        """The record of each definition, by text; with convex pieces for the texts in `convex`. Unless it may be `locked`, it has
+        its meshes. As it is `likely` to be sliced, it is where it is modelled."""
+        self.decisions = {}
+        self.wanted = tuple(definitions)
+        answers: dict[str, PartRecord | PartFailure] = {}
+        unmade: list[tuple[PartDefinition, PartRequest]] = []
+        unique = {definition.text: definition for definition in definitions}
+        build_keys: dict[str, BuildKey] = {}
+        for text, definition in unique.items():
+            recent = self._recent.get(definition, text in convex)
+            if recent is not None and (locked or recent[0].meshes):
+                answers[text], reason = recent
+                self._decide(text, True, reason)
+                continue
+            prepared = self._requests.prepared(definition)
+            if isinstance(prepared, PartFailure):
+                answers[text] = prepared
+                continue
+            build_key, code = prepared.build_key, prepared.code
+            build_keys[text] = build_key
+            kept = self._expected.get(build_key.key) or self._kept.find(definition, build_key, code)
+            if kept is not None:
+                self._decide(text, True, unchanged(kept.reason))
+                answers[text] = self._record(kept.value, code)
+                self.reads[text] = dict(kept.reads)
+            elif locked and (held := self._locked.record(definition)) is not None:
+                self._decide(text, True, f"{LOCK_FILE} holds it")
+                answers[text] = held
+                del build_keys[text]  # nothing was modelled, which is what `thingc why` would say of it
+            else:
+                unmade.append((definition, prepared))
+        tasks = self._tasks(unmade, likely)
+        if self._workers is not None:
+            self._workers.forget([task.request for task in tasks])
+        with self._build_locks.given_back():
+            self._model(tasks, unique, answers)
+        self._results.remember(
+            (definition.reference, text, build_keys[text])
+            for text, definition in unique.items() if text in build_keys and isinstance(answers[text], PartRecord)
+        )
+        if build_keys:
+            self._results.note_files({**self._parts.files(), **self._results.met})
+        new = {text: record for text, record in answers.items() if self._recent.get(unique[text], text in convex) is None}
+        self._convex.add(new, convex, self._run, self.timeout, self._broken)
+        answers |= new
+        self._recent.keep(unique, answers, convex, self.decisions)
+        return {text: answers[text] for text in unique}
+
+    def _tasks(self, parts: Sequence[tuple[PartDefinition, PartRequest]], likely: Likely) -> list[_Task]:
+        """Parts that will be sliced come first: they take longest, and the others fill up what is left at the end."""
+        self._requests.suppose([definition for definition, _ in parts], likely)
+        tasks = [
+            _Task(
+                subject=definition.text, build_key=prepared.build_key, request=self._requests.modelling(definition, prepared),
+                reason=why(definition, prepared.build_key, self._results),
+            )
+            for definition, prepared in parts
+        ]
+        return sorted(tasks, key=lambda task: not task.request["slicings"])
+
+    def _model(
+        self, tasks: Sequence[_Task], definitions: Mapping[str, PartDefinition], answers: dict[str, PartRecord | PartFailure],
+    ) -> None:
+        """Fill `answers` for these tasks, each modelled here or by the process that has locked it."""
+        by_text = {task.subject: task for task in tasks}
+        elsewhere: list[_Task] = []
+
+        def reuse(task: _Task) -> bool:
+            """Whether somebody else has modelled it in the meantime."""
+            kept = self._kept.under(task.build_key.key)
+            if kept is not None:
+                self._decide(task.subject, True, unchanged(kept.reason))
+                self.reads[task.subject] = dict(kept.reads)
+                answers[task.subject] = self._record(kept.value, self._code_of_definition(definitions[task.subject]))
+                self._build_locks.give_back(task.build_key.key)
+            return kept is not None
+
+        def own() -> Iterator[dict[str, Any]]:
+            for task in tasks:
+                if self._workers is not None and not self._workers.there:  # it will not be modelled: nobody else is waited for
+                    yield task.request
+                elif not self._build_locks.take(task.build_key.key):
+                    elsewhere.append(task)
+                elif not reuse(task):
+                    yield task.request
+
+        def take_in(said: Iterable[tuple[dict[str, Any], dict[str, Any]]]) -> None:
+            for request, answer in said:
+                task = by_text[request["definition"]["text"]]
+                answers[task.subject] = self._modelled(task, definitions[task.subject], answer)
+                self._build_locks.give_back(task.build_key.key)
+
+        take_in(self._run([task.request for task in tasks], "modelling", own()))
+        for task in elsewhere:
+            if task.subject not in answers:
+                self._build_locks.wait(task.build_key.key, self.timeout + PATIENCE)
+                if not reuse(task):
+                    take_in(self._run([task.request]))
+
+    def _modelled(self, task: _Task, definition: PartDefinition, answer: dict[str, Any]) -> PartRecord | PartFailure:
+        """What a worker has made of a part, kept for the next time."""
+        self._decide(task.subject, False, task.reason)
+        self._printed(definition.label, answer)
+        if "failed" in answer:
+            broken = self._broken(task.subject, answer)
+            if definition.kind == "file" and broken.kind == "crashed" and broken.message.startswith("killed by"):
+                return replace(broken, kind="invalid", message=f"the file is damaged, or the CAD kernel cannot read it ({broken.message})")
+            return broken
+        given = with_left(answer["answer"], answer.get("left", ()))
+        reads, ran, slices = given.pop("reads"), given.pop("ran", None), given.pop("slices", ())
+        code = self._code_of_definition(definition)
+        self._results.keep("record", task.build_key, given, reads, task.reason)
+        if not answer.get("left"):
+            self._kept.note_ran(definition, task.build_key, code, ran, reads)
+        self.reads[task.subject] = dict(reads)
+        record = self._record(given, code)
+        self._slices.keep(record, slices)
+        return record
+
+    def in_store(self, definition: PartDefinition) -> bool:
+        """Whether a part need not be modelled."""
+        prepared = self._requests.prepared(definition)
+        return not isinstance(prepared, PartFailure) and self._kept.find(definition, prepared.build_key, prepared.code) is not None
+
+    def _record(self, value: Any, code: CodeIngredients | None) -> PartRecord | PartFailure:
+        if "failure" in value:
+            return failure_from_json(value["failure"], self.workspace.root)
+        record = record_from_json(value["record"], self.workspace.root)
+        return replace(record, code=code.place) if code is not None and code.place is not None else record
+
+    def _decide(self, text: str, reused: bool, reason: str) -> None:
+        self.decisions[text] = Decision(text=text, reused=reused, reason=reason)
+
+    def slice(
+        self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
+        wanted: Mapping[str, Collection[Slicing]],
+    ) -> dict[str, PartRecord | PartFailure]:
+        """The `records` of `definitions` with what is laid into them when they are sliced as `wanted`, by text."""
+        modelled = [definition for definition in definitions if definition.text in lacking(records, wanted)]  # only the lock has them
+        if modelled:
+            decisions = self.decisions
+            records = {**records, **self.realize(modelled, locked=False)}
+            self.decisions = {**decisions, **self.decisions}
+        self._requests.expect_slicings(definitions, {text: [(one, False) for one in slicings] for text, slicings in wanted.items()})
+        return self._slices.added(records, wanted, self._run, self.timeout, self._broken)
+
+    # --- assemble ------------------------------------------------------------------------------------------------
+
+    def assemble(self, name: str, instances: Sequence[Placed]) -> StoredFile:
+        """The STEP file of an assembly, kept by everything in it: the same placements and colours are written once.
+
+        Raises `AssemblyFailed` where the kernel cannot write it.
+        """
+        listed = [
+            {
+                "path": one.path, "definition": one.definition, "brep": one.brep, "color": one.color,
+                "pose": [entry for row in one.pose.rotation for entry in row] + list(one.pose.translation),
+            }
+            for one in instances
+        ]
+        key = repr([name, sorted(self._parts.versions(None).items()), listed])
+        kept = self.store.get_json("step", key)
+        if kept is not None and self.store.has(kept["sha256"], kept["size"]):
+            return StoredFile(sha256=kept["sha256"], size=kept["size"])
+        request = {"op": "assemble", "name": name, "instances": listed, "store": self.store.root, "timeout": self.timeout}
+        if self._workers is not None and self._workers.running:
+            (_, answer), *_ = list(self._run([request]))
+        else:
+            from thingc.geometry.client import once
+
+            self.store.check()
+            answer = once(["--assemble"], request)
+        if "answer" not in answer:
+            raise AssemblyFailed(name, answer.get("words") or answer["failed"], answer.get("detail", ""))
+        made = answer["answer"]
+        self.store.put_json("step", key, made)
+        return StoredFile(sha256=made["sha256"], size=made["size"])
+
+    # --- workers -----------------------------------------------------------------------------------
+
+    def _code_of_definition(self, definition: PartDefinition) -> CodeIngredients | None:
+        return self.code(definition.reference) if definition.kind != "file" else None
+
+    def _worker_pool(self) -> Workers:
+        if self._workers is None:
+            from thingc.geometry.client import Workers
+
+            self.store.check()
+            self._workers = Workers(self._jobs, seed=self._seed)
+        return self._workers
+
+    def _run(self, requests: Sequence[dict[str, Any]], what: str = "", wanted: Iterator[dict[str, Any]] | None = None) -> Any:
+        """Answers of the workers as they come; where no worker starts, every request fails. `wanted` are those of the requests
+        that are still wanted when it is their turn."""
+        chosen = iter(requests) if wanted is None else wanted
+        first = next(chosen, None)
+        if first is None:
+            return
+        from thingc.geometry.client import WorkerBroken
+
+        done = 0
+        self._progress(what, done, len(requests))
+        answered: set[int] = set()
+        try:
+            for request, answer in self._worker_pool().run(chain((first,), chosen)):
+                done += 1
+                answered.add(id(request))
+                self._progress(what, done, len(requests))
+                if answer.get("failed") == "unusable":
+                    raise StoreUnusable(self.store.root, answer["words"])
+                yield request, answer
+        except WorkerBroken as fault:
+            failed = {"failed": "crashed", "words": str(fault), "detail": fault.detail}
+            for request in requests:
+                if id(request) not in answered:
+                    yield request, failed
+
+    def _progress(self, what: str, done: int, total: int) -> None:
+        if self._on_progress is not None and what:
+            self._on_progress(what, done, total)
+
+    def _printed(self, part: str, answer: Mapping[str, Any]) -> None:
+        if self._on_printed is not None and "printed" in answer:
+            self._on_printed(part, answer["printed"])
+
+    def _broken(self, subject: str, answer: dict[str, Any]) -> PartFailure:
+        """A part that ended its worker. Such failures are not kept: the next run tries again."""
+        from thingc.geometry.worker.crash import failure_of
+
+        return failure_of(subject, answer, self.timeout, self.workspace)

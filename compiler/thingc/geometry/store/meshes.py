@@ -1,0 +1,30 @@
+"""Meshes that simulators draw and touch, as the worker writes them: Wavefront OBJ, all vertices, then all triangles, nothing else."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from thingc.base.pose import Vector
+from thingc.geometry.record import Mesh
+from thingc.geometry.store.local import Store
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+def vertices(store: Store, mesh: Mesh) -> tuple[Vector, ...]:
+    """The vertices [m] of a mesh in the store, in order, in plain Python: who looks at no more need not pay for numpy. Raises
+    `BlobMissing`."""
+    numbers = (line.split() for line in store.read(mesh.sha256).splitlines() if line.startswith(b"v"))
+    return tuple(sorted((float(x), float(y), float(z)) for _, x, y, z in numbers))
+
+
+def arrays(data: bytes) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Vertices (n x 3) [m] and triangles (m x 3, from 0) of the file of a mesh."""
+    import numpy as np
+
+    points, mark, corners = data.partition(b"f")
+    vertices = np.fromstring(points.replace(b"v", b" ").decode(), sep=" ").reshape(-1, 3)
+    faces = np.fromstring((mark + corners).replace(b"f", b" ").decode(), sep=" ", dtype=np.int64).reshape(-1, 3) - 1
+    return vertices, faces

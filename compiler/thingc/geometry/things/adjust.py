@@ -1,0 +1,93 @@
+"""The same family with changed parameters, also where a subclass pins them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from thingc.geometry.things.construction import InitCall, family_signature, make
+from thingc.geometry.things.parameters import NUMERIC, CallError, Parameter, Value, suggestion
+from thingc.geometry.things.signature import Signature
+
+if TYPE_CHECKING:
+    from thingc.geometry.things.thing import Thing
+
+Change = tuple[str, object]
+"""What to do, `set | add | mul`, and the number (or the value to set)."""
+
+
+def adjusted(thing: Thing, changes: Mapping[str, object]) -> Thing:
+    """The Thing of the same class with the changed parameters.
+
+    A name is first looked for among the class's own parameters, then among those of its parents, nearest first. For a
+    parent's, the parent's `__init__` gets the changed value instead of what the subclass passes to it, now and in later
+    adjustments; `__add` and `__mul` start from what the subclass passes once its own changes are made.
+    """
+    cls, construction = type(thing), thing._construction
+    signature = family_signature(cls)
+    own: dict[str, Value] = dict(construction.parameters)
+    pinned: list[tuple[type, Parameter, Change]] = []
+    changed: set[str] = set()
+    for key, value in changes.items():
+        family, parameter, operation = _target(thing, signature, key)
+        if parameter.name in changed:
+            message = f"`{parameter.name}` of `{cls.__name__}` is changed twice"
+            raise CallError(message, owner=cls.__name__, parameter=parameter.name)
+        changed.add(parameter.name)
+        if family is cls:
+            own[parameter.name] = _applied(parameter, (operation, value), own[parameter.name], cls.__name__)
+        else:
+            pinned.append((family, parameter, (operation, value)))
+    adjustments = {family: dict(values) for family, values in construction.adjustments.items()}
+    if not pinned:
+        return make(cls, own, adjustments)
+    base = thing if own == construction.parameters else make(cls, own, adjustments)
+    for family, parameter, change in pinned:
+        call = next((call for call in _parents(base) if call.family is family), None)
+        if call is None:
+            message = f"`{cls.__name__}` with these parameters does not call the `__init__` that takes `{parameter.name}`"
+            raise CallError(message, owner=cls.__name__, parameter=parameter.name)
+        value = _applied(parameter, change, call.values[parameter.name], cls.__name__)
+        values = adjustments.setdefault(family, {})
+        if value == call.given[parameter.name]:
+            values.pop(parameter.name, None)
+        else:
+            values[parameter.name] = value
+    return make(cls, own, {family: values for family, values in adjustments.items() if values})
+
+
+def _target(thing: Thing, signature: Signature, key: str) -> tuple[type, Parameter, str]:
+    """Whose parameter `key` changes, which, and how: `width`, `width__add` or `width__mul`."""
+    cls = type(thing)
+    families: list[tuple[type, Signature]] = [(cls, signature)]
+    families.extend((call.family, family_signature(call.family)) for call in _parents(thing))
+    names = [key]
+    for operation in ("add", "mul"):
+        if key.endswith(f"__{operation}"):
+            names.append(key.removesuffix(f"__{operation}"))
+    for name in names:
+        for family, known in families:
+            parameter = known.get(name)
+            if parameter is not None:
+                return family, parameter, "set" if name == key else key[-3:]
+    every = dict.fromkeys(name for _, known in families for name in known.names)
+    raise CallError(
+        f"`{cls.__name__}` has no parameter `{names[-1]}`{suggestion(names[-1], every)}", owner=cls.__name__, parameter=names[-1]
+    )
+
+
+def _parents(thing: Thing) -> list[InitCall]:
+    """The `__init__`s of the chain above the one that has the class's own parameters."""
+    return thing._construction.calls[1:]
+
+
+def _applied(parameter: Parameter, change: Change, current: Value, owner: str) -> Value:
+    """The changed value, canonical; `ParameterError` where it is none of the parameter's."""
+    operation, value = change
+    if operation == "set":
+        return parameter.canonical(value, owner)
+    amount = Parameter(name=f"{parameter.name}__{operation}", kind="number", required=True, default=None)
+    if parameter.kind not in NUMERIC:
+        raise amount.error(f"needs a number to change, but `{parameter.name}` is {parameter.noun}", owner)
+    number, start = float(amount.canonical(value, owner)), float(current)
+    return parameter.canonical(start + number if operation == "add" else start * number, owner)

@@ -1,0 +1,52 @@
+"""Data files of a part: found beside its module or in the workspace, and recorded as read."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from thingc.geometry.things.construction import running_file
+
+_record: Callable[[str], None] | None = None
+_roots: tuple[str, ...] = ()
+
+
+def install(record: Callable[[str], None] | None, roots: Sequence[str] = ()) -> None:
+    """Make `record` hear of every absolute path that `asset` looks at, found or not, and let it search the folders `roots`.
+
+    For the geometry worker, before it loads part modules; `install(None)` takes both away.
+    """
+    global _record, _roots
+    _record = record
+    _roots = tuple(os.path.realpath(root) for root in roots)
+
+
+def asset(path: str, beside: str | None = None) -> Path:
+    """The data file `path`: `import_step(asset("motor.step"))`, `asset("curve.json").read_text()`.
+
+    Looked for beside the file `beside` (write `__file__`), else beside the module of the part whose `__init__` is running,
+    then in the workspace (outside of a build: in the working folder). The part is made anew when the file changes.
+
+    Raises `ValueError` for an absolute path or one that leaves those folders, `FileNotFoundError` where there is no such file.
+    """
+    if os.path.isabs(path):
+        raise ValueError(f"asset() takes a path relative to the part's module or to the workspace, found `{path}`")
+    module = beside if beside is not None else running_file()
+    folders = [os.path.dirname(os.path.realpath(module))] if module else []
+    folders += _roots or ([] if beside is not None else [os.path.realpath(os.getcwd())])
+    allowed = False
+    for folder in dict.fromkeys(folders):
+        named = os.path.normpath(os.path.join(folder, path))
+        candidate = os.path.realpath(os.path.join(folder, path))
+        if not any(os.path.commonpath([candidate, other]) == other for other in folders):
+            continue
+        allowed = True
+        if _record is not None:
+            for looked_at in dict.fromkeys((named, candidate)):  # where a link leads may change as well
+                _record(looked_at)
+        if os.path.isfile(candidate):
+            return Path(candidate)
+    if not allowed:
+        raise ValueError(f"asset() cannot leave the part's folder and the workspace, as `{path}` does")
+    raise FileNotFoundError(f"there is no data file `{path}` beside the part's module or in the workspace")

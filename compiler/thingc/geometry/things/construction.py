@@ -1,0 +1,210 @@
+"""How a Thing comes to be: arguments checked, one object per value, `__init__` run once and alone, then frozen.
+
+The metaclass does what plain Python has no other place for: it sees the call before the object exists (memoisation by
+value, checks before geometry) and wraps each `__init__` of a family, so that a parent's parameters are known as well.
+"""
+
+from __future__ import annotations
+
+import contextvars
+import functools
+import inspect
+from abc import ABCMeta
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from thingc.geometry.things.mounts import settle
+from thingc.geometry.things.parameters import Value, suggestion
+from thingc.geometry.things.signature import Signature, signature_of
+
+if TYPE_CHECKING:
+    from thingc.geometry.things.mounts import MountPoint
+    from thingc.geometry.things.thing import Thing
+
+Adjustments: TypeAlias = "Mapping[type[Any], Mapping[str, Value]]"
+"""Per ancestor class, parameters that `adjust` changed although a subclass pins them."""
+
+_made: dict[tuple[object, ...], Thing] = {}
+_making: set[tuple[object, ...]] = set()
+_files: list[str] = []
+
+
+@dataclass(slots=True, kw_only=True)
+class InitCall:
+    """One `__init__` of the chain: what `family` was called with, and `values` after adjustments (what it was run with)."""
+
+    family: type[Any]
+    given: dict[str, Value]
+    values: dict[str, Value]
+
+
+@dataclass(slots=True, kw_only=True)
+class Construction:
+    """What a Thing knows of its making. `calls` are the chain of `__init__`s, the class's own first; `running` those not yet
+    left, innermost last; `finished` once the Thing is immutable. `mounts` by exported name, filled when it is."""
+
+    parameters: dict[str, Value]
+    adjustments: Adjustments
+    calls: list[InitCall] = field(default_factory=list)
+    running: list[InitCall] = field(default_factory=list)
+    finished: bool = False
+    material: str | None = None
+    color: str | None = None
+    mounts: dict[str, MountPoint] = field(default_factory=dict)
+
+    def scopes(self) -> Iterator[Mapping[str, Value]]:
+        """Where `p` looks: the `__init__` that is running, then the class's own parameters, then its parents'."""
+        if self.running:
+            yield self.running[-1].values
+        yield self.parameters
+        for call in self.calls:
+            yield call.values
+
+
+class Parameters:
+    """Reads the parameters of a Thing: `self.p.length`, canonical, in author units.
+
+    A parameter of a parent class that a subclass pins is found as well. While an `__init__` runs its own arguments come
+    first; afterwards the class's own do. Raises `AttributeError` for a name that is no parameter.
+    """
+
+    __slots__ = ("_construction", "_owner")
+
+    def __init__(self, owner: str, construction: Construction) -> None:
+        self._owner = owner
+        self._construction = construction
+
+    def __getattr__(self, name: str) -> Any:
+        """The value of the parameter `name`."""
+        for scope in self._construction.scopes():
+            if name in scope:
+                return scope[name]
+        raise AttributeError(f"`{self._owner}` has no parameter `{name}`{suggestion(name, self.__dir__())}")
+
+    def __dir__(self) -> list[str]:
+        """The names of the parameters, the class's own first."""
+        return list(dict.fromkeys(name for scope in self._construction.scopes() for name in scope))
+
+    def __repr__(self) -> str:
+        return f"Parameters({', '.join(f'{name}={getattr(self, name)!r}' for name in self.__dir__())})"
+
+
+class ThingType(ABCMeta):
+    """The type of every Thing class."""
+
+    def __init__(cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any], **kwargs: Any) -> None:
+        super().__init__(name, bases, namespace, **kwargs)
+        init = namespace.get("__init__")
+        if any(isinstance(base, ThingType) for base in bases) and inspect.isfunction(init):
+            cls.__init__ = _recorded(cls, init)  # type: ignore[misc]
+
+    if not TYPE_CHECKING:  # type checkers take the signature from `__init__`
+
+        def __call__(cls, *args: object, **kwargs: object) -> Thing:
+            """The member of the family with these parameters: made once, the same object ever after."""
+            return make(cls, family_signature(cls).bind(args, kwargs), {})
+
+
+def make(cls: type[Any], parameters: dict[str, Value], adjustments: Adjustments) -> Thing:
+    """The one Thing of class `cls` with these canonical `parameters` and `adjustments`, made if there is none yet.
+
+    What `__init__` raises is passed on and nothing is kept. A build123d builder that is active at the call does not see the
+    geometry made inside: a Thing depends on its parameters alone.
+    """
+    pinned = tuple(
+        (family, name, value) for family in cls.__mro__ for name, value in sorted(adjustments.get(family, {}).items())
+    )
+    key = (cls, tuple((name, type(value), value) for name, value in parameters.items()), pinned)
+    if key in _made:
+        return _made[key]
+    if key in _making:
+        raise RecursionError(f"making `{shown(cls, parameters)}` needs itself")
+    _making.add(key)
+    try:
+        thing = _constructed(cls, parameters, adjustments)
+    finally:
+        _making.discard(key)
+    _made[key] = thing
+    return thing
+
+
+def _constructed(cls: type[Any], parameters: dict[str, Value], adjustments: Adjustments) -> Thing:
+    thing: Thing = cls.__new__(cls)  # type: ignore[call-overload]
+    construction = Construction(parameters=parameters, adjustments=adjustments)
+    object.__setattr__(thing, "_construction", construction)
+    init: Callable[..., None] = cls.__init__
+    contextvars.Context().run(functools.partial(init, thing, **parameters))
+    for name, value in list(vars(thing).items()):
+        if not name.startswith("_"):
+            settled = settle(thing, name, value, construction.mounts)
+            if settled is not value:
+                object.__setattr__(thing, name, settled)
+    construction.finished = True
+    return thing
+
+
+def wrapped(cls: type[Any], parameters: dict[str, Value], **attributes: object) -> Thing:
+    """A finished Thing of class `cls` made without `__init__`, with these attributes; not memoised."""
+    thing: Thing = cls.__new__(cls)  # type: ignore[call-overload]
+    object.__setattr__(thing, "_construction", Construction(parameters=parameters, adjustments={}, finished=True))
+    for name, value in attributes.items():
+        object.__setattr__(thing, name, value)
+    return thing
+
+
+def family_signature(cls: type[Any]) -> Signature:
+    """The parameters of a Thing class; raises `SignatureError` where an argument of `__init__` cannot be one."""
+    signature = cls.__dict__.get("_signature")
+    if isinstance(signature, Signature):
+        return signature
+    init: Callable[..., Any] = cls.__init__
+    if getattr(init, "_base_of_all_things", False):
+        signature = Signature(owner=cls.__name__, parameters=(), positional=0)
+    else:
+        docs = (*(base.__doc__ for base in reversed(cls.__mro__)), init.__doc__)
+        signature = signature_of(init, cls.__name__, method=True, strict=True, docs=docs)
+    cls._signature = signature
+    return signature
+
+
+def _recorded(cls: type[Any], init: Callable[..., None]) -> Callable[..., None]:
+    """`init` of the class `cls` with its arguments checked and recorded, run with the adjusted values."""
+
+    @functools.wraps(init)
+    def construct(self: Thing, *args: object, **kwargs: object) -> None:
+        construction = self._construction
+        if construction.finished:
+            raise AttributeError(f"`{cls.__name__}` is immutable: `__init__` runs once")
+        given = family_signature(cls).bind(args, kwargs)
+        call = InitCall(family=cls, given=given, values={**given, **construction.adjustments.get(cls, {})})
+        construction.calls.append(call)
+        construction.running.append(call)
+        try:
+            with _reading_beside(init):
+                init(self, **call.values)
+        finally:
+            construction.running.pop()
+
+    return construct
+
+
+@contextmanager
+def _reading_beside(init: Callable[..., None]) -> Iterator[None]:
+    """While it lasts, `running_file` is the file that `init` is written in."""
+    _files.append(getattr(getattr(inspect.unwrap(init), "__code__", None), "co_filename", ""))
+    try:
+        yield
+    finally:
+        _files.pop()
+
+
+def running_file() -> str | None:
+    """The file of the `__init__` that is running, innermost; None where none is."""
+    return _files[-1] if _files else None
+
+
+def shown(cls: type, parameters: Mapping[str, Value]) -> str:
+    """`PenDummy(length=100.0, diameter=15.0)`."""
+    return f"{cls.__name__}({', '.join(f'{name}={value!r}' for name, value in parameters.items())})"

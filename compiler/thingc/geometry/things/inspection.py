@@ -1,0 +1,366 @@
+"""What the geometry worker asks of a part: its parameters, one member of its family, and what that member says.
+
+Everything is in author units: lengths in mm, angles in degrees, masses in kg; see the field docs. Geometry is asked of the
+Thing itself: `thing.result()`, `.collision()`, `.visual()`, `.envelope()` give a build123d Shape, several, or None.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import inspect
+import linecache
+import math
+import types
+import typing
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias, Union, cast
+
+from build123d.build_enums import Select
+from build123d.topology import Compound, Shape
+
+from thingc.geometry.things.actuator import Actuator, sourced
+from thingc.geometry.things.construction import family_signature, make, wrapped
+from thingc.geometry.things.mounts import MountPoint
+from thingc.geometry.things.parameters import Parameter, SignatureError, Value
+from thingc.geometry.things.signature import Signature, annotation_of, signature_of
+from thingc.geometry.things.thing import Geometry, Thing
+
+PartLike: TypeAlias = "type[Thing] | type[Shape[Any]] | Callable[..., Shape[Any]]"
+Vector: TypeAlias = tuple[float, float, float]
+Matrix: TypeAlias = tuple[Vector, Vector, Vector]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExpectedPart:
+    """`mount` of a Thing was cut for a member of `family` with `parameters` (complete, author units), on its `child_mount`.
+
+    What `adjust` changed of parameters that `family` pins is left out: no document can name it.
+    """
+
+    mount: str
+    family: type[Thing]
+    parameters: dict[str, Value]
+    child_mount: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Statement:
+    """What a Thing states: a number, three, or 3 x 3, and its source (`measured | vendor | estimated | stated`)."""
+
+    value: float | Vector | Matrix
+    source: str = "stated"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Statements:
+    """mass [kg], centre [mm], matrix [kg m^2, about the centre, Thing axes], density [kg/m^3]; None where nothing is stated."""
+
+    mass: Statement | None
+    centre: Statement | None
+    matrix: Statement | None
+    density: Statement | None
+
+
+def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
+    """What kind of part an object is, without calling it.
+
+    A Thing subclass, a build123d Shape class, or a Python function that returns a shape (one with a return annotation must
+    name a shape class; one without is believed until `build`). Abstract classes and `Thing` itself are no parts.
+    """
+    if isinstance(candidate, type):
+        if inspect.isabstract(candidate) or candidate is Thing:
+            return None
+        return "thing" if issubclass(candidate, Thing) else "shape" if issubclass(candidate, Shape) else None
+    if not isinstance(candidate, types.FunctionType):
+        return None
+    declared = inspect.signature(candidate).return_annotation
+    if declared is inspect.Signature.empty:
+        return "function"
+    try:
+        declared = annotation_of(candidate, declared)
+    except SignatureError:
+        return None
+    alternatives = typing.get_args(declared) if typing.get_origin(declared) in (Union, types.UnionType) else (declared,)
+    classes = [typing.get_origin(alternative) or alternative for alternative in alternatives]
+    return "function" if all(isinstance(one, type) and issubclass(one, Shape) for one in classes) else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lack:
+    """What a class lacks, in words that follow its name, and the file and line where it should be."""
+
+    words: str
+    place: tuple[str, int] | None
+
+
+def lacking_result(part: PartLike) -> Lack | None:
+    """Why a Thing class says nothing about its geometry: it has no `result()` of its own, or one that returns nothing in any way,
+    which its author forgot. `return None` is a part without geometry; None is also the answer for what is no Thing."""
+    if not isinstance(part, type) or not issubclass(part, Thing):
+        return None
+    if part.result is Thing.result:
+        return Lack(words="has no `result()`: nothing says what its geometry is", place=_written(part))
+    function = inspect.unwrap(part.result)
+    tree = syntax_of(function)
+    ends = (ast.Return, ast.Raise, ast.Yield, ast.YieldFrom, ast.Lambda)
+    if tree is None or any(isinstance(node, ends) for node in ast.walk(tree)):
+        return None
+    return Lack(words="has a `result()` that never returns anything", place=_written(function))
+
+
+def syntax_of(function: Callable[..., Any]) -> ast.FunctionDef | ast.AsyncFunctionDef | None:
+    """The syntax tree of a function, as its file has it; None where there is no such file. `inspect` would go through all of the file for
+    each of its functions and classes."""
+    code = getattr(inspect.unwrap(function), "__code__", None)
+    if not isinstance(code, types.CodeType):
+        return None
+    linecache.checkcache(code.co_filename)
+    return _functions_in("".join(linecache.getlines(code.co_filename))).get(code.co_firstlineno)
+
+
+@functools.lru_cache(maxsize=8)
+def _functions_in(text: str) -> Mapping[int, ast.FunctionDef | ast.AsyncFunctionDef]:
+    """The functions in a source text by the line of their `def`, or of their first decorator."""
+    try:
+        tree = ast.parse(text)
+    except (SyntaxError, ValueError, RecursionError):
+        return {}
+    nodes: list[ast.AST] = [tree]
+    for node in nodes:
+        nodes += [child for child in ast.iter_child_nodes(node) if not isinstance(child, ast.expr)]
+    functions = [node for node in nodes if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))]
+    return {min([one.lineno, *(decorator.lineno for decorator in one.decorator_list)]): one for one in functions}
+
+
+def _written(code: Any) -> tuple[str, int] | None:
+    try:
+        return inspect.getsourcefile(code) or "", inspect.getsourcelines(code)[1]
+    except (OSError, TypeError):
+        return None
+
+
+def parameters_of(part: PartLike) -> tuple[Parameter, ...]:
+    """The parameters in order of the signature, defaults canonical, in author units.
+
+    Of a shape class or a function, arguments that no parameter can express are left out, at their default. Raises
+    `SignatureError` (a `TypeError`) where an argument of a Thing, or one without default, cannot be a parameter.
+    """
+    return _signature(part).parameters
+
+
+def build(part: PartLike, parameters: Mapping[str, object]) -> Thing:
+    """The member with these parameters [author units]: the Thing, or for a shape or function one whose result it is.
+
+    Raises `ParameterError` before anything is made, `TypeError` where a function returned no shape, and whatever the
+    part's own code raises.
+    """
+    if isinstance(part, type) and issubclass(part, Thing):
+        return make(part, family_signature(part).bind((), parameters), {})
+    values = _signature(part).bind((), parameters)
+    maker = cast("Callable[..., object]", part)
+    shape = maker(**values)
+    if not isinstance(shape, Shape):
+        raise TypeError(f"`{part.__name__}` must return a build123d shape, it returned {shape!r}")
+    bought = {"make": "buy"} if shape.__class__.__module__.split(".")[0] == "bd_warehouse" else {}
+    return wrapped(_ShapePart, values, _family=part.__name__, _shape=shape, bom=bought)
+
+
+def mounts_of(thing: Thing) -> dict[str, MountPoint]:
+    """The mounts by exported name, in order of assignment, without `origin`; `.location` and `.tolerance` in mm."""
+    return dict(thing._construction.mounts)
+
+
+def references_of(thing: Thing) -> tuple[str, ...]:
+    """The names of reference geometry other than mounts: public attributes, then methods and properties of its classes."""
+    if isinstance(thing, _ShapePart):
+        return ()
+    names = [
+        name for name, value in vars(thing).items()
+        if not name.startswith("_") and name not in ("bom", "print", "actuator") and not _only_mounts(value)
+    ]
+    for family in reversed(type(thing).__mro__):
+        if issubclass(family, Thing) and family is not Thing:
+            names.extend(
+                name for name, value in vars(family).items()
+                if not name.startswith("_") and not hasattr(Thing, name) and (callable(value) or hasattr(value, "__get__"))
+            )
+    return tuple(dict.fromkeys(names))
+
+
+def expectations_of(thing: Thing) -> tuple[ExpectedPart, ...]:
+    """What the Thing's mounts were cut for, in order of the mounts and of the calls of `align`."""
+    return tuple(
+        ExpectedPart(mount=name, family=type(other), parameters=dict(other._construction.parameters), child_mount=child)
+        for name, mount in thing._construction.mounts.items()
+        for other, child in mount.expected
+    )
+
+
+def statements_of(thing: Thing) -> Statements:
+    """What the Thing's own `mass()`, `centre()`, `matrix_of_inertia()` and `density()` state.
+
+    Each may return its value or `(value, source)`. Raises `ValueError` for a value of the wrong shape, one that is not
+    finite, a mass or density that is not positive, an inertia that is not symmetric, or an unknown source.
+    """
+    return Statements(
+        mass=_stated(thing, "mass", _positive),
+        centre=_stated(thing, "centre", _vector),
+        matrix=_stated(thing, "matrix_of_inertia", _symmetric),
+        density=_stated(thing, "density", _positive),
+    )
+
+
+def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
+    """What `result()` and its like returned, as a tuple of shapes; raises `TypeError` where it is something else."""
+    if geometry is None:
+        return ()
+    shapes: tuple[Any, ...]
+    if isinstance(geometry, (Shape, str)) or not isinstance(geometry, Iterable):
+        shapes = (geometry,)
+    else:
+        shapes = tuple(geometry)
+    for item in shapes:
+        if not isinstance(item, Shape):
+            raise TypeError(f"expected a build123d shape, found {item!r}")
+    return shapes
+
+
+def is_one_solid(geometry: Geometry) -> bool:
+    """Whether what `result()` returned is meant to be one solid: a shape by itself, and none that was put together on purpose
+    from several (a list, a `Compound` of shapes). What a boolean operation leaves is a Compound, too, but remembers it."""
+    if not isinstance(geometry, Shape):
+        return False
+    if type(geometry) is not Compound:
+        return True
+    if geometry.children:
+        return False
+    try:
+        geometry.faces(Select.LAST)
+    except ValueError:  # the result of no recorded operation
+        return False
+    return True
+
+
+def material_of(thing: Thing) -> str | None:
+    """The name of the default material."""
+    return thing._construction.material
+
+
+def color_of(thing: Thing) -> str | None:
+    """The default colour, as its author wrote it: a CSS name or `#rrggbb`."""
+    return thing._construction.color
+
+
+def bom_of(thing: Thing) -> dict[str, str]:
+    """What the part says for the bill of materials; raises `TypeError` where that is no mapping of texts."""
+    bom = thing.bom
+    if not isinstance(bom, Mapping) or not all(isinstance(word, str) for pair in bom.items() for word in pair):
+        raise TypeError(f"`bom` of `{type(thing).__name__}` must map texts to texts, found {bom!r}")
+    return dict(bom)
+
+
+def up_of(thing: Thing) -> Vector | None:
+    """The direction away from the bed in which the part wants to be printed, a unit vector; None where it does not say. Raises
+    `TypeError` or `ValueError` where `print` is something else."""
+    stated = thing.print
+    if not stated:
+        return None
+    what = f"`print` of `{type(thing).__name__}`"
+    if not isinstance(stated, Mapping) or set(stated) != {"up"}:
+        raise TypeError(f"{what} has one key, `up`: write for example {{\"up\": (0, 0, 1)}}; found {stated!r}")
+    up = _vector(what, stated["up"])
+    length = math.hypot(*up)
+    if not length > 0.0:
+        raise ValueError(f"`up` in {what} must have a direction, found {stated['up']!r}")
+    return up[0] / length + 0.0, up[1] / length + 0.0, up[2] / length + 0.0
+
+
+def actuator_of(part: Thing | PartLike) -> Actuator | None:
+    """The actuator of a Thing, or the one that its class declares; raises `TypeError` where it is something else."""
+    actuator: object = getattr(part, "actuator", None) if isinstance(part, (Thing, type(Thing))) else None
+    if actuator is None or isinstance(actuator, Actuator):
+        return actuator
+    raise TypeError(f"`actuator` must be an Actuator, found {actuator!r}")
+
+
+class _ShapePart(Thing):
+    """A part that is a plain shape: the wrapper that `build` returns."""
+
+    _family: str
+    _shape: Shape[Any]
+
+    def result(self) -> Shape[Any]:
+        """The shape."""
+        return self._shape
+
+    def __repr__(self) -> str:
+        return super().__repr__().replace(type(self).__name__, self._family, 1)
+
+
+def _signature(part: Any) -> Signature:
+    if isinstance(part, type) and issubclass(part, Thing):
+        return family_signature(part)
+    if isinstance(part, type):
+        init: Callable[..., None] = part.__init__  # type: ignore[misc]
+        docs = (*(base.__doc__ for base in reversed(part.__mro__)), init.__doc__)
+        return signature_of(init, part.__name__, method=True, strict=False, docs=docs)
+    return signature_of(part, part.__name__, method=False, strict=False, docs=(part.__doc__,))
+
+
+def _only_mounts(value: object) -> bool:
+    """Whether an attribute holds mounts and nothing else."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    if type(value) in (list, tuple):
+        return bool(value) and all(_only_mounts(item) for item in value)  # type: ignore[attr-defined]
+    return isinstance(value, MountPoint)
+
+
+def _stated(thing: Thing, method: str, check: Callable[[str, Any], float | Vector | Matrix]) -> Statement | None:
+    what = f"{method}() of `{type(thing).__name__}`"
+    value: Any = getattr(thing, method)()
+    source = "stated"
+    if value is None:
+        return None
+    if isinstance(value, tuple) and len(value) == 2:
+        value, source = sourced(what, value)
+    return Statement(value=check(what, value), source=source)
+
+
+def _finite(what: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{what} must return a number, found {value!r}") from None
+    if not math.isfinite(number):
+        raise ValueError(f"{what} must be finite, found {value!r}")
+    return number
+
+
+def _positive(what: str, value: Any) -> float:
+    number = _finite(what, value)
+    if number <= 0:
+        raise ValueError(f"{what} must be positive, found {value!r}")
+    return number
+
+
+def _vector(what: str, value: Any) -> Vector:
+    try:
+        x, y, z = value
+    except (TypeError, ValueError):
+        raise ValueError(f"{what} must return three numbers, found {value!r}") from None
+    return _finite(what, x), _finite(what, y), _finite(what, z)
+
+
+def _symmetric(what: str, value: Any) -> Matrix:
+    try:
+        a, b, c = value
+    except (TypeError, ValueError):
+        raise ValueError(f"{what} must return 3 x 3 numbers, found {value!r}") from None
+    matrix = _vector(what, a), _vector(what, b), _vector(what, c)
+    size = max(abs(number) for row in matrix for number in row)
+    if any(abs(matrix[i][j] - matrix[j][i]) > 1e-9 * size for i in range(3) for j in range(i)):
+        raise ValueError(f"{what} must be symmetric, found {value!r}")
+    return matrix

@@ -1,0 +1,158 @@
+"""Soft-moved views: a Thing seen from another frame, and values moved into it."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import functools
+import types
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any
+
+from build123d import (
+    Axis,
+    BoundBox,
+    Joint,
+    Location,
+    Matrix,
+    OrientedBoundBox,
+    Plane,
+    ShapeList,
+    Vector,
+)
+from build123d.build_common import Builder, LocationList
+from build123d.topology import Shape, downcast
+
+from thingc.geometry.things.actuator import Actuator
+
+
+class Framed(ABC):
+    """What stands in a frame and can be seen from another: a Thing, a mount of one, a moved view."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def _seen(self, view: Location) -> Any:
+        """This from a frame in which its present frame stands at `view` [mm]."""
+
+
+class TransformResolver(Framed):
+    """A moved view of a Thing: every attribute comes out in the local frame, to any depth and through calls.
+
+    `TransformResolver(thing, location)` is what `thing.move(location)` and `mount.align(other)` return: `thing`'s frame
+    stands at `location` [mm]. It is for construction only and adds nothing to an assembly. Values are moved by `placed`;
+    a method runs in the Thing's own frame and what it returns is moved. Read-only.
+    """
+
+    __slots__ = ("__location", "__target")
+
+    def __init__(self, target: object, location: Location) -> None:
+        object.__setattr__(self, "_TransformResolver__target", target)
+        object.__setattr__(self, "_TransformResolver__location", Location(_location(location).wrapped))
+
+    def move(self, location: Location) -> TransformResolver:
+        """The view moved once more, by `location` in the local frame (as build123d's `Shape.moved`)."""
+        return TransformResolver(self.__target, _location(location) * self.__location)
+
+    def __getattr__(self, name: str) -> Any:
+        """The attribute of the Thing, in the local frame; `AttributeError` where it has none."""
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return placed(getattr(self.__target, name), self.__location)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a moved view of {self.__target!r} is read-only: `{name}` cannot be assigned")
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"a moved view of {self.__target!r} is read-only: `{name}` cannot be deleted")
+
+    def __dir__(self) -> list[str]:
+        return sorted({"move", *dir(self.__target)})
+
+    def __repr__(self) -> str:
+        return f"<{self.__target!r} moved by {self.__location!r}>"
+
+    def _seen(self, view: Location) -> TransformResolver:
+        return TransformResolver(self.__target, view * self.__location)
+
+
+def placed(value: Any, location: Location) -> Any:
+    """`value` of a frame that stands at `location`, expressed in the frame outside [mm].
+
+    Shapes (sketches, edges and vertices too), planes and axes are moved, locations composed, vectors transformed as points,
+    mounts moved and still of their Thing; a bounding box becomes the axis-aligned one around the moved box. Things, moved
+    views, builders, dataclasses and namespaces become moved views. In lists, tuples and dicts every item is placed.
+    What a callable returns is placed. Everything else (numbers, texts, colours, ...) is returned as it is.
+    """
+    if isinstance(value, Shape):
+        return _moved(value, location)
+    if isinstance(value, Location):
+        return location * value
+    if isinstance(value, Framed):
+        return value._seen(location)
+    if isinstance(value, (Builder, types.SimpleNamespace)):
+        return TransformResolver(value, location)
+    if isinstance(value, Vector):
+        return Vector(value.to_pnt().Transformed(location.wrapped.Transformation()).XYZ())
+    if isinstance(value, Plane):
+        return Plane(location * value.location)  # `Plane.moved` applies it inside the plane's own frame
+    if isinstance(value, Axis):
+        return value.located(location)
+    if isinstance(value, BoundBox):
+        assert value.wrapped is not None
+        return BoundBox(value.wrapped.Transformed(location.wrapped.Transformation()))
+    if isinstance(value, LocationList):
+        return [location * item for item in value.locations]
+    if isinstance(value, ShapeList):
+        return ShapeList(placed(item, location) for item in value)
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        return type(value)(*(placed(item, location) for item in value))
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return type(value)(placed(item, location) for item in value)
+    if isinstance(value, dict):
+        return {key: placed(item, location) for key, item in value.items()}
+    if isinstance(value, type):
+        return _calling(value, location) if issubclass(value, (Framed, Shape)) else value
+    if isinstance(value, (Matrix, OrientedBoundBox, Joint)):
+        raise TypeError(f"a {type(value).__name__} cannot be seen through a moved view: keep a Location or a Shape instead")
+    if isinstance(value, Actuator) or type(value).__module__.startswith("build123d."):
+        return value
+    if dataclasses.is_dataclass(value):
+        return TransformResolver(value, location)
+    if callable(value):
+        return _calling(value, location)
+    return value
+
+
+def _calling(function: Callable[..., Any], location: Location) -> Callable[..., Any]:
+    """`function`, called in its own frame, with its result placed."""
+
+    @functools.wraps(function, updated=())
+    def call(*args: Any, **kwargs: Any) -> Any:
+        return placed(function(*args, **kwargs), location)
+
+    return call
+
+
+def _location(location: object) -> Location:
+    """A location, or that of a plane. Raises `TypeError` for anything else."""
+    if isinstance(location, Plane):
+        location = location.location
+    if not isinstance(location, Location):
+        raise TypeError(f"move() takes a Location, found {location!r}")
+    return location
+
+
+def _moved(shape: Shape[Any], location: Location) -> Shape[Any]:
+    """A moved shape that shares its geometry with `shape`: only the location differs, nothing is copied.
+
+    build123d's `moved` copies the whole topology, some milliseconds for a servo; it is left to shapes in an assembly tree.
+    """
+    if shape.parent is not None or shape.children or getattr(shape, "joints", None):
+        return shape.moved(location)
+    moved = shape.__class__.__new__(shape.__class__)
+    for key, value in vars(shape).items():
+        moved.__dict__[key] = copy.copy(value) if isinstance(value, (list, dict)) else value
+    moved.wrapped = downcast(shape.wrapped.Moved(location.wrapped))
+    return moved

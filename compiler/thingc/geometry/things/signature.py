@@ -1,0 +1,208 @@
+"""From the signature of an `__init__` or a function to parameters, and from the arguments of a call to canonical values."""
+
+from __future__ import annotations
+
+import inspect
+import types
+import typing
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal, Union
+
+from thingc.geometry.things import parameters as vocabulary
+from thingc.geometry.things.docs import argument_docs
+from thingc.geometry.things.parameters import CallError, Kind, Parameter, ParameterError, Range, SignatureError, Value, suggestion
+
+_PLAIN = {float: "number", int: "integer", bool: "flag", str: "text"}
+_KNOWN = {name: getattr(vocabulary, name) for name in ("Length", "Angle", "Mass", "Count", "Ratio", "Range")}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signature:
+    """The parameters of `owner` (the name of a class or function) in order; the first `positional` may be given by place."""
+
+    owner: str
+    parameters: tuple[Parameter, ...]
+    positional: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names, in order."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    def get(self, name: str) -> Parameter | None:
+        """The parameter of that name, if there is one."""
+        return next((parameter for parameter in self.parameters if parameter.name == name), None)
+
+    def bind(self, args: Sequence[object], kwargs: Mapping[str, object]) -> dict[str, Value]:
+        """The canonical values of a call, complete, in order of the signature.
+
+        Raises `CallError` for too many, unknown, repeated or missing arguments, `ParameterError` for a wrong value.
+        """
+        if len(args) > self.positional:
+            raise self._error(
+                f"`{self.owner}` takes {self.positional} argument{'' if self.positional == 1 else 's'} by place, found {len(args)}",
+                self.names[0] if self.parameters else "",
+            )
+        given = dict(zip(self.names, args))
+        for name, value in kwargs.items():
+            if name not in self.names:
+                raise self._error(f"`{self.owner}` has no parameter `{name}`{suggestion(name, self.names)}", name)
+            if name in given:
+                raise self._error(f"`{name}` of `{self.owner}` is given twice", name)
+            given[name] = value
+        values: dict[str, Value] = {}
+        for parameter in self.parameters:
+            if parameter.name in given:
+                values[parameter.name] = parameter.canonical(given[parameter.name], self.owner)
+            elif parameter.default is None:
+                raise self._error(f"`{self.owner}` needs `{parameter.name}`, {parameter.noun}", parameter.name)
+            else:
+                values[parameter.name] = parameter.default
+        return values
+
+    def _error(self, message: str, name: str) -> CallError:
+        return CallError(message, owner=self.owner, parameter=name)
+
+
+_look: Callable[[Callable[..., Any]], None] | None = None
+
+
+def install(look: Callable[[Callable[..., Any]], None]) -> None:
+    """Make `look` hear of every function whose parameters are read. For the geometry worker, before it loads part modules."""
+    global _look
+    _look = look
+
+
+def signature_of(
+    function: Callable[..., Any], owner: str, *, method: bool, strict: bool, docs: Sequence[str | None] = ()
+) -> Signature:
+    """The parameters that `function` takes; `method` leaves out its first argument.
+
+    `strict` (a Thing): every argument must be a parameter, else `SignatureError`. Not strict (a build123d class or a plain
+    function): arguments with a default that no parameter can express, `*args` and `**kwargs` are left out, at their default.
+    `docs` are docstrings that may describe the arguments, best last.
+    """
+    if _look is not None:
+        _look(function)
+    described: dict[str, str] = {}
+    for docstring in docs:
+        described |= argument_docs(docstring)
+    arguments = list(inspect.signature(function).parameters.values())[1 if method else 0:]
+    parameters: list[Parameter] = []
+    positional = 0
+    for argument in arguments:
+        try:
+            parameters.append(_parameter(function, argument, owner, described.get(argument.name, "")))
+        except SignatureError:
+            starred = argument.kind in (argument.VAR_POSITIONAL, argument.VAR_KEYWORD)
+            if strict or (argument.default is argument.empty and not starred):
+                raise
+            continue
+        positional += argument.kind is argument.POSITIONAL_OR_KEYWORD and positional == len(parameters) - 1
+    return Signature(owner=owner, parameters=tuple(parameters), positional=positional)
+
+
+def _parameter(function: Callable[..., Any], argument: inspect.Parameter, owner: str, doc: str) -> Parameter:
+    """One argument as a parameter, its default checked; `SignatureError` where it cannot be one."""
+    where = f"`{argument.name}` of `{owner}`"
+    if argument.kind in (argument.VAR_POSITIONAL, argument.VAR_KEYWORD, argument.POSITIONAL_ONLY):
+        stars = "*" * (argument.kind is argument.VAR_POSITIONAL) or "**" * (argument.kind is argument.VAR_KEYWORD)
+        reason = "give every parameter a name of its own" if stars else "documents give parameters by name: take the `/` away"
+        raise SignatureError(f"`{stars}{argument.name}` of `{owner}` cannot be a parameter: {reason}")
+    required = argument.default is argument.empty
+    if argument.annotation is argument.empty:
+        kind = _kind_of_default(argument.default, where)
+        minimum = maximum = None
+        choices: tuple[Value, ...] = ()
+    else:
+        try:
+            annotation = annotation_of(function, argument.annotation)
+        except SignatureError as error:
+            raise SignatureError(f"{where} cannot be a parameter: {error}") from None
+        shown = argument.annotation if isinstance(argument.annotation, str) else inspect.formatannotation(annotation)
+        kind, minimum, maximum, choices = _kind_of_annotation(annotation, where, shown)
+    parameter = Parameter(
+        name=argument.name, kind=kind, required=required, default=None,
+        minimum=minimum, maximum=maximum, choices=choices, doc=doc,
+    )
+    if required:
+        return parameter
+    try:
+        default = parameter.canonical(argument.default, owner)
+    except ParameterError as error:
+        raise SignatureError(f"the default of {error}") from None
+    return replace(parameter, default=default)
+
+
+def _kind_of_default(default: object, where: str) -> str:
+    """An argument without annotation is a plain number, text or flag by its default; without a default, a number."""
+    if default is inspect.Parameter.empty:
+        return "number"
+    if isinstance(default, bool):
+        return "flag"
+    if isinstance(default, (int, float)):
+        return "number"
+    if isinstance(default, str):
+        return "text"
+    raise SignatureError(f"{where} cannot be a parameter: its default is {default!r}, not a number, a text or a flag")
+
+
+def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
+    """An annotation that may be a text (`from __future__ import annotations`), evaluated where the function was written.
+
+    The names of the parameter vocabulary are known even where they were imported for type checkers only.
+    Raises `SignatureError` where the text cannot be evaluated.
+    """
+    if not isinstance(annotation, str):
+        return annotation
+    inner = inspect.unwrap(function)
+    scope = _KNOWN | getattr(inner, "__globals__", {})
+    cells = getattr(inner, "__closure__", None) or ()
+    for name, cell in zip(inner.__code__.co_freevars if cells else (), cells):
+        try:
+            scope[name] = cell.cell_contents
+        except ValueError:  # a name of the enclosing function that has no value yet
+            continue
+    while isinstance(annotation, str):
+        try:
+            annotation = eval(annotation, scope)  # the author's own annotation, in the author's own module
+        except Exception as error:
+            raise SignatureError(f"its annotation `{annotation}` cannot be read: {error}") from None
+    return annotation
+
+
+def _kind_of_annotation(
+    annotation: Any, where: str, shown: str
+) -> tuple[str, float | None, float | None, tuple[Value, ...]]:
+    """Kind, minimum, maximum and choices; bounds of nested `Annotated` are combined."""
+    annotation = getattr(annotation, "__value__", annotation)
+    marks: tuple[object, ...] = ()
+    while typing.get_origin(annotation) is Annotated:
+        marks = (*annotation.__metadata__, *marks)
+        annotation = annotation.__origin__
+    origin = typing.get_origin(annotation)
+    choices: tuple[Value, ...] = ()
+    if origin is Literal:
+        kind = "choice"
+        choices = typing.get_args(annotation)
+        if not all(isinstance(choice, (str, int)) for choice in choices):
+            raise SignatureError(f"{where} cannot be a parameter: a choice is a text, a whole number or a flag")
+    elif origin in (Union, types.UnionType) and set(typing.get_args(annotation)) == {int, float}:
+        kind = "number"
+    elif isinstance(annotation, type) and annotation in _PLAIN:
+        kind = _PLAIN[annotation]
+    else:
+        raise SignatureError(
+            f"{where} cannot be a parameter: its annotation is `{shown}`, not Length, Angle, Mass, Count, Ratio, float, int, "
+            "bool, str or Literal[...]"
+        )
+    for mark in marks:
+        if isinstance(mark, Kind):
+            kind = mark.kind
+    ranges = [mark for mark in marks if isinstance(mark, Range)]
+    if ranges and kind not in vocabulary.NUMERIC:
+        raise SignatureError(f"{where} cannot have a Range: it is {vocabulary.NOUNS.get(kind, 'a choice')}")
+    minimum = max((mark.minimum for mark in ranges if mark.minimum is not None), default=None)
+    maximum = min((mark.maximum for mark in ranges if mark.maximum is not None), default=None)
+    return kind, minimum, maximum, choices

@@ -1,0 +1,348 @@
+"""What a part asks besides its inputs: the environment, the clock, chance, other processes, the network.
+
+A part is made once and kept, so that such an answer stays what it was at the first build. Processes and connections raise audit
+events; the functions for the rest are wrapped, once per worker and before part code is loaded. A question counts for the line of the
+author's code that it comes from: the nearest frame outside of installed packages has to be one. What Python's own machinery
+asks to do its work (an import, a log record, the name of a temporary file) is no question of the part.
+"""
+
+from __future__ import annotations
+
+import builtins
+import contextlib
+import datetime
+import functools
+import importlib.abc
+import importlib.machinery
+import os
+import random
+import sys
+import time
+import types
+import uuid
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import FrameType
+from typing import Any
+
+from thingc.geometry.key.modules import OWN_FOLDER, installed_roots
+from thingc.geometry.record import Outside, PartWarning
+from thingc.geometry.worker import audit
+
+MACHINERY = frozenset({"importlib", "logging", "tempfile", "threading", "warnings"})
+"""Modules whose own questions do not show in what a part becomes."""
+
+
+class Asking:
+    """Notes what one part asks, from `start` to `stop`. `own` says of a file whether the part's authors wrote it."""
+
+    def __init__(self, own: Callable[[str], bool]) -> None:
+        self._own = own
+        self._skipped = (*installed_roots(), os.path.join(OWN_FOLDER, ""), "<")
+        self._found: dict[PartWarning, None] = {}
+        self.seeded: set[str] = set()
+
+    @property
+    def found(self) -> tuple[PartWarning, ...]:
+        """What was asked, each thing once per line, in the order in which it was."""
+        return tuple(self._found)
+
+    def start(self) -> None:
+        """Begin to note."""
+        global _current
+        _current = self
+
+    def stop(self) -> None:
+        """End noting."""
+        global _current
+        if _current is self:
+            _current = None
+
+    @contextlib.contextmanager
+    def paused(self) -> Iterator[None]:
+        """Note nothing for a while."""
+        self.stop()
+        try:
+            yield
+        finally:
+            self.start()
+
+    def note(self, what: Outside, message: str, frame: FrameType | None) -> bool:
+        """Note a question that was asked in `frame` or for it; False where it is none of the part's."""
+        while frame is not None:
+            file = frame.f_code.co_filename
+            if self._own(file):
+                self._found[PartWarning(message=message, file=file, line=frame.f_lineno, asked=what)] = None
+                return True
+            if str(frame.f_globals.get("__name__")).partition(".")[0] in MACHINERY or not file.startswith(self._skipped):
+                return False
+            frame = frame.f_back
+        return False
+
+
+_current: Asking | None = None
+
+
+def _ask(what: Outside, message: str) -> bool:
+    return _current is not None and _current.note(what, message, sys._getframe(2))
+
+
+def install() -> None:
+    """Wrap what can be asked. Before part modules load, since they may say `from time import time`; once per process, and inherited
+    by its children."""
+    _wrap_environment()
+    _wrap_clock()
+    _wrap_chance()
+    sys.meta_path.insert(0, _NumpysRandom())
+    audit.listen((*_PROCESSES, *_CONNECTIONS), _heard)
+
+
+# --- processes and connections ----------------------------------------------------------------------------------------
+
+_PROCESSES: dict[str, Callable[..., Any]] = {
+    "os.exec": lambda path, *_: path,
+    "os.fork": lambda *_: None,
+    "os.forkpty": lambda *_: None,
+    "os.posix_spawn": lambda path, *_: path,
+    "os.spawn": lambda mode, path, *_: path,
+    "os.system": lambda command: command,
+    "pty.spawn": lambda words: words[0],
+    "subprocess.Popen": lambda program, words, *_: program or (words if isinstance(words, (str, bytes)) else words[0]),
+}
+"""By event: its arguments -> the program, None for a copy of the part's own process."""
+
+_CONNECTIONS: dict[str, Callable[..., Any]] = {
+    "socket.connect": lambda socket, address: address[0] if isinstance(address, tuple) else address,
+    "socket.getaddrinfo": lambda host, *_: host,
+    "socket.gethostbyname": lambda host: host,
+}
+"""By event: its arguments -> whom it asks."""
+
+
+def _heard(event: str, arguments: tuple[Any, ...]) -> None:
+    if _current is None:
+        return
+    if event in _PROCESSES:
+        program = _PROCESSES[event](*arguments)
+        named = "a process" if program is None else f"`{_shown(program)}`"
+        _ask(Outside.PROCESS, f"starts {named}, and is not made anew when that would answer otherwise")
+    else:
+        _ask(Outside.NETWORK, f"asks `{_shown(_CONNECTIONS[event](*arguments))}` in the network, and is not made anew when that would "
+                              "answer otherwise")
+
+
+def _shown(name: Any) -> str:
+    text = name if isinstance(name, str) else os.fsdecode(name) if isinstance(name, (bytes, os.PathLike)) else repr(name)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+# --- the environment --------------------------------------------------------------------------------------------------
+
+
+def _wrap_environment() -> None:
+    family: Any = type(os.environ)
+    original = family.__getitem__
+
+    @functools.wraps(original)
+    def getitem(self: Any, key: Any) -> Any:
+        try:
+            return original(self, key)
+        except KeyError as fault:  # what is there is fixed, or the part's own doing
+            name = _shown(key)
+            if _ask(Outside.ENVIRONMENT, f"asks the environment for `{name}`, which no part is given"):
+                fault.add_note(f"the environment of a part is fixed, and has no `{name}`")
+            raise
+
+    family.__getitem__ = getitem
+
+
+# --- the clock --------------------------------------------------------------------------------------------------------
+
+_CLOCK = "asks the clock, and is kept as it was made"
+_OF_DATES = frozenset({"now", "today", "utcnow"})
+_CLOCKS = {
+    "time": 0, "time_ns": 0, "monotonic": 0, "monotonic_ns": 0, "perf_counter": 0, "perf_counter_ns": 0, "process_time": 0,
+    "process_time_ns": 0, "thread_time": 0, "thread_time_ns": 0, "localtime": 0, "gmtime": 0, "ctime": 0, "asctime": 0, "strftime": 1,
+    "clock_gettime": 1, "clock_gettime_ns": 1,
+}
+"""Functions of `time`, which ask the clock when they are given this many arguments; with more they work on a time that they are
+given."""
+
+
+def _wrap_clock() -> None:
+    for name, count in _CLOCKS.items():
+        if hasattr(time, name):
+            setattr(time, name, _asking_clock(getattr(time, name), count))
+
+
+def _asking_clock(function: Callable[..., Any], count: int) -> Callable[..., Any]:
+    @functools.wraps(function)
+    def asking(*arguments: Any) -> Any:
+        if len(arguments) <= count:
+            _ask(Outside.CLOCK, _CLOCK)
+        return function(*arguments)
+
+    return asking
+
+
+def builtins_for(code: types.CodeType) -> Mapping[str, Any] | None:
+    """What Python's builtins are for a module of the authors that may ask `datetime`; None where they are as ever.
+
+    The classes of `datetime` cannot be wrapped for everybody, since compiled packages know them by heart: such a module imports
+    another `datetime`.
+    """
+    return _builtins() if _names(code) else None
+
+
+@functools.cache
+def _names(code: types.CodeType) -> bool:
+    return not _OF_DATES.isdisjoint(code.co_names) or any(_names(one) for one in code.co_consts if isinstance(one, types.CodeType))
+
+
+@functools.cache
+def _builtins() -> Mapping[str, Any]:
+    telling = types.ModuleType("datetime", datetime.__doc__)
+    telling.__dict__.update(vars(datetime))
+    telling.date = _telling_time(datetime.date, ("today",))  # type: ignore[attr-defined]
+    telling.datetime = _telling_time(datetime.datetime, ("now", "utcnow", "today"))  # type: ignore[attr-defined]
+
+    def import_(*arguments: Any, **options: Any) -> Any:
+        module = builtins.__import__(*arguments, **options)
+        return telling if module is datetime else module
+
+    return {**vars(builtins), "__import__": import_}
+
+
+def _telling_time(real: Any, names: Sequence[str]) -> type:
+    """A class in the place of `datetime.date` or `datetime.datetime`: `names` are its ways to ask the clock."""
+
+    def new(cls: Any, *arguments: Any, **options: Any) -> Any:
+        return real.__new__(real if cls is stand_in else cls, *arguments, **options)
+
+    def asking(name: str) -> Any:
+        def ask(cls: Any, *arguments: Any, **options: Any) -> Any:
+            _ask(Outside.CLOCK, _CLOCK)
+            return getattr(real if cls is stand_in else super(stand_in, cls), name)(*arguments, **options)
+
+        return classmethod(functools.wraps(getattr(real, name))(ask))
+
+    stand_in = _stand_in(real, new, {name: asking(name) for name in names})
+    return stand_in
+
+
+def _stand_in(real: Any, new: Callable[..., Any], body: Mapping[str, Any]) -> type:
+    """A class in the place of the class `real`, whose instances count as its own: `new` makes them."""
+
+    class _ClockClass(type):
+        def __instancecheck__(cls, value: Any) -> bool:
+            return isinstance(value, real) if cls is stand_in else type.__instancecheck__(cls, value)
+
+        def __subclasscheck__(cls, other: type) -> bool:
+            return issubclass(other, real) if cls is stand_in else type.__subclasscheck__(cls, other)
+
+    own = {"__new__": new, "__doc__": real.__doc__, "__module__": real.__module__, **body}
+    stand_in: type = _ClockClass(real.__name__, (real,), own)
+    return stand_in
+
+
+# --- chance -----------------------------------------------------------------------------------------------------------
+
+_CHANCE = "draws random numbers without a seed, and is kept as it was made"
+_SEEDING = frozenset({"seed", "setstate", "set_state", "set_bit_generator"})
+_LOOKING = frozenset({"getstate", "get_state", "get_bit_generator"})
+
+
+def _wrap_chance() -> None:
+    family: Any = random.Random
+    original = family.seed
+
+    def seed(self: random.Random, a: Any = None, version: int = 2) -> None:
+        if a is None:
+            _ask(Outside.CHANCE, _CHANCE)
+        original(self, a, version)
+
+    family.seed = functools.wraps(original)(seed)
+    generator = random._inst
+    _wrap_global(random, lambda function: getattr(function, "__self__", None) is generator)
+    # SystemRandom, `secrets` and numpy's generators without a seed come here
+    urandom = _drawing(os.urandom)
+    for owner, name in ((os, "urandom"), (random, "_urandom")):
+        setattr(owner, name, urandom)
+    for owner, name in ((os, "getrandom"), (uuid, "uuid1"), (uuid, "getnode")):
+        if hasattr(owner, name):
+            setattr(owner, name, _drawing(getattr(owner, name)))
+
+
+def _drawing(function: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(function)
+    def drawing(*arguments: Any, **options: Any) -> Any:
+        _ask(Outside.CHANCE, _CHANCE)
+        return function(*arguments, **options)
+
+    return drawing
+
+
+def _wrap_global(module: types.ModuleType, of_global: Callable[[Any], bool]) -> None:
+    """Functions of a module that use the one generator behind it, which counts as seeded once somebody has done so."""
+    for name, function in list(vars(module).items()):
+        if name not in _LOOKING and callable(function) and not isinstance(function, type) and of_global(function):
+            setattr(module, name, _of_global(module.__name__, name, function))
+
+
+def _of_global(module: str, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(function)
+    def global_(*arguments: Any, **options: Any) -> Any:
+        if _current is not None:
+            if name in _SEEDING and next(iter((*arguments, *options.values())), None) is not None:
+                _current.seeded.add(module)
+            elif module not in _current.seeded:
+                _ask(Outside.CHANCE, _CHANCE)
+        return function(*arguments, **options)
+
+    return global_
+
+
+def _wrap_numpy(module: types.ModuleType) -> None:
+    """Wrap the functions of `numpy.random` that draw from its one generator of old; that generator, which libraries use when
+    nobody gives them another; and the class of it, which draws a seed before it takes the one that it is given."""
+    mtrand = module.mtrand
+    real = mtrand.RandomState
+    old = {id(value) for value in vars(mtrand).values()}
+    _wrap_global(module, lambda function: id(function) in old)
+
+    def new(cls: Any, seed: Any = None) -> Any:
+        if cls is not stand_in:
+            return real.__new__(cls)
+        with contextlib.nullcontext() if _current is None or seed is None else _current.paused():
+            return real(seed)
+
+    def look_up(self: Any, name: str) -> Any:
+        attribute = real.__getattribute__(self, name)
+        plain = name.startswith("_") or name in _LOOKING or not callable(attribute)
+        return attribute if plain else _of_global(module.__name__, name, attribute)
+
+    stand_in = _stand_in(real, new, {})
+    watched = type(real.__name__, (real,), {"__getattribute__": look_up})
+    module.RandomState = mtrand.RandomState = stand_in  # type: ignore[attr-defined]
+    mtrand._rand = watched(mtrand._rand._bit_generator)
+
+
+class _NumpysRandom(importlib.abc.MetaPathFinder):
+    """Wraps `numpy.random` when it is loaded: few parts use it."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: Any = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        """Python's own spec for it, whose module is wrapped once it has been run; None for everything else."""
+        if fullname != "numpy.random":
+            return None
+        sys.meta_path.remove(self)
+        spec = importlib.machinery.PathFinder.find_spec(fullname, path)
+        if spec is not None and spec.loader is not None:
+            run = spec.loader.exec_module
+
+            def exec_module(module: types.ModuleType) -> None:
+                run(module)
+                _wrap_numpy(module)
+
+            spec.loader.exec_module = exec_module  # type: ignore[method-assign]
+        return spec

@@ -1,0 +1,177 @@
+"""Confines the code of others. Part code may change its own folder only: what it wrote elsewhere, above all into the store, would change
+other parts, or stay behind. Expressions of a robot that is imported may besides read only named folders, start no program and open no
+connection.
+
+The audit hook refuses first: it knows the line, but sees only what Python does. Where the system has Landlock (Linux since 5.13), that
+refuses the same to everything that the code loads and starts, and the code cannot take it back.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import struct
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from thingc.geometry.worker import audit
+from thingc.geometry.worker.libc import prctl, syscall
+
+PROCESSES = 256
+"""How many processes of one part may be alive at once."""
+
+DEVICES = "/dev"
+_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
+
+
+class Trespass(PermissionError):
+    """Code was about to change something outside of its own folder, or to read what it may not: `filename`. Libraries that do without what
+    they cannot write take it as any other refusal."""
+
+    def __init__(self, path: str, words: str = "only its own temporary folder may be written") -> None:
+        super().__init__(errno.EACCES, words, path)
+
+
+# --- what Python does -------------------------------------------------------------------------------------------------
+
+_CHANGING: dict[str, tuple[tuple[int, int], ...]] = {
+    "os.chmod": ((0, 2),), "os.chown": ((0, 3),), "os.link": ((0, 2), (1, 3)), "os.mkdir": ((0, 2),), "os.remove": ((0, 1),),
+    "os.removexattr": ((0, -1),), "os.rename": ((0, 2), (1, 3)), "os.rmdir": ((0, 1),), "os.setxattr": ((0, -1),),
+    "os.symlink": ((1, 2),), "os.truncate": ((0, -1),), "os.utime": ((0, 3),),
+}
+"""By audit event: which of its arguments are files that are changed, each with the one that says relative to which open folder (-1:
+to none). Relative to one, the path says nothing; such calls are left to the system."""
+
+_FOLLOWING = frozenset({"os.chmod", "os.chown", "os.removexattr", "os.setxattr", "os.truncate", "os.utime"})
+"""Those that change what a link leads to; the others change the link."""
+
+_STARTING = ("os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.system", "subprocess.Popen", "socket.__new__", "ctypes.dlopen")
+
+OUTSIDE = "it is outside the robot's folder and all known packages"
+"""Why a file may not be read."""
+
+_allowed: tuple[str, ...] = ()
+_readable: tuple[str, ...] | None = None
+
+
+def begin(folder: str, readable: Sequence[str] | None = None) -> None:
+    """From here on, Python refuses with `Trespass` to change anything outside of `folder`; with `readable` also to read anything outside
+    of these folders, and to start programs and open connections."""
+    global _allowed, _readable
+    audit.listen(("open", *_CHANGING, *(_STARTING if readable is not None else ())), _heard)
+    _allowed = (os.path.join(os.path.realpath(folder), ""), *([os.path.join(DEVICES, "")] if readable is None else ()))
+    _readable = None if readable is None else (*_allowed, *(os.path.join(os.path.realpath(one), "") for one in readable))
+
+
+def end() -> None:
+    """From here on, everything is allowed again."""
+    global _allowed
+    _allowed = ()
+
+
+def _heard(event: str, arguments: tuple[Any, ...]) -> None:
+    if not _allowed:
+        return
+    if event == "open":
+        path, mode, flags = arguments
+        if any(letter in mode for letter in "wax+") if isinstance(mode, str) else bool((flags or 0) & _WRITING):
+            _check(path, itself=True)
+        elif _readable is not None and not isinstance(path, int):
+            real = os.path.realpath(os.fsdecode(path))
+            if not real.startswith(_readable):
+                raise Trespass(real, OUTSIDE)
+        return
+    if event in _STARTING:
+        raise Trespass(event, "programs and connections are refused")
+    for place, relative in _CHANGING[event]:
+        if relative < 0 or arguments[relative] in (-1, None):
+            _check(arguments[place], follow=event in _FOLLOWING)
+
+
+def _check(path: Any, *, follow: bool = True, itself: bool = False) -> None:
+    """Raise `Trespass` for what lies outside of the folder. `itself` says that the folder may be meant, too: who opens a folder to write
+    makes a file in it, as `tempfile.TemporaryFile` does; the folder alone cannot be opened so."""
+    if isinstance(path, int) or path is None:
+        return
+    named = os.path.abspath(os.fsdecode(path))
+    real = os.path.realpath(named) if follow else os.path.join(os.path.realpath(os.path.dirname(named)), os.path.basename(named))
+    if not real.startswith(_allowed) and not (itself and os.path.join(real, "") == _allowed[0]):
+        raise Trespass(real)
+
+
+# --- what the system refuses ------------------------------------------------------------------------------------------
+# https://docs.kernel.org/userspace-api/landlock.html
+
+_CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
+_VERSION, _PATH_BENEATH = 1, 1
+_NO_NEW_PRIVILEGES = 38
+_EXECUTE, _READ, _WRITE_FILE, _REMOVE_FILE, _MAKE_FILE = 1 << 0, 1 << 2 | 1 << 3, 1 << 1, 1 << 5, 1 << 8
+_REMOVE_OR_MAKE = sum(1 << bit for bit in range(4, 13))
+_REFER, _TRUNCATE = 1 << 13, 1 << 14
+_SIGNALS = 1 << 1
+
+
+def confine(folder: str, readable: Sequence[str] | None = None) -> bool:
+    """Take from this process, permanently, the right to change files outside of `folder` and to signal processes that it has not
+    started; with `readable` also to read files outside of these folders, to run programs and to open sockets. Return False where
+    the system does not support this. Also limit how many processes it may start."""
+    _bound_processes()
+    return sys.platform == "linux" and _landlock(folder, readable)
+
+
+def _landlock(folder: str, readable: Sequence[str] | None) -> bool:
+    import ctypes
+
+    version = syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), _VERSION)
+    if version < 1:
+        return False
+    handled = _WRITE_FILE | _REMOVE_OR_MAKE | (_REFER if version >= 2 else 0) | (_TRUNCATE if version >= 3 else 0)
+    handled |= 0 if readable is None else _EXECUTE | _READ
+    attributes = struct.pack("=QQQ", handled, 0, _SIGNALS if version >= 6 else 0)
+    rules = syscall(_CREATE_RULESET, attributes, ctypes.c_size_t(len(attributes)), 0)
+    if rules < 0:
+        return False
+    try:
+        devices = (DEVICES, handled & (_WRITE_FILE | _TRUNCATE | _REMOVE_FILE | _MAKE_FILE))
+        for path, rights in ((folder, handled & ~_EXECUTE), *([devices] if readable is None else [(one, _READ) for one in readable])):
+            beneath = os.open(path, os.O_PATH | os.O_CLOEXEC)
+            try:
+                if syscall(_ADD_RULE, rules, _PATH_BENEATH, struct.pack("=Qi", rights, beneath), 0) != 0:
+                    return False
+            finally:
+                os.close(beneath)
+        return prctl(_NO_NEW_PRIVILEGES, 1) and syscall(_RESTRICT_SELF, rules, 0) == 0 and (readable is None or _refuse_calls())
+    finally:
+        os.close(rules)
+
+
+_SECCOMP = {"x86_64": (317, 0xC000003E, 41, 90, 91, 268, 425, 452), "aarch64": (277, 0xC00000B7, 198, 52, 53, 425, 452)}
+"""By machine: the number of `seccomp`, that of the machine, and those of `socket`, `chmod`, `fchmod`, `fchmodat`, `io_uring_setup` and
+`fchmodat2`, which Landlock does not restrict (Unix sockets and UDP, modes of files outside of the folder)."""
+
+
+def _refuse_calls() -> bool:
+    """Let the system refuse these calls to this process, and all calls of other machines (`man 2 seccomp`)."""
+    import ctypes
+
+    seccomp, machine, *refused = _SECCOMP.get(os.uname().machine, (-1, 0))
+    count, load, equal, beyond, answer = len(refused), 0x20, 0x15, 0x35, 0x06
+    steps = [(load, 0, 0, 4), (equal, 0, count + 3, machine), (load, 0, 0, 0), (beyond, count + 1, 0, 1 << 30)]  # x32 is behind that
+    steps += [*((equal, count - k, 0, one) for k, one in enumerate(refused)), (answer, 0, 0, 0x7FFF0000), (answer, 0, 0, 0x5000D)]  # EACCES
+    program = ctypes.create_string_buffer(b"".join(struct.pack("=HBBI", *step) for step in steps))
+    return syscall(seccomp, 1, 0, struct.pack("@HP", len(steps), ctypes.addressof(program))) == 0
+
+
+def _bound_processes() -> None:
+    """The system's own bound, for the case that a part is quicker than who watches it. It counts what the whole user runs, and does
+    not hold for root: the worker watches (`worker`)."""
+    import resource
+
+    with contextlib.suppress(OSError, ValueError, IndexError), open("/proc/loadavg", "rb") as stream:
+        running = int(stream.read().split()[3].partition(b"/")[2])
+        _, hard = resource.getrlimit(resource.RLIMIT_NPROC)
+        most = running + 2 * PROCESSES
+        if hard == resource.RLIM_INFINITY or most < hard:
+            resource.setrlimit(resource.RLIMIT_NPROC, (most, most))

@@ -1,0 +1,227 @@
+"""Makes `import build123d` cheap: the packages that a part seldom needs are imported when they are first used.
+
+`import build123d` imports scikit-learn, scipy, ezdxf, lib3mf, svgpathtools and more: over half of its time and 150 MB,
+for functions that few parts call. While it is being imported, those names lead to stand-ins; the first use of a
+stand-in imports the real package and puts the real objects wherever build123d kept a stand-in. When the import is
+over, nobody else can meet a stand-in: `import scipy` in a part file is the real one.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import importlib.abc
+import importlib.machinery
+import sys
+import types
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from thingc.geometry.key.modules import SELDOM_USED
+
+
+class _Session:
+    """One import under way: which packages are put off, and where stand-ins have come to lie."""
+
+    def __init__(self, packages: frozenset[str]) -> None:
+        self.packages = packages
+        self.open = True
+        self.settled: set[str] = set()
+        self.sites: dict[str, list[Callable[[], None]]] = {}
+
+    def settle(self, package: str) -> None:
+        """Import `package` and replace its stand-ins wherever they were found."""
+        if package in self.settled:
+            return
+        self.settled.add(package)
+        importlib.import_module(package)
+        for replace in self.sites.pop(package, []):
+            replace()
+
+
+class Deferred:
+    """Stands for `module.name.name`: calls, attributes, subclassing and `isinstance` reach the real object."""
+
+    __slots__ = ("_module", "_names", "_session")
+
+    def __init__(self, session: _Session, module: str, names: tuple[str, ...]) -> None:
+        object.__setattr__(self, "_session", session)
+        object.__setattr__(self, "_module", module)
+        object.__setattr__(self, "_names", names)
+
+    def __getattr__(self, name: str) -> Any:
+        if self._session.open:
+            if name.startswith("__"):
+                raise AttributeError(name)
+            return Deferred(self._session, self._module, (*self._names, name))
+        return getattr(real(self), name)
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Call the real object."""
+        return real(self)(*args, **kwargs)
+
+    def __mro_entries__(self, bases: tuple[Any, ...]) -> tuple[Any, ...]:
+        return (real(self),)
+
+    def __instancecheck__(self, instance: Any) -> bool:
+        return isinstance(instance, real(self))
+
+    def __subclasscheck__(self, subclass: Any) -> bool:
+        return issubclass(subclass, real(self))
+
+    def __getitem__(self, key: Any) -> Any:
+        return self if self._session.open else real(self)[key]
+
+    def __or__(self, other: Any) -> Any:
+        return self if self._session.open else real(self) | other
+
+    def __ror__(self, other: Any) -> Any:
+        return self if self._session.open else other | real(self)
+
+    def __repr__(self) -> str:
+        return f"<{'.'.join((self._module, *self._names))}, not imported yet>"
+
+
+class _StandIn(types.ModuleType):
+    """A module that has not been imported."""
+
+    _session: _Session
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__") and self._session.open:
+            raise AttributeError(name)
+        stands_for = Deferred(self._session, self.__name__, (name,))
+        return stands_for if self._session.open else real(stands_for)
+
+
+def real(value: Any) -> Any:
+    """What a stand-in stands for, imported now; anything else as it is."""
+    if isinstance(value, _StandIn):
+        value._session.settle(value.__name__.partition(".")[0])
+        return importlib.import_module(value.__name__)
+    if type(value) is not Deferred:
+        return value
+    value._session.settle(value._module.partition(".")[0])
+    imported: Any = importlib.import_module(value._module)
+    path = value._module
+    for name in value._names:
+        path = f"{path}.{name}"
+        try:
+            imported = getattr(imported, name)
+        except AttributeError:
+            imported = importlib.import_module(path)  # `from ezdxf import zoom`: a submodule
+    return imported
+
+
+class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    def __init__(self, session: _Session) -> None:
+        self.session = session
+        self.made: list[str] = []
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: Any = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        """A stand-in for the packages that are put off; None for everything else."""
+        if fullname.partition(".")[0] not in self.session.packages:
+            return None
+        return importlib.machinery.ModuleSpec(fullname, self, is_package=True)
+
+    def create_module(self, spec: importlib.machinery.ModuleSpec) -> types.ModuleType:
+        module = _StandIn(spec.name)
+        module._session = self.session
+        self.made.append(spec.name)
+        return module
+
+    def exec_module(self, module: types.ModuleType) -> None:
+        """A stand-in has no code."""
+
+
+def import_cheaply(name: str, packages: frozenset[str] = SELDOM_USED) -> types.ModuleType:
+    """Import module `name` with `packages` put off until they are used.
+
+    Packages that are imported already are left as they are. Should anything go wrong, everything that was imported
+    meanwhile is forgotten and `name` is imported plainly, with whatever that raises.
+    """
+    absent = frozenset(package for package in packages if package not in sys.modules)
+    session = _Session(absent)
+    finder = _Finder(session)
+    before = set(sys.modules)
+    sys.meta_path.insert(0, finder)
+    try:
+        module = importlib.import_module(name)
+        stand_ins = {made: sys.modules.pop(made) for made in finder.made if made in sys.modules}
+        _find_sites(session, [sys.modules[new] for new in sys.modules.keys() - before])
+        del stand_ins
+        session.open = False
+        return module
+    except Exception:
+        for new in sys.modules.keys() - before:
+            if new in finder.made or not new.startswith("OCP"):  # an extension module cannot be loaded twice
+                del sys.modules[new]
+    finally:
+        sys.meta_path.remove(finder)
+    return importlib.import_module(name)
+
+
+def _package(value: Any) -> str | None:
+    if type(value) is Deferred:
+        return str(value._module.partition(".")[0])
+    if type(value) is _StandIn:
+        return value.__name__.partition(".")[0]
+    return None
+
+
+def _find_sites(session: _Session, modules: Sequence[types.ModuleType]) -> None:
+    """Note every place that holds a stand-in: module and class attributes, tables, and default arguments."""
+    for module in modules:
+        names = vars(module)
+        if not any(_package(value) for value in names.values()):
+            continue
+        for name, value in list(names.items()):
+            _note(session, module, name, value, module.__name__)
+
+
+def _note(session: _Session, owner: Any, name: str, value: Any, module: str) -> None:
+    package = _package(value)
+    if package is not None:
+        session.sites.setdefault(package, []).append(lambda: setattr(owner, name, real(value)))
+    elif isinstance(value, dict):
+        for held in {_package(item) for pair in value.items() for item in pair} - {None}:
+            session.sites.setdefault(str(held), []).append(lambda: _refill(value))
+    elif isinstance(value, (list, tuple)):
+        for held in {_package(item) for item in value} - {None}:
+            session.sites.setdefault(str(held), []).append(
+                lambda: setattr(owner, name, type(value)(real(item) for item in value))
+            )
+    elif isinstance(value, types.FunctionType):
+        defaults = (*(value.__defaults__ or ()), *(value.__kwdefaults__ or {}).values())
+        held_by_defaults = sorted({package for item in defaults if (package := _package(item))})
+        if held_by_defaults and value.__module__ == module:
+            setattr(owner, name, _settling(session, value, held_by_defaults))
+    elif isinstance(value, type) and value.__module__ == module:
+        for attribute, held_value in list(vars(value).items()):
+            if not isinstance(held_value, type):
+                _note(session, value, attribute, held_value, module)
+
+
+def _refill(table: dict[Any, Any]) -> None:
+    """Replace stand-ins among keys and values in place, in the same order."""
+    entries = [(real(key), real(value)) for key, value in table.items()]
+    table.clear()
+    table.update(entries)
+
+
+def _settling(session: _Session, function: types.FunctionType, packages: Sequence[str]) -> Callable[..., Any]:
+    """`function`, which first replaces the stand-ins among its own defaults."""
+
+    @functools.wraps(function)
+    def settled(*args: Any, **kwargs: Any) -> Any:
+        for package in packages:
+            session.settle(package)
+        if function.__defaults__:
+            function.__defaults__ = tuple(real(value) for value in function.__defaults__)
+        if function.__kwdefaults__:
+            function.__kwdefaults__ = {name: real(value) for name, value in function.__kwdefaults__.items()}
+        return function(*args, **kwargs)
+
+    return settled

@@ -1,0 +1,158 @@
+"""Writes the STEP file of an assembly: OCP only, so that neither build123d nor any part code has to be loaded.
+
+Every definition is one shape, shared by its instances; groups are sub-assemblies; colours belong to instances. The
+file says nothing of when, where or by whom it was written.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import tempfile
+from typing import Any
+
+from thingc.geometry.record_json import pose_from_json
+from thingc.geometry.store.local import Store
+from thingc.geometry.worker.kernel.step_order import settled, without_noise
+
+_HEADER = re.compile(rb"HEADER;.*?ENDSEC;", re.DOTALL)
+STAMP = "2000-01-01T00:00:00"
+
+
+def assemble(name: str, instances: list[dict[str, Any]], store: Store) -> dict[str, Any]:
+    """The STEP file (AP242, mm) of `instances` `{"path", "definition", "brep", "pose", "color"}`, poses as 12 SI numbers.
+
+    Returns `{"sha256", "size"}` of the file in the store. Raises `BlobMissing` for a B-rep that is not there.
+    """
+    from OCP.Interface import Interface_Static
+    from OCP.STEPCAFControl import STEPCAFControl_Writer
+    from OCP.STEPControl import STEPControl_AsIs
+    from OCP.TCollection import TCollection_ExtendedString
+    from OCP.TDocStd import TDocStd_Document
+    from OCP.XCAFApp import XCAFApp_Application
+
+    document = TDocStd_Document(TCollection_ExtendedString("thingc"))
+    XCAFApp_Application.GetApplication_s().NewDocument(TCollection_ExtendedString("BinXCAF"), document)
+    _fill(document, name, instances, store)
+    _silence()
+    writer = STEPCAFControl_Writer()
+    writer.SetNameMode(True)
+    writer.SetColorMode(True)
+    for parameter, value in (("write.step.unit", "MM"), ("write.step.schema", "AP242DIS")):
+        Interface_Static.SetCVal_s(parameter, value)
+    # the kernel writes in place of what follows the last product name, so each file gets a document and a writer of its own
+    if not writer.Transfer(document, STEPControl_AsIs):
+        raise ArithmeticError("the kernel could not translate the assembly to STEP")
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "assembly.step")
+        writer.Write(path)
+        with open(path, "rb") as stream:
+            data = stream.read()
+    data = settled(without_noise(_neutral(data, name)))
+    return {"sha256": store.put(data), "size": len(data)}
+
+
+def _silence() -> None:
+    """The kernel's writers report to standard output."""
+    from OCP.Message import Message, Message_Gravity
+
+    for printer in list(Message.DefaultMessenger_s().Printers()):
+        printer.SetTraceLevel(Message_Gravity.Message_Fail)
+
+
+def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Store) -> None:
+    from OCP.TopAbs import TopAbs_COMPOUND
+    from OCP.TopLoc import TopLoc_Location
+    from OCP.TopoDS import TopoDS_Iterator
+    from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
+
+    from thingc.geometry.worker.kernel.convert import transformation
+
+    shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
+    colors = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
+    root = shapes.NewShape()
+    _name(root, name)
+    groups: dict[str, Any] = {"": root}
+    definitions: dict[str, Any] = {}
+    compounds: dict[str, bool] = {}
+
+    def group(path: str) -> Any:
+        if path not in groups:
+            outer, _, own = path.rpartition("/")
+            label = shapes.NewShape()
+            _name(label, path.replace("/", "."))
+            _name(shapes.AddComponent(group(outer), label, TopLoc_Location()), own)
+            groups[path] = label
+        return groups[path]
+
+    for instance in instances:
+        brep, color = instance["brep"], _color(instance["color"])
+        if brep not in compounds:
+            compounds[brep] = _read(store, brep).ShapeType() == TopAbs_COMPOUND
+        several = compounds[brep]
+        # STEP gives a style to solids, not to what holds several: there a colour belongs to the definition
+        shared = f"{instance['definition']} {brep} {instance['color'] if several else ''}"
+        if shared not in definitions:
+            shape = _read(store, brep)
+            label = shapes.AddShape(shape, False)
+            _name(label, instance["definition"])
+            definitions[shared] = label
+            children = TopoDS_Iterator(shape)
+            while several and color is not None and children.More():
+                colors.SetColor(shapes.AddSubShape(label, children.Value()), color, XCAFDoc_ColorType.XCAFDoc_ColorSurf)
+                children.Next()
+        outer, _, own = instance["path"].rpartition("/")
+        placed = TopLoc_Location(transformation(pose_from_json(instance["pose"])))
+        component = shapes.AddComponent(group(outer), definitions[shared], placed)
+        _name(component, own)
+        if color is not None and not several:
+            colors.SetColor(component, color, XCAFDoc_ColorType.XCAFDoc_ColorSurf)
+    shapes.UpdateAssemblies()
+
+
+def _color(text: str | None) -> Any:
+    """`#rrggbb` for the kernel."""
+    from OCP.Quantity import Quantity_Color, Quantity_TypeOfColor
+
+    if text is None:
+        return None
+    red, green, blue = (int(text[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
+    return Quantity_Color(red, green, blue, Quantity_TypeOfColor.Quantity_TOC_sRGB)
+
+
+def _name(label: Any, text: str) -> None:
+    from OCP.TCollection import TCollection_ExtendedString
+    from OCP.TDataStd import TDataStd_Name
+
+    TDataStd_Name.Set_s(label, TCollection_ExtendedString(text, True))  # True: the text is UTF-8
+
+
+def _read(store: Store, sha256: str) -> Any:
+    from OCP.BinTools import BinTools
+    from OCP.TopoDS import TopoDS_Shape
+
+    shape = TopoDS_Shape()
+    BinTools.Read_s(shape, io.BytesIO(store.read(sha256)))
+    return shape
+
+
+def _neutral(data: bytes, name: str) -> bytes:
+    """The same file with a fixed header, and in ASCII: not every CAD program reads UTF-8."""
+    escaped = "".join(character if character.isprintable() else "_" for character in name).replace("'", "''").replace("\\", "\\\\")
+    header = (
+        "HEADER;\n"
+        "FILE_DESCRIPTION(('assembly'),'2;1');\n"
+        f"FILE_NAME('{escaped}','{STAMP}',(''),(''),'thingc','thingc','');\n"
+        "FILE_SCHEMA(('AP242_MANAGED_MODEL_BASED_3D_ENGINEERING_MIM_LF { 1 0 10303 442 1 1 4 }'));\n"
+        "ENDSEC;"
+    )
+    text = _HEADER.sub(lambda _: header.encode(), data, count=1).decode()
+    return re.sub("[^\0-\x7f]+", lambda match: _escaped(match.group()), text).encode("ascii")
+
+
+def _escaped(text: str) -> str:
+    """Text in the encoding of ISO 10303-21, 6.4.3.3: four hexadecimal digits for each character, or eight beyond the basic plane."""
+    if max(text) > "\uffff":
+        return f"\\X4\\{text.encode('utf-32-be').hex().upper()}\\X0\\"
+    return f"\\X2\\{text.encode('utf-16-be').hex().upper()}\\X0\\"

@@ -1,0 +1,101 @@
+"""Between the units of part code (mm, degrees) and those of records (SI). The only module that does it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.pose import Matrix, Pose, Vector
+from thingc.base.units import parse_quantity
+from thingc.geometry.record import Value
+
+if TYPE_CHECKING:
+    from OCP.gp import gp_Trsf
+
+MM = 1000.0
+"""Millimetres in a metre. Lengths are divided by it, which rounds once: 72 mm is 0.072 to the last bit."""
+
+_UNITS = {"length": "mm", "angle": "deg"}
+
+
+def to_si(kind: str, value: Any) -> Value:
+    """A parameter's value as part code has it, in SI; `kind` as in `ParameterSchema`.
+
+    Rounded exactly as the same text in a document is, so that a default and the same value written are equal.
+    """
+    if value is None or kind not in _UNITS or isinstance(value, bool):
+        return value  # type: ignore[no-any-return]
+    if not math.isfinite(value):
+        return float(value)
+    return parse_quantity(f"{float(value)!r} {_UNITS[kind]}").value
+
+
+def to_author(kind: str, value: Value) -> Value:
+    """A canonical SI value in the units of part code, to 15 digits: 0.042000000000000003 m is 42 mm."""
+    if isinstance(value, (bool, str)):
+        return value
+    if kind == "length":
+        return float(f"{value * MM:.15g}")
+    if kind == "angle":
+        return float(f"{math.degrees(value):.14g}")
+    return value
+
+
+def length(value: float) -> float:
+    """[mm] to [m]."""
+    return float(value) / MM
+
+
+def vector(value: Sequence[float]) -> Vector:
+    """[mm] to [m], three numbers."""
+    x, y, z = value
+    return (float(x) / MM + 0.0, float(y) / MM + 0.0, float(z) / MM + 0.0)
+
+
+def volume(value: float) -> float:
+    """[mm^3] to [m^3]."""
+    return float(value) / 1e9
+
+
+def area(value: float) -> float:
+    """[mm^2] to [m^2]."""
+    return float(value) / 1e6
+
+
+def unit_inertia(rows: Sequence[Sequence[float]]) -> Matrix:
+    """[mm^5] to [m^5], 3 x 3."""
+    a, b, c = (tuple(float(entry) / 1e15 + 0.0 for entry in row) for row in rows)
+    return (a, b, c)  # type: ignore[return-value]
+
+
+def matrix(rows: Sequence[Sequence[float]]) -> Matrix:
+    """3 x 3 numbers as a matrix, in the unit they have."""
+    a, b, c = (tuple(float(entry) for entry in row) for row in rows)
+    return (a, b, c)  # type: ignore[return-value]
+
+
+def pose(transformation: gp_Trsf) -> Pose:
+    """A kernel transformation (translation in mm) as a pose in metres.
+
+    The rotation is cleaned of the kernel's rounding: entries within 1e-15 of 0, 1 or -1 become those.
+    """
+    rows = [[_clean(transformation.Value(i, j)) for j in (1, 2, 3)] for i in (1, 2, 3)]
+    x, y, z = (transformation.Value(i, 4) for i in (1, 2, 3))
+    return Pose(rotation=matrix(rows), translation=vector((x, y, z)))
+
+
+def _clean(entry: float) -> float:
+    nearest = round(entry)
+    return float(nearest) if abs(entry - nearest) < 1e-15 else entry
+
+
+def transformation(placement: Pose) -> gp_Trsf:
+    """A pose in metres as a kernel transformation (translation in mm): the inverse of `pose`."""
+    from OCP.gp import gp_Trsf
+
+    r = placement.rotation
+    x, y, z = (value * MM for value in placement.translation)
+    made = gp_Trsf()
+    made.SetValues(r[0][0], r[0][1], r[0][2], x, r[1][0], r[1][1], r[1][2], y, r[2][0], r[2][1], r[2][2], z)
+    return made

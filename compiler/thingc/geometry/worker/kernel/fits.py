@@ -1,0 +1,141 @@
+"""Primitives that enclose a part: box, cylinder, capsule and sphere around its mesh, along the axes that suggest themselves."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thingc.base.pose import Matrix, Pose
+from thingc.base.primitives import Primitive
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+BETTER = 0.99
+"""A turned primitive is taken only where it is this much smaller: axes of the part are easier to live with."""
+
+
+def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dict[str, Primitive]:
+    """The smallest enclosing primitives of `points` [m] (the vertices of a convex hull do), by shape.
+
+    Candidate axes are those of the part and of `principal` (an inertia matrix, whose eigenvectors are tried).
+    """
+    frames = [np.eye(3)]
+    if principal is not None:
+        frames.append(_axes(np.array(principal)))
+    ball_centre, ball_radius = smallest_ball(points)
+    round_fits = [_round(points, turned) for frame in frames for turned in _each_axis_as_z(frame)]
+    return {
+        "box": _smallest([_box(points, frame) for frame in frames]),
+        "cylinder": _smallest([cylinder for cylinder, _ in round_fits]),
+        "capsule": _smallest([capsule for _, capsule in round_fits]),
+        "sphere": Primitive(shape="sphere", size=(ball_radius,), pose=_pose(np.eye(3), ball_centre)),
+    }
+
+
+def smallest_ball(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """The smallest disc (n x 2) or ball (n x 3) that holds all points: centre and radius.
+
+    Starts with a few points and takes in the farthest one outside until there is none (Gaertner, "Fast and robust
+    smallest enclosing balls", 1999, the pivoting heuristic; the small problems are solved by trying every support).
+    """
+    middle = points.mean(axis=0)
+    support = points[[int(np.argmax(((points - middle) ** 2).sum(axis=1)))]]
+    centre, radius = support[0], 0.0
+    for _ in range(1000):
+        distances = np.sqrt(((points - centre) ** 2).sum(axis=1))
+        farthest = int(np.argmax(distances))
+        if distances[farthest] <= radius * (1.0 + 1e-12) + 1e-15:
+            break
+        centre, radius, support = _ball_of_few(np.vstack([support, points[farthest]]))
+    return centre, float(max(radius, np.sqrt(((points - centre) ** 2).sum(axis=1)).max()))
+
+
+def _ball_of_few(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
+    """The smallest ball of a handful of points, of which the last is in no ball of the others (so that the smallest one rests on it); and
+    which of them it rests on."""
+    best: tuple[NDArray[np.float64], float, NDArray[np.float64]] | None = None
+    dimension = points.shape[1]
+    *others, last = range(len(points))
+    for count in range(2, min(len(points), dimension + 1) + 1):
+        for chosen in itertools.combinations(others, count - 1):
+            support = points[[*chosen, last]]
+            edges = support[1:] - support[0]
+            if count > 2 and np.linalg.matrix_rank(edges) < count - 1:
+                continue
+            centre = support[0] + _circumcentre(edges)
+            radius = float(np.sqrt(((support - centre) ** 2).sum(axis=1)).max())
+            reach = float(np.sqrt(((points - centre) ** 2).sum(axis=1)).max())
+            if reach <= radius * (1.0 + 1e-10) + 1e-15 and (best is None or radius < best[1]):
+                best = (centre, reach, support)
+    if best is None:
+        raise ArithmeticError("no ball holds the points")
+    return best
+
+
+def _circumcentre(edges: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The point in the span of `edges` (k x n) that is as far from 0 as from all of their ends."""
+    squares = (edges * edges).sum(axis=1)
+    try:
+        return np.asarray(edges.T @ np.linalg.solve(2.0 * edges @ edges.T, squares))
+    except np.linalg.LinAlgError:  # of points that are almost in a plane what is off it vanishes in the products
+        return np.asarray(np.linalg.lstsq(2.0 * edges, squares)[0])
+
+
+def _smallest(fits: list[Primitive]) -> Primitive:
+    """The first, unless a later one is clearly smaller."""
+    best = fits[0]
+    for fit in fits[1:]:
+        if fit.volume < BETTER * best.volume:
+            best = fit
+    return best
+
+
+def _box(points: NDArray[np.float64], frame: NDArray[np.float64]) -> Primitive:
+    """`frame` has the axes as columns."""
+    local = points @ frame
+    low, high = local.min(axis=0), local.max(axis=0)
+    size = tuple(float(half) for half in (high - low) / 2.0)
+    return Primitive(shape="box", size=size, pose=_pose(frame, frame @ ((low + high) / 2.0)))
+
+
+def _round(points: NDArray[np.float64], frame: NDArray[np.float64]) -> tuple[Primitive, Primitive]:
+    """The cylinder and the capsule along the third axis of `frame`."""
+    local = points @ frame
+    centre, radius = smallest_ball(local[:, :2])
+    z = local[:, 2]
+    low, high = float(z.min()), float(z.max())
+    cylinder = Primitive(
+        shape="cylinder", size=(radius, (high - low) / 2.0),
+        pose=_pose(frame, frame @ np.array([*centre, (low + high) / 2.0])),
+    )
+    # how far a cap reaches over a point at its distance from the axis
+    over = np.sqrt(np.maximum(radius**2 - ((local[:, :2] - centre) ** 2).sum(axis=1), 0.0))
+    top, bottom = float((z - over).max()), float((z + over).min())
+    half = max((top - bottom) / 2.0, 1e-6 * radius)
+    capsule = Primitive(shape="capsule", size=(radius, half), pose=_pose(frame, frame @ np.array([*centre, (top + bottom) / 2.0])))
+    return cylinder, capsule
+
+
+def _each_axis_as_z(frame: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """The frame with its z, its x and its y as third axis, right-handed."""
+    return [frame[:, [0, 1, 2]], frame[:, [1, 2, 0]], frame[:, [2, 0, 1]]]
+
+
+def _axes(inertia: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Principal axes as columns, right-handed, each with its largest entry positive."""
+    _, axes = np.linalg.eigh(inertia)
+    for column in range(3):
+        if axes[np.argmax(np.abs(axes[:, column])), column] < 0.0:
+            axes[:, column] *= -1.0
+    if np.linalg.det(axes) < 0.0:
+        axes[:, 2] *= -1.0
+    return np.asarray(axes)
+
+
+def _pose(frame: NDArray[np.float64], origin: NDArray[np.float64]) -> Pose:
+    rows = (frame + 0.0).tolist()
+    x, y, z = (float(value) if abs(value) > 1e-12 else 0.0 for value in origin)
+    return Pose(rotation=(tuple(rows[0]), tuple(rows[1]), tuple(rows[2])), translation=(x, y, z))

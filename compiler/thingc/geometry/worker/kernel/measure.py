@@ -1,0 +1,234 @@
+"""Exact integrals over a B-rep: volume, area, centre of mass and inertia, never from a mesh. Kernel units: mm."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from OCP.Bnd import Bnd_Box
+from OCP.BRepAdaptor import BRepAdaptor_Curve2d, BRepAdaptor_Surface
+from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape
+from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Sinert, BRepGProp_Vinert
+from OCP.GeomAbs import (
+    GeomAbs_Circle,
+    GeomAbs_Cone,
+    GeomAbs_Cylinder,
+    GeomAbs_Line,
+    GeomAbs_Plane,
+    GeomAbs_Sphere,
+    GeomAbs_SurfaceOfExtrusion,
+    GeomAbs_Torus,
+)
+from OCP.gp import gp_Pnt
+from OCP.GProp import GProp_GProps
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
+from OCP.TopExp import TopExp_Explorer
+from OCP.TopoDS import TopoDS
+
+from thingc.base.frozen import dataclass
+from thingc.base.pose import Matrix, Vector
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
+
+ACCURACY = 1e-12
+"""Relative error of the volume at which the kernel's adaptive integration stops."""
+AGREEMENT = 1e-9
+"""How close plain and adaptive integration must be for the plain one to count."""
+_ROUND = frozenset({GeomAbs_Cylinder, GeomAbs_Cone, GeomAbs_Sphere, GeomAbs_Torus})
+_ALONG = 1e-12
+"""How far a direction may be off one of the parameters of a surface to be along it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measures:
+    """`volume` [mm^3], `area` [mm^2], `centre` [mm], `inertia` [mm^5] at density 1 about the centre, `box` [mm]."""
+
+    volume: float
+    area: float
+    centre: Vector
+    inertia: Matrix
+    box: tuple[Vector, Vector]
+
+
+def explored(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
+    """What a shape is made of, of one kind (`TopAbs_FACE`), in its own order; what two share comes twice."""
+    explorer = TopExp_Explorer(shape, kind)
+    while explorer.More():
+        yield explorer.Current()
+        explorer.Next()
+
+
+def solids_of(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
+    """The solids in a shape, in its own order."""
+    return list(explored(shape, TopAbs_SOLID))
+
+
+TOUCHING = 1e-6
+"""A distance [mm] at which two solids still touch."""
+
+
+def bodies_of(solids: Sequence[TopoDS_Shape]) -> list[list[TopoDS_Shape]]:
+    """Solids by what hangs together: two are of one body where they touch, or are of one with a third."""
+    boxes = [bounding_box(solid) for solid in solids]
+    waiting = list(range(len(solids)))
+    bodies: list[list[TopoDS_Shape]] = []
+    while waiting:
+        body = [waiting.pop(0)]
+        for member in body:
+            near = [other for other in waiting if _boxes_touch(boxes[member], boxes[other])]
+            joined = [other for other in near if BRepExtrema_DistShapeShape(solids[member], solids[other]).Value() <= TOUCHING]
+            body += joined
+            waiting = [other for other in waiting if other not in joined]
+        bodies.append([solids[member] for member in sorted(body)])
+    return bodies
+
+
+def _boxes_touch(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> bool:
+    return all(one[0][k] <= other[1][k] + TOUCHING and other[0][k] <= one[1][k] + TOUCHING for k in range(3))
+
+
+def measure(shape: TopoDS_Shape) -> Measures:
+    """Integrals over the solids of a shape (GProp of OCCT: Gauss quadrature on the faces).
+
+    Of fixed order it is exact to rounding on whole faces of simple surfaces, but errs by 1e-5 on a cylinder with a cross
+    hole; adaptive it stops when the volume is good, and leaves 1e-11 in the inertia of a plain cylinder. So both are
+    computed, and the first counts where they agree. On planes within lines and circles, and on round surfaces within their own lines
+    (u or v constant), the first is always exact, and the second takes fifty times as long: it is left out.
+    """
+    box = bounding_box(shape)
+    apex = gp_Pnt(*((low + high) / 2.0 for low, high in zip(*box, strict=True)))
+    whole = GProp_GProps(apex)
+    surface = GProp_GProps(apex)
+    for solid in solids_of(shape):
+        matter, skin = integrals(solid, apex)
+        whole.Add(matter)
+        surface.Add(skin)
+    centre = whole.CentreOfMass()
+    about = whole.MatrixOfInertia()
+    rows = [[about.Value(i, j) for j in (1, 2, 3)] for i in (1, 2, 3)]
+    largest = max(rows[0][0], rows[1][1], rows[2][2])
+    xy, xz, yz = (_clean((rows[i][j] + rows[j][i]) / 2.0, largest) for i, j in ((0, 1), (0, 2), (1, 2)))
+    size = max(high - low for low, high in zip(*box, strict=True))
+    return Measures(
+        volume=whole.Mass(),
+        area=surface.Mass(),
+        centre=(_clean(centre.X(), size), _clean(centre.Y(), size), _clean(centre.Z(), size)),
+        inertia=((rows[0][0], xy, xz), (xy, rows[1][1], yz), (xz, yz, rows[2][2])),
+        box=box,
+    )
+
+
+def integrals(solid: TopoDS_Shape, apex: gp_Pnt) -> tuple[GProp_GProps, GProp_GProps]:
+    """Of the matter of a solid, whichever way its faces look, and of its surface. `apex` is any point near it: moments are summed
+    about it, because about an origin that is far away they would lose their digits."""
+    skin = _skin(solid)
+    matter = _better(BRepGProp_Vinert, skin.flat, skin.extruded + skin.rest, apex)
+    if matter.Mass() < 0.0:
+        skin = _skin(solid.Reversed())
+        matter = _better(BRepGProp_Vinert, skin.flat, skin.extruded + skin.rest, apex)
+    return matter, _better(BRepGProp_Sinert, skin.flat + skin.extruded, skin.rest, apex)
+
+
+_Faces: TypeAlias = "tuple[tuple[TopoDS_Face, bool], ...]"
+"""Faces, and of each whether plain integration is exact on it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Skin:
+    """The faces of a solid: `flat` ones, planes within lines and circles; `extruded` curves, whose adaptive area the kernel gets wrong
+    (by 0.4 % for an ellipse of 8 by 4; the plain one by 3e-5); and the `rest`."""
+
+    flat: _Faces
+    extruded: _Faces
+    rest: _Faces
+
+
+def _skin(solid: TopoDS_Shape) -> _Skin:
+    flat: list[tuple[TopoDS_Face, bool]] = []
+    extruded: list[tuple[TopoDS_Face, bool]] = []
+    rest: list[tuple[TopoDS_Face, bool]] = []
+    for subshape in explored(solid, TopAbs_FACE):
+        face = TopoDS.Face(subshape)
+        kind = BRepAdaptor_Surface(face, False).GetType()
+        if kind == GeomAbs_SurfaceOfExtrusion:
+            extruded.append((face, False))
+        elif kind == GeomAbs_Plane and _within_lines_and_circles(face):
+            flat.append((face, True))
+        else:
+            rest.append((face, kind in _ROUND and _within_own_lines(face)))
+    return _Skin(flat=tuple(flat), extruded=tuple(extruded), rest=tuple(rest))
+
+
+def _within_lines_and_circles(face: TopoDS_Face) -> bool:
+    simple = (GeomAbs_Line, GeomAbs_Circle)  # of the curve on the face: it is what is integrated along
+    return all(BRepAdaptor_Curve2d(TopoDS.Edge(edge), face).GetType() in simple for edge in explored(face, TopAbs_EDGE))
+
+
+def _within_own_lines(face: TopoDS_Face) -> bool:
+    """Whether one parameter of the surface is constant along each edge."""
+    curves = [BRepAdaptor_Curve2d(TopoDS.Edge(edge), face) for edge in explored(face, TopAbs_EDGE)]
+    if any(curve.GetType() != GeomAbs_Line for curve in curves):
+        return False
+    directions = [curve.Line().Direction() for curve in curves]
+    return all(min(abs(direction.X()), abs(direction.Y())) <= _ALONG for direction in directions)
+
+
+def _integral(kind: Any, faces: _Faces, apex: gp_Pnt, *accuracy: float) -> GProp_GProps:
+    """Over faces, as `BRepGProp` goes through those of a shape, with an accuracy where plain integration is not exact. `kind` is its class
+    for one face: of a volume or of a surface. What lies between a face and the `apex` is its part of a volume."""
+    total = GProp_GProps(apex)
+    for face, exact in faces:
+        part = kind()
+        part.SetLocation(apex)
+        if face.NbChildren() == 0:  # a whole closed surface has no boundary
+            part.Perform(BRepGProp_Face(face), *(() if exact else accuracy))
+        else:
+            part.Perform(BRepGProp_Face(face), BRepGProp_Domain(face), *(() if exact else accuracy))
+        total.Add(part)
+    return total
+
+
+def _better(kind: Any, once: _Faces, twice: _Faces, apex: gp_Pnt) -> GProp_GProps:
+    """The plain integral where it agrees with the one that is adaptive on the faces of `twice`, else the latter."""
+    sure = _integral(kind, once, apex)
+    plain = GProp_GProps(apex)
+    plain.Add(sure)
+    plain.Add(_integral(kind, twice, apex))
+    if all(exact for _, exact in twice):
+        return plain
+    adaptive = GProp_GProps(apex)
+    adaptive.Add(sure)
+    adaptive.Add(_integral(kind, twice, apex, ACCURACY))
+    one, other = _numbers(plain), _numbers(adaptive)
+    scale = (abs(other[0]), *([max(map(abs, other[1:]))] * 6))
+    return plain if all(abs(a - b) <= AGREEMENT * size for a, b, size in zip(one, other, scale, strict=True)) else adaptive
+
+
+def _numbers(properties: GProp_GProps) -> list[float]:
+    about = properties.MatrixOfInertia()
+    return [properties.Mass(), *(about.Value(i, j) for i, j in ((1, 1), (2, 2), (3, 3), (1, 2), (1, 3), (2, 3)))]
+
+
+def _clean(value: float, size: float) -> float:
+    """Zero for what is rounding: 1e-14 of the part's size."""
+    return 0.0 if abs(value) <= 1e-14 * size else value
+
+
+def extent(shape: TopoDS_Shape) -> float:
+    """How far [mm] it is across a shape, about: the diagonal of a box around it that need not be tight. To find the tight one takes
+    far longer."""
+    box = Bnd_Box()
+    BRepBndLib.Add_s(shape, box, False)
+    return math.sqrt(box.SquareExtent())
+
+
+def bounding_box(shape: TopoDS_Shape) -> tuple[Vector, Vector]:
+    """The tight axis-aligned box of a shape [mm]."""
+    box = Bnd_Box()
+    BRepBndLib.AddOptimal_s(shape, box, False, False)
+    low, high = box.CornerMin(), box.CornerMax()
+    return (low.X(), low.Y(), low.Z()), (high.X(), high.Y(), high.Z())

@@ -1,0 +1,247 @@
+"""Parts that are files of triangles: STL, OBJ, PLY, OFF and glTF as trimesh reads them, 3MF as its specification has it.
+
+3MF is read here because trimesh leaves out, without a word, objects that are named and not there, and needs lxml for it.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import zipfile
+from array import array
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+from xml.parsers import expat
+
+import numpy as np
+
+from thingc.geometry.mesh_bounds import LARGEST, BadMesh, damaged, read_bounded, refuse_beyond, unfold
+from thingc.geometry.worker.kernel.meshing import Triangles, together, without_slivers
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+PLAIN = (".stl", ".obj", ".ply", ".off")
+"""Numbers without a unit."""
+GLTF = (".glb", ".gltf")
+"""Metres, y up."""
+SUFFIXES = (*PLAIN, *GLTF, ".3mf")
+
+NEAR = 1e-6
+"""Corners that are this part of the whole size apart are one, where the surface is not closed otherwise."""
+
+MOST = 1_000_000
+"""Triangles of a part: the kernel needs some 3.5 kB for each."""
+
+FARTHEST = 1e9
+"""Coordinates [mm] beyond are a slip: the kernel leaves gaps between faces of that size."""
+
+_UNITS_3MF = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
+_CORE_3MF = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
+_BUILD = "what is built"
+
+
+class BadPartFile(ValueError):
+    """A file that makes no part, in words."""
+
+
+def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str, ...]]:
+    """The surface in a file [mm], closed, and in words what had to be fixed; `unit` [mm] is that of the numbers in a file that
+    does not say its own. z is up: what a glTF file calls y. Raises `BadPartFile`, also if the surface stays open."""
+    try:
+        data = read_bounded(path, suffix, MOST)
+        if suffix == ".3mf":
+            mesh = _from_3mf(data)
+        elif suffix in GLTF:
+            surface = _from_trimesh(path, suffix, data)
+            x, y, z = surface.vertices.T
+            mesh = Triangles(1000.0 * np.column_stack([x, -z, y]) + 0.0, surface.faces)
+        else:
+            mesh = _from_trimesh(path, suffix, data).scaled(unit)
+    except BadMesh as fault:
+        raise BadPartFile(f"the file {fault}") from fault.__cause__
+    except (BadPartFile, MemoryError):
+        raise
+    except Exception as fault:
+        raise BadPartFile(f"the file {damaged(suffix, fault)}") from fault
+    if len(mesh.faces) == 0:
+        raise BadPartFile("the file holds no triangles")
+    farthest = float(np.abs(mesh.vertices).max())
+    if farthest > FARTHEST:
+        raise BadPartFile(f"a coordinate is {farthest:.3g} mm: no part is so large")
+    once, again = _once(mesh)
+    closed, mended = _closed(once)
+    return closed, (*again, *mended)
+
+
+def reads_with_trimesh(path: str) -> bool:
+    """Whether a file is one of those that trimesh reads, which takes long to import."""
+    return path.lower().endswith((*PLAIN, *GLTF))
+
+
+def _from_trimesh(path: str, suffix: str, data: bytes) -> Triangles:
+    import trimesh
+
+    beside = trimesh.resolvers.FilePathResolver(path) if suffix == ".gltf" else None
+    scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], resolver=beside, process=False)
+    refuse_beyond(sum(len(getattr(scene.geometry[scene.graph[node][1]], "faces", ())) for node in scene.graph.nodes_geometry), MOST)
+    corners = np.asarray(scene.triangles if scene.geometry else (), dtype=np.float64)
+    return _welded(_finite(corners.reshape(-1, 3)))
+
+
+def _welded(corners: NDArray[np.float64]) -> Triangles:
+    """Three corners (rows) for each triangle; equal ones are one vertex."""
+    unique, inverse = np.unique(corners + 0.0, axis=0, return_inverse=True)
+    return without_slivers(unique, np.asarray(inverse).reshape(-1, 3).astype(np.int64))
+
+
+def _finite(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    if not np.isfinite(rows).all():
+        raise BadPartFile("a coordinate is not finite")
+    return rows
+
+
+# --- surfaces that are not closed, or stand there twice --------------------------------------------------------------
+
+
+def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
+    """The mesh with every triangle once, and what was left out: a surface that stands there twice is closed, and has twice the volume.
+    Two that look opposite ways are where two bodies touch, and stay, unless all do: then it is one surface with two sides."""
+    mended: list[str] = []
+    turns = (np.argmin(mesh.faces, axis=1)[:, None] + np.arange(3)) % 3
+    _, first = np.unique(np.take_along_axis(mesh.faces, turns, axis=1), axis=0, return_index=True)
+    if more := len(mesh.faces) - len(first):
+        mesh = Triangles(mesh.vertices, mesh.faces[np.sort(first)])
+        mended.append(f"triangles that stand in it more than once, left out: {more}")
+    _, first = np.unique(np.sort(mesh.faces, axis=1), axis=0, return_index=True)
+    if 2 * len(first) == len(mesh.faces):
+        mesh = Triangles(mesh.vertices, mesh.faces[np.sort(first)])
+        mended.append(f"triangles that are the other side of one that it has, left out: {len(first)}")
+    return mesh, tuple(mended)
+
+
+def _closed(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
+    """The mesh, and what was mended until its surface was closed: by trimesh, one thing after the other."""
+    import trimesh
+
+    first = open_edges(mesh)
+    if not first:
+        return mesh, ()
+    size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+    mended: list[str] = []
+    digits = -math.floor(math.log10(NEAR * size)) if size > 0.0 else 9
+    _, first_of, inverse = np.unique(np.round(mesh.vertices, digits) + 0.0, axis=0, return_index=True, return_inverse=True)
+    lost = len(mesh.vertices) - len(first_of)
+    if lost:
+        mesh = without_slivers(mesh.vertices[first_of], np.asarray(inverse).reshape(-1)[mesh.faces])
+        mended.append(f"corners joined within {10.0**-digits:.1g} mm: {lost}")
+    whole = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    if open_edges(mesh):
+        trimesh.repair.fix_winding(whole)  # type: ignore[no-untyped-call]
+        turned = int((np.asarray(whole.faces) != mesh.faces).any(axis=1).sum())
+        mesh = _of(whole)
+        mended += [f"triangles turned round: {turned}"] if turned else []
+    if open_edges(mesh):
+        count = len(whole.faces)
+        trimesh.repair.fill_holes(whole)
+        filled = len(whole.faces) - count
+        mesh = _of(whole)
+        mended += [f"triangles put into holes: {filled}"] if filled else []
+    if left := open_edges(mesh):
+        rest = "" if left == first else f" ({left} after trimesh has mended what it can)"
+        raise BadPartFile(f"its surface is not closed: {first} edges have no neighbour{rest}, so that it has no volume")
+    return mesh, (f"its surface was not closed, and was mended ({', '.join(mended)})",)
+
+
+def _of(mesh: Any) -> Triangles:
+    return without_slivers(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64))
+
+
+def open_edges(mesh: Triangles) -> int:
+    """How many edges no triangle runs through the other way."""
+    count = len(mesh.vertices)
+    a, b = mesh.faces.ravel(), mesh.faces[:, (1, 2, 0)].ravel()
+    one_way, counts = np.unique(a * count + b, return_counts=True)
+    other_way, other_counts = np.unique(b * count + a, return_counts=True)
+    _, mine, theirs = np.intersect1d(one_way, other_way, return_indices=True)
+    return int(counts.sum() - np.minimum(counts[mine], other_counts[theirs]).sum())
+
+
+# --- 3MF --------------------------------------------------------------------------------------------------------------
+
+
+class _Object3mf:
+    """An object of a 3MF file: coordinates, vertex numbers of triangles, and the objects in it with their transforms."""
+
+    def __init__(self) -> None:
+        self.points, self.faces = array("d"), array("q")
+        self.components: list[tuple[str, str | None]] = []
+
+
+def _from_3mf(data: bytes) -> Triangles:
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        name = next((entry for entry in sorted(archive.namelist()) if entry.lower().endswith(".model")), None)
+        if name is None:
+            raise BadMesh("holds no model")
+        refuse_beyond(archive.getinfo(name).file_size, LARGEST, "bytes of XML")
+        unit, objects = _read_3mf(archive.read(name))
+    if unit not in _UNITS_3MF:
+        raise BadMesh(f"has the unknown unit `{unit}`")
+
+    def parts(name: str) -> list[str]:
+        if name not in objects:
+            raise BadMesh(f"names an object `{name}` that is not there")
+        return [one for one, _ in objects[name].components]
+
+    unfold(_BUILD, parts)
+    meshes = _placed_3mf(objects, _BUILD, _affine(None))
+    if not meshes:
+        raise BadMesh("builds nothing")
+    return together(meshes).scaled(_UNITS_3MF[unit])
+
+
+def _read_3mf(model: bytes) -> tuple[str, dict[str, _Object3mf]]:
+    """The unit of a model, and its objects by their numbers; what is built is another, `_BUILD`."""
+    unit, last = "millimeter", _Object3mf()
+    objects: dict[str, _Object3mf] = {_BUILD: last}
+
+    def start(tag: str, said: Mapping[str, str]) -> None:
+        nonlocal unit, last
+        match tag.removeprefix(_CORE_3MF):
+            case "model":
+                unit = said.get("unit", unit)
+            case "object":
+                last = objects[said.get("id", "")] = _Object3mf()
+            case "vertex":
+                last.points.extend(float(said[key]) for key in ("x", "y", "z"))
+            case "triangle":
+                last.faces.extend(int(said[key]) for key in ("v1", "v2", "v3"))
+            case "component" | "item" as kind:
+                (last if kind == "component" else objects[_BUILD]).components.append((said.get("objectid", ""), said.get("transform")))
+
+    parser = expat.ParserCreate(namespace_separator="}")
+    parser.StartElementHandler = start
+    parser.Parse(model, True)
+    return unit, objects
+
+
+def _placed_3mf(objects: Mapping[str, _Object3mf], name: str, transform: NDArray[np.float64]) -> list[Triangles]:
+    """The surfaces in an object, those in its components included, where a transform puts them."""
+    item, surfaces = objects[name], list[Triangles]()
+    points, faces = np.array(item.points).reshape(-1, 3), np.array(item.faces, dtype=np.int64).reshape(-1, 3)
+    if faces.size and (faces.min() < 0 or faces.max() >= len(points)):
+        raise BadMesh("names a vertex that is not there")
+    if faces.size:
+        moved = _finite(points) @ transform[:3] + transform[3]
+        surfaces.append(_welded(moved[(faces[:, ::-1] if np.linalg.det(transform[:3]) < 0.0 else faces).ravel()]))
+    for inner, text in item.components:
+        own = _affine(text)
+        combined = np.vstack([own[:3] @ transform[:3], own[3] @ transform[:3] + transform[3]])
+        surfaces.extend(_placed_3mf(objects, inner, combined))
+        refuse_beyond(sum(len(one.faces) for one in surfaces), MOST)
+    return surfaces
+
+
+def _affine(text: str | None) -> NDArray[np.float64]:
+    """A 3MF transform: 4 x 3, points are rows on its left."""
+    return _finite(np.array((text or "1 0 0 0 1 0 0 0 1 0 0 0").split(), dtype=np.float64).reshape(4, 3))

@@ -1,0 +1,154 @@
+"""Triangles, and the files that are made of them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thingc.base.frozen import dataclass
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Triangles:
+    """Vertices (n x 3, double) and triangles (m x 3 indices), counter-clockwise seen from outside."""
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+
+    @property
+    def closed(self) -> bool:
+        """Whether every edge is run through as often one way as the other: a surface without border, turned one way."""
+        if len(self.faces) == 0:
+            return False
+        a = self.faces.ravel()
+        b = self.faces[:, (1, 2, 0)].ravel()
+        count = len(self.vertices)
+        return bool(np.array_equal(np.sort(a * count + b), np.sort(b * count + a)))
+
+    @property
+    def volume(self) -> float:
+        """The volume enclosed, by the divergence theorem; negative when the triangles look inwards."""
+        if len(self.faces) == 0:
+            return 0.0
+        middle = self.vertices.mean(axis=0)
+        a, b, c = (self.vertices[self.faces[:, k]] - middle for k in range(3))
+        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+    @property
+    def flat(self) -> bool:
+        """Whether it encloses nothing to speak of: less than 1e-9 of the cube on its diagonal."""
+        if len(self.vertices) == 0:
+            return True
+        diagonal = float(np.linalg.norm(self.vertices.max(axis=0) - self.vertices.min(axis=0)))
+        return abs(self.volume) <= 1e-9 * diagonal**3
+
+    def scaled(self, factor: float) -> Triangles:
+        """In another unit."""
+        return Triangles(self.vertices * factor, self.faces)
+
+    def outward(self) -> Triangles:
+        """Turned so that the volume is positive."""
+        return self if self.volume >= 0.0 else Triangles(self.vertices, self.faces[:, ::-1])
+
+
+def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Triangles:
+    """Without triangles that name a vertex twice, and without vertices that no triangle names."""
+    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    faces = faces[whole]
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces] = True
+    return Triangles(vertices[used], (np.cumsum(used) - 1)[faces])
+
+
+def together(meshes: list[Triangles]) -> Triangles:
+    """Several meshes as one, side by side."""
+    if len(meshes) == 1:
+        return meshes[0]
+    offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    return Triangles(
+        np.concatenate([mesh.vertices for mesh in meshes]) if meshes else np.zeros((0, 3)),
+        np.concatenate([mesh.faces + offset for mesh, offset in zip(meshes, offsets[:-1], strict=True)])
+        if meshes
+        else np.zeros((0, 3), dtype=np.int64),
+    )
+
+
+def counted_twice(meshes: Sequence[Triangles]) -> float:
+    """By how much the volumes of these closed meshes come to more than that of their union (manifold3d)."""
+    from manifold3d import Manifold, Mesh64, OpType
+
+    solids = [
+        Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.faces, dtype=np.uint64))) for mesh in meshes
+    ]
+    return math.fsum(solid.volume() for solid in solids) - float(Manifold.batch_boolean(solids, OpType.Add).volume())
+
+
+def hull(points: NDArray[np.float64]) -> Triangles | None:
+    """The convex hull of points (manifold3d), or None where they lie in a plane."""
+    from manifold3d import Manifold
+
+    mesh = Manifold.hull_points(np.ascontiguousarray(points, dtype=np.float64)).to_mesh64()
+    faces = np.asarray(mesh.tri_verts, dtype=np.int64)
+    if len(faces) == 0:
+        return None
+    made = Triangles(np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3], faces)
+    return None if made.flat else made.outward()
+
+
+# --- files ------------------------------------------------------------------------------------------------------------
+
+
+_STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u2")])
+
+
+def in_single(mesh: Triangles) -> Triangles:
+    """With vertices as 32-bit numbers leave them, which STL files hold and simulators keep: those that become equal are one."""
+    single = mesh.vertices.astype(np.float32).astype(np.float64) + 0.0
+    firsts, numbers = _once(single)
+    return without_slivers(single, firsts[numbers][mesh.faces])
+
+
+def _once(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where each of the points (n x 3) that differ stands first, in the order of x, y, z; and for each point which of them it is (n,)."""
+    order = np.lexsort(points.T[::-1])  # stable: of equal points the first one comes first
+    begins = np.ones(len(order), dtype=bool)
+    begins[1:] = (points[order[1:]] != points[order[:-1]]).any(axis=1)
+    numbers = np.empty(len(order), dtype=np.int64)
+    numbers[order] = np.cumsum(begins) - 1
+    return order[begins], numbers
+
+
+def stl(mesh: Triangles) -> bytes:
+    """A binary STL file; the header says nothing that changes."""
+    corners = mesh.vertices[mesh.faces].astype("<f4")
+    wide = corners.astype(np.float64)
+    normals = np.cross(wide[:, 1] - wide[:, 0], wide[:, 2] - wide[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
+    records = np.zeros(len(mesh.faces), dtype=_STL)
+    records["normal"] = normals + 0.0
+    records["corners"] = corners
+    return b"thingc".ljust(80, b"\0") + len(mesh.faces).to_bytes(4, "little") + records.tobytes()
+
+
+def obj(mesh: Triangles) -> bytes:
+    """A Wavefront OBJ file: vertices to 9 digits, triangles, no normals."""
+    vertices = ("v %.9g %.9g %.9g\n" * len(mesh.vertices)) % tuple((mesh.vertices + 0.0).ravel().tolist())
+    faces = ("f %d %d %d\n" * len(mesh.faces)) % tuple((mesh.faces + 1).ravel().tolist())
+    return (vertices + faces).encode()
+
+
+def read_stl(data: bytes) -> Triangles:
+    """A binary STL file, equal vertices joined: the inverse of `stl`."""
+    count = int.from_bytes(data[80:84], "little")
+    records = np.frombuffer(data, dtype=_STL, count=count, offset=84)
+    corners = records["corners"].astype(np.float64).reshape(-1, 3)
+    firsts, numbers = _once(corners)
+    return without_slivers(corners[firsts], numbers.reshape(-1, 3))

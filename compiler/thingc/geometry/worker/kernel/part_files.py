@@ -1,0 +1,169 @@
+"""Parts that are files: STEP and BREP as they are, meshes as solids of flat facets. Lengths in mm."""
+
+from __future__ import annotations
+
+import os
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thingc.geometry.worker.kernel.mesh_files import SUFFIXES, BadPartFile, read_mesh
+from thingc.geometry.worker.kernel.meshing import Triangles, without_slivers
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from OCP.TopoDS import TopoDS_Shape
+
+def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tuple[str, ...]]:
+    """The shapes in a file, their colours (`#rrggbb`), and what had to be repaired, in words. `unit` [mm] is that of the numbers in a
+    file that does not state its own. Raises `BadPartFile`."""
+    suffix = os.path.splitext(path)[1].lower()
+    if suffix in (".step", ".stp"):
+        return (*_from_step(path), ())
+    if suffix in (".brep", ".brp"):
+        return [_scaled(_from_brep(path), unit)], set(), ()
+    if suffix in SUFFIXES:
+        mesh, mended = read_mesh(path, suffix, unit)
+        return solids_from(mesh), set(), mended
+    raise BadPartFile(f"`{suffix or path}` is no format of parts")
+
+
+def unusable(fault: BaseException) -> BadPartFile:
+    """The reason for a file of which the kernel reads something, and then fails."""
+    reason = BadPartFile("the file is damaged, or holds a shape that the CAD kernel cannot use")
+    reason.__cause__ = fault
+    return reason
+
+
+def kernel_shape(shape: Any) -> TopoDS_Shape | None:
+    """The kernel's shape in a build123d shape, or None where it is empty."""
+    try:
+        wrapped: TopoDS_Shape | None = shape.wrapped
+    except (AssertionError, AttributeError, ValueError):  # what build123d does of an empty shape
+        return None
+    return None if wrapped is None or wrapped.IsNull() else wrapped
+
+
+def _from_step(path: str) -> tuple[list[TopoDS_Shape], set[str]]:
+    from build123d import import_step
+
+    from thingc.geometry.worker.kernel.colors import hexadecimal
+
+    try:
+        whole = import_step(path)
+    except Exception as fault:
+        raise BadPartFile("the file is damaged, or is not STEP") from fault
+    shape = kernel_shape(whole)
+    if shape is None:
+        raise BadPartFile("the STEP file holds no shape")
+    return [shape], {hexadecimal(node.color) for node in (whole, *whole.descendants) if getattr(node, "color", None) is not None}
+
+
+def _from_brep(path: str) -> TopoDS_Shape:
+    from build123d import import_brep
+
+    with open(path, "rb") as stream:
+        stream.seek(max(0, os.path.getsize(path) - 100))
+        if re.search(rb"[+-]\d+ \d+\s*$", stream.read(100)) is None:  # the last line names the whole: without it the kernel reads for ever
+            raise BadPartFile("the file is cut off, or is not BREP")
+    try:
+        shape = kernel_shape(import_brep(path))
+    except Exception as fault:
+        raise BadPartFile("the file is damaged, or is not BREP") from fault
+    if shape is None:
+        raise BadPartFile("the BREP file holds no shape")
+    return shape
+
+
+def _scaled(shape: TopoDS_Shape, factor: float) -> TopoDS_Shape:
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+    from OCP.gp import gp_Pnt, gp_Trsf
+
+    if factor == 1.0:
+        return shape
+    larger = gp_Trsf()
+    larger.SetScale(gp_Pnt(0.0, 0.0, 0.0), factor)
+    return BRepBuilderAPI_Transform(shape, larger, True).Shape()
+
+
+# --- from triangles to solids -----------------------------------------------------------------------------------------
+
+
+def solids_from(mesh: Triangles) -> list[TopoDS_Shape]:
+    """Solids with a flat face per triangle of a closed surface. Each piece of it is a body, or a void in the body around it."""
+    pieces = [Triangles(mesh.vertices, mesh.faces[members]) for members in surfaces(mesh)]
+    pieces = [without_slivers(piece.vertices, piece.faces) for piece in pieces]
+    pieces.sort(key=lambda piece: -abs(piece.volume))
+    bodies: list[tuple[Triangles, list[Triangles]]] = []
+    for piece in pieces:
+        around = [body for body in bodies if _contains(body[0], piece)] if piece.volume < 0.0 else []
+        if around:
+            around[-1][1].append(piece)
+        else:
+            bodies.append((piece.outward(), []))
+    return [_solid(body, voids) for body, voids in bodies]
+
+
+def surfaces(mesh: Triangles) -> list[NDArray[np.int64]]:
+    """The faces of each connected surface."""
+    parent = list(range(len(mesh.vertices)))
+
+    def root(index: int) -> int:
+        while parent[index] != index:
+            parent[index] = parent[parent[index]]
+            index = parent[index]
+        return index
+
+    for a, b, c in mesh.faces.tolist():
+        first = root(a)
+        for other in (root(b), root(c)):
+            parent[other] = first
+            first = root(first)
+    roots = np.array([root(index) for index in range(len(parent))])[mesh.faces[:, 0]]
+    return [np.flatnonzero(roots == one) for one in np.unique(roots)]
+
+
+def _contains(outer: Triangles, inner: Triangles) -> bool:
+    return bool(
+        (outer.vertices.min(axis=0) <= inner.vertices.min(axis=0)).all()
+        and (outer.vertices.max(axis=0) >= inner.vertices.max(axis=0)).all()
+    )
+
+
+def _solid(body: Triangles, voids: list[Triangles]) -> TopoDS_Shape:
+    from OCP.BRep import BRep_Builder
+    from OCP.TopoDS import TopoDS_Solid
+
+    builder = BRep_Builder()
+    solid = TopoDS_Solid()
+    builder.MakeSolid(solid)
+    for surface in (body, *voids):
+        builder.Add(solid, _shell(surface))
+    return solid
+
+
+def _shell(mesh: Triangles) -> TopoDS_Shape:
+    from OCP.BRep import BRep_Builder
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeShapeOnMesh
+    from OCP.gp import gp_Pnt
+    from OCP.Poly import Poly_Triangle, Poly_Triangulation
+    from OCP.TopAbs import TopAbs_FACE
+    from OCP.TopoDS import TopoDS_Shell
+
+    from thingc.geometry.worker.kernel.measure import explored
+
+    triangulation = Poly_Triangulation(len(mesh.vertices), len(mesh.faces), False)
+    for index, (x, y, z) in enumerate(mesh.vertices.tolist(), 1):
+        triangulation.SetNode(index, gp_Pnt(x, y, z))
+    for index, (a, b, c) in enumerate(mesh.faces.tolist(), 1):
+        triangulation.SetTriangle(index, Poly_Triangle(a + 1, b + 1, c + 1))
+    maker = BRepBuilderAPI_MakeShapeOnMesh(triangulation)
+    maker.Build()
+    builder = BRep_Builder()
+    shell = TopoDS_Shell()
+    builder.MakeShell(shell)
+    for face in explored(maker.Shape(), TopAbs_FACE):
+        builder.Add(shell, face)
+    shell.Closed(True)
+    return shell

@@ -1,0 +1,229 @@
+"""Solids that are exactly a box, a cylinder, a capsule or a sphere, told by the surfaces of their B-rep.
+
+Faces are not counted, because the kernel cuts them as it likes (a cylinder has one side or two). What counts are the surfaces
+that they lie on: three square pairs of planes enclose one bounded region, a box; a cylinder and two planes across its axis
+enclose one, too, and so does a sphere. The regions that a cylinder and two spheres of its radius on its axis enclose make up a
+capsule. A solid of the same volume and area as the primitive fills it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+from OCP.BRepAdaptor import BRepAdaptor_Surface
+from OCP.GeomAbs import GeomAbs_Cylinder, GeomAbs_Plane, GeomAbs_Sphere
+from OCP.gp import gp_Pnt
+from OCP.TopAbs import TopAbs_FACE
+from OCP.TopoDS import TopoDS
+
+from thingc.base.pose import IDENTITY, Matrix, Pose, Vector, added, cross, dot, rotate, transpose
+from thingc.base.primitives import Primitive, PrimitiveShape
+from thingc.base.summing import dist, hypot, plain_sum
+from thingc.geometry.worker.kernel import convert
+from thingc.geometry.worker.kernel.measure import explored, extent, integrals
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from OCP.gp import gp_Ax1, gp_XYZ
+    from OCP.TopoDS import TopoDS_Shape
+
+SAME = 1e-7
+"""Directions [rad] and, by the size of the solid, lengths that differ by no more are the same."""
+AGREEMENT = 1e-9
+"""How far volume and area of the solid and of the primitive may lie apart, relative."""
+ROUNDING = 1e-12
+"""Components of directions that are no larger are zero: rotated solids have them."""
+DECIMALS = 12
+"""How many decimals of a length [mm] are kept: those after them are rounding, and 2.5 would be 2.499999999999999."""
+
+_Line = tuple[Vector, Vector]
+"""A point [mm] and a unit direction: a plane and its normal, or an axis."""
+
+
+def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
+    """The primitive [m] that a solid [mm] is exactly, None where it is none.
+
+    The pose is chosen, not the kernel's: that of a box is turned as little as can be (not at all along the axes of the part),
+    the axis of a cylinder or capsule points to +z (across it to +y, across both to +x) and is reached by the shortest turn.
+    """
+    planes: list[_Line] = []
+    cylinders: list[tuple[_Line, float]] = []
+    spheres: list[tuple[Vector, float]] = []
+    for face in explored(solid, TopAbs_FACE):
+        surface = BRepAdaptor_Surface(TopoDS.Face(face), False)
+        kind = surface.GetType()
+        if kind == GeomAbs_Plane:
+            planes.append(_line(surface.Plane().Axis()))
+        elif kind == GeomAbs_Cylinder:
+            cylinders.append((_line(surface.Cylinder().Axis()), surface.Cylinder().Radius()))
+        elif kind == GeomAbs_Sphere:
+            spheres.append((_point(surface.Sphere().Location()), surface.Sphere().Radius()))
+        else:
+            return None
+    if not planes and not spheres:
+        return None
+    size = extent(solid)
+    match bool(planes), bool(cylinders), bool(spheres):
+        case True, False, False:
+            primitive = _box(planes, size)
+        case True, True, False:
+            primitive = _cylinder(cylinders, planes, size)
+        case False, True, True:
+            primitive = _capsule(cylinders, spheres, size)
+        case False, False, True:
+            primitive = _sphere(spheres, size)
+        case _:
+            primitive = None
+    return primitive if primitive is not None and _filled(primitive, solid) else None
+
+
+def _filled(primitive: Primitive, solid: TopoDS_Shape) -> bool:
+    """Whether a solid has the volume and the area of a primitive, whichever way its faces look."""
+    matter, surface = integrals(solid, gp_Pnt(*(coordinate * convert.MM for coordinate in primitive.pose.translation)))
+    volume, area = convert.volume(matter.Mass()), convert.area(surface.Mass())
+    return (
+        min(primitive.size) > 0.0
+        and abs(volume - primitive.volume) <= AGREEMENT * primitive.volume
+        and abs(area - primitive.area) <= AGREEMENT * primitive.area
+    )
+
+
+def _box(planes: list[_Line], size: float) -> Primitive | None:
+    pairs: list[tuple[Vector, list[Vector]]] = []
+    for point, normal in planes:
+        pair = next((points for other, points in pairs if _parallel(normal, other)), None)
+        if pair is None:
+            pairs.append((normal, [point]))
+        else:
+            pair.append(point)
+    if len(pairs) != 3 or any(abs(dot(a, b)) > SAME for (a, _), (b, _) in itertools.combinations(pairs, 2)):
+        return None
+    a = pairs[0][0]
+    b = _unit(added(pairs[1][0], a, -dot(pairs[1][0], a)))
+    axes = (a, b, _unit(cross(a, b)))
+    middles: list[float] = []
+    halves: list[float] = []
+    for axis, (_, points) in zip(axes, pairs, strict=True):
+        ends = _two((dot(point, axis) for point in points), size)
+        if ends is None:
+            return None
+        middles.append((ends[0] + ends[1]) / 2.0)
+        halves.append((ends[1] - ends[0]) / 2.0)
+    rotation, order = _least_turned(axes)
+    x, y, z = middles
+    centre = rotate(transpose(axes), (x, y, z))
+    return _made("box", tuple(halves[k] for k in order), rotation, centre)
+
+
+def _cylinder(cylinders: list[tuple[_Line, float]], planes: list[_Line], size: float) -> Primitive | None:
+    side = _side(cylinders, size)
+    if side is None or not all(_parallel(normal, side[0][1]) for _, normal in planes):
+        return None
+    (point, axis), radius = side
+    ends = _two((dot(added(other, point, -1.0), axis) for other, _ in planes), size)
+    if ends is None:
+        return None
+    middle = added(point, axis, (ends[0] + ends[1]) / 2.0)
+    return _made("cylinder", (radius, (ends[1] - ends[0]) / 2.0), _shortest_turn(axis), middle)
+
+
+def _capsule(cylinders: list[tuple[_Line, float]], spheres: list[tuple[Vector, float]], size: float) -> Primitive | None:
+    side = _side(cylinders, size)
+    if side is None:
+        return None
+    (point, axis), radius = side
+    if any(abs(other - radius) > SAME * size or _beside(centre, point, axis) > SAME * size for centre, other in spheres):
+        return None
+    ends = _two((dot(added(centre, point, -1.0), axis) for centre, _ in spheres), size)
+    if ends is None:
+        return None
+    middle = added(point, axis, (ends[0] + ends[1]) / 2.0)
+    return _made("capsule", (radius, (ends[1] - ends[0]) / 2.0), _shortest_turn(axis), middle)
+
+
+def _sphere(spheres: list[tuple[Vector, float]], size: float) -> Primitive | None:
+    centre, radius = spheres[0]
+    if any(abs(other - radius) > SAME * size or dist(where, centre) > SAME * size for where, other in spheres):
+        return None
+    return _made("sphere", (radius,), IDENTITY, centre)
+
+
+def _side(cylinders: list[tuple[_Line, float]], size: float) -> tuple[_Line, float] | None:
+    """The axis, pointing up, and the radius that all cylinders have; None where they differ."""
+    (point, axis), radius = cylinders[0]
+    for (other, direction), length in cylinders:
+        if abs(length - radius) > SAME * size or not _parallel(direction, axis) or _beside(other, point, axis) > SAME * size:
+            return None
+    up = next((c for c in reversed(axis) if c != 0.0), 1.0) > 0.0
+    return (point, axis if up else _scaled(axis, -1.0)), radius
+
+
+def _two(places: Iterable[float], size: float) -> tuple[float, float] | None:
+    """The lower and the upper of places on a line, None where they are not two."""
+    ordered = sorted(places)
+    low, high = ordered[0], ordered[-1]
+    between = [place for place in ordered if place - low > SAME * size and high - place > SAME * size]
+    return None if between or high - low <= SAME * size else (low, high)
+
+
+def _made(shape: PrimitiveShape, size: tuple[float, ...], rotation: Matrix, centre: Vector) -> Primitive:
+    """In metres."""
+    x, y, z = (round(coordinate, DECIMALS) for coordinate in centre)
+    return Primitive(
+        shape=shape, size=tuple(convert.length(round(length, DECIMALS)) for length in size),
+        pose=Pose(rotation=rotation, translation=convert.vector((x, y, z))),
+    )
+
+
+def _least_turned(axes: Matrix) -> tuple[Matrix, tuple[int, ...]]:
+    """Of the 24 rotations with these axes (the rows) as columns the one with the largest trace, and which axis each column is."""
+    rotations: list[tuple[Matrix, tuple[int, ...]]] = []
+    for order in itertools.permutations(range(3)):
+        for one, other in itertools.product((1.0, -1.0), repeat=2):
+            x, y = _scaled(axes[order[0]], one), _scaled(axes[order[1]], other)
+            rotations.append((transpose((x, y, _unit(cross(x, y)))), order))
+    # of several that are turned as little the one with the largest entries, so that rounding does not choose
+    return max(rotations, key=lambda one: (
+        round(plain_sum(one[0][k][k] for k in range(3)), 9), [round(entry, 9) for row in one[0] for entry in row]
+    ))
+
+
+def _shortest_turn(axis: Vector) -> Matrix:
+    """The rotation that takes z to a unit axis (z component not negative) by the smallest angle."""
+    x, y, z = axis
+    k = 1.0 / (1.0 + z)
+    return ((1.0 - x * x * k, -x * y * k + 0.0, x), (-x * y * k + 0.0, 1.0 - y * y * k, y), (-x + 0.0, -y + 0.0, z))
+
+
+def _parallel(a: Vector, b: Vector) -> bool:
+    return hypot(*cross(a, b)) <= SAME
+
+
+def _beside(point: Vector, origin: Vector, axis: Vector) -> float:
+    """The distance of a point from a line."""
+    return hypot(*cross(added(point, origin, -1.0), axis))
+
+
+def _scaled(a: Vector, factor: float) -> Vector:
+    return (factor * a[0] + 0.0, factor * a[1] + 0.0, factor * a[2] + 0.0)
+
+
+def _unit(a: Vector) -> Vector:
+    """Of length 1, without the rounding of rotations: exactly an axis where it is one."""
+    length = hypot(*a)
+    x, y, z = (0.0 if abs(component) <= ROUNDING * length else component for component in a)
+    return _scaled((x, y, z), 1.0 / hypot(x, y, z))
+
+
+def _line(axis: gp_Ax1) -> _Line:
+    return _point(axis.Location()), _unit(_xyz(axis.Direction().XYZ()))
+
+
+def _point(point: gp_Pnt) -> Vector:
+    return _xyz(point.XYZ())
+
+
+def _xyz(xyz: gp_XYZ) -> Vector:
+    return (xyz.X(), xyz.Y(), xyz.Z())

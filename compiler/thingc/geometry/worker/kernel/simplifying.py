@@ -1,0 +1,113 @@
+"""Fewer triangles for simulators, of a part whose document bounds them (`faces`), and how far these are from the part's surface.
+
+trimesh takes edges away, the one that changes the shape least first (Garland and Heckbert, "Surface simplification using quadric error
+metrics", 1997; the package fast_simplification), which follows scans best. It tears flat regions and gives up on long thin triangles:
+manifold3d, which moves no surface by more than a tolerance, takes the flat ones away before, and does it alone where trimesh cannot.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thingc.geometry.worker.kernel.meshing import Triangles, without_slivers
+from thingc.geometry.worker.session import NoPart
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+SIZE = 100.0
+"""The longest side of what trimesh is given: what counts as cheap there depends on the size."""
+
+FLAT = 1e-6
+"""How far, of the longest side, a surface may move where it is only rid of triangles in one plane."""
+
+SAMPLES = 100_000
+"""Points on a surface, besides the middles of its triangles, by which the triangles around a point are found."""
+
+FEW, MANY, AGAIN = 4, 64, 4000
+"""Of those the nearest that are asked, of every point and of as many as seem farthest."""
+
+
+def simplified(mesh: Triangles, faces: int) -> Triangles:
+    """A closed mesh with at most `faces` triangles, much like this one; of a surface in which every edge has two triangles another such
+    one. Raises `NoPart` where it does not get there."""
+    if len(mesh.faces) <= faces:
+        return mesh
+    scale = SIZE / float(np.ptp(mesh.vertices, axis=0).max())
+    mesh = mesh.scaled(scale)
+    solid = _solid(mesh)
+    whole = solid.num_tri() > 0  # else edges have four triangles, where bodies touch: manifold3d takes no such mesh
+    plain = _triangles(solid.simplify(FLAT * SIZE)) if whole else mesh
+    if len(plain.faces) <= faces:
+        return plain.scaled(1.0 / scale)
+    fewer = _by_quadrics(plain, faces)
+    if len(fewer.faces) > faces or not _sound(fewer, whole):
+        fewer = _by_tolerance(solid, faces) if whole else mesh
+    if len(fewer.faces) > faces or not _sound(fewer, whole):
+        raise NoPart("unbounded", f"its surface cannot be brought down to {faces} triangles and stay closed")
+    return fewer.scaled(1.0 / scale)
+
+
+def deviation(one: Triangles, other: Triangles) -> float:
+    """How far the corners of either surface are from the other at most, in their unit."""
+    return max(_farthest(one.vertices, other), _farthest(other.vertices, one))
+
+
+def _by_quadrics(mesh: Triangles, faces: int) -> Triangles:
+    import trimesh
+
+    fewer = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).simplify_quadric_decimation(face_count=faces)
+    return without_slivers(np.asarray(fewer.vertices, dtype=np.float64), np.asarray(fewer.faces, dtype=np.int64))
+
+
+def _by_tolerance(solid: Any, faces: int) -> Triangles:
+    """With the smallest tolerance, of those that double, that does."""
+    tolerance = FLAT * SIZE
+    fewer = solid
+    while fewer.num_tri() > faces and tolerance < SIZE:
+        tolerance *= 2.0
+        fewer = solid.simplify(tolerance)
+    return _triangles(fewer)
+
+
+def _sound(mesh: Triangles, whole: bool) -> bool:
+    """Whether it encloses something, without border, and with two triangles at each edge where it shall be `whole`."""
+    return mesh.closed and not mesh.flat and mesh.volume > 0.0 and (not whole or _solid(mesh).num_tri() == len(mesh.faces))
+
+
+def _solid(mesh: Triangles) -> Any:
+    from manifold3d import Manifold, Mesh64
+
+    return Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.faces, dtype=np.uint64)))
+
+
+def _triangles(solid: Any) -> Triangles:
+    mesh = solid.to_mesh64()
+    vertices = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
+    return without_slivers(vertices, np.asarray(mesh.tri_verts, dtype=np.int64).reshape(-1, 3))
+
+
+def _farthest(points: NDArray[np.float64], surface: Triangles) -> float:
+    """The largest distance of points to a surface, each to the nearest of the triangles around it; those that seem farthest are asked
+    again, with more triangles."""
+    import trimesh
+    from scipy.spatial import cKDTree
+
+    mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+    samples, of = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)
+    corners = surface.vertices[surface.faces]
+    tree = cKDTree(np.concatenate([samples, corners.mean(axis=1)]))
+    triangles = np.concatenate([of, np.arange(len(corners))])
+
+    def apart(points: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:
+        nearest = triangles[tree.query(points, k=neighbours)[1]].reshape(-1)
+        asked = np.repeat(points, neighbours, axis=0)
+        there = trimesh.triangles.closest_point(corners[nearest], asked)  # type: ignore[no-untyped-call]
+        return np.asarray(np.linalg.norm(there - asked, axis=1).reshape(-1, neighbours).min(axis=1))
+
+    distances = apart(points, FEW)
+    doubtful = np.argsort(distances, kind="stable")[-AGAIN:]
+    distances[doubtful] = apart(points[doubtful], MANY)
+    return float(distances.max())

@@ -1,0 +1,109 @@
+"""Loads part modules in the worker: by explicit file from the workspace's part folders, never from the current folder."""
+
+from __future__ import annotations
+
+import importlib.abc
+import importlib.machinery
+import importlib.util
+import sys
+import types
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+from thingc.geometry.key.modules import Finder
+from thingc.geometry.worker import ran
+from thingc.geometry.worker.asking import builtins_for
+
+_compiled: dict[tuple[str, str], types.CodeType] = {}
+"""Code objects by file and the SHA-256 of its source, compiled once in the server and inherited by its children."""
+
+
+def compile_ahead(file: str, sha256: str | None) -> bool:
+    """Compile a source file whose content is `sha256` (None: whatever it is), without running it; whether that was new. What cannot be
+    compiled is left to the import."""
+    import hashlib
+
+    if (file, sha256) in _compiled:
+        return False
+    try:
+        with open(file, "rb") as stream:
+            source = stream.read()
+        digest = hashlib.sha256(source).hexdigest()
+        if sha256 in (digest, None) and (file, digest) not in _compiled:
+            _compiled[file, digest] = ran.compiled(source, file, digest)
+            builtins_for(_compiled[file, digest])  # it remembers
+            return True
+    except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
+        pass
+    return False
+
+
+class PartImporter(importlib.abc.MetaPathFinder):
+    """Finds the modules of the part folders as the client's `Finder` does, so that a name means one file to both.
+
+    `loaded` collects the files of the modules that came this way, by name. `hashes` are the SHA-256 of files as the client
+    read them. A folder without `__init__.py` is a package only where the client met it in part code (`plain`): a library
+    that tries `import dask` must not find the user's folder of that name.
+    """
+
+    of_parts = True
+
+    def __init__(
+        self, parts: Sequence[str], packages: Sequence[str], hashes: Mapping[str, str], plain: Collection[str] = ()
+    ) -> None:
+        self.finder = Finder(parts, packages)
+        self.plain = frozenset(plain)
+        self.hashes = dict(hashes)
+        self.loaded: dict[str, str] = {}
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: Any = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        """The spec of a content-tracked module; None leaves the name to Python."""
+        module = self.finder.find(fullname)
+        if module.kind != "content":
+            return None
+        if module.file is None:
+            if fullname not in self.plain:
+                return None
+            specification = importlib.machinery.ModuleSpec(fullname, None, is_package=True)
+            specification.submodule_search_locations = list(module.folders)
+            return specification
+        self.loaded[fullname] = module.file
+        loader = _PartLoader(fullname, module.file, self.hashes.get(module.file))
+        return importlib.util.spec_from_file_location(
+            fullname, module.file, loader=loader, submodule_search_locations=list(module.folders) or None
+        )
+
+    def install(self) -> None:
+        """Go before Python's own finders. Names that are protected (see `modules`) never come to us."""
+        sys.meta_path.insert(0, self)
+
+    def remove(self) -> None:
+        """Leave, and forget the modules that were loaded: the next request may find other files."""
+        sys.meta_path.remove(self)
+        for name in self.loaded:
+            sys.modules.pop(name, None)
+
+
+class _PartLoader(importlib.machinery.SourceFileLoader):
+    """Compiles from source (no `__pycache__` in the user's folders) or takes what the server has compiled."""
+
+    def __init__(self, name: str, file: str, sha256: str | None) -> None:
+        super().__init__(name, file)
+        self.sha256 = sha256
+
+    def exec_module(self, module: types.ModuleType) -> None:
+        """Run the module, with the builtins that it is to have."""
+        code = self.get_code(module.__name__)
+        own = builtins_for(code) if code is not None else None
+        if own is not None:
+            module.__dict__["__builtins__"] = own
+        super().exec_module(module)
+
+    def get_code(self, fullname: str) -> types.CodeType | None:
+        """The code object of the module."""
+        compiled = _compiled.get((self.path, self.sha256)) if self.sha256 is not None else None
+        if compiled is not None:
+            return compiled
+        return self.source_to_code(self.get_data(self.path), self.path)

@@ -1,0 +1,319 @@
+"""Which files a part read, found while its code runs.
+
+Python's audit hook sees what Python opens and lists; wrappers on the kernel's readers see the files that C++ opens; a
+wrapper on `os.stat` sees the files that were looked for and not found; `thingc.asset` reports for itself. What is
+recorded is how a file was when it was first met (`key/file_states.py`).
+
+Paths inside the workspace are kept relative to it; files elsewhere (a font, a shared library of shapes) by their absolute
+path. Files of installed packages, of Python and of thingc count by version, and files the part wrote itself do not count.
+Modules that lie elsewhere count by their source, whether Python read that or what it had compiled of it before. A file of code that
+has a key counts when the part reads it as a text.
+Neither does how Python and thingc look for modules (the key of the code covers what they find), nor that the folders above
+the workspace are there: with either, a record would be good on one machine only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import importlib.util
+import itertools
+import os
+import sys
+from collections.abc import Callable, Container, Iterable, Iterator
+from types import FrameType
+from typing import Any
+
+from thingc.geometry.key.file_states import state_of
+from thingc.geometry.key.modules import OWN_FOLDER, installed_roots
+from thingc.geometry.worker import audit
+
+_PYTHONS_OWN = ("<", os.path.join(os.path.dirname(os.__file__), ""))
+_ON_THE_WAY = (__name__, audit.__name__)
+_NOT_FILES = ("/dev/", "/proc/", "/sys/")
+_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
+
+
+class Recorder:
+    """Records reads from `start` to `stop`. One per process at a time (audit hooks cannot be taken away).
+
+    `workspace` is the absolute folder that paths are kept relative to; files under `excluded` (absolute) never count, and files of
+    code that has a key (`keyed`, absolute) do not where Python loads them.
+    """
+
+    def __init__(self, workspace: str, excluded: Iterable[str] = (), keyed: Container[str] = ()) -> None:
+        self.workspace = os.path.join(os.path.abspath(workspace), "")
+        self.keyed = keyed
+        self.states: dict[str, str] = {}
+        self._excluded = (*_with_versions(), *{os.path.join(folder, "") for folder in (*excluded, *map(os.path.realpath, excluded))})
+        self._around = (self.workspace, os.path.join(os.path.realpath(workspace), ""), *self._excluded)
+        self._written: set[str] = set()
+        self._busy = False
+        self._on = False
+
+    def start(self) -> None:
+        """Begin to record."""
+        _install_hook()
+        _listening.append(self)
+        self._on = True
+
+    def stop(self) -> None:
+        """End recording."""
+        self._on = False
+        with contextlib.suppress(ValueError):
+            _listening.remove(self)
+
+    def note(self, path: Any, *, listed: bool = False, opened: bool = True) -> None:
+        """A file was read, or (not `opened`) looked for; with `listed`, a folder's names were."""
+        if not self._on or self._busy:
+            return
+        full = _absolute(path)
+        if full is None or full.startswith(_NOT_FILES):
+            return
+        if full.endswith(".pyc"):
+            with contextlib.suppress(ValueError):
+                full = importlib.util.source_from_cache(full)
+        if self._is_own(full) or self.leaves_out(full) or full in self.keyed and (not opened or _loads()):
+            return
+        if not listed and any(folder.startswith(os.path.join(full, "")) for folder in self._around):
+            return
+        held = self.states.get(full)
+        if held is not None and not (listed and held == "folder"):
+            return
+        with self._quietly():  # looking must not be seen as looking
+            if os.path.realpath(full).startswith(self._excluded):
+                return
+            state = state_of(full, listed=listed)
+            if state != "folder" or full.startswith(self.workspace):  # that there is such a folder says nothing
+                self.states[full] = state
+
+    def leaves_out(self, path: str) -> bool:
+        """Whether a file (by its absolute path as named) counts by version, or not at all."""
+        return (path + os.sep).startswith(self._excluded)
+
+    def note_written(self, path: Any) -> None:
+        """The part is about to write a file or to make a folder: what it reads of that is its own."""
+        full = _absolute(path)
+        if full is None or self.states.get(full, "absent") != "absent":
+            return
+        self.states.pop(full, None)  # it was not there because the part had not made it yet
+        self._written.add(full)
+
+    def _is_own(self, path: str) -> bool:
+        """Whether the part wrote this file, or made a folder that it is in."""
+        while path not in self._written:
+            path, below = os.path.dirname(path), path
+            if path == below:
+                return False
+        return True
+
+    def reads(self) -> list[tuple[str, str]]:
+        """`(path, state)` of everything read, sorted."""
+        return sorted((self.relative(path), state) for path, state in self.states.items())
+
+    def relative(self, path: str) -> str:
+        """The path with `/` within the workspace, or as it is where it lies elsewhere."""
+        if path.startswith(self.workspace):
+            return path[len(self.workspace) :].replace(os.sep, "/")
+        return "." if os.path.join(path, "") == self.workspace else path
+
+    @contextlib.contextmanager
+    def _quietly(self) -> Iterator[None]:
+        self._busy = True
+        try:
+            yield
+        finally:
+            self._busy = False
+
+
+def _absolute(path: Any) -> str | None:
+    if isinstance(path, int) or path is None:
+        return None
+    try:
+        return os.path.abspath(os.fsdecode(path))
+    except (TypeError, ValueError):
+        return None
+
+
+def _with_versions() -> tuple[str, ...]:
+    """The folders whose files count by version: of Python, of what is installed for it, and of thingc."""
+    archives = [entry for entry in sys.path if entry and not os.path.isdir(entry)]  # of Python itself, there or not
+    return tuple({os.path.join(folder, "") for folder in (*installed_roots(), *archives, OWN_FOLDER, os.path.realpath(OWN_FOLDER))})
+
+
+_loaded_before: set[str] = set()
+_last_before = ""
+
+
+def remember_loaded() -> None:
+    """Look at the modules that this process has loaded, before it forks: a child that looked at each of them would have the pages copied
+    that they lie in."""
+    global _last_before
+    _loaded_before.update(_loaded_since())
+    _last_before = next(reversed(sys.modules))
+
+
+def loaded_files() -> list[str]:
+    """The files of all modules that this process has loaded, but for those that count by version; sorted."""
+    return sorted(_loaded_before | _loaded_since())
+
+
+def _loaded_since() -> set[str]:
+    """The files of modules that stand behind the one that was the last when `remember_loaded` looked."""
+    fresh = [sys.modules[name] for name in itertools.takewhile(lambda name: name != _last_before, reversed(sys.modules))]
+    specifications = [getattr(module, "__dict__", {}).get("__spec__") for module in fresh]
+    files = {one.origin for one in specifications if one is not None and one.has_location and one.origin is not None}
+    folders = _with_versions()
+    return {file for file in files if not (file + os.sep).startswith(folders)}
+
+
+_listening: list[Recorder] = []
+_hooked = False
+
+
+def _install_hook() -> None:
+    global _hooked
+    if not _hooked:
+        _hooked = True
+        audit.listen(("open", "os.listdir", "os.scandir", "os.mkdir", "sqlite3.connect"), _heard)
+        _wrap_looking()
+
+
+def _heard(event: str, arguments: tuple[Any, ...]) -> None:
+    if not _listening:
+        return
+    if event == "open":
+        path, mode, flags = arguments
+        writes = any(letter in mode for letter in "wax+") if isinstance(mode, str) else bool((flags or 0) & _WRITING)
+        for recorder in _listening:
+            recorder.note_written(path) if writes else recorder.note(path)
+    elif event in ("os.listdir", "os.scandir"):
+        if _looks_for_modules():
+            return
+        for recorder in _listening:
+            recorder.note(arguments[0] if arguments[0] is not None else ".", listed=True)
+    elif event == "os.mkdir":
+        for recorder in _listening:
+            recorder.note_written(arguments[0])
+    else:
+        for recorder in _listening:
+            recorder.note(arguments[0])
+
+
+def _wrap_looking() -> None:
+    """`os.path.exists` and the like raise no audit event, and a file that was missed may appear one day."""
+    for name in ("stat", "lstat", "access"):
+        setattr(os, name, _looking(getattr(os, name)))
+
+
+def _looking(function: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(function)
+    def wrapped(path: Any, *arguments: Any, **options: Any) -> Any:
+        if _listening and options.get("dir_fd") is None and not _looks_for_modules():
+            for recorder in _listening:
+                recorder.note(path, opened=False)
+        return function(path, *arguments, **options)
+
+    return wrapped
+
+
+def _looks_for_modules() -> bool:
+    """Whether Python's import system or thingc itself asked the function that calls this (`os.path` in between)."""
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and frame.f_globals.get("__name__") in ("posixpath", "ntpath", "genericpath", "os", *_ON_THE_WAY):
+        frame = frame.f_back
+    return frame is not None and str(frame.f_globals.get("__name__")).startswith(("importlib.", "thingc."))
+
+
+def _loads() -> bool:
+    """Whether Python loads a module or thingc looks something up, not the part: whose frame is the nearest that is not Python's own?"""
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None:
+        name = str(frame.f_globals.get("__name__"))
+        if name not in _ON_THE_WAY:
+            if name == "importlib._bootstrap_external" or name.startswith("thingc."):
+                return True
+            if not frame.f_code.co_filename.startswith(_PYTHONS_OWN):
+                return False
+        frame = frame.f_back
+    return True
+
+
+# --- the kernel's readers ---------------------------------------------------------------------------------------------
+
+_IMPORTERS = (
+    "import_brep", "import_step", "import_stl", "import_svg", "import_svg_as_buildline_code", "import_dxf",
+)
+_EXPORTERS = ("export_brep", "export_gltf", "export_obj", "export_step", "export_stl")
+_KERNEL_READERS = (
+    ("OCP.STEPControl", "STEPControl_Reader", "ReadFile"),
+    ("OCP.STEPCAFControl", "STEPCAFControl_Reader", "ReadFile"),
+    ("OCP.IGESControl", "IGESControl_Reader", "ReadFile"),
+    ("OCP.IGESCAFControl", "IGESCAFControl_Reader", "ReadFile"),
+    ("OCP.StlAPI", "StlAPI_Reader", "Read"),
+    ("OCP.BRepTools", "BRepTools", "Read_s"),
+    ("OCP.BinTools", "BinTools", "Read_s"),
+    ("OCP.RWStl", "RWStl", "ReadFile_s"),
+)
+"""Where a part may go past build123d: class, method, of which any text argument is a file."""
+
+
+def wrap_importers() -> None:
+    """Make every way from a file into the kernel tell the recorder that is on, and those from build123d into a file raise the audit
+    event of opening one. Before part modules load, since they may say `from build123d import *`; once per process, and inherited by its
+    children."""
+    import importlib
+
+    import build123d
+
+    modules = [
+        module for name, module in list(sys.modules.items())
+        if (name == "build123d" or name.startswith("build123d.")) and module is not None
+    ]
+    for name in (*_IMPORTERS, *_EXPORTERS):
+        original = getattr(build123d, name, None)
+        if original is None:
+            continue
+        telling = _telling(original, 0) if name in _IMPORTERS else _announcing(original)
+        for module in modules:
+            if vars(module).get(name) is original:
+                setattr(module, name, telling)
+    mesher = build123d.Mesher
+    mesher.read = _telling(mesher.read, 1)  # type: ignore[method-assign]
+    for module_name, class_name, method in _KERNEL_READERS:
+        try:
+            owner = getattr(importlib.import_module(module_name), class_name)
+            original = getattr(owner, method)
+            static = method.endswith("_s")
+            telling = _telling(original, None)
+            setattr(owner, method, staticmethod(telling) if static else telling)
+        except (ImportError, AttributeError, TypeError):  # this kernel has it not, or lets nobody wrap it
+            continue
+
+
+def _telling(function: Callable[..., Any], position: int | None) -> Callable[..., Any]:
+    """`function`, which first notes the file it is given: argument `position`, or (None) any argument that is a path."""
+
+    @functools.wraps(function)
+    def telling(*arguments: Any, **options: Any) -> Any:
+        given = (*arguments, *options.values()) if position is None else (*arguments[position : position + 1], *options.values())
+        for value in given:
+            if isinstance(value, (str, bytes, os.PathLike)):
+                for recorder in _listening:
+                    recorder.note(value)
+        return function(*arguments, **options)
+
+    return telling
+
+
+def _announcing(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`function`, whose second argument is a file that it writes, or a stream."""
+
+    @functools.wraps(function)
+    def announcing(*arguments: Any, **options: Any) -> Any:
+        for value in (*arguments[1:2], options.get("file_path")):
+            if isinstance(value, (str, bytes, os.PathLike)):
+                sys.audit("open", os.fspath(value), "wb", 0)
+        return function(*arguments, **options)
+
+    return announcing

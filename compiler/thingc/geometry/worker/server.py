@@ -1,0 +1,376 @@
+"""`python -m thingc.geometry.worker.server`: the process that holds the CAD kernel.
+
+Requests and answers are lines of JSON on standard input and output. It imports build123d once and forks a child for each
+request; at the end of its input it ends at once, with all of its children. `--inline` runs requests in the process itself
+(systems without fork: one such worker per core); `--assemble` reads one request to write a STEP file and needs OCP only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import importlib
+import json
+import os
+import selectors
+import signal
+import sys
+import time
+from collections import deque
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from thingc.geometry.store.local import Store
+    from thingc.geometry.worker.children import Child
+    from thingc.geometry.worker.scratch import Scratch
+
+AHEAD = (
+    "importlib.metadata", "importlib.readers", "manifold3d", "numpy.ma", "thingc.geometry.worker.describing",
+    "thingc.geometry.worker.kernel.modelling", "thingc.geometry.worker.kernel.slicing", "thingc.geometry.things.adjust",
+    "thingc.geometry.things.assets", "thingc.geometry.things.inspection", "thingc.geometry.things.resolver", "thingc.documents.workspace",
+)
+"""What children would each import again."""
+
+
+def main(arguments: list[str]) -> None:
+    """Serve until the end of standard input. Never returns."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    answers = os.dup(1)
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, 1)
+    parent = int(arguments[arguments.index("--parent") + 1]) if "--parent" in arguments else os.getppid()
+    if hasattr(os, "fork"):
+        from thingc.geometry.worker.children import die_with_parent
+
+        die_with_parent(parent)  # nobody watches standard input while the kernel is loaded
+    from thingc.geometry.worker.scratch import Scratch, settle
+
+    scratch = Scratch()
+    settle(scratch.folder)
+    try:
+        if "--assemble" in arguments:
+            _answer(answers, _safely(json.loads(sys.stdin.buffer.readline())))
+        elif not _load(answers):
+            return
+        elif hasattr(os, "fork") and "--inline" not in arguments:
+            from thingc.geometry.worker.children import live_without_parent
+
+            live_without_parent()  # from here on the end of standard input does it; the parent's thread may end before
+            if os.getppid() == parent:
+                jobs = int(arguments[arguments.index("--jobs") + 1]) if "--jobs" in arguments else os.cpu_count() or 1
+                _Server(answers, jobs, scratch).serve()
+        else:
+            for line in sys.stdin.buffer:
+                folder = scratch.make()
+                settle(folder)
+                request = json.loads(line)
+                _answer(answers, _settled(_safely({**request, "scratch": folder}), request["store"], folder))
+    finally:
+        scratch.close()
+        os._exit(0)
+
+
+def _load(answers: int) -> bool:
+    """Import the kernel and everything requests need, once; False where that cannot be imported, which is said."""
+    gc.disable()
+    try:
+        from thingc.geometry.worker.deferred import import_cheaply
+
+        import_cheaply("build123d")
+        for name in AHEAD:
+            importlib.import_module(name)
+        _stay_single()
+        _make_room()
+        from thingc.geometry.key.modules import installed_roots
+        from thingc.geometry.worker import asking, ran
+        from thingc.geometry.worker.reads import wrap_importers
+
+        wrap_importers()
+        installed_roots()  # each child would look for them again
+        ran.install()
+        asking.install()
+        sys.dont_write_bytecode = True  # what is imported from here on may lie in folders of others
+    except BaseException as fault:
+        import traceback
+
+        _answer(answers, {"broken": f"{type(fault).__name__}: {fault}", "detail": traceback.format_exc()})
+        return False
+    gc.freeze()
+    gc.set_threshold(400_000, 20, 100)  # meshes are many small tuples
+    gc.enable()
+    _answer(answers, {"ready": True})
+    return True
+
+
+def _stay_single() -> None:
+    """Have the kernel and manifold3d (on Linux) begin no threads, which takes of the processor up to a fifth more: children run side by
+    side. The first is told so; TBB, which the other is built on, counts the processors that it may use when it is first needed, and never
+    again."""
+    from manifold3d import Manifold
+    from OCP.OSD import OSD_ThreadPool
+
+    OSD_ThreadPool.DefaultPool_s(1)
+    if sys.platform == "linux":
+        try:
+            allowed = os.sched_getaffinity(0)
+            os.sched_setaffinity(0, {min(allowed)})
+        except OSError:  # some sandboxes refuse
+            return
+        Manifold.cube().volume()
+        os.sched_setaffinity(0, allowed)
+
+
+def _make_room() -> None:
+    """Have pybind11 enlarge its table of the kernel's objects: where it fills up in a child, the whole of it is gone through, and all pages
+    that it lies on are copied. There is room for as many again as live here, which is more than most parts have at once."""
+    from OCP.gp import gp_Pnt
+
+    _ = [gp_Pnt() for _ in range(6000)]
+
+
+def _answer(descriptor: int, value: Mapping[str, Any]) -> None:
+    data = json.dumps(value).encode() + b"\n"
+    while data:
+        data = data[os.write(descriptor, data) :]
+
+
+def _safely(request: Mapping[str, Any]) -> dict[str, Any]:
+    try:
+        return {"id": request["id"], **answered(request)}
+    except BaseException as fault:
+        import traceback
+
+        words = f"{type(fault).__name__}: {fault}"
+        return {"id": request["id"], "failed": "crashed", "words": words, "detail": traceback.format_exc()}
+
+
+def answered(request: Mapping[str, Any]) -> dict[str, Any]:
+    """What is said to a request: its `answer` and from when until when it took (`span`, of `time.monotonic`; of a part from when its
+    class was there), or that there is no room for it."""
+    from thingc.geometry.store.local import StoreUnusable
+
+    begun = time.monotonic()
+    try:
+        answer = perform(request)
+        return {"answer": answer, "span": [answer.pop("loaded", begun), time.monotonic()]}
+    except StoreUnusable as fault:
+        return {"failed": "unusable", "words": fault.reason}
+
+
+def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
+    """Put what a request has left in its `folder` into the store, and remove the folder: the answer after that, with what the part has
+    `printed`."""
+    from thingc.geometry.store.local import Outbox, StoreUnusable
+    from thingc.geometry.worker.printed import lines_of
+    from thingc.geometry.worker.scratch import remove
+
+    try:
+        if "answer" in answer:
+            Outbox(store, folder).deliver()
+        lines = lines_of(folder)
+        return {**answer, "printed": lines} if lines else answer
+    except StoreUnusable as fault:
+        return {"id": answer["id"], "failed": "unusable", "words": fault.reason}
+    finally:
+        remove(folder)
+
+
+def perform(request: Mapping[str, Any]) -> dict[str, Any]:
+    """Do what one request asks: `describe`, `model`, `decompose`, `slice` or `assemble`. With a folder for itself (`scratch`), it
+    leaves there what is for the store. Raises `StoreUnusable`."""
+    from thingc.geometry.store.local import Outbox, Store
+
+    store = Outbox(request["store"], request["scratch"]) if "scratch" in request else Store(request["store"])
+    operation = request["op"]
+    if operation == "assemble":
+        from thingc.geometry.worker.kernel.assembling import assemble
+
+        return assemble(request["name"], request["instances"], store)
+    from thingc.geometry.worker.session import RequestContext
+
+    if operation == "decompose":
+        from thingc.geometry.worker.kernel.decomposing import decompose
+
+        return {"pieces": decompose(request["mesh"], store)}
+    if operation == "slice":
+        from thingc.geometry.slices import Slicing
+        from thingc.geometry.worker.kernel.slicing import slice_stored
+
+        return slice_stored(request["mesh"], Slicing(**request["slicing"]), store)
+    around = RequestContext(
+        root=request["root"], parts=tuple(request["parts"]), packages=tuple(request["packages"]), hashes=dict(request["hashes"]),
+        plain=tuple(request["plain"]), store=request["store"], scratch=request["scratch"],
+    )
+    if operation == "describe":
+        from thingc.geometry.worker.describing import describe
+
+        return describe(request["references"], request["placed"], around)
+    from thingc.documents.workspace import Tessellation
+    from thingc.geometry.worker.kernel.modelling import Tessellations, model
+
+    asked = {name: Tessellation(**values) for name, values in request["tessellations"].items()}
+    until = time.monotonic() + request["timeout"] / 2
+    answer = model(request["definition"], Tessellations(**asked), around, store)
+    return {**answer, "slices": _sliced(answer, request["slicings"], store) if time.monotonic() < until else []}
+
+
+def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any], bool]], store: Store) -> list[Any]:
+    """Of a part that was modelled just now, each of the slicings that will likely be asked for (`LikelySlicing`), with what comes of it.
+    What goes wrong is left for who asks for it."""
+    from thingc.geometry.slices import Slicing
+    from thingc.geometry.worker.kernel.slicing import slice_stored
+
+    record = answer.get("record", {})
+    mesh = record.get("meshes", {}).get("print")
+    answers: list[Any] = []
+    for one, own_up in likely if mesh is not None else ():
+        slicing = {**one, "up": own_up and record["up"] or one["up"]}
+        with contextlib.suppress(Exception):
+            answers.append([slicing, slice_stored(mesh[0], Slicing(**slicing), store)])
+    return answers
+
+
+class _Server:
+    """Children for requests: at most `jobs` at once, and besides as many that describe classes, for whoever asks waits for those before he
+    asks for more. Each has its deadline and its folder. Nothing that they start outlives them. One may be there before it is asked."""
+
+    def __init__(self, answers: int, jobs: int, scratch: Scratch) -> None:
+        from thingc.geometry.worker.process_tree import FIRST, adopt_orphans, give_priority
+
+        adopt_orphans()
+        self.answers = answers
+        self.jobs = jobs
+        self.scratch = scratch
+        self.usual = give_priority(FIRST)
+        self.waiting: dict[bool, deque[dict[str, Any]]] = {True: deque(), False: deque()}  # to describe, and for all else
+        self.running: dict[int, Child] = {}
+        self.spare: Child | None = None
+        self.selector = selectors.DefaultSelector()
+        self.selector.register(0, selectors.EVENT_READ)
+        self.received = bytearray()
+
+    def serve(self) -> None:
+        """Answer until nobody asks, or takes answers, any more."""
+        from thingc.geometry.worker.children import WATCH
+
+        try:
+            while True:
+                self.begin_waiting()
+                for key, _ in self.selector.select(WATCH if self.running else None):
+                    if key.fd == 0:
+                        data = os.read(0, 1 << 20)
+                        if not data:
+                            return
+                        self.receive(data)
+                    elif key.fd in self.running:
+                        child = self.running[key.fd]
+                        if not child.read() or child.answered:
+                            self.finish(child)
+                for child in list(self.running.values()):
+                    over = child.over(time.monotonic())
+                    if over is not None:
+                        self.finish(child, over)
+        except BrokenPipeError:
+            return
+        finally:
+            for child in self.children():
+                child.end("hung", ())
+
+    def receive(self, data: bytes) -> None:
+        """Take what has come of requests."""
+        *lines, rest = (self.received + data).split(b"\n")
+        self.received = bytearray(rest)
+        for line in lines:
+            self.take(json.loads(line))
+
+    def take(self, asked: dict[str, Any]) -> None:
+        """Put a request behind the others; or forget one; or get ready for one."""
+        from thingc.geometry.worker.scratch import remove
+
+        if "prepare" in asked:
+            self.prepare({"hashes": dict.fromkeys(asked["prepare"])})
+            self.spare = self.spare or self.start()
+            return
+        if "forget" not in asked:
+            self.waiting[asked["op"] == "describe"].append(asked)
+            return
+        for one in [one for one in self.waiting[False] if one["id"] == asked["forget"]]:
+            self.waiting[False].remove(one)
+        for child in [child for child in self.running.values() if child.request["id"] == asked["forget"]]:
+            self.end(child, "hung")
+            remove(child.scratch)
+
+    def begin_waiting(self, done: Child | None = None) -> None:
+        """Begin what waits, as far as there is room, that of a child which is `done` included."""
+        for describes, asked in self.waiting.items():
+            busy = sum((child.request["op"] == "describe") == describes for child in self.running.values() if child is not done)
+            for _ in range(min(self.jobs - busy, len(asked))):
+                self.begin(asked.popleft())
+
+    def begin(self, request: dict[str, Any]) -> None:
+        """Ask a child: the one that is there, or a new one."""
+        self.prepare(request)
+        child, self.spare = self.spare or self.start(), None
+        child.ask(request)
+        self.running[child.pipe] = child
+        self.selector.register(child.pipe, selectors.EVENT_READ)
+
+    def prepare(self, request: Mapping[str, Any]) -> None:
+        """See to it that children have at hand what a request needs: one that was forked before it was there is of no use."""
+        from thingc.geometry.worker.scratch import remove
+
+        if _prepare(request) and self.spare is not None:
+            spare, self.spare = self.spare, None
+            spare.end("hung", {child.process for child in self.children()})
+            remove(spare.scratch)
+
+    def start(self) -> Child:
+        """Fork a child."""
+        from thingc.geometry.worker.children import start
+
+        descriptors = [0, self.answers, *self.scratch.descriptors, *self.running]
+        return start(answered, self.usual, self.scratch.make(), descriptors)
+
+    def children(self) -> list[Child]:
+        """Those that are at work, and the one that is ready for it."""
+        return [*self.running.values(), *([self.spare] if self.spare is not None else [])]
+
+    def finish(self, child: Child, over: str | None = None) -> None:
+        """End a child, and send its answer. One that has started nothing is stopped, and ends when its answer is on its way: to take its
+        memory back takes the system as long as to fork."""
+        alone = over is None and child.answered and child.stop()
+        ended = child.answer if alone else self.end(child, over)
+        _answer(self.answers, _settled(ended, child.request["store"], child.scratch))
+        if alone:
+            self.end(child, over)
+
+    def end(self, child: Child, over: str | None) -> dict[str, Any]:
+        """End a child; its answer, or what has become of it."""
+        if child.answered:  # to end it takes the system as long as to fork, and another core can do that
+            self.begin_waiting(child)
+        self.selector.unregister(child.pipe)
+        del self.running[child.pipe]
+        return child.end(over, {other.process for other in self.children()})
+
+
+def _prepare(request: Mapping[str, Any]) -> bool:
+    """What children would each do again: compile the part files (without running them), load the packages they import, look at the modules
+    that are there. Whether there was anything to do."""
+    from thingc.geometry.worker.kernel.mesh_files import reads_with_trimesh
+    from thingc.geometry.worker.loading import compile_ahead
+    from thingc.geometry.worker.reads import remember_loaded
+
+    news = [compile_ahead(file, sha256) for file, sha256 in request.get("hashes", {}).items()]
+    of_file = request.get("definition", {}).get("kind") == "file" and reads_with_trimesh(request["definition"]["reference"])
+    for name in (*request.get("preload", ()), *(["trimesh"] if of_file else [])):
+        if name not in sys.modules:
+            with contextlib.suppress(Exception):
+                importlib.import_module(name)
+            news.append(True)
+    remember_loaded()
+    return any(news)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,1 @@
+"""From documents and part records to assemblies, robots, loads."""

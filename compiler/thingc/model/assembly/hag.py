@@ -1,0 +1,145 @@
+"""The hierarchical assembly graph: definitions, and which is a subcomponent of which."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal, assert_never
+
+from thingc.base.brief import Brief
+from thingc.base.frozen import dataclass
+from thingc.geometry.record import PartDefinition
+from thingc.model.resolve.link_definition import LinkDefinition
+from thingc.model.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Reference
+
+DefinitionKind = Literal["assembly", "part", "file", "link", "frame"]
+"""What a node of the HAG is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Definition(Brief):
+    """A node of the HAG. `text` prints it exactly and is its identity together
+    with `reference` (`module:Class`, a file or a document path in the workspace); `label` prints it for people. Of a mirror image
+    `mirror` is the axis, `plain` what it mirrors."""
+
+    text: str
+    label: str
+    reference: str
+    kind: DefinitionKind
+    mirror: str | None = None
+    plain: Definition | None = None
+
+    @classmethod
+    def of(cls, made: PartDefinition | LinkDefinition | AssemblyDefinition) -> Definition:
+        """The node of a part, a link or an assembly."""
+        kind: DefinitionKind
+        match made:
+            case PartDefinition():
+                reference, kind = made.reference, "part" if made.kind == "code" else "file"
+            case LinkDefinition():
+                reference, kind = "link", "link"
+            case AssemblyDefinition():
+                reference, kind = made.document, "assembly"
+            case _:
+                assert_never(made)
+        plain = None if made.plain is None else cls.of(made.plain)
+        return cls(text=made.text, label=made.label, reference=reference, kind=kind, mirror=made.mirror, plain=plain)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DefinitionEdge(Brief):
+    """"is a subcomponent of": `child` stands in `parent` (texts of definitions) as `component`.
+
+    `mounts` prints how (`back -> plate.servo_seat`), `joint` is the name of the joint that places it, if one does.
+    """
+
+    parent: str
+    child: str
+    component: str
+    mounts: str
+    joint: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hag(Brief):
+    """The hierarchical assembly graph: acyclic, equal definitions one node, in the order first met (top first)."""
+
+    root: str
+    definitions: tuple[Definition, ...]
+    edges: tuple[DefinitionEdge, ...]
+
+    @property
+    def label(self) -> str:
+        """What the whole robot is called, for people."""
+        return self.definitions[0].label
+
+
+FRAME = Definition(text="frame", label="frame", reference="frame", kind="frame")
+"""The one definition of every component without geometry."""
+
+
+def hag_of(model: AssemblyDefinition) -> Hag:
+    """The graph of `model`: equal definitions are one node, in the order first met, the top first (depth first)."""
+    names = _Names()
+    edges: list[DefinitionEdge] = []
+    met: dict[Definition, None] = {}
+    waiting: list[PartDefinition | LinkDefinition | AssemblyDefinition | None] = [model]
+    while waiting:
+        definition = waiting.pop()
+        node = names.of(definition)
+        if node in met:
+            continue
+        met[node] = None
+        if not isinstance(definition, AssemblyDefinition):
+            continue
+        joints = {joint.child.path[0]: joint for joint in definition.joints if joint.child.path and not joint.loop}
+        inner: list[PartDefinition | LinkDefinition | AssemblyDefinition | None] = []
+        for component in definition.components:
+            if component.definition is None and not component.frame:
+                continue
+            joint = joints.get(component.name)
+            edges.append(DefinitionEdge(
+                parent=node.text, child=names.of(component.definition).text, component=component.name, mounts=_mounts(component, joint),
+                joint=joint.name.joint if joint is not None and component.placement is None else None,
+            ))
+            inner.append(component.definition)
+        waiting.extend(reversed(inner))
+    return Hag(root=names.of(model).text, definitions=tuple(met), edges=tuple(edges))
+
+
+class _Names:
+    """The nodes of definitions. Texts are what edges refer to: where two documents (or an assembly and a frame) print alike, the
+    later one met gets its document in brackets."""
+
+    def __init__(self) -> None:
+        self._given: dict[tuple[str, str, str], Definition] = {}
+        self._taken: set[str] = set()
+
+    def of(self, made: PartDefinition | LinkDefinition | AssemblyDefinition | None) -> Definition:
+        """The node of an assembly, a part, a link, or a frame (None)."""
+        node = Definition.of(made) if made is not None else FRAME
+        key = (node.kind, node.reference, node.text)
+        if key not in self._given:
+            where = f" [{node.reference}]" if node.text in self._taken else ""
+            self._given[key] = replace(node, text=node.text + where, label=node.label + where)
+            self._taken.add(node.text + where)
+        return self._given[key]
+
+
+def _mounts(component: Component, joint: Joint | None) -> str:
+    """`back -> plate.servo_seat`; `in bracket.board` for a plain placement; empty for the base."""
+    placement = component.placement
+    if isinstance(placement, Attach):
+        return f"{_own(component, placement.mount)} -> {_shown(placement.to)}"
+    if isinstance(placement, At):
+        return f"in {_shown(placement.to)}"
+    return f"{_own(component, joint.child)} -> {_shown(joint.parent)}" if joint is not None else ""
+
+
+def _own(component: Component, reference: Reference) -> str:
+    """A reference of the component to its own mount, without its own name."""
+    shown = _shown(reference)
+    return shown.removeprefix(f"{component.name}.")
+
+
+def _shown(reference: Reference) -> str:
+    return reference.text if reference.mount is not None else f"{reference.text}.origin"

@@ -1,0 +1,173 @@
+"""Where everything is at given joint coordinates: forward kinematics over the mate graph, whatever the root."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
+
+from thingc.base.joints import moved, within_turn
+from thingc.base.pose import NO_POSE, Pose
+from thingc.base.summing import hypot
+from thingc.model.assembly.types import Assembly, JointEdge, Mate
+
+
+def joints_of(assembly: Assembly) -> tuple[JointEdge, ...]:
+    """The coordinates of the joints, in joint order: a document's own as written, then those of the documents nested in it."""
+    return tuple(joint for mate in assembly.mates for joint in mate.joints)
+
+
+def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dict[str, float]:
+    """q [rad or m] of every joint, in the order of `joints`: as `values` says, else by the joint it mimics, else 0.
+
+    Joints that mimic each other in a circle are at 0 (the circle is reported when documents are resolved).
+    """
+    by_path = {joint.path: joint for joint in joints}
+    known: dict[str, float] = {}
+    for path in by_path:
+        chain: dict[str, None] = {}
+        step: str | None = path
+        while step is not None and step not in known:
+            joint = by_path.get(step)
+            if joint is None or step in values or joint.mimic is None or joint.mimic.joint.path not in by_path or step in chain:
+                known[step] = values.get(step, 0.0)
+                break
+            chain[step] = None
+            step = joint.mimic.joint.path
+        for follower in reversed(list(chain)):
+            mimic = by_path[follower].mimic
+            if mimic is not None and follower not in known:
+                known[follower] = mimic.at(known[mimic.joint.path])
+    return {path: known[path] for path in by_path}
+
+
+def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -> dict[str, tuple[str, float, float]]:
+    """Of every joint, by path in the order of `joints`: the one that it follows in the end (itself, where it mimics none), and
+    the multiplier and offset [rad or m] by which, q = offset + multiplier q(leader): of polynomials near `q` (every joint by path, rad or
+    m; None: where the leaders are at 0)."""
+    by_path = {joint.path: joint for joint in joints}
+    if q is None:
+        q = coordinates(by_path.values(), {}) if bent(by_path.values()) else dict.fromkeys(by_path, 0.0)
+    followed: dict[str, tuple[str, float, float]] = {}
+    for path, joint in by_path.items():
+        leader, multiplier, offset, mimic = path, 1.0, 0.0, joint.mimic
+        met = [path]
+        while mimic is not None and mimic.joint.path in by_path and mimic.joint.path not in met:  # circles are faults of the document
+            slope, start = mimic.tangent(q[mimic.joint.path])
+            offset += multiplier * start
+            multiplier *= slope
+            leader = mimic.joint.path
+            met.append(leader)
+            mimic = by_path[leader].mimic
+        followed[path] = leader, multiplier, offset
+    return followed
+
+
+def bent(joints: Iterable[JointEdge]) -> bool:
+    """Whether any of them follows another by a polynomial, so that `leaders` depend on q."""
+    return any(joint.mimic is not None and joint.mimic.higher for joint in joints)
+
+
+def across(mate: Mate, q: Mapping[str, float]) -> Pose:
+    """`X_PC(q)`: the child occurrence in the parent occurrence, q [rad or m] by joint path (0 where it says nothing)."""
+    if not mate.joints:
+        return mate.X_PJ @ mate.X_JC
+    values = tuple(q.get(joint.path, 0.0) + joint.offset for joint in mate.joints)
+    return mate.X_PJ @ moved(tuple(joint.twist for joint in mate.joints), values, at_once=mate.joints[0].kind.at_once) @ mate.X_JC
+
+
+def balls(joints: Iterable[JointEdge]) -> Iterator[tuple[JointEdge, ...]]:
+    """The coordinates of every ball among coordinates in joint order."""
+    for _, own in groupby((joint for joint in joints if joint.kind.at_once), key=lambda joint: joint.name.joint):
+        yield tuple(own)
+
+
+def in_cones(balls: Iterable[tuple[JointEdge, ...]], q: Mapping[str, float]) -> dict[str, float]:
+    """The coordinates of balls [rad] by path: within half a turn, and where they leave the cone of theirs the nearest within it."""
+    angles: dict[str, float] = {}
+    for ball in balls:
+        x, y, z = within_turn((q[ball[0].path], q[ball[1].path], q[ball[2].path]))
+        cone, angle = ball[0].limit.cone, hypot(x, y, z)
+        scale = cone / angle if cone is not None and angle > cone else 1.0
+        angles.update({ball[0].path: scale * x, ball[1].path: scale * y, ball[2].path: scale * z})
+    return angles
+
+
+def neighbourhood(count: int, mates: Sequence[Mate]) -> list[list[int]]:
+    """For each occurrence the numbers of the mates that it takes part in, without those that close loops: what is left is the
+    tree by which the documents place things."""
+    neighbours: list[list[int]] = [[] for _ in range(count)]
+    for number, mate in enumerate(mates):
+        if mate.loop is not None:
+            continue
+        neighbours[mate.parent].append(number)
+        if mate.child != mate.parent:
+            neighbours[mate.child].append(number)
+    return neighbours
+
+
+def on_loops(count: int, mates: Sequence[Mate]) -> frozenset[str]:
+    """The paths of the joints that lie on a loop: those that close one, and those between its ends in the tree of placements."""
+    closing = [mate for mate in mates if mate.loop is not None]
+    if not closing:
+        return frozenset()
+    neighbours = neighbourhood(count, mates)
+    above: dict[int, tuple[int, int, int]] = {}  # occurrence to the one it was reached from, the mate between, its depth
+    for start in range(count):
+        if start in above:
+            continue
+        above[start] = (start, -1, 0)
+        waiting = [start]
+        while waiting:
+            here = waiting.pop()
+            for number in neighbours[here]:
+                there = mates[number].child if mates[number].parent == here else mates[number].parent
+                if there not in above:
+                    above[there] = (here, number, above[here][2] + 1)
+                    waiting.append(there)
+    paths: set[str] = set()
+    for mate in closing:
+        paths.update(joint.path for joint in mate.joints)
+        one, other = mate.parent, mate.child
+        while one != other:
+            if above[one][2] < above[other][2]:
+                one, other = other, one
+            one, number, _ = above[one]
+            if number < 0:
+                break
+            paths.update(joint.path for joint in mates[number].joints)
+    return frozenset(paths)
+
+
+def forward_kinematics(
+    mates: Sequence[Mate], neighbours: Sequence[Sequence[int]], start: int, base: Pose, q: Mapping[str, float], *,
+    rigid: bool = False,
+) -> dict[int, Pose]:
+    """Poses of the occurrences that hang together with `start`, which is at `base`: the mates walked outwards.
+
+    `q` [rad or m] by joint path (0 where it says nothing); `rigid` walks only mates without a joint. Linear in what is
+    reached; the answer is in the frame that `base` is given in.
+    """
+    at = {start: base}
+    waiting = [start]
+    while waiting:
+        here = waiting.pop()
+        for number in neighbours[here]:
+            mate = mates[number]
+            there = mate.child if mate.parent == here else mate.parent
+            if there in at or (rigid and mate.joints):
+                continue
+            step = across(mate, q)
+            at[there] = at[here] @ (step if mate.parent == here else step.inverse())
+            waiting.append(there)
+    return at
+
+
+def poses(assembly: Assembly, q: Mapping[str, float], base: Pose = NO_POSE) -> tuple[Pose, ...]:
+    """The pose of every occurrence, in document order, when the assembly's base occurrence is at `base`.
+
+    `q` [rad or m] by joint path; a joint that is not named follows the one it mimics, else it is at 0.
+    """
+    full = coordinates(joints_of(assembly), q)
+    count = len(assembly.occurrences)
+    at = forward_kinematics(assembly.mates, neighbourhood(count, assembly.mates), assembly.base, base, full)
+    return tuple(at[index] for index in range(count))

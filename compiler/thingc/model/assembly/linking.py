@@ -1,0 +1,136 @@
+"""The pass `link`: the resolved model and the part records to one assembly, before any root is chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Container, Mapping, Sequence
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.memo import Memo
+from thingc.base.pose import NO_POSE, Pose
+from thingc.geometry.record import PartFailure, PartRecord
+from thingc.model.assembly.between import links_between
+from thingc.model.assembly.contacts import check_contacts
+from thingc.model.assembly.expectations import check_expectations
+from thingc.model.assembly.findings import Findings
+from thingc.model.assembly.kinematics import forward_kinematics, neighbourhood, on_loops
+from thingc.model.assembly.links import connected_components, links_of
+from thingc.model.assembly.listed import Meshes
+from thingc.model.assembly.mates import check_loops, loops_in, mates_of, stated_joints
+from thingc.model.assembly.modes import added_of, adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of
+from thingc.model.assembly.names import names_of
+from thingc.model.assembly.part_instances import PartInstances
+from thingc.model.assembly.physics import check_links, check_stated
+from thingc.model.assembly.plausible import check_plausible
+from thingc.model.assembly.tendons import rested, tendons_of
+from thingc.model.assembly.tests import tests_of
+from thingc.model.assembly.types import Assembly, Connected, Mate, Occurrence
+from thingc.model.assembly.unroll import Instance, Tree
+from thingc.model.resolve.model import AssemblyDefinition
+
+
+def link(
+    model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure], report: Report, memo: Memo | None = None,
+    meshes: Meshes | None = None, *, unmodelled: bool = False,
+) -> Assembly | None:
+    """The linked assembly, or None where something is wrong (it is in `report`).
+
+    `records` answers every part definition of `model` by its text; of one that is `unmodelled` nothing is there, and nothing comes of
+    it but what is wrong with documents alone. `meshes` are the records of the mesh files that links list, as far as they are known. What
+    depends on something that is wrong is left out without a word of its own. The work is linear in the occurrences. What `memo` has of it
+    is taken from there.
+    """
+    memo = memo or Memo()
+    findings = Findings(report)
+    instances = PartInstances(records, meshes or {}, findings, memo)
+    tree = Tree(model, instances, findings)
+    instances.report_failures()
+    instances.report_materials()
+    mates, laid = mates_of(tree, findings, memo)
+    robot = _connected(tree, model, mates, findings, memo)
+    names = names_of(tree, robot, model.poses, findings)
+    joints = tuple(joint for mate in mates for joint in mate.joints)
+    tests = tests_of(tree, model.tests, joints, findings)
+    _check(tree, robot, laid, findings)
+    known = not findings.incomplete or not (findings.earlier or findings.failed or any(loops_in(tree)))
+    loops = on_loops(len(robot.occurrences), mates)
+    check_poses(model.poses, model.modes, stated_joints(tree, joints), findings, loops, unset=known)
+    base, at = tree.top.index, _rest(tree, mates, memo)
+    count, placing = len(robot.occurrences), sum(1 for mate in mates if mate.loop is None)
+    if base is None or findings.incomplete or len(at) != count or placing != count - 1:
+        if not instances.unknown and not unmodelled:
+            _say_apart(tree, model, at, findings)
+        return None
+    tendons = tuple(rested(tendon, robot.occurrences, at, findings) for tendon in robot.tendons)
+    if findings.failed:
+        return None
+    assembly = Assembly(
+        name=model.name, definition=model, base=base, occurrences=robot.occurrences, mates=mates, links=robot.links,
+        link_of=robot.link_of, rest=tuple(at[index] for index in range(count)), exported=robot.exported, poses=model.poses,
+        modes=robot.modes, adhesions=robot.adhesions, raw=raw_of(tree), added=added_of(tree), tendons=tendons, sensors=robot.sensors,
+        tests=tests, between=robot.between, names=names,
+    )
+    check_plausible(tree, assembly, findings)
+    return assembly
+
+
+def _connected(tree: Tree, model: AssemblyDefinition, mates: tuple[Mate, ...], findings: Findings, memo: Memo) -> Connected:
+    """The occurrences, what mates make of them, and what is on them."""
+    exported = exported_of(tree, findings)
+    occurrences = tuple(
+        memo.same(("occurrence", instance.path), _occurrence(index, instance, tree)) for index, instance in enumerate(tree.occurrences)
+    )
+    link_of = connected_components(len(occurrences), mates)
+    links = links_of(tree, occurrences, mates, findings, memo)
+    check_loops(mates, link_of, links, findings)
+    modes, adhesions = modes_of(tree, model, link_of, findings), adhesions_of(tree, model)
+    return Connected(
+        occurrences=occurrences, mates=mates, links=links, link_of=link_of, exported=exported, modes=modes, adhesions=adhesions,
+        sensors=sensors_of(tree, link_of), tendons=tendons_of(tree, link_of, findings),
+        between=links_between(links, link_of, occurrences, mates, modes, adhesions),
+    )
+
+
+def _check(tree: Tree, robot: Connected, laid: Collection[int], findings: Findings) -> None:
+    """What is wrong with parts where they are, and with links."""
+    check_contacts(robot.occurrences, findings)
+    faulty = check_stated(robot, findings)
+    if not findings.incomplete:
+        # Only of whole assemblies: what was left out may be what carries the mass, or what sits on the mount.
+        faulty += [index for index, instance in enumerate(tree.occurrences) if instance.part is not None and not instance.part.sound]
+        check_links(robot, faulty, findings)
+        check_expectations(robot, laid, findings)
+
+
+def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findings: Findings) -> None:
+    """Say which component is not `at` a place, where nothing that was said explains it."""
+    if findings.failed or findings.earlier:
+        return
+    alone = next((one for k, one in enumerate(tree.occurrences) if k not in at), tree.top)
+    findings.error(
+        Code.INCOMPLETE, f"`{alone.path or model.name}` does not hang together with the base of `{model.name}`",
+        alone.origin or model.origin, path=alone.path or None, help="place every component, once, on another one",
+    )
+
+
+def _rest(tree: Tree, mates: Sequence[Mate], memo: Memo) -> dict[int, Pose]:
+    """The poses of the occurrences at q = 0 in the frame of the base, as far as they hang together with it."""
+    base, count = tree.top.index, len(tree.occurrences)
+    lie = tuple((m.parent, m.child, m.X_PJ, m.X_JC, m.loop, tuple((j.twist, j.offset) for j in m.joints)) for m in mates)
+
+    def poses(*_: object) -> dict[int, Pose]:
+        return forward_kinematics(mates, neighbourhood(count, mates), base, NO_POSE, {}) if base is not None else {}
+
+    return memo("rest", poses, lie, base, count)
+
+
+def _occurrence(index: int, instance: Instance, tree: Tree) -> Occurrence:
+    part = instance.part
+    if part is None:
+        raise ValueError(f"{instance.path} is no occurrence")
+    added = tree.added.get(index)
+    return Occurrence(
+        path=instance.path, index=index, definition=part.definition, component=part.component, record=part.record,
+        material=part.material, color=part.color, overrides=part.component.overrides, bom=part.bom, properties=part.properties,
+        mass_source=part.source, mounts={**part.mounts, **added} if added else part.mounts, origin=instance.origin,
+        estimate=part.estimate, listed=part.listed,
+    )

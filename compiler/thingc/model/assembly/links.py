@@ -1,0 +1,132 @@
+"""Occurrences joined rigidly are one link: which they are, their names and frames, and their mass properties."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from thingc.base.diagnostics import Code
+from thingc.base.frozen import dataclass
+from thingc.base.inertia import MassProperties, total
+from thingc.base.memo import Memo
+from thingc.base.pose import NO_POSE, Pose
+from thingc.base.source import Origin
+from thingc.model.assembly.findings import Findings, noted
+from thingc.model.assembly.kinematics import forward_kinematics, neighbourhood
+from thingc.model.assembly.types import Link, Mate, Occurrence
+from thingc.model.assembly.unroll import Tree
+
+
+def connected_components(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:
+    """For each occurrence the number of its link: links are numbered by their first occurrence in document order.
+
+    Union-find with path halving over the mates without a joint.
+    """
+    parent = list(range(count))
+
+    def find(k: int) -> int:
+        while parent[k] != k:
+            parent[k] = parent[parent[k]]
+            k = parent[k]
+        return k
+
+    for mate in mates:
+        if not mate.joints and mate.loop is None:
+            a, b = find(mate.parent), find(mate.child)
+            parent[max(a, b)] = min(a, b)  # the smallest member stays the representative
+    numbers: dict[int, int] = {}
+    return tuple(numbers.setdefault(find(k), len(numbers)) for k in range(count))
+
+
+@dataclass(frozen=True, slots=True)
+class _Naming:
+    """A line of `links:`: what it calls a link, and the occurrence whose frame it picks."""
+
+    name: str
+    occurrence: int
+    depth: int
+    document: str
+    origin: Origin
+
+
+def links_of(
+    tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: Findings, memo: Memo,
+) -> tuple[Link, ...]:
+    """The links in order, named and framed as `links:` says (the outermost document wins), else as their first occurrence."""
+    link_of = connected_components(len(occurrences), mates)
+    members: list[list[int]] = [[] for _ in range(max(link_of, default=-1) + 1)]
+    for occurrence, number in enumerate(link_of):
+        members[number].append(occurrence)
+    namings = _namings(tree, link_of, findings)
+    neighbours = neighbourhood(len(occurrences), mates)
+    rigid = tuple((m.parent, m.child, m.X_PJ, m.X_JC) for m in mates if not m.joints and m.loop is None)
+    links: list[Link] = []
+    taken: dict[str, Link] = {}
+    for index, inside in enumerate(members):
+        naming = namings.get(index)
+        first = occurrences[inside[0]]
+        frame = naming.occurrence if naming is not None else inside[0]
+        name = naming.name if naming is not None else first.path
+
+        def lie(_: object, frame: int, inside: tuple[int, ...]) -> tuple[Pose, ...]:
+            at = forward_kinematics(mates, neighbours, frame, NO_POSE, {}, rigid=True)
+            return tuple(at[k] for k in inside)
+
+        poses = memo(("poses", name), lie, rigid, frame, tuple(inside))
+        link = memo.same(("link", name), Link(
+            name=name,
+            index=index,
+            frame=frame,
+            members=tuple(inside),
+            poses=poses,
+            properties=memo(("weight", name), _summed, tuple(occurrences[k].properties for k in inside), poses),
+            origin=naming.origin if naming is not None else first.origin,
+        ))
+        other = taken.setdefault(link.name, link)
+        if other is not link:
+            _clash(other, link, named=naming is not None, occurrences=occurrences, findings=findings)
+        links.append(link)
+    return tuple(links)
+
+
+def _summed(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> MassProperties:
+    """Bodies, each in its own frame, as one; `poses` are those of their frames."""
+    return total(own.seen_from(pose) for own, pose in zip(properties, poses, strict=True))
+
+
+def _namings(tree: Tree, link_of: Sequence[int], findings: Findings) -> dict[int, _Naming]:
+    """By link the line of `links:` that counts: of the outermost document, and there of the first."""
+    chosen: dict[int, _Naming] = {}
+    for instance, definition in tree.assemblies:
+        depth = instance.path.count("/") + 1 if instance.path else 0
+        for line in definition.links:
+            place = tree.component(instance, line.component)
+            if place is None or place.index is None:
+                findings.leave_out()
+                continue
+            link = link_of[place.index]
+            naming = _Naming(
+                name=instance.within(line.name), occurrence=place.index, depth=depth, document=instance.path,
+                origin=line.origin + instance.origin,
+            )
+            other = chosen.get(link)
+            if other is not None and other.document == naming.document:
+                before = other.name.rsplit("/", 1)[-1]
+                findings.error(
+                    Code.LINK_NAMED_TWICE, f"`{line.name}` and `{before}` name one link: nothing moves between them",
+                    naming.origin, path=naming.name, help="keep one of the two names",
+                    notes=noted(f"`{before}` is written here", other.origin),
+                )
+            elif other is None or naming.depth < other.depth:
+                chosen[link] = naming
+    return chosen
+
+
+def _clash(other: Link, link: Link, *, named: bool, occurrences: Sequence[Occurrence], findings: Findings) -> None:
+    """Two links of one name: one was named so by `links:`, the other is called after its first occurrence."""
+    written, called = (link, other) if named else (other, link)
+    first = occurrences[called.members[0]]
+    findings.error(
+        Code.DUPLICATE_LINK, f"`{link.name}` names two links: this one, and the one of component `{first.path}`", written.origin,
+        path=link.name, help=f"choose another name, or name the link of `{first.path}` under `links:`, too",
+        notes=noted(f"`{first.path}` is here", called.origin),
+    )

@@ -1,0 +1,200 @@
+"""Placements to edges of the mate graph: `attach`, `at` and joints. Child mount B of C on parent mount A of P is
+
+    X_PC = X_PA @ Rz(turn) @ Tz(gap) @ X_J(q + offset) @ MATE @ inv(X_CB)
+
+(of a joint that is mirrored X_J is between two turns by pi about x; of one with an `axis` Rz, Tz and X_J are about that, and there is no
+MATE), and `at` lays a component's frame plainly: `X_PC = X_P,in @ X(xyz, rpy)`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+
+from thingc.base.circles import MAX_CIRCLE, circles
+from thingc.base.diagnostics import Code
+from thingc.base.joints import Twist
+from thingc.base.memo import Memo
+from thingc.base.pose import IDENTITY, MATE, Pose, shifted, turned_x
+from thingc.base.source import Origin
+from thingc.model.assembly.drives import joint_edge, stated_edge
+from thingc.model.assembly.findings import Findings, noted
+from thingc.model.assembly.types import JointEdge, Link, Mate
+from thingc.model.assembly.unroll import FoundMount, Instance, Tree, unplaced
+from thingc.model.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Reference
+
+UPSIDE_DOWN = turned_x(math.pi)
+"""Its own inverse: the frame in which a mirrored joint moves, in that of its mounts."""
+
+
+def mates_of(tree: Tree, findings: Findings, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
+    """Every edge, and the numbers of those that `at` made (they put no mount onto another).
+
+    Of an assembly first its `attach` and `at` in component order, then its joints as written, then the edges of the
+    assemblies nested in it. An edge with a wrong reference is left out.
+    """
+    mates: list[Mate] = []
+    laid: set[int] = set()
+    checked: set[int] = set()
+    for instance, definition in tree.assemblies:
+        if id(definition) not in checked:
+            checked.add(id(definition))
+            _check_circles(instance, definition, findings)
+            _check_bases(instance, definition, findings)
+        for reference in definition.loose:
+            tree.find(instance, reference)  # what is wrong with it is said beside what is wrong with the other end
+        for component in definition.components:
+            if isinstance(component.placement, Attach):
+                mates.extend(_attached(tree, instance, component.placement, memo))
+            elif isinstance(component.placement, At):
+                before = len(mates)
+                mates.extend(_laid(tree, instance, component, component.placement, memo))
+                laid.update(range(before, len(mates)))
+        for _, coordinates in groupby(definition.joints, key=lambda joint: joint.name.joint):
+            mates.extend(_jointed(tree, instance, tuple(coordinates), findings, memo))
+    return tuple(mates), frozenset(laid)
+
+
+def _attached(tree: Tree, instance: Instance, attach: Attach, memo: Memo) -> Iterator[Mate]:
+    child, parent = tree.find(instance, attach.mount), tree.find(instance, attach.to)
+    if child is not None and parent is not None:
+        place = ("mate", instance.within(attach.mount.text))
+        yield memo(place, _mated, parent, child, attach, (), attach.origin + instance.origin, "")
+
+
+def _laid(tree: Tree, instance: Instance, component: Component, at: At, memo: Memo) -> Iterator[Mate]:
+    mine = Reference(path=(component.name,), mount="origin", origin=component.origin)
+    child, parent = tree.find(instance, mine), tree.find(instance, at.to)
+    if child is not None and parent is not None:
+        place = ("mate", instance.within(component.name))
+        yield memo(place, _laid_on, parent, child, at.pose, at.origin + instance.origin)
+
+
+def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findings: Findings, memo: Memo) -> Iterator[Mate]:
+    """The mate of a joint, its `coordinates` in order (a `fixed` joint is one that moves nothing)."""
+    joint = coordinates[0]
+    child, parent = tree.find(instance, joint.child), tree.find(instance, joint.parent)
+    if child is None or parent is None:
+        return
+    if joint.child.path[:1] == joint.parent.path[:1] and not joint.loop:  # a loop may close between two parts of one nested assembly
+        findings.leave_out()
+        findings.error(
+            Code.PLACED_ON_ITSELF,
+            f"joint `{joint.name.joint}` connects `{joint.child.path[0]}` with itself: its mounts are `{joint.parent.text}` and "
+            f"`{joint.child.text}`",
+            joint.parent.origin + instance.origin, path=instance.within(joint.path), help="name mounts of two components",
+            notes=noted("the child", joint.child.origin),
+        )
+        return
+    edges = tuple(
+        joint_edge(tree, instance, one, one.twist, findings) for one in coordinates if one.twist is not None
+    )
+    path = instance.within(joint.name.joint)
+    origin = joint.origin + instance.origin
+    yield memo(("joint", path), _mated, parent, child, joint, edges, origin, path)
+
+
+def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, ...]:
+    """The `joints`, and those whose mounts are not known, because nobody knows the parts: their limits stand in documents."""
+    edges = {joint.path: joint for joint in joints}
+    for instance, definition in tree.assemblies:
+        for joint in definition.joints:
+            path = instance.within(joint.path)
+            if joint.twist is not None and path not in edges:
+                edges[path] = stated_edge(instance, joint, joint.twist)
+    return tuple(edges.values())
+
+
+def loops_in(tree: Tree) -> Iterator[Joint]:
+    """The joints that close loops."""
+    return (joint for _, definition in tree.assemblies for joint in definition.joints if joint.loop)
+
+
+def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[Link], findings: Findings) -> None:
+    """A loop must close between two links: within one nothing moves that it could hold."""
+    for mate in mates:
+        if mate.loop is not None and link_of[mate.parent] == link_of[mate.child]:
+            name = links[link_of[mate.parent]].name
+            findings.error(
+                Code.LOOP, f"joint `{mate.loop}` closes no loop: both its mounts are on link `{name}`", mate.origin,
+                path=mate.loop, help="name mounts of two links that move against each other, or take the joint out",
+                notes=noted(f"link `{name}` begins here", links[link_of[mate.parent]].origin),
+            )
+
+
+def _mated(parent: FoundMount, child: FoundMount, said: Attach | Joint, joints: tuple[JointEdge, ...], origin: Origin, path: str) -> Mate:
+    axis = said.axis if isinstance(said, Joint) else None
+    before, after = parent.pose, child.pose.inverse() if axis is not None else MATE @ child.pose.inverse()
+    if said.turn != 0.0:
+        before = before @ Twist(angular=axis or IDENTITY[2]).exponential(said.turn)
+    if said.gap != 0.0:
+        before = before @ (shifted(0.0, 0.0, said.gap) if axis is None else Twist(linear=axis).exponential(said.gap))
+    if isinstance(said, Joint) and said.mirrored:
+        before, after = before @ UPSIDE_DOWN, UPSIDE_DOWN @ after
+    return Mate(
+        parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount=child.mount,
+        X_PJ=before, X_JC=after, joints=joints, origin=origin, name=path if joints else None,
+        loop=path if isinstance(said, Joint) and said.loop else None,
+    )
+
+
+def _laid_on(parent: FoundMount, child: FoundMount, pose: Pose, origin: Origin) -> Mate:
+    return Mate(
+        parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount="origin",
+        X_PJ=parent.pose @ pose, X_JC=child.pose.inverse(), joints=(), origin=origin,
+    )
+
+
+def _stands_on(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
+    """Component name to the name of the one that it is placed on, and where that is written."""
+    names = {component.name for component in definition.components}
+    stands: dict[str, tuple[str, Origin]] = {}
+    for component in definition.components:
+        if component.placement is not None and component.placement.to.path:
+            stands[component.name] = (component.placement.to.path[0], component.placement.origin)
+    for joint in definition.joints:
+        if joint.child.path and joint.parent.path and not joint.loop and joint.child.path[0] != joint.parent.path[0]:
+            stands.setdefault(joint.child.path[0], (joint.parent.path[0], joint.origin))
+    return {name: on for name, on in stands.items() if name in names and on[0] in names}
+
+
+def _check_circles(instance: Instance, definition: AssemblyDefinition, findings: Findings) -> None:
+    """Components of one document that stand on each other in a circle: each circle once, from its first component.
+
+    Where nothing is left as a base, the resolver has said so.
+    """
+    if findings.earlier and not unplaced(definition):
+        findings.leave_out()
+        return
+    stands = _stands_on(definition)
+    jointed = {joint.child.path[0] for joint in definition.joints if joint.child.path}
+    order = {component.name: number for number, component in enumerate(definition.components)}
+    for circle in circles(stands, lambda name: stands[name][0] if name in stands else None):
+        first = circle.index(min(circle, key=order.__getitem__))
+        circle = circle[first:] + circle[:first]
+        hops = ", ".join(f"`{member}` on `{stands[member][0]}`" for member in circle[:MAX_CIRCLE])
+        if len(circle) > MAX_CIRCLE:
+            hops += f" and {len(circle) - MAX_CIRCLE} more"
+        findings.leave_out()
+        findings.error(
+            Code.PLACEMENT_CIRCLE, f"components placed in a circle: {hops}", stands[circle[0]][1] + instance.origin,
+            path=instance.within(circle[0]),
+            help="place one of them on a component outside of the circle" + (
+                "; or, where a joint of it closes a loop, write `loop: true` in that" if jointed & set(circle) else ""
+            ),
+            notes=[note for member in circle[1:MAX_CIRCLE] for note in noted(f"`{member}` is placed here", stands[member][1])],
+        )
+
+
+def _check_bases(instance: Instance, definition: AssemblyDefinition, findings: Findings) -> None:
+    """Two components that nothing places would be two robots. (The resolver says so first, of whole documents.)"""
+    bases = unplaced(definition)
+    if len(bases) < 2 or findings.earlier:
+        return
+    first, second = (instance.children[name] for name in bases[:2])
+    findings.error(
+        Code.TWO_BASES, f"nothing places `{bases[1]}`, nor `{bases[0]}`: an assembly has one base", second.origin,
+        path=second.path, help=f"give `{bases[1]}` an `attach`, an `at` or a joint",
+        notes=noted(f"`{bases[0]}` is here", first.origin),
+    )

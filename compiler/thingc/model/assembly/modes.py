@@ -1,0 +1,296 @@
+"""Modes, poses, exported mounts and raw attributes of the top document with their references worked out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
+
+from thingc.base.diagnostics import Code
+from thingc.base.summing import hypot
+from thingc.base.typos import did_you_mean
+from thingc.model.assembly.findings import Findings, noted
+from thingc.model.assembly.kinematics import balls, coordinates
+from thingc.model.assembly.types import (
+    Adhesion,
+    ExportedMount,
+    Foot,
+    JointEdge,
+    LinkedHold,
+    LinkedMode,
+    LinkedMount,
+    LinkedSensor,
+    RootChoice,
+)
+from thingc.model.assembly.unroll import Instance, Tree
+from thingc.model.resolve.model import AssemblyDefinition, Mode, NamedPose, RawAttribute, RawElement, Reference
+from thingc.model.resolve.raw_fixed import NAMING
+
+_ROUNDING = 1e-9
+"""How far past a limit a pose may be without being outside, relative: limits and poses may come from expressions."""
+
+
+SLIDE = 1.0
+"""Sliding friction of what states none: MuJoCo's own, on either side of a contact (it takes the larger one). One that a material
+states goes before that of the floor (it is written with a priority)."""
+
+
+def exported_of(tree: Tree, findings: Findings) -> tuple[ExportedMount, ...]:
+    """Every mount that an assembly shows, at every level, an assembly before those nested in it."""
+    exported: list[ExportedMount] = []
+    for instance, definition in tree.assemblies:
+        for name, reference in definition.mounts.items():
+            mount = tree.find(instance, reference)
+            if mount is not None:
+                exported.append(ExportedMount(
+                    path=instance.within(name), occurrence=mount.occurrence, mount=mount.mount,
+                    origin=reference.origin + instance.origin,
+                ))
+    return tuple(exported)
+
+
+def modes_of(tree: Tree, model: AssemblyDefinition, link_of: Sequence[int], findings: Findings) -> tuple[LinkedMode, ...]:
+    """The modes whose root is sound. Pairs within one link are dropped: a link does not collide with itself."""
+    linked = (_mode(tree, mode, link_of, findings) for mode in model.modes)
+    return tuple(mode for mode in linked if mode is not None)
+
+
+def _mode(tree: Tree, mode: Mode, link_of: Sequence[int], findings: Findings) -> LinkedMode | None:
+    root = _root(tree, mode.root)
+    pairs: dict[tuple[int, int], None] = {}
+    for one, other in mode.exclude:
+        for a in _links_named(tree, one, link_of):
+            for b in _links_named(tree, other, link_of):
+                if a != b:
+                    pairs[(min(a, b), max(a, b))] = None
+    adhesion: dict[str, float] = {}
+    for reference, force in mode.adhesion:
+        if tree.find(tree.top, reference) is not None:
+            adhesion[_path(reference)] = force
+    if root is None:
+        findings.leave_out()
+        return None
+    return LinkedMode(
+        name=mode.name, root=root, base=mode.base, at=mode.at, gravity=mode.gravity, poses=mode.poses, actuators=mode.actuators,
+        exclude=tuple(pairs), adhesion=adhesion, simulation=mode.simulation, origin=mode.origin, pose=mode.pose,
+        holds=tuple(_holds(tree, mode, findings)), cut=mode.cut, on_floor=mode.on_floor, stated=mode.stated,
+        feet=tuple(_feet(tree, mode, findings)), at_in=mode.at_in,
+    )
+
+
+def _root(tree: Tree, reference: Reference) -> RootChoice | None:
+    """`body` and `body.origin` are a component root, anything else with a mount is a mount root."""
+    mount = tree.find(tree.top, reference)
+    if mount is None:
+        return None
+    if reference.mount in (None, "origin"):
+        return RootChoice(occurrence=mount.occurrence, mount=None, path="/".join((*reference.path, "origin")))
+    return RootChoice(occurrence=mount.occurrence, mount=mount.mount, path=_path(reference))
+
+
+def _holds(tree: Tree, mode: Mode, findings: Findings) -> Iterator[LinkedHold]:
+    """What the mode holds; one mount under two names (its own, and an exported one) is said."""
+    met: dict[tuple[int, str], LinkedHold] = {}
+    for hold in mode.holds:
+        choice = _root(tree, hold.mount)
+        if choice is None:
+            continue
+        linked = LinkedHold(mount=choice, pose=hold.pose, origin=hold.origin, turns=hold.turns)
+        other = met.setdefault((choice.occurrence, choice.mount or "origin"), linked)
+        if other is not linked:
+            findings.error(
+                Code.HOLD, f"mode `{mode.name}` holds `{choice.path}` twice", hold.origin, path=choice.path,
+                help="keep one of the two", notes=noted("the other one is here", other.origin),
+            )
+            continue
+        yield linked
+
+
+def _feet(tree: Tree, mode: Mode, findings: Findings) -> Iterator[Foot]:
+    """What the mode stands on, each mount once; one that it holds as well is said."""
+    if mode.standing is None:
+        return
+    held = {(choice.occurrence, choice.mount): hold for hold in mode.holds if (choice := _root(tree, hold.mount)) is not None}
+    met: set[tuple[int, str | None]] = set()
+    for reference in mode.standing.mounts:
+        choice = _root(tree, reference)
+        if choice is None or (choice.occurrence, choice.mount) in met:
+            continue
+        met.add((choice.occurrence, choice.mount))
+        hold = held.get((choice.occurrence, choice.mount))
+        if hold is not None:
+            findings.error(
+                Code.STANDING, f"mode `{mode.name}` stands on `{choice.path}` and holds it", reference.origin, path=choice.path,
+                help="keep one of the two", notes=noted("it is held here", hold.origin),
+            )
+            continue
+        part = tree.occurrences[choice.occurrence].part
+        stated = part.material.slide if part is not None and part.material is not None else None
+        friction = mode.standing.friction if mode.standing.friction is not None else stated
+        yield Foot(mount=choice, friction=SLIDE if friction is None else friction, origin=reference.origin)
+
+
+def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
+    """Every sensor of every document, an assembly's before those of what is nested in it."""
+    sensors: list[LinkedSensor] = []
+    for instance, definition in tree.assemblies:
+        for one in definition.sensors:
+            mounts = {reference: mount_of(tree, instance, reference) for reference in (one.at, one.seen_from) if reference is not None}
+            touching = [link for component in one.touching for link in _links_named(tree, component, link_of, instance)]
+            if None in mounts.values() or len(touching) < len(one.touching):
+                continue
+            sensors.append(LinkedSensor(
+                path=instance.within(one.name), kind=one.kind, origin=one.origin + instance.origin,
+                at=None if one.at is None else mounts[one.at], seen_from=None if one.seen_from is None else mounts[one.seen_from],
+                joint=instance.within(one.joint) if one.joint is not None else None,
+                tendon=instance.within(one.tendon) if one.tendon is not None else None,
+                touching=tuple(touching), volume=one.volume, fovy=one.fovy, noise=one.noise, cutoff=one.cutoff,
+            ))
+    return tuple(sensors)
+
+
+def mount_of(tree: Tree, instance: Instance, reference: Reference) -> LinkedMount | None:
+    """A mount that the document of `instance` names; None where it is wrong (reported)."""
+    mount = tree.find(instance, reference)
+    if mount is None:
+        return None
+    return LinkedMount(path=instance.within(_path(reference)), occurrence=mount.occurrence, mount=mount.mount)
+
+
+def _path(reference: Reference) -> str:
+    return "/".join((*reference.path, reference.mount or "origin"))
+
+
+def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int], within: Instance | None = None) -> Iterator[int]:
+    """The links of a component of the document `within`, else of the top one: of an assembly all that it has part in, through a mount the
+    one that carries it."""
+    document = within or tree.top
+    if reference.mount is not None:
+        mount = tree.find(document, reference)
+        return iter(() if mount is None else (link_of[mount.occurrence],))
+    place = tree.component(document, reference)
+    if place is None:
+        return iter(())
+    return iter(dict.fromkeys(link_of[one.index] for one in place.occurrences() if one.index is not None))
+
+
+def adhesions_of(tree: Tree, model: AssemblyDefinition) -> tuple[Adhesion, ...]:
+    """Every magnet of any mode, in the order first met, with its largest force [N]."""
+    largest: dict[str, Adhesion] = {}
+    for mode in model.modes:
+        for reference, force in mode.adhesion:
+            mount = tree.find(tree.top, reference)
+            if mount is None:
+                continue
+            path = _path(reference)
+            known = largest.get(path)
+            if known is None or force > known.force:
+                largest[path] = Adhesion(path=path, occurrence=mount.occurrence, mount=mount.mount, force=force)
+    return tuple(largest.values())
+
+
+def raw_of(tree: Tree) -> tuple[RawAttribute, ...]:
+    """Raw attributes of every document, the names in them made paths of the robot: `yaw` of `hand` is `hand/yaw`."""
+    attributes: list[RawAttribute] = []
+    for instance, definition in tree.assemblies:
+        for raw in definition.raw:
+            path = raw.path
+            if len(path) > 2:  # element, name, attribute; `option` and the like have no name
+                path = (path[0], instance.within(path[1].replace(".", "/")), *path[2:])
+            attributes.append(replace(raw, path=path, origin=raw.origin + instance.origin))
+    return tuple(attributes)
+
+
+def added_of(tree: Tree) -> tuple[RawElement, ...]:
+    """What every document adds, with names and references made paths of the robot."""
+
+    def within(instance: Instance, element: RawElement) -> RawElement:
+        attributes = {
+            name: instance.within(value if name == "name" else value.replace(".", "/")) if name in NAMING else value
+            for name, value in element.attributes.items()
+        }
+        children = tuple(within(instance, child) for child in element.children)
+        return replace(element, attributes=attributes, children=children, origin=element.origin + instance.origin)
+
+    return tuple(within(instance, element) for instance, definition in tree.assemblies for element in definition.added)
+
+
+def check_poses(
+    poses: Sequence[NamedPose], modes: Sequence[Mode], joints: Sequence[JointEdge], findings: Findings,
+    loops: Collection[str] = (), *, unset: bool,
+) -> None:
+    """Every pose within the limits of every joint: values as written, and in poses that a mode uses also the joints
+    that are at 0 because the pose does not name them, and those that mimic (where not `unset` joints were left out: what is
+    there may follow one of those). A joint on a loop, one of `loops`, goes where the loop takes it."""
+    used = {name for mode in modes for name in mode.poses}
+    names = {pose.name for pose in poses}
+    for mode in modes:
+        for name in mode.poses:
+            if name not in names and not findings.earlier:
+                findings.error(
+                    Code.UNKNOWN_POSE, f"mode `{mode.name}` uses a pose `{name}` that the document does not have", mode.origin,
+                    path=mode.name, help=did_you_mean(name, names, what="poses"),
+                )
+    by_path = {joint.path: joint for joint in joints}
+    for pose in poses:
+        for path in pose.values:
+            if path not in by_path and not findings.earlier and not findings.incomplete:
+                findings.error(
+                    Code.UNKNOWN_JOINT, f"pose `{pose.name}` sets `{path}`, which is no joint that moves",
+                    pose.origins.get(path, pose.origin), path=pose.name, help=did_you_mean(path, by_path, what="joints"),
+                )
+        for path, q in coordinates(joints, pose.values).items():
+            if path in pose.values or (pose.name in used and unset and path not in loops):
+                _check_limit(pose, by_path[path], q, findings)
+        for ball in balls(joints):
+            _check_cone(pose, ball, findings)
+
+
+def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: Findings) -> None:
+    """A pose keeps a ball within its cone; one that it does not set is at 0, which is."""
+    joint, cone = ball[0], ball[0].limit.cone
+    angle = hypot(*(pose.values.get(one.path, 0.0) for one in ball))
+    if cone is not None and angle > cone * (1.0 + _ROUNDING):
+        name = joint.name.joint
+        findings.error(
+            Code.POSE_LIMITS, f"pose `{pose.name}` turns `{name}` by {joint.twist.shown(angle)}, outside its cone of "
+            f"{joint.twist.shown(cone)}", pose.origins.get(joint.path, pose.origin), path=pose.name,
+            help="write a smaller turn, or widen the cone", notes=noted(f"`{name}` is here", joint.origin),
+        )
+
+
+def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: Findings) -> None:
+    twist, lower, upper = joint.twist, joint.limit.lower, joint.limit.upper
+    if not math.isfinite(q):
+        findings.error(
+            Code.POSE_LIMITS, f"pose `{pose.name}` brings `{joint.name}` beyond what a number can be", pose.origin, path=pose.name,
+            help="write a smaller value", notes=noted(f"`{joint.name}` follows another joint here", joint.origin),
+        )
+        return
+    below = lower is not None and q < lower - _ROUNDING * max(1.0, abs(lower))
+    above = upper is not None and q > upper + _ROUNDING * max(1.0, abs(upper))
+    if not below and not above:
+        return
+    if lower is not None and upper is not None:
+        limits = f"its limits {twist.shown(lower)} to {twist.shown(upper)}"
+    else:
+        limits = f"its lower limit {twist.shown(lower)}" if lower is not None else f"its upper limit {twist.shown(upper or 0.0)}"
+    notes = noted(f"`{joint.name}` is here", joint.origin)
+    if joint.path in pose.values:
+        findings.error(
+            Code.POSE_LIMITS, f"pose `{pose.name}` puts `{joint.name}` at {twist.shown(q)}, outside {limits}",
+            pose.origins.get(joint.path, pose.origin), path=pose.name, help="write a value within the limits, or widen them",
+            notes=notes,
+        )
+    elif joint.mimic is not None:
+        findings.error(
+            Code.POSE_LIMITS,
+            f"pose `{pose.name}` puts `{joint.name}`, which mimics `{joint.mimic.joint}`, at {twist.shown(q)}, outside {limits}",
+            pose.origins.get(joint.mimic.joint.path, pose.origin), path=pose.name,
+            help=f"set `{joint.mimic.joint}` so that both stay within their limits, or widen them", notes=notes,
+        )
+    else:
+        findings.error(
+            Code.POSE_LIMITS, f"pose `{pose.name}` does not set `{joint.name}`, and 0 is outside {limits}", pose.origin,
+            path=pose.name, help=f"set `{joint.name}` in the pose", notes=notes,
+        )

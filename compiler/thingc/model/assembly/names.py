@@ -1,0 +1,73 @@
+"""What files call things, by what every document says of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from thingc.base.diagnostics import Code
+from thingc.base.file_names import TAKEN
+from thingc.base.source import Origin
+from thingc.model.assembly.findings import Findings, noted
+from thingc.model.assembly.types import Connected, FileNames, JointEdge, LinkedTendon, Occurrence
+from thingc.model.assembly.unroll import Tree
+from thingc.model.resolve.model import NamedKind, NamedPose, NameInFiles, Reference
+
+Named = dict[NamedKind, dict[str, tuple[str, Origin]]]
+"""By kind, and by the path that the thing has: its name in files, and where that is written."""
+
+
+def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings: Findings) -> FileNames | None:
+    """The names that files have, those of nested documents behind their paths; None where no document gives any. Two things of one name
+    are reported."""
+    named: Named = {}
+    for instance, definition in tree.assemblies:
+        for one in definition.names:
+            own = _own(tree, instance.within(one.own), one, robot.occurrences)
+            if own is not None and (one.kind != "poses" or instance is tree.top):
+                named.setdefault(one.kind, {}).setdefault(own, (instance.within(one.name), one.origin + instance.origin))
+    if not named:
+        return None
+    joints = [joint for mate in robot.mates for joint in mate.joints]
+    driven: tuple[JointEdge | LinkedTendon, ...] = (*joints, *robot.tendons)
+    things: dict[NamedKind, Iterable[tuple[str, Origin]]] = {
+        "components": ({one.path: one.origin for one in robot.occurrences} | {link.name: link.origin for link in robot.links}).items(),
+        "mounts": ((mount.path, mount.origin) for mount in robot.exported),
+        "joints": [*((mate.name, mate.origin) for mate in robot.mates if mate.name is not None), *((one, ()) for one in TAKEN["joints"])],
+        "tendons": ((tendon.path, tendon.origin) for tendon in robot.tendons),
+        "actuators": ((one.path, one.actuator.origin) for one in driven if one.actuator is not None),
+        "equalities": (),  # MuJoCo reports two of one name
+        "sensors": ((sensor.path, sensor.origin) for sensor in robot.sensors),
+        "poses": ((pose.name, pose.origin) for pose in poses),
+    }
+    whole = named.get("joints", {})
+    for kind, those in things.items():
+        given = named.get(kind, {})
+        if kind == "actuators":  # without a name of its own a drive is called as its joint or tendon is
+            given = {joint.path: whole[joint.name.joint.replace(".", "/")] for joint in joints if joint.path in whole} | given
+            given = named.get("tendons", {}) | given
+        if given:
+            _check(those, given, findings)
+    by_kind = {kind: {path: name for path, (name, _) in those.items()} for kind, those in named.items()}
+    return FileNames(**by_kind)
+
+
+def _own(tree: Tree, path: str, one: NameInFiles, occurrences: Sequence[Occurrence]) -> str | None:
+    """The path that a thing of an instance's document has; of a nested assembly that of its base."""
+    if one.kind != "components":
+        return path
+    place = tree.component(tree.top, Reference(path=tuple(path.split("/")), mount=None, origin=one.origin))
+    return None if place is None or place.index is None else occurrences[place.index].path
+
+
+def _check(things: Iterable[tuple[str, Origin]], given: Mapping[str, tuple[str, Origin]], findings: Findings) -> None:
+    """Report things of one kind that files would call alike."""
+    owners: dict[str, tuple[str, Origin]] = {}
+    for path, origin in things:
+        name, where = given.get(path, (path, origin))
+        other, place = owners.setdefault(name, (path, where))
+        if other != path:
+            mine = path in given
+            findings.error(
+                Code.SAME_NAME, f"files would call both `{other}` and `{path}` `{name}`", where if mine else place, path=path,
+                help="give one of them another name", notes=noted(f"`{other if mine else path}` is here", place if mine else where),
+            )

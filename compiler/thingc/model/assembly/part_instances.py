@@ -1,0 +1,492 @@
+"""What is known of a component that is a part or a frame, worked out once however often it occurs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from typing import cast
+
+from thingc.base.brief import counted
+from thingc.base.diagnostics import Code, Note, allow_hint
+from thingc.base.frozen import dataclass
+from thingc.base.inertia import MassProperties, physical_fault
+from thingc.base.memo import Memo
+from thingc.base.mirror import Mirror
+from thingc.base.pose import NO_POSE
+from thingc.base.source import Origin, line_of
+from thingc.base.typos import did_you_mean, nearest
+from thingc.geometry.record import FailureKind, Outside, PartDefinition, PartFailure, PartRecord, PartWarning
+from thingc.geometry.slices import Unsliced
+from thingc.model.assembly.findings import Findings, noted, written_at
+from thingc.model.assembly.hag import FRAME, Definition
+from thingc.model.assembly.listed import Meshes, Unweighed, listed, weigh_shapes
+from thingc.model.assembly.mass import (
+    NOTHING,
+    Density,
+    Weighed,
+    estimate_of,
+    layers_too_high,
+    missing_keys,
+    slicing_of,
+    unsaid_keys,
+    weigh,
+)
+from thingc.model.assembly.prints import material_of, process_of
+from thingc.model.assembly.types import Listed, MountFrame
+from thingc.model.resolve.link_definition import LinkDefinition, mesh_files_of
+from thingc.model.resolve.model import AssemblyDefinition, BomEntry, Component, Material, Process
+from thingc.model.resolve.plausible import density_cure, density_doubt, mass_doubt, mass_words, said_by_file
+
+_WRITE_WHERE = "let it write nothing, or into `tempfile.gettempdir()`, which is its own and goes with it"
+_FAILED: Mapping[FailureKind, tuple[Code, str, str]] = {
+    "raised": (Code.PART_RAISED, "raised an exception", "change its `params`, or mend the part file"),
+    "hung": (Code.PART_HUNG, "took too long", "mend the part, or allow more time with `--part-timeout`"),
+    "crashed": (Code.PART_CRASHED, "crashed the interpreter", "change its `params`, or what the part asks of the CAD kernel"),
+    "trespassed": (Code.PART_WRITES, "writes outside of its own folder", _WRITE_WHERE),
+    "swarmed": (Code.PART_SWARMED, "starts too many processes", "let it start fewer, and wait for each"),
+    "starved": (Code.PART_STARVED, "needs too much memory", "make it simpler, or allow more with `part_memory` in `thingc.toml`"),
+    "empty": (Code.PART_EMPTY, "has no volume", "let `result()` return a solid, or None for a part without geometry"),
+    "refused": (Code.PART_REFUSED, "is refused", "take a part from the workspace's `parts` folders or its `packages`"),
+    "missing": (Code.PART_MISSING, "is not there", "write `module:Class` with a module on the part path and a class in it"),
+    **dict.fromkeys(("invalid", "resultless", "absent"), (Code.PART_INVALID, "is not valid", "mend the part file")),
+    "unbounded": (Code.PART_INVALID, "cannot have so few triangles", "allow more `faces`"),
+    "stale": (Code.LOCK_STALE, "has changed", "run `thingc lock`, and keep what it writes with the documents"),
+    "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and keep what it writes with the documents"),
+}
+"""By kind of failure: the code, the words that follow the part, and what to do."""
+_INSTEAD: Mapping[Outside, str] = {
+    Outside.ENVIRONMENT: "make it a parameter, or a file that the part reads with `asset(...)`",
+    Outside.CLOCK: "make it a parameter",
+    Outside.CHANCE: "seed the generator: `random.Random(7)`, `numpy.random.default_rng(7)`",
+    Outside.PROCESS: "let it write a file beforehand, and read that with `asset(...)`",
+    Outside.NETWORK: "fetch it into a file beforehand, and read that with `asset(...)`",
+    Outside.LEFT: "let it wait for what it starts: `subprocess.run(...)`, or `with` a pool",
+}
+"""By what a part asks: what to do instead."""
+_SHOWN_PLACES = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartInstance:
+    """A component that is a part or a frame. `properties` and `mounts` are in its own frame; `sound` is False where its
+    mass is wrong and that has been reported."""
+
+    component: Component
+    definition: Definition
+    record: PartRecord | None
+    material: Material | None
+    color: str | None
+    bom: BomEntry
+    properties: MassProperties
+    source: str
+    estimate: str | None
+    mounts: dict[str, MountFrame]
+    sound: bool
+    listed: Listed | None = None
+
+
+class PartInstances:
+    """Part instances by component. A component of a definition that is used twice is asked for twice and worked out once.
+
+    `unknown`: a part was met of which nobody may know more (see `PartRecord.exact`); the caller has said so.
+    """
+
+    def __init__(self, records: Mapping[str, PartRecord | PartFailure], meshes: Meshes, findings: Findings, memo: Memo) -> None:
+        self._memo = memo
+        self._meshes = meshes
+        self._records = records
+        self._findings = findings
+        self._known: dict[int, PartInstance | None] = {}
+        self._failures: dict[str, list[tuple[Component, str, Origin]]] = {}
+        self._unknown: dict[tuple[str, str, bool], list[tuple[Component, PartRecord, AssemblyDefinition, str, Origin]]] = {}
+        self._warned: set[tuple[str, str]] = set()
+        self._told: set[tuple[str, Unsliced]] = set()
+        self.unknown = False
+
+    def of(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
+        """The instance of `component`, which stands in `scope` and was first met at `path`; None where its part failed."""
+        key = id(component)
+        if key not in self._known:
+            self._known[key] = self._remembered(component, scope, path, origin)
+        return self._known[key]
+
+    def _remembered(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
+        """The instance as it was worked out last, if nothing at all was to be said then, or was allowed."""
+        record = self._records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
+        material = scope.materials.get(record.material) if isinstance(record, PartRecord) and record.material else None
+        files = mesh_files_of(component.definition)
+        inputs = (component, record, material, scope.materials_known, tuple(self._meshes.get(file) for file in files))
+        instance: PartInstance | None = self._memo.last(("part instance", path), inputs)
+        if instance is None:
+            report, allowed = self._findings.report, self._findings.report.allowed
+            instance = self._work_out(component, scope, path, origin)
+            told = self._findings.incomplete or report.diagnostics or report.allowed > allowed or self._unknown
+            if instance is not None and not told:
+                self._memo.keep(("part instance", path), inputs, instance)
+        return instance
+
+    def report_materials(self) -> None:
+        """One finding per default material that a document lacks: at its first component, the others as notes."""
+        for (_, name, needed), users in self._unknown.items():
+            component, record, scope, path, origin = users[0]
+            hint = did_you_mean(name, scope.materials, what="materials")
+            near = nearest(name, scope.materials)
+            if near is None:
+                hint += "; list a document that has it under `materials:` (`thingc_stock.materials` has the usual ones)"
+                hint += ", or write `material:` here"
+            notes = list(noted(f"`{near}` is written here", scope.materials[near].origin)) if near is not None else []
+            notes += written_at(f"`{component.label}`", record.code)
+            places = {place: other for other, _, _, _, place in reversed(users[1:]) if place[:1] != origin[:1]}
+            others = [note for place, other in reversed(places.items()) for note in noted(f"so is `{other.name}`", place)]
+            notes += others[: _SHOWN_PLACES - 1]
+            if len(others) >= _SHOWN_PLACES:
+                notes.append(Note(message=f"and {counted(len(others) - _SHOWN_PLACES + 1, 'more component')}"))
+            say = self._findings.error if needed else self._findings.warn
+            say(
+                Code.UNKNOWN_MATERIAL,
+                f"`{component.name}` (`{component.label}`) is made of `{name}` by default, "
+                f"which is not among the materials of `{scope.name}`",
+                origin, path=path, help=hint, notes=notes,
+            )
+
+    def report_failures(self) -> None:
+        """One error per definition that could not be modelled: at its first component, the others as notes."""
+        for text, users in self._failures.items():
+            failure = self._records[text]
+            component, path, origin = users[0]
+            if not isinstance(failure, PartFailure) or not isinstance(component.definition, PartDefinition):
+                continue
+            code, what, help = _FAILED[failure.kind]
+            notes = [note for other, _, place in users[1:_SHOWN_PLACES] for note in noted(f"`{other.name}` is one, too", place)]
+            if len(users) > _SHOWN_PLACES:
+                notes.append(Note(message=f"and {counted(len(users) - _SHOWN_PLACES, 'more component')}"))
+            if component.definition.parameters:
+                given = zip(component.definition.parameters, component.definition.words)
+                notes.append(Note(message=f"its parameters: {', '.join(f'{name}={words}' for (name, _), words in given)}"))
+            if failure.file is not None:
+                notes.append(Note(message="in the part file, here", span=line_of(failure.file, failure.line or 1)))
+            message = f"`{path}` (`{component.label}`) {what}: {failure.message}"
+            if failure.candidates:
+                help = did_you_mean(failure.subject, failure.candidates, what="parts")
+            elif component.definition.kind == "file" and failure.kind in ("invalid", "raised", "crashed"):
+                help = "open the file in a CAD program and export it anew as a solid"
+            elif component.definition.kind == "file" and code is Code.PART_EMPTY:
+                unit = "" if said_by_file(component.definition) else "say what its numbers are in (`unit: m`; mm unless given), or "
+                help = f"{unit}export it anew as a solid"
+            self._findings.error(code, message, origin, path=path, notes=notes, detail=failure.detail, help=help)
+
+    def _work_out(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
+        record: PartRecord | None = None
+        definition = FRAME
+        if isinstance(component.definition, PartDefinition):
+            part = component.definition
+            answer = self._records.get(part.text)
+            if isinstance(answer, PartFailure):
+                self._failures.setdefault(part.text, []).append((component, path, origin))
+                return None
+            if answer is None:
+                return None
+            record = answer
+            if not record.exact:  # its numbers are those of a relative: nothing that follows from them is said
+                self._findings.leave_out()
+                self.unknown = True
+            self._warn(component, record, path, origin)
+            definition = Definition.of(part)
+        elif isinstance(component.definition, LinkDefinition):
+            definition = Definition.of(component.definition)
+        elif not component.frame:
+            return None
+        material, looked_up = self._material(component, record, scope)
+        if record is not None:
+            self._warn_mirrored(component, record, material, path, origin)
+        weighed = self._weigh(component, record, material, looked_up, scope, path, origin)
+        sound = weighed is not None and self._physical(component, record, path, origin)
+        return PartInstance(
+            component=component,
+            definition=definition,
+            record=record,
+            material=material,
+            color=(record.color if record is not None else None) or (material.color if material is not None else None),
+            bom=_bom(component, record),
+            properties=weighed.properties if weighed is not None else NOTHING,
+            source=weighed.source if weighed is not None else "derived",
+            estimate=weighed.estimate if weighed is not None else None,
+            mounts=self._mounts(component, record, path, origin),
+            sound=sound,
+            listed=listed(component.definition, material, self._meshes) if isinstance(component.definition, LinkDefinition) else None,
+        )
+
+    def _warn(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:
+        """What is to be said of a part, each once: at the first component that it is and that does not allow it."""
+        of = f"`{component.label}`"
+        findings, place = self._findings, written_at(of, record.code)
+        for warning in record.warnings:
+            key = (record.text, warning.message)
+            if warning.asked is None and key not in self._warned and findings.warn(
+                Code.PART_WARNING, f"{of}: {warning.message}", origin, path=path, notes=_places([warning]),
+            ):
+                self._warned.add(key)
+        asked: dict[tuple[Outside, str], list[PartWarning]] = {}
+        for warning in record.warnings:
+            # a line outside of any class is met by every part of its module
+            if warning.asked is not None and (_line(warning) or record.text, warning.message) not in self._warned:
+                asked.setdefault((warning.asked, warning.message), []).append(warning)
+        for (what, message), where in asked.items():
+            code = Code.PART_LEFT if what is Outside.LEFT else Code.PART_ASKS
+            if findings.warn(code, f"{of} {message}", origin, path=path, notes=_places(where), help=_INSTEAD[what]):
+                self._warned.update((_line(warning) or record.text, message) for warning in where)
+        if record.apart:
+            key = (record.text, Code.APART.code)
+            volumes = ", ".join(f"{float(f'{1e6 * volume:.3g}'):g}" for volume in record.apart[:_SHOWN_PLACES])
+            more = ", ..." if len(record.apart) > _SHOWN_PLACES else ""
+            if key not in self._warned and findings.warn(
+                Code.APART, f"{of} is {len(record.apart)} solids that do not touch ({volumes}{more} cm^3)", origin, path=path,
+                notes=place, help=f"let them overlap; several on purpose are a list: `return [a, b]`; {allow_hint(Code.APART)}",
+            ):
+                self._warned.add(key)
+
+    def _warn_mirrored(self, component: Component, record: PartRecord, material: Material | None, path: str, origin: Origin) -> None:
+        """What is to be said of a mirror image that is no other part, or one that nobody may sell: once of each."""
+        plain = component.definition.plain if isinstance(component.definition, PartDefinition) else None
+        if plain is None or not record.exact:
+            return
+        bom, process = _bom(component, record), process_of(component, material)
+        bought = bom.make == "buy" or bom.make is None and process is not None and (process.kind or "").lower() == "bought"
+        if record.own_image and component.image_of is None:
+            code = Code.OWN_IMAGE
+            message = f"`{component.name}` is the mirror image of `{plain.label}`, which is the same part, and counts as another"
+            help = f"take `mirror` out; {allow_hint(code)}"
+        elif bought and bom.number is None:
+            code = Code.MIRRORED_BOUGHT
+            message = f"`{component.name}` is the mirror image of `{plain.label}`, which is bought: is there one to buy?"
+            help = f"take `mirror` out, or write the order number of the mirror image: `bom: {{number: ...}}`; {allow_hint(code)}"
+            if component.image_of is not None:
+                help = f"take it out of the assembly that is mirrored, and place it in the one around that; {allow_hint(code)}"
+        else:
+            return
+        if (record.text, code.code) not in self._warned and self._findings.warn(code, message, origin, path=path, help=help):
+            self._warned.add((record.text, code.code))
+
+    def _material(
+        self, component: Component, record: PartRecord | None, scope: AssemblyDefinition,
+    ) -> tuple[Material | None, bool]:
+        """The material, and whether the Thing names one that the document does not know."""
+        material = material_of(component, record, scope)
+        return material, material is None and record is not None and record.material is not None
+
+    def _weigh(
+        self, component: Component, record: PartRecord | None, material: Material | None, unknown: bool,
+        scope: AssemblyDefinition, path: str, origin: Origin,
+    ) -> Weighed | None:
+        findings, overrides = self._findings, component.overrides
+        if isinstance(component.definition, LinkDefinition):
+            return self._weigh_link(component, component.definition, material, path, origin)
+        process = process_of(component, material)
+        weighed = weigh(record, _density(record, material), process, overrides)
+        if record is not None and record.exact and weighed is not None:
+            self._doubt(component, record, material, weighed, path, origin)
+        needs_density = record is not None and record.volume > 0.0 and record.mass is None and overrides.mass is None
+        if unknown and not scope.materials_known:
+            findings.leave_out()
+        elif record is not None and unknown:
+            key = (scope.document, record.material or "", weighed is None)
+            self._unknown.setdefault(key, []).append((component, record, scope, path, origin))
+            if weighed is None:
+                findings.leave_out()
+        elif weighed is None and record is not None and material is None:
+            findings.error(
+                Code.NO_MATERIAL, f"`{component.name}` (`{component.label}`) has neither a material nor a mass", origin, path=path,
+                help=(
+                    "add `material:` (" + did_you_mean("", scope.materials, what="materials") + ") or `mass:`" if scope.materials
+                    else "list a document under `materials:` and name one of its materials in `material:`, or add `mass:`"
+                ),
+            )
+        elif weighed is None and material is not None:
+            findings.error(
+                Code.NO_MATERIAL, f"`{component.name}` is made of `{material.name}`, which has no density", origin, path=path,
+                help=f"add `density:` to `{material.name}`, or `mass:` to `{component.name}`",
+                notes=noted(f"`{material.name}` is written here", material.origin),
+            )
+        if needs_density and weighed is not None and missing_keys(process):
+            if unsaid := unsaid_keys(process):
+                self._incomplete(component, material, unsaid, path, origin)
+            else:
+                findings.leave_out()
+            return None
+        if needs_density and weighed is not None and estimate_of(process) == "layers" and process is not None:
+            if layers_too_high(process):
+                self._high_layers(component, material, process, path, origin)
+                return None
+            if weighed.estimate == "skin":
+                self._unsliced(component, record, process, path, origin)
+        return weighed
+
+    def _weigh_link(
+        self, component: Component, definition: LinkDefinition, material: Material | None, path: str, origin: Origin,
+    ) -> Weighed | None:
+        try:
+            return weigh_shapes(definition, material, self._meshes, component.overrides)
+        except Unweighed as why:
+            if not str(why):  # nobody has read the file, or what is wrong with it has been said
+                self._findings.leave_out()
+                self.unknown = True
+                return None
+            self._findings.error(
+                Code.NO_MATERIAL, f"`{component.name}` {why}", origin, path=path,
+                help="give every shape, or the link, a `material` with a density, or add `mass:`, `com:` and `inertia:`",
+            )
+            return None
+
+    def _doubt(
+        self, component: Component, record: PartRecord, material: Material | None, weighed: Weighed, path: str, origin: Origin,
+    ) -> None:
+        """Warn where a density, or a mass for this volume, is one that no solid has: at the number that says it."""
+        stated, warn = component.overrides.mass, self._findings.warn
+        if record.volume <= 0.0 or stated is not None and stated.stand_in:
+            return
+        if stated is not None:
+            doubt = mass_doubt(weighed.properties.mass, record.volume)
+            if doubt is not None:
+                warn(
+                    Code.DENSITY, f"`{component.name}` {doubt.words}", stated.origin + origin[len(component.origin):], path=path,
+                    help=doubted(None if doubt.meant is None else f"write `{mass_words(doubt.meant)}` if that is meant"),
+                )
+        elif record.mass is not None or record.density is not None:
+            self._doubt_thing(component, record, path, origin)
+        elif material is not None and material.density is not None:
+            doubt = density_doubt(material.density)
+            if doubt is not None:
+                warn(
+                    Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin, path=path,
+                    notes=noted(f"`{component.name}` is made of it", origin),
+                    help=doubted(density_cure(doubt)),
+                )
+
+    def _doubt_thing(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:
+        """The same of what a Thing states itself: at the first component that it is."""
+        key = (record.text, Code.DENSITY.code)
+        method, unit, doubt = "mass", "kg", None
+        if record.mass is not None:
+            doubt = mass_doubt(cast("float", record.mass.value), record.volume)
+        elif record.density is not None:
+            method, unit, doubt = "density", "kg/m^3", density_doubt(cast("float", record.density.value))
+        if doubt is not None and key not in self._warned and self._findings.warn(
+            Code.DENSITY, f"`{component.label}` {doubt.words}", origin, path=path, notes=written_at(f"`{component.label}`", record.code),
+            help=doubted(f"`{method}()` returns {unit}" + ("" if doubt.meant is None else f": return {doubt.meant:.6g} if that is meant")),
+        ):
+            self._warned.add(key)
+
+    def _high_layers(self, component: Component, material: Material | None, process: Process, path: str, origin: Origin) -> None:
+        """Say that no line can be as high as that: once of a material that says so, else of the component."""
+        of_material = material is not None and material.process is not None and layers_too_high(material.process)
+        self._findings.error(
+            Code.HIGH_LAYERS, f"`layer` is {1e3 * (process.layer or 0.0):g} mm, and `line_width` only "
+            f"{1e3 * (process.line_width or 0.0):g} mm: a line is at least as wide as it is high",
+            material.process_origin if of_material and material is not None else origin, path=path,
+            help="write for example `layer: 0.2 mm, line_width: 0.45 mm`",
+            notes=noted(f"`{component.name}` is made of it", origin) if of_material else
+            noted(f"the process of `{material.name}` is written here", material.process_origin) if material is not None else (),
+        )
+
+    def _unsliced(self, component: Component, record: PartRecord | None, process: Process, path: str, origin: Origin) -> None:
+        """Say why a part is not estimated by its layers: once of a part, however often it occurs."""
+        slicing = slicing_of(process, component.overrides, record) if record is not None else None
+        slices = record.slices.get(slicing) if record is not None and slicing is not None else None
+        if record is None or not isinstance(slices, Unsliced) or (record.text, slices) in self._told:
+            return
+        self._told.add((record.text, slices))
+        self._findings.warn(
+            Code.UNSLICED, f"`{component.name}` (`{component.label}`) cannot be cut into layers: it {slices.reason}; its mass is estimated "
+            "by its skin", origin, path=path, help="mend the part, or write `process: {estimate: skin}` here",
+        )
+
+    def _incomplete(
+        self, component: Component, material: Material | None, missing: tuple[str, ...], path: str, origin: Origin,
+    ) -> None:
+        """Say what the estimate misses: once of a material that does not have it, else of the component."""
+        of_material = material.process if material is not None and unsaid_keys(material.process) else None
+        keys = unsaid_keys(of_material) or missing
+        listed = " and ".join(filter(None, (", ".join(f"`{key}`" for key in keys[:-1]), f"`{keys[-1]}`")))
+        needed = {"walls", "line_width"} & set(keys)
+        instead = "`infill: 100 %`" if needed else "`estimate: skin`, which needs `walls` and `line_width` only"
+        if material is not None and of_material is not None:
+            self._findings.error(
+                Code.INFILL, f"`{material.name}` is printed with an infill, but its `process` has no {listed}",
+                material.process_origin, path=path, help=f"add {listed}, or write {instead}",
+                notes=noted(f"`{component.name}` is made of it", origin),
+            )
+            return
+        self._findings.error(
+            Code.INFILL, f"`{component.name}` is printed with an infill, but its process has no {listed}", origin, path=path,
+            help=f"add {listed} to the `process` of the material or of the component, or write {instead}",
+            notes=noted(f"the process of `{material.name}` is written here", material.process_origin) if material is not None else (),
+        )
+
+    def _physical(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> bool:
+        """Whether what the Thing states as inertia can be one. What the document states is judged with its link (`check_stated`); what
+        nobody states is exact."""
+        if component.overrides.inertia is not None:
+            return True
+        if record is not None and record.exact and record.matrix is not None:
+            fault = physical_fault(record.matrix.value)  # type: ignore[arg-type]
+            if fault is not None:
+                self._findings.error(
+                    Code.NOT_PHYSICAL, f"the inertia that `{component.label}` states is not physical: {fault}", origin, path=path,
+                    help="`matrix_of_inertia()` is about the centre of mass, in Thing axes, in kg m^2",
+                    notes=written_at(f"`{component.label}`", record.code),
+                )
+            return fault is None
+        return True
+
+    def _mounts(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> dict[str, MountFrame]:
+        """`origin`, the part's own, then those that the document adds."""
+        mounts = {"origin": MountFrame(pose=NO_POSE)}
+        if record is not None:
+            mirror = Mirror(component.mounts_mirrored) if component.mounts_mirrored is not None else None
+            for name, m in record.mounts.items():
+                mounts[name] = MountFrame(pose=m.pose if mirror is None else mirror.mount(m.pose), interface=m.interface)
+        for name, extra in component.mounts.items():
+            if name in mounts:
+                place = extra.origin + origin[len(component.origin):]
+                self._findings.error(
+                    Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`", place, path=path,
+                    help="give the mount that is added here another name",
+                    notes=written_at(f"`{component.label}`", record.code) if record is not None and name in record.mounts else (),
+                )
+                continue
+            mounts[name] = MountFrame(pose=extra.pose, interface=extra.interface)
+        return mounts
+
+
+def doubted(help: str | None) -> str:
+    """What to do about a density that no solid has."""
+    return f"{help}; {allow_hint(Code.DENSITY)}" if help is not None else allow_hint(Code.DENSITY)
+
+
+def _bom(component: Component, record: PartRecord | None) -> BomEntry:
+    """What the document says of buying or making it, on top of what the Thing says."""
+    if record is None:
+        return component.bom
+    names = {field.name for field in fields(BomEntry)}
+    thing = BomEntry(**{key: value for key, value in record.bom.items() if key in names})
+    stated = {name: value for name in names if (value := getattr(component.bom, name)) is not None}
+    return replace(thing, **stated)
+
+
+def _density(record: PartRecord | None, material: Material | None) -> Density | None:
+    """What the Thing says, else its material."""
+    if record is not None and record.density is not None:
+        return Density(value=float(cast("float", record.density.value)), estimated=record.density.source == "estimated")
+    return Density(value=material.density) if material is not None and material.density is not None else None
+
+
+def _line(warning: PartWarning) -> str:
+    """The line of a part file that a warning is about, as text; empty where it names none."""
+    return "" if warning.file is None else f"{warning.file}:{warning.line}"
+
+
+def _places(warnings: Sequence[PartWarning]) -> list[Note]:
+    """Notes at the lines of part files, where there are any."""
+    places = [line_of(warning.file, warning.line or 1) for warning in warnings if warning.file is not None]
+    more = [Note(message=f"and {counted(len(places) - _SHOWN_PLACES, 'more line')}")] if len(places) > _SHOWN_PLACES else []
+    return [*(Note(message="in the part file, here", span=place) for place in places[:_SHOWN_PLACES]), *more]

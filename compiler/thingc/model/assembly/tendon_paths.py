@@ -1,0 +1,171 @@
+"""The path of a tendon through mounts, around spheres and cylinders, and over pulleys: how long it is, and what it pulls on.
+
+Between two mounts it is straight, or the shortest path around the shape between them, on the side of its `side` mount. What counts is
+divided by the number of the pulley before it. This is MuJoCo's `spatial` tendon (Computation, "Tendon"; `mju_wrap` of its engine), worked
+out in whatever frame the mounts are given in.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from thingc.base.brief import Brief
+from thingc.base.frozen import dataclass
+from thingc.base.pose import Pose, Vector, cross, dot
+from thingc.base.summing import dist, hypot, plain_sum
+from thingc.model.assembly.types import LinkedMount, TendonStep
+
+Point = tuple[float, float]
+TINY = 1e-15
+"""Below this [m] lengths are nothing: MuJoCo's `mjMINVAL`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TendonSpan(Brief):
+    """A straight piece of it, from a point of the part that has one mount to one of that of another; all of it is divided by `divisor`."""
+
+    ends: tuple[LinkedMount, LinkedMount]
+    points: tuple[Vector, Vector]
+    divisor: float
+
+    @property
+    def length(self) -> float:
+        """How long it is [m], before it is divided."""
+        return dist(*self.points)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TendonCourse(Brief):
+    """How long a tendon is [m], and its straight pieces, which pull on what they end at."""
+
+    length: float
+    spans: tuple[TendonSpan, ...]
+
+
+def course(steps: Sequence[TendonStep], at: Mapping[str, Pose]) -> TendonCourse:
+    """Of a path whose mounts are, by path, `at` these poses of one frame."""
+    spans: list[TendonSpan] = []
+    length, divisor = 0.0, 1.0
+    last: LinkedMount | None = None
+    around: TendonStep | None = None
+    for step in steps:
+        if step.divisor is not None:
+            divisor, last = step.divisor, None
+        elif step.radius is not None:
+            around = step
+        elif step.mount is not None:
+            if last is not None:
+                ends = (at[last.path].translation, at[step.mount.path].translation)
+                arc = None if around is None else _around(around, at, *ends)
+                if arc is None or around is None or around.mount is None:
+                    made = [TendonSpan(ends=(last, step.mount), points=ends, divisor=divisor)]
+                else:
+                    curve, first, second = arc
+                    length += curve / divisor
+                    made = [
+                        TendonSpan(ends=(last, around.mount), points=(ends[0], first), divisor=divisor),
+                        TendonSpan(ends=(around.mount, step.mount), points=(second, ends[1]), divisor=divisor),
+                    ]
+                length = plain_sum((length, *(span.length / divisor for span in made)))
+                spans += made
+            last, around = step.mount, None
+    return TendonCourse(length=length, spans=tuple(spans))
+
+
+def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector) -> tuple[float, Vector, Vector] | None:
+    """How far it lies on the shape [m], and the points where it comes and goes; None where it does not touch it."""
+    assert step.mount is not None and step.radius is not None
+    shape, radius = at[step.mount.path], step.radius
+    inverse = shape.inverse()
+    p, q = inverse.apply(start), inverse.apply(end)
+    side = None if step.side is None else inverse.apply(at[step.side.path].translation)
+    if step.shape == "cylinder":
+        x, y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+    else:
+        x = _unit(p)
+        normal = cross(p, q)
+        if math.sqrt(dot(normal, normal)) < TINY:  # both in one line with the centre: any plane through them is as good
+            largest = max(range(3), key=lambda k: abs(x[k]))
+            normal = cross(x, (float(largest != 0), float(largest != 1), float(largest != 2)))
+        y = _unit(cross(_unit(normal), x))
+
+    def flat(v: Vector) -> Point:
+        return dot(v, x), dot(v, y)
+
+    touching = _circle(flat(p), flat(q), None if side is None else _scaled(flat(side), radius), radius)
+    if touching is None:
+        return None
+    curve, a, b = touching
+
+    def solid(point: Point, height: float) -> Vector:
+        u, v = point
+        on = (u * x[0] + v * y[0], u * x[1] + v * y[1], u * x[2] + v * y[2])
+        return (on[0], on[1], height) if step.shape == "cylinder" else on
+
+    low = high = 0.0
+    if step.shape == "cylinder":  # a helix: it rises as far in each length of its projection
+        before, after = dist(flat(p), a), dist(flat(q), b)
+        slope = (q[2] - p[2]) / (before + curve + after)
+        low, high = p[2] + slope * before, p[2] + slope * (before + curve)
+        curve = hypot(curve, high - low)
+    return curve, shape.apply(solid(a, low)), shape.apply(solid(b, high))
+
+
+def _circle(p: Point, q: Point, side: Point | None, radius: float) -> tuple[float, Point, Point] | None:
+    """The arc of a circle about the origin that a string from p to q lies on, and where it touches it first and last; None where it does
+    not. With a `side`, a point on the circle, it goes by there; else the shorter way, and only where the line would cut the circle."""
+    pp, qq, square = p[0] ** 2 + p[1] ** 2, q[0] ** 2 + q[1] ** 2, radius**2
+    if pp < square or qq < square:
+        return None
+    d = (q[0] - p[0], q[1] - p[1])
+    dd = d[0] ** 2 + d[1] ** 2
+    if dd < TINY:
+        return None
+    along = min(1.0, max(0.0, -(d[0] * p[0] + d[1] * p[1]) / dd))
+    near = (p[0] + along * d[0], p[1] + along * d[1])
+    if near[0] ** 2 + near[1] ** 2 > square and (side is None or side[0] * near[0] + side[1] * near[1] >= 0.0):
+        return None
+    best: tuple[float, int, Point, Point] | None = None
+    for way, sign in enumerate((1.0, -1.0)):
+        s, t = sign * radius * math.sqrt(pp - square), sign * radius * math.sqrt(qq - square)
+        a = ((p[0] * square + s * p[1]) / pp, (p[1] * square - s * p[0]) / pp)
+        b = ((q[0] * square - t * q[1]) / qq, (q[1] * square + t * q[0]) / qq)
+        if side is not None:
+            middle = _scaled((a[0] + b[0], a[1] + b[1]), 1.0)
+            good = middle[0] * side[0] + middle[1] * side[1]
+        else:
+            good = -((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2)
+        if _cross(p, a, q, b):
+            good = -10000.0
+        if best is None or good >= best[0]:
+            best = (good, way, a, b)
+    assert best is not None
+    _, way, a, b = best
+    if _cross(p, a, q, b):
+        return None
+    angle = math.acos(max(-1.0, min(1.0, (a[0] * b[0] + a[1] * b[1]) / square)))
+    turn = a[1] * b[0] - a[0] * b[1]
+    if (turn > 0.0 and way == 1) or (turn < 0.0 and way == 0):
+        angle = 2.0 * math.pi - angle
+    return radius * angle, a, b
+
+
+def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
+    """Whether the piece from a to b and that from c to d meet."""
+    det = (d[1] - c[1]) * (b[0] - a[0]) - (d[0] - c[0]) * (b[1] - a[1])
+    if abs(det) < TINY:
+        return False
+    u = ((d[0] - c[0]) * (a[1] - c[1]) - (d[1] - c[1]) * (a[0] - c[0])) / det
+    v = ((b[0] - a[0]) * (a[1] - c[1]) - (b[1] - a[1]) * (a[0] - c[0])) / det
+    return 0.0 <= u <= 1.0 and 0.0 <= v <= 1.0
+
+
+def _scaled(v: Point, length: float) -> Point:
+    size = hypot(*v)
+    return v if size < TINY else (v[0] * length / size, v[1] * length / size)
+
+
+def _unit(v: Vector) -> Vector:
+    size = math.sqrt(dot(v, v))
+    return (1.0, 0.0, 0.0) if size < TINY else (v[0] / size, v[1] / size, v[2] / size)

@@ -1,0 +1,82 @@
+"""Tendons with their references worked out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from thingc.base.diagnostics import Code
+from thingc.base.pose import Pose
+from thingc.model.assembly.findings import Findings
+from thingc.model.assembly.modes import mount_of
+from thingc.model.assembly.tendon_paths import course
+from thingc.model.assembly.types import ActuatorModel, LinkedMount, LinkedTendon, Occurrence, TendonStep
+from thingc.model.assembly.unroll import Instance, Tree
+from thingc.model.resolve.model import PathStep
+
+
+def tendons_of(tree: Tree, link_of: Sequence[int], findings: Findings) -> tuple[LinkedTendon, ...]:
+    """The tendons of every document, at their paths; one that is wrong is left out (reported)."""
+    tendons: list[LinkedTendon] = []
+    for instance, definition in tree.assemblies:
+        for one in definition.tendons:
+            drive = one.drive
+            steps = [_step(tree, instance, step) for step in one.path]
+            whole = tuple(step for step in steps if step is not None)
+            if len(whole) < len(steps) or not all(_beside(step, link_of, findings) for step in whole):
+                continue
+            tendons.append(LinkedTendon(
+                path=instance.within(one.name), moves={instance.within(name.path): factor for name, factor in one.moves}, turns=one.turns,
+                limit=one.limit, dynamics=one.dynamics, origin=one.origin + instance.origin, steps=whole, width=one.width,
+                actuator=None if drive is None else ActuatorModel(
+                    kind=drive.kind or "motor", kp=drive.kp, kv=drive.kv, effort=drive.effort, velocity=drive.velocity,
+                    origin=drive.origin + instance.origin,
+                ),
+            ))
+    return tuple(tendons)
+
+
+def _step(tree: Tree, instance: Instance, step: PathStep) -> TendonStep | None:
+    """A step of the document of `instance`; None where it names nothing (reported)."""
+    named = {one: mount_of(tree, instance, one) for one in (step.mount, step.side) if one is not None}
+    if None in named.values():
+        return None
+    return TendonStep(
+        mount=None if step.mount is None else named[step.mount], side=None if step.side is None else named[step.side], shape=step.shape,
+        radius=step.radius, divisor=step.divisor, origin=step.origin + instance.origin,
+    )
+
+
+def _beside(step: TendonStep, link_of: Sequence[int], findings: Findings) -> bool:
+    """Whether the `side` of a shape, if it has one, is on the link of the shape; else reported."""
+    if step.mount is None or step.side is None or link_of[step.mount.occurrence] == link_of[step.side.occurrence]:
+        return True
+    findings.error(
+        Code.TENDON_PATH, f"`{step.side.path}` is not on the link of `{step.mount.path}`, which the tendon goes around", step.origin,
+        help="name a mount beside it for `side`", path=step.side.path,
+    )
+    return False
+
+
+def rested(tendon: LinkedTendon, occurrences: Sequence[Occurrence], rest: Mapping[int, Pose], findings: Findings) -> LinkedTendon:
+    """One on a path with the length at q = 0 as that at which its spring rests, if no other is stated; `rest` are the poses of the
+    occurrences then. What lies inside of the shape that it is beside is reported."""
+    if not tendon.steps:
+        return tendon
+
+    def pose(mount: LinkedMount) -> Pose:
+        return rest[mount.occurrence] @ occurrences[mount.occurrence].mounts[mount.mount].pose
+
+    at = {mount.path: pose(mount) for mount in tendon.mounts}
+    for step in tendon.steps:
+        if step.mount is not None and step.side is not None and step.radius is not None:
+            x, y, z = at[step.mount.path].inverse().apply(at[step.side.path].translation)
+            if x * x + y * y + (z * z if step.shape == "sphere" else 0.0) <= step.radius**2:
+                findings.error(
+                    Code.TENDON_PATH, f"`{step.side.path}` is inside of the {step.shape} that the tendon goes around", step.origin,
+                    help="name a mount outside of it: the tendon goes by on that side", path=step.side.path,
+                )
+                return tendon
+    if tendon.dynamics.stiffness is None or tendon.dynamics.rest is not None:
+        return tendon
+    return replace(tendon, dynamics=replace(tendon.dynamics, rest=course(tendon.steps, at).length))

@@ -1,0 +1,171 @@
+"""One assembly document with its parameters: the order in which its sections are resolved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import chain
+
+from thingc.base.diagnostics import Code
+from thingc.base.joints import coordinates_of
+from thingc.base.source import Path
+from thingc.documents.expressions import CONSTANTS, FUNCTIONS, Expression, ExpressionValue, words_of
+from thingc.documents.spec.assembly import AssemblySpec
+from thingc.geometry.record import definition_label, definition_text
+from thingc.model.resolve import choices as chosen
+from thingc.model.resolve import references
+from thingc.model.resolve.components import components, nodes
+from thingc.model.resolve.joints import joints
+from thingc.model.resolve.layers import Layers
+from thingc.model.resolve.materials import in_scope, unreadable
+from thingc.model.resolve.mimics import mimics
+from thingc.model.resolve.model import AssemblyDefinition, Component, LinkName
+from thingc.model.resolve.modes import modes, simulation, step_origin
+from thingc.model.resolve.names import names
+from thingc.model.resolve.parameters import canonical, check_bounds, declared, worked_out
+from thingc.model.resolve.placement import Places, check, own_placements
+from thingc.model.resolve.poses import poses
+from thingc.model.resolve.raw import raw
+from thingc.model.resolve.raw_added import added
+from thingc.model.resolve.repeats import check_names, unrolled
+from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.sensors import sensors
+from thingc.model.resolve.substituting import substituted
+from thingc.model.resolve.table import Context, Table
+from thingc.model.resolve.tendons import tendons
+from thingc.model.resolve.tests import tests
+
+MAX_DEFINITIONS = 2000
+"""Nested documents with different parameters: two uses in each of thirty documents would make 2^30 of them."""
+
+
+def resolved(
+    context: Context, relative: str, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression], choices: chosen.Choices = (), *,
+    top: bool = False,
+) -> Table:
+    """The table of a document, its `definition` filled in; equal parameters and choices of one document give the same table.
+
+    Only of the top document are modes worked out: a parent does not use them.
+    """
+    document = context.documents.by_path[relative]
+    own = declared(context, document, spec)
+    values, broken = (dict(own.values), set(own.broken)) if not given else worked_out(
+        document, spec, given, context.report, context.doubts(document),
+    )
+    choices = chosen.that_say_more(context, relative, spec, choices) if choices else ()
+    parameters = tuple(sorted((*canonical(values), *choices)))
+    key = (relative, parameters)
+    known = context.table(key)
+    if known is not None:
+        return known
+    document, spec = substituted(context, document, spec, chosen.values(choices))
+    scope = context.scope(document, values, frozenset(broken))
+    _check_count(context, scope)
+    if given:
+        check_bounds(scope, spec, [name for name in values if name not in given])
+    named = (spec.name, dict(parameters), dict(canonical(own.values)))
+    table = Table(
+        document=document, spec=spec, scope=scope, parameters=parameters, text=definition_text(*named),
+        label=definition_label(*named, {name: words_of(value) for name, value in values.items()}), choices=choices,
+    )
+    context.tables[key] = table
+    _fill(context, table, top=top)
+    return table
+
+
+def _check_count(context: Context, scope: Scope) -> None:
+    """Say it, once, where documents nest without an end that anybody would see."""
+    if len(context.tables) >= MAX_DEFINITIONS and not context.overfull:
+        context.overfull = True
+        scope.error(
+            Code.TOO_MANY, f"more than {MAX_DEFINITIONS} assemblies, each with parameters of its own, are nested here", ("name",),
+            help="nest fewer documents, or with fewer different parameters",
+        )
+
+
+def _fill(context: Context, table: Table, *, top: bool) -> None:
+    """Work out the sections of a document, each behind those that it refers to, and its `definition`."""
+    scope, spec = table.scope, table.spec
+    _check_names(scope, spec)
+    table.materials = in_scope(context, scope, spec)
+    table.materials_unreadable = unreadable(context, scope, spec)
+    if table.choices:
+        spec = table.spec = chosen.with_default_material(context, table)
+    parts, table.unbuilt = unrolled(scope, "components", spec.components, spec.parameters)
+    moving, table.unbuilt_joints = unrolled(scope, "joints", spec.joints, spec.parameters)
+    check_names(scope, chain(
+        ((item.name, item.path, "a component") for item in parts),
+        ((name, ("mounts", name), "an exported mount") for name in spec.mounts),
+    ))
+    check_names(scope, chain(
+        ((item.name, item.path, "a joint") for item in moving),
+        ((name, ("tendons", name), "a tendon") for name in spec.tendons),
+        ((f"{one.name}_{k}", one.path, f"a coordinate of joint `{one.name}`") for one in moving for k in coordinates_of(one.spec.type)),
+    ))
+    nodes(context, table, parts, resolved)
+    places: Places = {}
+    placements = own_placements(context, table, places)
+    unsure = joints(table, moving, places)
+    mimics(table, moving)
+    check(table, places, unsure=unsure)
+    _exports(table, scope)
+    links = tuple(_links(table, scope))
+    poses(table, scope)
+    made = components(context, table, placements, unreadable=table.materials_unreadable)
+    table.definition = _definition(context, table, made, links, top)
+
+
+def _definition(
+    context: Context, table: Table, made: tuple[Component, ...], links: tuple[LinkName, ...], top: bool,
+) -> AssemblyDefinition:
+    """What a table that is filled in says, as later passes see it."""
+    scope, spec = table.scope, table.spec
+    stated = (spec.modes, context.values(scope, "modes", spec.modes), *context.around(table))
+    own_modes = context.sound("modes", stated, lambda: modes(table, scope)) if top else ()
+    stepped = Layers(((spec.simulation, ("simulation",)),)) if spec.simulation else Layers(())
+    pulled = tuple(tendons(table, scope))
+    return AssemblyDefinition(
+        document=table.document.relative, name=spec.name, description=spec.description, parameters=table.parameters, text=table.text,
+        label=table.label,
+        materials={name: one for name, one in table.materials.items() if one is not None}, components=made,
+        joints=context.same("joint", table.document.relative, [joint for joint in table.joints.values() if joint is not None]), links=links,
+        mounts={name: one for name, one in table.exports.items() if one is not None},
+        poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=own_modes,
+        simulation=simulation(scope, stepped), step_origin=step_origin(scope, stepped),
+        raw=raw(scope, spec.raw), added=added(scope, spec.raw), tendons=pulled,
+        sensors=tuple(sensors(table, scope, pulled)), names=tuple(names(table, scope)),
+        tests=tuple(tests(context, table, scope, own_modes)) if top and spec.tests else (),
+        origin=scope.origin(("name",)), materials_known=not table.materials_unreadable, whole=not scope.doubts, loose=tuple(table.loose),
+    )
+
+
+def _check_names(scope: Scope, spec: AssemblySpec) -> None:
+    """The names of everything that is not unrolled."""
+    for name in spec.parameters:
+        if name in CONSTANTS or name in FUNCTIONS:
+            scope.error(
+                Code.RESERVED_NAME, f"`{name}` means something in expressions and cannot name a parameter", ("parameters", name),
+                key=True, help="choose another name",
+            )
+    sections: tuple[tuple[str, Mapping[str, object], str, bool], ...] = (
+        ("parameters", spec.parameters, "a parameter", False), ("links", spec.links, "a link", True),
+        ("poses", spec.poses, "a pose", False), ("modes", spec.modes, "a mode", False),
+        ("sensors", spec.sensors, "a sensor", False), ("tests", spec.tests, "a test", False),
+        ("materials", spec.materials if isinstance(spec.materials, Mapping) else {}, "a material", False),
+    )
+    for section, entries, what, reserved in sections:
+        check_names(scope, ((name, (section, name), what) for name in entries), reserved=reserved)
+
+
+def _exports(table: Table, scope: Scope) -> None:
+    for name in table.doubts.names("mounts"):
+        table.exports[name] = None
+    for name, text in table.spec.mounts.items():
+        table.exports[name] = references.mount(table, scope, text, ("mounts", name))
+
+
+def _links(table: Table, scope: Scope) -> Iterator[LinkName]:
+    for name, text in table.spec.links.items():
+        path: Path = ("links", name)
+        component = references.component(table, scope, text, path)
+        if component is not None:
+            yield LinkName(name=name, component=component[0], origin=scope.origin(path, key=True))

@@ -1,0 +1,202 @@
+"""What `--set` says in place of a document: choices, `components.foot.part` and a text; values by their path are put into the tree by
+`substituting`.
+
+A choice names a component by the components on the way (`components.leg.components.foot.part`), or what a document's
+components have by default (`defaults.component.material`). It replaces what is written there, and is part of the identity of
+every definition that it stands in. Files and documents are named from the document that is compiled.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+
+from thingc.base.source import ScalarNode, node_at
+from thingc.base.typos import did_you_mean
+from thingc.base.units import shortened
+from thingc.documents.load.paths import SUFFIXES_WITH_UNIT, named
+from thingc.documents.spec.assembly import UNIT_OF_ITS_OWN, AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
+from thingc.documents.spec.choices import DEFAULT_MATERIAL, EXAMPLES, KEYS, VALUES, ChoicePath, is_value, nested, parse
+from thingc.geometry.record import PartFailure
+from thingc.model.resolve.parts import missing_hint
+from thingc.model.resolve.repeats import Unrolled
+from thingc.model.resolve.table import Context, Node, Table
+
+Choices = tuple[tuple[str, str], ...]
+"""Paths from one document down, and what is chosen there; sorted."""
+
+
+def from_command_line(context: Context, choices: Mapping[str, str]) -> Choices:
+    """Those choices whose paths can be read; the others are reported."""
+    sound: dict[str, str] = {}
+    for path, text in choices.items():
+        if parse(path) is None and not is_value(path):
+            context.say_of_option(path, f"`{shortened(path)}` is nothing that can be set", f"write {VALUES}; {EXAMPLES}")
+        else:
+            sound[path] = text
+    return tuple(sorted(sound.items()))
+
+
+def that_say_more(context: Context, relative: str, spec: AssemblySpec, choices: Choices) -> Choices:
+    """The choices without those that a document makes itself: they are no choice."""
+    return tuple((path, text) for path, text in choices if not _written(context, relative, spec, path, text))
+
+
+def _written(context: Context, relative: str, spec: AssemblySpec, path: str, text: str) -> bool:
+    choice = parse(path)
+    if choice is None:
+        node = node_at(context.documents.by_path[relative].tree, tuple(path.split(".")))
+        return isinstance(node, ScalarNode) and node.text == text
+    if choice.key == DEFAULT_MATERIAL and not choice.components:
+        default = spec.defaults.component if spec.defaults is not None else None
+        return default is not None and default.material == text
+    if len(choice.components) != 1 or choice.components[0] not in spec.components:
+        return False
+    own = getattr(spec.components[choice.components[0]], choice.key, None)
+    if choice.key not in ("assembly", "file") or own is None:
+        return bool(own == text)
+    return _place(context, relative, own) == _place(context, context.documents.root.relative, text)
+
+
+def _place(context: Context, relative: str, text: str) -> str:
+    """The path in the workspace of what a document calls `text`."""
+    import posixpath
+
+    return posixpath.normpath(posixpath.join(posixpath.dirname(relative), text))
+
+
+def below(choices: Choices, *names: str) -> Choices:
+    """The choices inside the nested document of a component, by paths from there on; `names` are those that it goes by, and
+    a later one is the more exact."""
+    inside = [(through, text) for path, text in choices if (through := nested(path)) is not None]
+    by_path = {path: text for name in names for (component, path), text in inside if component == name}
+    return tuple(sorted(by_path.items()))
+
+
+def values(choices: Choices) -> dict[str, str]:
+    """What is set by path in the document itself."""
+    return {path: text for path, text in choices if parse(path) is None and nested(path) is None}
+
+
+def own(choices: Choices, *names: str) -> dict[str, str]:
+    """What is chosen for a component itself, by key; `names` as of `below`."""
+    by_key: dict[str, str] = {}
+    for name in names:
+        by_key.update({key: text for key in KEYS for path, text in choices if path == f"components.{name}.{key}"})
+    return by_key
+
+
+def with_default_material(context: Context, table: Table) -> AssemblySpec:
+    """The document's model with the material that is chosen for its components."""
+    spec = table.spec
+    text = dict(table.choices).get(DEFAULT_MATERIAL)
+    if text is None or not _known_material(context, table, text, DEFAULT_MATERIAL):
+        return spec
+    defaults = spec.defaults or DefaultsSpec()
+    component = defaults.component or ComponentDefaults()
+    chosen = component.model_copy(update={"material": text})
+    return spec.model_copy(update={"defaults": defaults.model_copy(update={"component": chosen})})
+
+
+def check_names(context: Context, table: Table, items: Sequence[Unrolled[ComponentSpec]]) -> None:
+    """Report choices for components that the document has not."""
+    names = {item.name for item in items} | set(table.spec.components)
+    if table.doubts.lacks("components") or table.unbuilt:
+        return
+    for path, _ in table.choices:
+        choice, through = parse(path), nested(path)
+        name = through[0] if through is not None else next(iter(choice.components), None) if choice is not None else None
+        if name is not None and name not in names:
+            context.say_of_option(
+                path, f"`{table.spec.name}` has no component `{name}`", did_you_mean(name, table.spec.components, what="components"),
+            )
+
+
+def chosen(context: Context, table: Table, item: Unrolled[ComponentSpec]) -> tuple[ComponentSpec, frozenset[str]]:
+    """A component's model with what is chosen for it, and the keys that are; a choice that cannot be is reported."""
+    spec = item.spec
+    if not table.choices:
+        return spec, frozenset()
+    names = (str(item.path[-1]), item.name)
+    # Of a repeated component what is chosen for all is said once.
+    label = item.name if any(path.startswith(f"components.{item.name}.") for path, _ in table.choices) else names[0]
+    kind = next((key for key in ("part", "file", "assembly", "link") if getattr(spec, key) is not None), "frame")
+    taken: dict[str, str] = {}
+    for key, text in own(table.choices, *names).items():
+        path = f"components.{label}.{key}"
+        if key == "material":
+            if kind == "assembly":
+                context.say_of_option(
+                    path, f"`{label}` is an assembly, which has no material of its own",
+                    f"choose `components.{label}.{DEFAULT_MATERIAL}`, or the material of one of its components",
+                )
+                continue
+            if not _known_material(context, table, text, path):
+                continue
+        elif key != kind:
+            said, help = f"is written with `{kind}`, not with `{key}`", f"choose `components.{label}.{kind}`"
+            if kind in ("link", "frame"):
+                said = "is a frame, without geometry" if kind == "frame" else "is a link, whose shapes are listed"
+                help = "choose for a component with geometry" if kind == "frame" else "choose its material, or for another component"
+            context.say_of_option(path, f"component `{label}` {said}", help)
+            continue
+        if key == "file" and spec.unit is not None and text.lower().endswith(SUFFIXES_WITH_UNIT):
+            context.say_of_option(path, f"`{shortened(text)}` says its unit itself, and `{label}` has `unit: {spec.unit}`", UNIT_OF_ITS_OWN)
+            continue
+        taken[key] = text
+    inside = below(table.choices, *names)
+    if inside and kind != "assembly":
+        path = f"components.{label}.{inside[0][0]}"
+        context.say_of_option(path, f"component `{label}` is no assembly: there is nothing inside it", None)
+    return (spec.model_copy(update=dict(taken)) if taken else spec), frozenset(taken)
+
+
+def check_part(context: Context, node: Node, reference: str) -> bool:
+    """Whether a part that was chosen can be looked at; reported where it cannot."""
+    schema = context.schemas.get(reference)
+    if schema is not None and not isinstance(schema, PartFailure):
+        return True
+    if isinstance(schema, PartFailure):
+        help = missing_hint(context, reference, schema) if schema.kind == "missing" else None
+        context.say_of_option(f"components.{node.name}.part", f"part `{shortened(reference)}`: {schema.message}", help)
+    return False
+
+
+def refuse_file(context: Context, node: Node, text: str) -> None:
+    """Report a file that was chosen and is none of a part."""
+    context.say_of_option(
+        f"components.{node.name}.file", f"`{shortened(text)}` is no file of a part in this workspace",
+        f"name it from `{context.documents.root.relative}`, for example `parts/motor.step`",
+    )
+
+
+def refuse_circle(context: Context, node: Node, relative: str) -> None:
+    """Report an assembly that would stand inside itself."""
+    context.say_of_option(f"components.{node.name}.assembly", f"`{relative}` would stand inside itself", "choose another assembly")
+
+
+def _known_material(context: Context, table: Table, name: str, path: str) -> bool:
+    if name in table.materials:
+        return True
+    if not table.materials_unreadable:
+        context.say_of_option(
+            path, f"no material `{shortened(name)}` is in scope of `{table.spec.name}`",
+            did_you_mean(name, table.materials, what="materials"),
+        )
+    return False
+
+
+def documents_and_parts(choices: Mapping[str, str]) -> tuple[list[str], list[str]]:
+    """The documents (as the top document names them) and the parts that choices name: what has to be read beforehand."""
+    return _named(choices, "assembly"), _named(choices, "part")
+
+
+def chosen_files(choices: Mapping[str, str], document: str) -> list[str]:
+    """The absolute paths of the files of parts that choices name, as the top document, at a path, would name them."""
+    paths = [named(text, os.path.abspath(document)) for text in _named(choices, "file")]
+    return [path for path in paths if path is not None]
+
+
+def _named(choices: Mapping[str, str], key: str) -> list[str]:
+    paths: Iterable[tuple[ChoicePath | None, str]] = ((parse(path), text) for path, text in choices.items())
+    return list(dict.fromkeys(text for choice, text in paths if choice is not None and choice.key == key))

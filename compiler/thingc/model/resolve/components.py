@@ -1,0 +1,182 @@
+"""Components: what each one is (a part, a file, a nested assembly, a frame) and what stands beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+
+from thingc.base.diagnostics import Code, Note
+from thingc.base.source import Path
+from thingc.documents.expressions import ExpressionValue
+from thingc.documents.spec.assembly import AssemblySpec, ComponentSpec
+from thingc.geometry.record import PartDefinition
+from thingc.model.resolve import choices as choose
+from thingc.model.resolve import overrides as said
+from thingc.model.resolve.layers import Layers
+from thingc.model.resolve.link_definition import LinkDefinition
+from thingc.model.resolve.mirroring import mirrored, other_axis
+from thingc.model.resolve.model import AssemblyDefinition, At, Attach, Component, Material
+from thingc.model.resolve.parameters import fitting
+from thingc.model.resolve.parts import of_code, of_file
+from thingc.model.resolve.repeats import MAX_OCCURRENCES, Unrolled
+from thingc.model.resolve.shapes import of_link
+from thingc.model.resolve.table import Context, Node, Table, names_in
+
+MAX_NESTING = 120
+"""Documents inside each other: a little more than `load` follows, which reports the usual case."""
+
+Nest = Callable[[Context, str, AssemblySpec, Mapping[str, ExpressionValue], choose.Choices], Table]
+"""Resolves a nested document with the values set for its parameters, and the choices made inside it."""
+
+
+def nodes(context: Context, table: Table, items: Iterable[Unrolled[ComponentSpec]], nest: Nest) -> None:
+    """Fill `table.nodes`, with definitions worked out as far as they are sound, and count the occurrences."""
+    items = tuple(items)
+    if table.choices:
+        choose.check_names(context, table, items)
+    for item in items:
+        if context.overfull:  # nothing will come of it
+            return
+        spec, chosen = choose.chosen(context, table, item)
+        node = Node(name=item.name, spec=spec, path=item.path, scope=item.scope, chosen=chosen)
+        table.nodes[item.name] = node
+        node.doubtful = node.unsound = _in_doubt(table, node)
+        _define(context, table, node, nest)
+        node.mounts = said.extra_mounts(node) if item.spec.mounts else {}
+        if not node.frame and node.definition is None:
+            node.unsound = True
+        added = node.table.occurrences if node.table is not None else 1
+        if table.occurrences + added > MAX_OCCURRENCES:
+            if not context.overfull:  # documents around this one are too large for the same reason
+                context.overfull = True
+                node.scope.error(
+                    Code.TOO_MANY, f"with `{node.name}` this assembly has {table.occurrences + added} occurrences; "
+                    f"at most {MAX_OCCURRENCES} are possible", node.path, key=True,
+                )
+            node.definition, node.table, node.unsound = None, None, True
+            continue
+        table.occurrences += added
+
+
+def _in_doubt(table: Table, node: Node) -> bool:
+    """Whether something of a component, or of what every component has by default, was left out by validation."""
+    return bool(table.doubts) and (table.doubts.touch(node.path) or table.doubts.touch(("defaults", "component")))
+
+
+def _define(context: Context, table: Table, node: Node, nest: Nest) -> None:
+    spec = node.spec
+    if spec.part is not None:
+        if "part" not in node.chosen or choose.check_part(context, node, spec.part):
+            place = ("definition", node.scope.document.relative, *context.route, node.name)
+            stated = (spec, context.schemas.get(spec.part), context.values(node.scope, f"params {node.name}", spec.params))
+            node.definition = context.sound(place, stated, partial(of_code, context, node, spec.part))
+    elif spec.file is not None:
+        node.definition = of_file(context, node, spec.file)
+        if node.definition is None and "file" in node.chosen:
+            choose.refuse_file(context, node, spec.file)
+    elif spec.link is not None:
+        node.definition = of_link(context, table, node)
+    elif spec.assembly is not None:
+        said.refuse_on_assembly(node)
+        node.table = _nested(context, table, node, spec.assembly, nest)
+        node.definition = node.table.definition if node.table is not None else None
+    if spec.mirror is not None and isinstance(node.definition, PartDefinition | LinkDefinition):
+        node.definition = node.definition.mirrored(spec.mirror)
+    elif spec.mirror is not None and node.table is not None and node.table.definition is not None:
+        node.definition = _image(node, node.table, node.table.definition, spec.mirror)
+
+
+def _image(node: Node, table: Table, definition: AssemblyDefinition, axis: str) -> AssemblyDefinition | None:
+    """The mirror image of a nested assembly; None where something in it is mirrored along another axis, which is reported."""
+    other = other_axis(definition, axis)
+    if other is not None:
+        name, its = other
+        inner = dict(table.all_nodes())[name]
+        node.scope.error(
+            Code.MIRROR_AXES, f"`{node.name}` is mirrored along {axis}, and `{name}` in it along {its} already", (*node.path, "mirror"),
+            help=f"write `mirror: {its}` here, or `mirror: {axis}` there: to what is placed by mounts the axis makes no difference",
+            notes=[Note(message=f"`{inner.name}` is mirrored here", span=inner.scope.span((*inner.path, "mirror")))],
+        )
+        return None
+    if axis not in table.images:
+        table.images[axis] = mirrored(definition, axis)
+    return table.images[axis]
+
+
+def _nested(context: Context, table: Table, node: Node, text: str, nest: Nest) -> Table | None:
+    """The table of a nested document; None where it could not be read or stands inside itself (both reported by `load`)."""
+    scope, path = node.scope, (*node.path, "assembly")
+    chosen = "assembly" in node.chosen
+    document = context.documents.named(context.documents.root if chosen else scope.document, text)
+    if document is None or document.relative in context.nesting:
+        if document is not None and chosen:
+            choose.refuse_circle(context, node, document.relative)
+        return None
+    relative = document.relative
+    spec = context.specs.get(relative)
+    if not isinstance(spec, AssemblySpec) or scope.doubts.touch((*node.path, "parameters")):
+        return None
+    if len(context.nesting) >= MAX_NESTING:
+        scope.error(Code.TOO_MANY, f"assemblies are nested more than {MAX_NESTING} deep", path)
+        return None
+    given = _given(context, node, relative, spec)
+    context.nesting.append(relative)
+    context.route.append(node.name)
+    try:
+        return nest(context, relative, spec, given, choose.below(table.choices, str(node.path[-1]), node.name))
+    finally:
+        context.nesting.pop()
+        context.route.pop()
+
+
+def _given(context: Context, node: Node, relative: str, spec: AssemblySpec) -> dict[str, ExpressionValue]:
+    """The parameters that the component sets for its nested document; what does not fit is reported and left out."""
+    scope, path = node.scope, (*node.path, "parameters")
+    values: dict[str, ExpressionValue] = {}
+    for name, raw in node.spec.parameters.items():
+        value = scope.value(raw, (*path, name))
+        if value is not None:
+            values[name] = value
+
+    def complain(name: str, code: Code, message: str, *, help: str | None = None, notes: Iterable[Note] = ()) -> None:
+        scope.error(code, message, (*path, name), help=help, notes=notes, key=code is Code.UNKNOWN_PARAMETER)
+
+    document = context.documents.by_path[relative]
+    return fitting(context, document, spec, values, f"`{spec.name}`", complain, scope.names)
+
+
+def components(
+    context: Context, table: Table, placements: dict[str, Attach | At | None], *, unreadable: bool,
+) -> tuple[Component, ...]:
+    """The model's components, in document order. What is unsound has no definition, so that later passes leave it out."""
+    defaults = table.spec.defaults.component if table.spec.defaults is not None else None
+    below: tuple[tuple[object, Path], ...] = ((defaults, ("defaults", "component")),) if defaults is not None else ()
+    unused = Layers(below)  # type: ignore[arg-type]
+    said.material(table.scope, unused, table.materials, unreadable=unreadable)
+    said.overrides(table.scope, unused)
+    made: list[Component] = []
+    for node in table.nodes.values():
+        place = ("component", table.document.relative, *context.route, node.name)
+        names = context.memo(("names", *place), names_in, node.spec, defaults)
+        inputs = (
+            node.spec, defaults, tuple(node.scope.names.get(name) for name in names), node.definition, node.unsound, node.unplaced,
+            placements.get(node.name), table.materials, node.mounts, unreadable,
+        )
+        made.append(context.sound(place, inputs, partial(_component, node, table, placements.get(node.name), below, unreadable)))
+    return tuple(made)
+
+
+def _component(
+    node: Node, table: Table, placement: Attach | At | None, below: tuple[tuple[object, Path], ...], unreadable: bool,
+) -> Component:
+    scope = node.scope
+    is_part = node.spec.part is not None or node.spec.file is not None
+    layers = Layers(((node.spec, node.path), *(below if is_part else ())))  # type: ignore[arg-type]
+    nested = node.spec.assembly is not None
+    material: Material | None = None if nested else said.material(scope, layers, table.materials, unreadable=unreadable)
+    over = said.NONE_SAID if nested else said.overrides(scope, layers)
+    return Component(
+        name=node.name, key=str(node.path[-1]), definition=None if node.unsound else node.definition, frame=node.frame and not node.unsound,
+        placement=None if node.unsound or node.unplaced else placement, material=material, overrides=over, mounts=node.mounts,
+        bom=said.bom(layers), origin=scope.origin(node.path, key=True),
+    )

@@ -1,0 +1,458 @@
+"""Joints: kinds, references, limits, dynamics, drives. What mimics what is in `mimics`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any, get_args
+
+from thingc.base.diagnostics import Code, Note
+from thingc.base.joints import SLIDE, TURN, JointKind, Twist, dimensions_of, kind_of
+from thingc.base.pose import IDENTITY, Vector
+from thingc.base.source import MappingNode, Node, Path, ScalarNode, SequenceNode, node_at
+from thingc.base.summing import hypot
+from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
+from thingc.documents.spec.assembly import JointSpec
+from thingc.documents.spec.drives import DriveKind, DriveSpec
+from thingc.geometry.record import PartDefinition
+from thingc.model.resolve import references
+from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
+from thingc.model.resolve.layers import Layers
+from thingc.model.resolve.model import Drive, Joint, Reference
+from thingc.model.resolve.placement import Places
+from thingc.model.resolve.repeats import Unrolled
+from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.table import Table
+
+_ENDLESS = "; a joint that turns without end is `continuous`"
+
+DRIVE_KINDS: tuple[str, ...] = get_args(DriveKind)
+"""The kinds of an inline drive."""
+
+NO_LIMIT = Limit()
+NO_DYNAMICS = Dynamics()
+
+
+def _said(scope: Scope, layers: Layers, key: str, coordinate: Dimension) -> tuple[Any, Path] | None:
+    """What is written for a key. A default of the document that is meant for turns is none for slides, and the other way."""
+    said = layers.pick(key)
+    if said is not None and said[1][0] == "defaults":
+        return None if _of_others(scope, *said, key, coordinate) else said
+    return said
+
+
+def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimension) -> bool:
+    """Whether a value is one for turns where the joint slides, or the other way round."""
+    own, other = (TURN, SLIDE) if coordinate == ANGLE else (SLIDE, TURN)
+    value = scope.value(raw, path)
+    return isinstance(value, Quantity) and not value.fits(own[key]) and value.fits(other[key])
+
+
+def _values(
+    scope: Scope, name: str, coordinate: Dimension, section: str, layers: Layers, keys: tuple[str, ...],
+) -> dict[str, float | None]:
+    """The values of keys that are at least 0; None where nothing is written or it is wrong (reported)."""
+    of = dimensions_of(coordinate)
+    values: dict[str, float | None] = {}
+    for key in keys:
+        said = _said(scope, layers, key, coordinate)
+        values[key] = scope.number(*said, of[key], f"`{section}.{key}` of joint `{name}`", least=0.0) if said else None
+    return values
+
+
+def joints(table: Table, items: Iterable[Unrolled[JointSpec]], places: Places) -> bool:
+    """Fill `table.joints` (without mimics) and note in `places` what each one places.
+
+    A joint that is wrong in its kind or references is None there, and its child, where it has one, unplaced.
+    Returns whether the child of some joint could not be read.
+    """
+    defaults = table.spec.defaults.joint if table.spec.defaults is not None else None
+    below = ((defaults, ("defaults", "joint")),) if defaults is not None else ()
+    unsure = False
+    for item in items:
+        spec, scope, path = item.spec, item.scope, item.path
+        layers = Layers(((spec, path), *below))
+        doubtful = bool(table.doubts) and (table.doubts.touch(path) or table.doubts.touch(("defaults", "joint")))
+        child = references.mount(table, scope, spec.child, (*path, "child"))
+        parent = references.mount(table, scope, spec.parent, (*path, "parent"))
+        kind = kind_of(spec.type)
+        placed = None if spec.loop else child.path[0] if child is not None else _named(table, scope, spec.child)
+        if doubtful and table.doubts.touch((*path, "loop")):
+            placed, unsure = None, True
+        elif placed is None:
+            unsure = unsure or not spec.loop
+        else:
+            places.setdefault(placed, []).append((f"joint `{item.name}`", scope.span(path, key=True)))
+        if parent is None or child is None:
+            table.loose.extend(end for end in (parent, child) if end is not None)
+            table.joints[CoordinateName(item.name)] = None
+            if placed is not None:
+                table.nodes[placed].unplaced = True
+            continue
+        coordinates = _coordinates(table, item, kind, parent, child, layers)
+        table.joints.update((joint.name, joint) for joint in coordinates)
+        if doubtful:
+            for joint in coordinates:
+                del table.joints[joint.name]
+            table.joints[CoordinateName(item.name)] = None
+            if placed is not None:
+                table.nodes[placed].unplaced = True
+    lost = bool(table.doubts) and (table.doubts.lacks("joints") or any(True for _ in table.doubts.names("joints")))
+    return unsure or lost or any(table.doubts.touch(("joints", name, "repeat")) for name in table.spec.joints)
+
+
+def _named(table: Table, scope: Scope, text: str) -> str | None:
+    """The component that a wrong reference begins with, where there is one of that name."""
+    first = text.split(".")[0]
+    if scope.index is not None:
+        first = first.replace("${" + scope.index[0] + "}", scope.index[1]).replace("$" + scope.index[0], scope.index[1])
+    return first if first in table.nodes else None
+
+
+def _coordinates(
+    table: Table, item: Unrolled[JointSpec], kind: JointKind, parent: Reference, child: Reference, layers: Layers,
+) -> tuple[Joint, ...]:
+    """The joint; of one that has several coordinates one for each."""
+    scope, path, count = item.scope, item.path, len(kind.twists)
+    lead = _lead(scope, item.spec, kind, item.name, path)
+    axis = _axis(scope, item.spec, kind, item.name, path)
+    twists = kind.about(axis, lead or 0.0) if axis is not None else kind.twists if lead is None else kind.with_lead(lead)
+    if kind.at_once:
+        return _ball(table, item, kind, (parent, child), layers)
+    for key in ("limit", "dynamics", "drive", "offset", "mimic"):
+        said = getattr(item.spec, key)
+        several = isinstance(said, (list, dict))
+        numbers = [] if not several else [int(one) for one in said] if isinstance(said, dict) else list(range(len(said)))
+        if said is None or key not in item.spec.model_fields_set or (several == (count > 1) and all(n < count for n in numbers)):
+            continue
+        if count > 1:
+            words = f"joint `{item.name}` is {kind.name} and has {count} coordinates: its `{key}` is a list of {count}"
+            help = "write for example `[" + ", ".join("..." for _ in range(count)) + "]`, or `{0: ...}` where only some have one"
+        else:
+            words, help = f"joint `{item.name}` is {kind.name}: its `{key}` is no list", "write what stands in it without the list"
+        scope.error(
+            Code.COORDINATES, words, (*path, key), key=True, help=help,
+            notes=scope.beside(f"it is {kind.name} here", (*path, "type"), (*path, key)),
+        )
+    if count < 2:
+        return (replace(_joint(table, item, kind, next(iter(twists), None), (parent, child), layers, None), axis=axis),)
+    return tuple(
+        replace(_joint(table, item, kind, twist, (parent, child), layers, k), axis=axis)
+        for k, twist in enumerate(twists)
+    )
+
+
+def _ball(
+    table: Table, item: Unrolled[JointSpec], kind: JointKind, mounts: tuple[Reference, Reference], layers: Layers,
+) -> tuple[Joint, ...]:
+    """The coordinates of a ball. Its limit and its dynamics are of all of them; of up to three drives each has its own axis, and stands
+    with one of the coordinates."""
+    scope, spec, path, name = item.scope, item.spec, item.path, item.name
+    for key in ("limit", "dynamics"):
+        if isinstance(getattr(spec, key), (list, dict)):
+            scope.error(
+                Code.COORDINATES, f"joint `{name}` is a ball: its `{key}` is one for all of its turns, and no list", (*path, key), key=True,
+                help="write what stands in it without the list",
+            )
+    if spec.offset is not None:
+        scope.error(
+            Code.JOINT_FIELD, f"joint `{name}` is a ball: it has no `offset`", (*path, "offset"), key=True,
+            help="turn one of its mounts, or write `turn`",
+        )
+    one = _joint(table, item, kind, None, mounts, layers, None)
+    limit, dynamics = _cone(scope, name, layers.sub("limit")), _dynamics(scope, name, ANGLE, layers.sub("dynamics"))
+    rest = layers.sub("dynamics").pick("rest")
+    if rest is not None and rest[1][0] == "joints":
+        scope.error(
+            Code.JOINT_FIELD, f"joint `{name}` is a ball: its `dynamics` have no `rest`", rest[1], key=True,
+            help="its spring rests at q = 0: turn one of its mounts",
+        )
+    drives = _drives_of_ball(table, item)
+    return tuple(
+        replace(one, name=CoordinateName(name).numbered(k), twist=twist, limit=limit, dynamics=replace(dynamics, rest=None),
+                drive=drives.get(k))
+        for k, twist in enumerate(kind.twists)
+    )
+
+
+def _drives_of_ball(table: Table, item: Unrolled[JointSpec]) -> dict[int, Drive]:
+    """The drives of a ball by their number; one that is wrong is left out (reported)."""
+    scope, written, path, name = item.scope, item.spec.drive, (*item.path, "drive"), item.name
+    if written is None:
+        return {}
+    if not isinstance(written, list) or len(written) > 3:
+        scope.error(
+            Code.DRIVE, f"joint `{name}` is a ball: its `drive` is a list of one to three, each about its own axis", path, key=True,
+            help="write for example `[{axis: [1, 0, 0], kind: motor, effort: 2 N*m}]`",
+        )
+        return {}
+    drives: dict[int, Drive] = {}
+    for number, spec in enumerate(written):
+        if not isinstance(spec, DriveSpec) or spec.axis is None:
+            scope.error(
+                Code.DRIVE, f"drive {number} of the ball `{name}` needs its `axis`" if isinstance(spec, DriveSpec)
+                else f"drive {number} of the ball `{name}` names a component, which has no `axis`: it is written out", (*path, number),
+                help="write for example `{axis: [1, 0, 0], kind: motor, effort: 2 N*m}`: in the parent mount's axes, at q = 0",
+            )
+            continue
+        place = (*path, number, "axis")
+        drive = _drive(table, scope, f"{name}[{number}]", ANGLE, (spec, place[:-1]))
+        if spec.armature is not None:
+            scope.error(
+                Code.DRIVE, f"drive {number} of the ball `{name}` has an `armature`: a ball has one for all of its turns",
+                (*place[:-1], "armature"), key=True, help="write it under `dynamics` of the joint",
+            )
+        axis = _direction(scope, spec.axis, place, f"the axis of drive {number} of joint `{name}`", Code.DRIVE)
+        if axis is not None and drive is not None:
+            drives[number] = replace(drive, axis=axis)
+    return drives
+
+
+def _direction(scope: Scope, written: Sequence[Any], place: Path, what: str, code: Code) -> Vector | None:
+    """The unit vector along what is written; None where that is wrong (reported, an axis of 0 by `code`)."""
+    axis = scope.vector(written, place, NUMBER, what)
+    size = 0.0 if axis is None else hypot(*axis)
+    if axis is None or size > 0.0:
+        return None if axis is None else (axis[0] / size, axis[1] / size, axis[2] / size)
+    scope.error(code, f"{what} is 0 long: it has no direction", place, help="write for example `[1, 0, 0]`")
+    return None
+
+
+def _joint(
+    table: Table, item: Unrolled[JointSpec], kind: JointKind, twist: Twist | None, mounts: tuple[Reference, Reference], layers: Layers,
+    number: int | None,
+) -> Joint:
+    """A joint, or with a `number` that coordinate of it."""
+    scope, spec, path, name = item.scope, item.spec, item.path, CoordinateName(item.name)
+    if number is not None:
+        name = name.numbered(number)
+        item = replace(item, name=name)
+    turn, gap = layers.pick("turn"), layers.pick("gap")
+    offset = 0.0
+    limit, dynamics, drive = NO_LIMIT, NO_DYNAMICS, None
+    nodes = _nodes(table, layers, number)
+    if kind.at_once:
+        pass  # what its coordinates have is read once for all of them
+    elif twist is None:
+        for key in ("limit", "dynamics", "offset", "drive"):
+            if key in spec.model_fields_set and getattr(spec, key) is not None:
+                code = Code.DRIVE if key == "drive" else Code.JOINT_FIELD
+                scope.error(code, f"joint `{name}` is {spec.type} and does not move: it has no `{key}`", (*path, key), key=True,
+                            help="take it out, or choose another `type`",
+                            notes=scope.beside(f"it is {spec.type} here", (*path, "type"), (*path, key)))
+    else:
+        limit = _limit(scope, item, kind, twist.coordinate, layers.sub("limit", number))
+        dynamics = _dynamics(scope, name, twist.coordinate, layers.sub("dynamics", number))
+        drive = _drive(table, scope, name, twist.coordinate, layers.pick("drive", number))
+        _no_axis(scope, name, kind, layers.pick("drive", number))
+        said = layers.pick("offset", number)
+        if said is not None and not isinstance(said[0], (list, dict)):
+            offset = scope.number(*said, twist.coordinate, f"`offset` of joint `{name}`") or 0.0
+    return Joint(
+        name=name, kind=kind, twist=twist, parent=mounts[0], child=mounts[1], limit=limit, dynamics=dynamics,
+        turn=(scope.number(*turn, ANGLE, f"`turn` of joint `{name}`") or 0.0) if turn else 0.0,
+        gap=(scope.number(*gap, LENGTH, f"`gap` of joint `{name}`") or 0.0) if gap else 0.0,
+        offset=offset, drive=drive, mimic=None, origin=scope.origin(path, key=True), loop=spec.loop,
+        spans={key: node.span for key, node in nodes.items()},
+        written={key: node.text for key, node in nodes.items() if isinstance(node, ScalarNode)},
+    )
+
+
+def _no_axis(scope: Scope, name: str, kind: JointKind, said: tuple[Any, Path] | None) -> None:
+    """An axis of a drive is of a ball."""
+    if said is not None and isinstance(said[0], DriveSpec) and said[0].axis is not None and said[1][0] == "joints":
+        scope.error(
+            Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: its drive has no `axis`", (*said[1], "axis"), key=True,
+            help="take it out: the drive turns or slides as the joint does",
+        )
+
+
+def _axis(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> Vector | None:
+    """The unit vector that stands in the place of z; None where none is written, or it is wrong (reported)."""
+    if spec.axis is None:
+        return None
+    place = (*path, "axis")
+    if not kind.axial:
+        scope.error(
+            Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: it has no `axis`", place, key=True,
+            help="take it out: it has the axes of the parent's mount" if kind.moves else "take it out: nothing moves",
+            notes=scope.beside(f"it is {kind.name} here", (*path, "type"), place),
+        )
+        return None
+    axis = _direction(scope, spec.axis, place, f"the axis of joint `{name}`", Code.OUT_OF_RANGE)
+    return next((one for one in IDENTITY if one == axis), axis)  # those by which exact turns are found (`Twist`), also on a tape
+
+
+def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> float | None:
+    """How far [m] the joint slides in a turn; None where it does not, or that is wrong (reported)."""
+    if spec.lead is None:
+        if kind.leads and not scope.doubts.touch(path):
+            scope.error(
+                Code.LEAD, f"joint `{name}` is a {kind.name} and needs its `lead`, the advance in one turn", path, key=True,
+                help="write for example `lead: 8 mm`; a left-hand thread has a negative one",
+            )
+        return None
+    if not kind.leads:
+        scope.error(
+            Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: it has no `lead`", (*path, "lead"), key=True,
+            help="take it out, or make it `type: screw`", notes=scope.beside(f"it is {kind.name} here", (*path, "type"), (*path, "lead")),
+        )
+        return None
+    lead = scope.number(spec.lead, (*path, "lead"), LENGTH, f"`lead` of joint `{name}`")
+    if lead == 0.0:
+        scope.error(
+            Code.LEAD, f"the `lead` of joint `{name}` is 0: nothing would advance", (*path, "lead"),
+            help="write the advance in one turn, or make it `type: revolute` or `continuous`",
+        )
+        return None
+    return lead
+
+
+def _nodes(table: Table, layers: Layers, number: int | None) -> dict[str, Node]:
+    """What stands within the joint by dotted key (of a coordinate what is its own); what the document's defaults say where the joint
+    itself is silent."""
+    nodes: dict[str, Node] = {}
+    for _, base in reversed(layers.items):
+        _collect(node_at(table.document.tree, base), "", nodes, number)
+    return nodes
+
+
+def _collect(node: Node | None, prefix: str, nodes: dict[str, Node], number: int | None) -> None:
+    if isinstance(node, MappingNode):
+        for key, child in node.entries.items():
+            own: Node | None = child
+            if number is not None and isinstance(child, SequenceNode) and key != "axis":
+                own = child.items[number] if number < len(child.items) else None
+            elif number is not None and isinstance(child, MappingNode) and all(word.isdigit() for word in child.entries):
+                own = child.entries.get(str(number))
+            if own is not None:
+                nodes[prefix + key] = own
+                _collect(own, f"{prefix}{key}.", nodes, number)
+
+
+def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate: Dimension, layers: Layers) -> Limit:
+    name, path = item.name, item.path
+    lower, upper = (_said(scope, layers, key, coordinate) for key in ("lower", "upper"))
+    low = high = None
+    cone = layers.pick("cone")
+    if cone is not None and cone[1][0] == "joints":
+        scope.error(
+            Code.LIMIT, f"joint `{name}` is {kind.name} and has no `limit.cone`", cone[1], key=True,
+            help="a cone is the limit of a `ball`; others have `lower` and `upper`",
+        )
+    if not kind.may_stop:
+        own = [(key, said[1]) for key, said in (("lower", lower), ("upper", upper)) if said is not None and said[1][0] == "joints"]
+        if own:
+            named = " and no ".join(f"`limit.{key}`" for key, _ in own)
+            scope.error(
+                Code.LIMIT, f"joint `{name}` is {kind.name} and has no {named}", own[0][1], key=True,
+                help="a joint that stops somewhere is `type: revolute`",
+                notes=scope.beside(f"it is {kind.name} here", (*path, "type"), own[0][1]),
+            )
+    else:
+        low = scope.number(*lower, coordinate, f"`limit.lower` of joint `{name}`", notes=_type(scope, item, lower)) if lower else None
+        high = scope.number(*upper, coordinate, f"`limit.upper` of joint `{name}`", notes=_type(scope, item, upper)) if upper else None
+        missing = [f"`limit.{key}`" for key, said in (("lower", lower), ("upper", upper)) if said is None]
+        in_doubt = scope.doubts.touch(path) or scope.doubts.touch(("defaults", "joint"))
+        if missing and kind.limits == "required" and item.spec.mimic is None and not in_doubt:
+            example = "{lower: -90 deg, upper: 90 deg}" if coordinate == ANGLE else "{lower: 0, upper: 20 mm}"
+            scope.error(
+                Code.LIMIT, f"joint `{name}` is {kind.name} and needs {' and '.join(missing)}",
+                (*path, "limit") if item.spec.limit is not None else path, key=True,
+                help=f"write for example `limit: {example}`" + (_ENDLESS if coordinate == ANGLE else ""),
+            )
+        if low is not None and high is not None and lower is not None and upper is not None and not low < high:
+            fault = "are reversed" if low > high else "leave no room"
+            shown = [scope.shown(Quantity(q, coordinate), said[1]) for q, said in ((low, lower), (high, upper))]
+            scope.error(
+                Code.LIMIT, f"limits of joint `{name}` {fault}: expected lower < upper, "
+                f"found {(', and ' if any(',' in one for one in shown) else ' and ').join(shown)}",
+                lower[1], help="swap them" if low > high else "let the joint move, or make it `fixed`",
+                notes=scope.beside("the upper limit is written here", upper[1], lower[1]),
+            )
+            low = high = None
+    return Limit(lower=low, upper=high, **_values(scope, name, coordinate, "limit", layers, ("effort", "velocity")))
+
+
+def _cone(scope: Scope, name: str, layers: Layers) -> Limit:
+    """The limit of a ball."""
+    own = [(key, said[1]) for key in ("lower", "upper", "effort", "velocity") if (said := layers.pick(key)) and said[1][0] == "joints"]
+    if own:
+        scope.error(
+            Code.LIMIT, f"joint `{name}` is a ball and has no `limit.{own[0][0]}`", own[0][1], key=True,
+            help="how far it may turn is its `cone`; what its drives give stands in them",
+        )
+    said = layers.pick("cone")
+    return Limit(cone=None if said is None else scope.number(*said, ANGLE, f"`limit.cone` of joint `{name}`", above=0.0))
+
+
+def _type(scope: Scope, item: Unrolled[JointSpec], said: tuple[Any, Path]) -> list[Note]:
+    """The note that shows why a value of a joint has the dimension that it should have."""
+    return scope.beside(f"`{item.name}` is {item.spec.type} here", (*item.path, "type"), said[1])
+
+
+def _dynamics(scope: Scope, name: str, coordinate: Dimension, layers: Layers) -> Dynamics:
+    if not layers:
+        return NO_DYNAMICS
+    keys = ("damping", "friction", "armature", "stiffness")
+    said, rest = _said(scope, layers, "rest", coordinate), None
+    if said is not None:
+        rest = scope.number(*said, coordinate, f"`dynamics.rest` of joint `{name}`")
+        if said[1][0] == "joints" and layers.pick("stiffness") is None and not scope.doubts.touch(said[1][:-1]):
+            scope.error(
+                Code.JOINT_FIELD, f"joint `{name}` has a `dynamics.rest` and no `stiffness`: there is no spring that could rest", said[1],
+                key=True, help="write its `stiffness` beside it, or take it out",
+            )
+    return Dynamics(**_values(scope, name, coordinate, "dynamics", layers, keys), rest=rest)
+
+
+def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, said: tuple[Any, Path] | None) -> Drive | None:
+    if said is None or isinstance(said[0], (list, dict)):
+        return None
+    spec, path = said
+    if isinstance(spec, DriveSpec):
+        if path[0] == "defaults" and any(
+            _of_others(scope, raw, (*path, key), key, coordinate) for key in ("kp", "kv") if (raw := getattr(spec, key)) is not None
+        ):
+            return None  # gains of turns are none for slides: such a drive moves nothing
+        reference = None if spec.component is None else _driving_part(table, scope, name, spec.component, (*path, "component"))
+        if spec.component is not None and reference is None:
+            return None
+        written = Layers(((spec, path),))
+        values = _values(scope, name, coordinate, "drive", written, ("kp", "kv", "effort", "velocity", "armature"))
+        if spec.kp is not None and values["kp"] is None:
+            values["kp"] = 1.0  # a stand-in, so that no later pass says that there is none
+        return Drive(
+            component=reference, kind=spec.kind, kp=values["kp"], kv=values["kv"], effort=values["effort"], velocity=values["velocity"],
+            armature=values["armature"], origin=scope.origin(path),
+        )
+    known = spec in table.nodes or table.unbuilt or table.doubts.lacks("components") or table.doubts.touch(("components", spec))
+    if not known and (spec in DRIVE_KINDS or spec == "servo"):
+        kind = spec if spec in DRIVE_KINDS else "position"
+        gain = f", kp: {'20 N*m/rad' if coordinate == ANGLE else '200 N/m'}" if kind == "position" else ""
+        scope.error(
+            Code.DRIVE, f"`drive` names a component with an actuator, or is a mapping; `{spec}` is no component", path,
+            help=f"write `{{kind: {kind}{gain}}}`",
+        )
+        return None
+    reference = _driving_part(table, scope, name, spec, path)
+    return None if reference is None else Drive(component=reference, origin=scope.origin(path))
+
+
+def _driving_part(table: Table, scope: Scope, name: str, text: str, path: Path) -> Reference | None:
+    """The reference to the part whose actuator drives the joint `name`; None if it is not a part (reported)."""
+    component = references.component(table, scope, text, path)
+    if component is None:
+        return None
+    reference, node = component
+    if node.bare is not None or node.spec.assembly is not None:
+        what = f"a {node.bare}" if node.bare is not None else "an assembly"
+        scope.error(
+            Code.DRIVE, f"joint `{name}` is driven by a part with an actuator; `{reference.text}` is {what}", path,
+            help=f"name the part inside it, as in `{reference.text}.servo`" if node.spec.assembly is not None else "name a part",
+            notes=references.declared(node),
+        )
+        return None
+    if node.definition is not None and not isinstance(node.definition, PartDefinition):
+        return None
+    return reference

@@ -1,0 +1,94 @@
+"""What a link is: a component whose geometry is listed, shape by shape, and modelled by nobody."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import field, replace
+from typing import TYPE_CHECKING
+
+from thingc.base.brief import Brief, counted
+from thingc.base.frozen import dataclass
+from thingc.base.mirror import Mirror
+from thingc.base.pose import NO_POSE, Pose
+from thingc.base.primitives import Primitive
+from thingc.base.source import Origin
+from thingc.geometry.meshes import MeshFile
+from thingc.geometry.record import with_mirror
+
+if TYPE_CHECKING:
+    from thingc.model.resolve.model import Material
+
+NAMED = 3
+"""How many shapes a label names."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ListedShape(Brief):
+    """A shape of a link, in its frame: whether it is `drawn`, and whether it `touches`. `pose` is that of a mesh file: a primitive has its
+    own. `material`, `color` (`#rrggbb`) and `friction` (sliding, torsional, rolling) are what the shape itself says; None: as its
+    link, and its material, have it. `name` is its name in files."""
+
+    solid: Primitive | MeshFile
+    drawn: bool
+    touches: bool
+    pose: Pose = NO_POSE
+    material: Material | None = None
+    color: str | None = None
+    name: str | None = None
+    friction: tuple[float | None, float | None, float | None] = (None, None, None)
+    origin: Origin = field(default=(), compare=False)
+
+    @property
+    def word(self) -> str:
+        """What it is, for people."""
+        return self.solid.path if isinstance(self.solid, MeshFile) else self.solid.shape
+
+    @property
+    def said(self) -> tuple[object, ...]:
+        """All that it says, as plain values."""
+        solid, material = self.solid, self.material.name if self.material is not None else None
+        pose = self.pose if isinstance(solid, MeshFile) else solid.pose
+        shape = (solid.path, *solid.content) if isinstance(solid, MeshFile) else (solid.shape, solid.size)
+        return (*shape, pose.rotation, pose.translation, self.drawn, self.touches, material, self.color, self.friction,
+                *([self.name] if self.name else []))
+
+    def mirrored(self, mirror: Mirror) -> ListedShape:
+        """Its mirror image: every primitive is the image of itself, in a frame that is mirrored, and a mesh file is read mirrored."""
+        if isinstance(self.solid, MeshFile):
+            return replace(self, solid=replace(self.solid, scale=mirror.vector(self.solid.scale)), pose=mirror.frame(self.pose))
+        return replace(self, solid=replace(self.solid, pose=mirror.frame(self.solid.pose)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkDefinition(Brief):
+    """The shapes of a link: equal ones are one node of the HAG. `text` is `link-` and 12 hex of the SHA-256 of what it lists (`link`
+    where that is nothing), `label` for people. Of a mirror image `mirror` is the axis of its frame, `plain` what it mirrors."""
+
+    shapes: tuple[ListedShape, ...]
+    text: str
+    label: str
+    mirror: str | None = None
+    plain: LinkDefinition | None = None
+
+    def mirrored(self, axis: str) -> LinkDefinition:
+        """The definition of the mirror image at the plane normal to `axis` (`x | y | z`) of the link's frame."""
+        mirror = Mirror(axis)
+        return replace(
+            self, shapes=tuple(shape.mirrored(mirror) for shape in self.shapes), text=with_mirror(self.text, axis),
+            label=with_mirror(self.label, axis), mirror=axis, plain=self,
+        )
+
+
+def mesh_files_of(definition: object) -> tuple[MeshFile, ...]:
+    """The mesh files that a link lists; none of any other definition."""
+    shapes = definition.shapes if isinstance(definition, LinkDefinition) else ()
+    return tuple(dict.fromkeys(shape.solid for shape in shapes if isinstance(shape.solid, MeshFile)))
+
+
+def link_of(shapes: tuple[ListedShape, ...]) -> LinkDefinition:
+    """The definition of a link with these shapes."""
+    if not shapes:
+        return LinkDefinition(shapes=(), text="link", label="link")
+    digest = hashlib.sha256(repr([one.said for one in shapes]).encode()).hexdigest()[:12]
+    listed = ", ".join(one.word for one in shapes) if len(shapes) <= NAMED else counted(len(shapes), "shape")
+    return LinkDefinition(shapes=shapes, text=f"link-{digest}", label=f"link ({listed})")

@@ -1,0 +1,203 @@
+"""The materials in scope of a document: material documents, inline ones, and those of the bd_materials library."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from thingc.base.diagnostics import Code, Note
+from thingc.base.inertia import DENSEST
+from thingc.base.source import Document, Origin, Path
+from thingc.base.typos import did_you_mean
+from thingc.base.units import DENSITY, LENGTH, NUMBER, shortened
+from thingc.documents.spec.assembly import AssemblySpec
+from thingc.documents.spec.materials import FrictionSpec, MaterialSpec, MaterialsSpec
+from thingc.model.resolve.layers import Layers
+from thingc.model.resolve.model import Material, Process
+from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.table import Context
+
+_STAND_IN = 1000.0
+"""Density [kg/m^3] of a material whose own was wrong and has been reported, so that no later pass says that it has none.
+Nothing is ever built with it: there is an error in the report."""
+
+BRIDGE_FLOWS = (0.1, 2.0)
+"""What bridges can be laid with: less is no strand, more is no bridge."""
+
+
+def in_scope(context: Context, scope: Scope, spec: AssemblySpec) -> dict[str, Material | None]:
+    """Every material by name; None for names that must not be complained about (their document was wrong)."""
+    if isinstance(spec.materials, Mapping):
+        return _read(scope, spec.materials)
+    materials: dict[str, Material | None] = {}
+    seen: set[str] = set()
+    for text in spec.materials:
+        document = context.documents.named(scope.document, text)
+        if document is None or document.relative in seen:
+            continue
+        seen.add(document.relative)
+        for name, entry in of_document(context, document).items():
+            first = materials.setdefault(name, entry)
+            if first is not None and entry is not None and first is not entry:
+                context.report.add(
+                    Code.NAME_CLASH, f"material `{name}` is defined in two documents in scope", entry.origin,
+                    help="rename one of them, or list only one of the documents", path=f"materials.{name}",
+                    notes=[
+                        Note(message=f"`{name}` is also defined here", span=first.origin[0]),
+                        Note(message="both are listed here", span=scope.span(("materials",))),
+                    ],
+                )
+    return materials
+
+
+def unreadable(context: Context, scope: Scope, spec: AssemblySpec) -> bool:
+    """Whether a material document of this one could not be read: then an unknown name is no news."""
+    if scope.doubts.lacks("materials"):
+        return True
+    if isinstance(spec.materials, Mapping):
+        return False
+    named = [context.documents.named(scope.document, text) for text in spec.materials]
+    return any(
+        document is None or not isinstance(context.specs.get(document.relative), MaterialsSpec)
+        or context.doubts(document).lacks("materials") for document in named
+    )
+
+
+def of_document(context: Context, document: Document) -> dict[str, Material | None]:
+    """The materials of a `materials/1` document by name, worked out once per run; none where the document was wrong."""
+    materials = context.materials.get(document.relative)
+    if materials is None:
+        materials = context.materials[document.relative] = {}
+        spec = context.specs.get(document.relative)
+        if isinstance(spec, MaterialsSpec):
+            scope = context.scope(document, {})
+            materials.update(_read(scope, spec.materials))
+    return materials
+
+
+def _read(scope: Scope, specs: Mapping[str, MaterialSpec]) -> dict[str, Material | None]:
+    """The materials of one document, those that validation has left out with a stand-in for their density."""
+    materials: dict[str, Material | None] = {
+        name: material(scope, name, entry, ("materials", name)) for name, entry in specs.items()
+    }
+    for name in scope.doubts.names("materials"):
+        materials.setdefault(name, Material(
+            name=name, density=_STAND_IN, color=None, slide=None, torsion=None, roll=None, process=None,
+            origin=scope.origin(("materials", name), key=True),
+        ))
+    return materials
+
+
+def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Material:
+    """One material with what it takes from the library; parts of it that were wrong are reported and left out."""
+    base_density: float | None = None
+    base_color: str | None = None
+    wrong = False
+    if spec.base is not None:
+        library = _library(scope, spec.base, (*path, "base"))
+        wrong = library is None
+        base_density, base_color = library or (None, None)
+    density = base_density
+    wrong = wrong or scope.doubts.touch(path)
+    if spec.density is not None:
+        density = scope.number(spec.density, (*path, "density"), DENSITY, f"the density of `{name}`", above=0.0, most=DENSEST)
+        wrong = density is None
+    slide, torsion, roll = friction(scope, spec.friction, (*path, "friction"))
+    made = process(scope, Layers(((spec.process, (*path, "process")),))) if spec.process is not None else None
+    return Material(
+        name=name, density=_STAND_IN if wrong and density is None else density, color=spec.color or base_color, slide=slide,
+        torsion=torsion, roll=roll, process=made, origin=scope.origin(path, key=True),
+        process_origin=scope.origin((*path, "process")) if made is not None else (),
+        density_origin=scope.origin((*path, "density" if spec.density is not None else "base")) if density is not None else (),
+    )
+
+
+def friction(scope: Scope, spec: FrictionSpec | None, path: Path) -> tuple[float | None, float | None, float | None]:
+    """Sliding, torsional and rolling friction; None of what is not said, or wrong (reported)."""
+    if spec is None:
+        return None, None, None
+    slide = scope.number(spec.slide, (*path, "slide"), NUMBER, "sliding friction", least=0.0)
+    torsion, roll = (
+        None if value is None else scope.number(value, (*path, key), (LENGTH, NUMBER), f"{word} friction", least=0.0)
+        for key, value, word in (("torsion", spec.torsion, "torsional"), ("roll", spec.roll, "rolling"))
+    )
+    return slide, torsion, roll
+
+
+def process(scope: Scope, layers: Layers) -> Process:
+    """How something is made, key by key from the layers; keys that are wrong are reported and left out."""
+
+    origins: dict[str, Origin] = {}
+
+    def read(key: str) -> tuple[Any, Path]:
+        raw, path = layers.pick(key) or (None, ())
+        if raw is not None:
+            origins[key] = scope.origin(path)
+        return raw, path
+
+    def count(key: str) -> int | None:
+        raw, path = read(key)
+        return None if raw is None else scope.count(raw, path, f"`{key}`")
+
+    def length(key: str) -> float | None:
+        raw, path = read(key)
+        return None if raw is None else scope.number(raw, path, LENGTH, f"`{key}`", above=0.0)
+
+    def share(key: str, least: float, most: float) -> float | None:
+        raw, path = read(key)
+        return None if raw is None else _share(scope, raw, path, key, least, most)
+
+    values: dict[str, Any] = {
+        "kind": read("kind")[0], "walls": count("walls"), "line_width": length("line_width"), "layer": length("layer"),
+        "top": count("top"), "bottom": count("bottom"), "infill": share("infill", 0.0, 1.0), "overlap": share("overlap", 0.0, 1.0),
+        "bridge_flow": share("bridge_flow", *BRIDGE_FLOWS), "estimate": read("estimate")[0],
+    }
+    left_out = {key for key in values for _, path in layers.items if scope.doubts.touch((*path, key))}
+    wrong = frozenset(key for key, value in values.items() if value is None and (key in origins or key in left_out))
+    return Process(**values, origins=origins, wrong=wrong)
+
+
+def _share(scope: Scope, raw: Any, path: Path, key: str, least: float, most: float) -> float | None:
+    value = scope.number(raw, path, NUMBER, f"`{key}`")
+    if value is not None and not least <= value <= most:
+        text = scope.written(path) or f"{value:g}"
+        help = f"write `{text} %`" if most < value <= 100.0 * most and not text.startswith("=") and "%" not in text else None
+        scope.error(
+            Code.OUT_OF_RANGE, f"`{key}` must be between {100.0 * least:g} % and {100.0 * most:g} %, found `{text}`", path, help=help,
+        )
+        return None
+    return value
+
+
+_BASE = re.compile(r"bd_materials:(.*)")
+
+
+def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | None:
+    """Density [kg/m^3] and colour of `bd_materials:NAME`; None where there is none (reported). Imports the library."""
+    match = _BASE.fullmatch(text.strip())
+    if match is None:
+        scope.error(
+            Code.REFERENCE, f"a library material is written `bd_materials:NAME`, found `{shortened(text)}`", path,
+            help=f"write for example `bd_materials:{shortened(text.strip().rpartition(':')[2]) or 'abs'}`",
+        )
+        return None
+    try:
+        import bd_materials
+    except ImportError:
+        scope.error(Code.LIBRARY, f"`{shortened(text)}` needs the package `bd_materials`, which is not installed", path,
+                    help="install it, or write `density` and `color` instead of `base`")
+        return None
+    name = match.group(1).strip()
+    try:
+        entry = bd_materials.resolve(name)
+    except ValueError:
+        scope.error(
+            Code.UNKNOWN_MATERIAL, f"the library bd_materials has no material `{shortened(name)}`", path,
+            help=did_you_mean(name, bd_materials.material_names(), what="library materials"),
+        )
+        return None
+    color = entry.color
+    return float(entry.material.density), color if isinstance(color, str) and re.fullmatch("#[0-9a-f]{6}", color) else None
+
+

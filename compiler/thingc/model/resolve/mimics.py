@@ -1,0 +1,165 @@
+"""Joints that follow another joint of their document: q = multiplier * q(joint) + offset, or a polynomial in q(joint)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from thingc.base.circles import MAX_CIRCLE, circle_words, circles
+from thingc.base.diagnostics import Code, Note
+from thingc.base.frozen import dataclass
+from thingc.base.source import Path
+from thingc.base.units import NUMBER, Dimension, Quantity
+from thingc.documents.spec.assembly import JointSpec, MimicSpec
+from thingc.model.resolve import references
+from thingc.model.resolve.coordinates import CoordinateName, Mimic
+from thingc.model.resolve.layers import Layers
+from thingc.model.resolve.model import Joint
+from thingc.model.resolve.repeats import Unrolled
+from thingc.model.resolve.table import Table
+
+
+def mimics(table: Table, items: Iterable[Unrolled[JointSpec]]) -> None:
+    """Add what mimics what to `table.joints`; a mimic that is wrong is reported and left out."""
+    items = list(items)
+    for item in items:
+        own = [joint for joint in table.joints.values() if joint is not None and joint.name.joint == item.name]
+        for number, joint in enumerate(own):
+            said = Layers(((item.spec, item.path),)).pick("mimic", None if len(own) == 1 else number)
+            mimic = _mimic(table, replace(item, name=joint.name), joint, *said) if said is not None else None
+            if mimic is not None:
+                table.joints[joint.name] = replace(joint, mimic=mimic)
+    _break_cycles(table, {name: item for item in items for name, joint in table.joints.items() if joint and joint.name.joint == item.name})
+
+
+def _mimic(table: Table, item: Unrolled[JointSpec], joint: Joint, spec: MimicSpec, path: Path) -> Mimic | None:
+    scope = item.scope
+    if not isinstance(spec, MimicSpec):
+        return None  # a list where there is one coordinate: reported
+    coordinate = joint.twist.coordinate if joint.twist is not None else None
+    if joint.kind.at_once:
+        scope.error(Code.MIMIC, f"joint `{joint.name.joint}` is a ball: it cannot mimic", path, key=True, help="take it out")
+        return None
+    if coordinate is None:
+        scope.error(
+            Code.MIMIC, f"joint `{item.name}` is {joint.kind.name} and does not move: it cannot mimic", path, key=True,
+            help="take it out", notes=scope.beside(f"it is {joint.kind.name} here", (*item.path, "type"), path),
+        )
+        return None
+    followed = _followed(table, item, spec, path)
+    if followed is None:
+        return None
+    name, notes = followed.name, [Note(message=f"`{followed.name}` is written here", span=followed.joint.origin[0])]
+    if spec.polynomial is not None:
+        return _polynomial(item, followed, coordinate, spec.polynomial, path, notes)
+    ratio = coordinate / followed.coordinate
+    what = f"`mimic.multiplier` of joint `{item.name}`"
+    if "multiplier" not in spec.model_fields_set and ratio != NUMBER:
+        scope.error(
+            Code.DIMENSION,
+            f"joint `{item.name}` and `{name}` differ in kind: `mimic` needs a `multiplier` that is {ratio.words}", path,
+            key=True,
+            help=f"write for example `multiplier: {ratio.example}`", notes=notes,
+        )
+        return None
+    raw = spec.multiplier
+    multiplier = scope.number(raw, (*path, "multiplier"), ratio, what, notes=notes)
+    if multiplier is not None and isinstance(raw, Quantity) and raw.value == 0.0:
+        scope.error(Code.MIMIC, f"{what} is 0: the joint would never move", (*path, "multiplier"), help="make it `type: fixed`")
+        return None
+    offset = scope.number(spec.offset, (*path, "offset"), coordinate, f"`mimic.offset` of joint `{item.name}`")
+    if multiplier is None or offset is None:
+        return None
+    return Mimic(joint=name, multiplier=multiplier, offset=offset, origin=scope.origin(path, key=True))
+
+
+def _polynomial(
+    item: Unrolled[JointSpec], followed: _Followed, coordinate: Dimension, written: Sequence[Any], path: Path, notes: list[Note],
+) -> Mimic | None:
+    """The k-th coefficient is that of q(joint)^k, in units of q / q(joint)^k."""
+    scope, place = item.scope, (*path, "polynomial")
+    values: list[float] = []
+    dimension = coordinate
+    for k, raw in enumerate(written):
+        what = f"the coefficient of q(`{followed.name}`)^{k} in the `polynomial` of joint `{item.name}`"
+        value = scope.number(raw, (*place, k), dimension, what, notes=notes)
+        if value is None:
+            return None
+        values.append(value)
+        dimension = dimension / followed.coordinate
+    if not any(values[1:]):
+        scope.error(
+            Code.MIMIC, f"the `polynomial` of joint `{item.name}` is a constant: the joint would never move", place,
+            help="make it `type: fixed`",
+        )
+        return None
+    offset, multiplier, *higher = values
+    return Mimic(joint=followed.name, multiplier=multiplier, offset=offset, higher=tuple(higher), origin=scope.origin(path, key=True))
+
+
+@dataclass(frozen=True, slots=True)
+class _Followed:
+    """A coordinate that may be followed: its name, its joint and what it is measured in."""
+
+    name: CoordinateName
+    joint: Joint
+    coordinate: Dimension
+
+
+def _followed(table: Table, item: Unrolled[JointSpec], spec: MimicSpec, path: Path) -> _Followed | None:
+    """What `mimic.joint` names; reported, and None, where that is nothing that can be followed."""
+    scope, place = item.scope, (*path, "joint")
+    said = CoordinateName(spec.joint)
+    parts = references.words(scope, said.joint, place)
+    if parts is None:
+        return None
+    name = CoordinateName(".".join(parts))
+    if said.number is not None:
+        name = name.numbered(said.number)
+    if name not in table.joints:
+        others = [one for one in table.joints if one != item.name]
+        hint = references.suggested(name, others, what="joints") if others else "there is no other joint in this document"
+        if len(parts) > 1:
+            scope.error(Code.MIMIC, f"`mimic.joint` names a joint of the same document, found `{name}`", place, help=hint)
+        elif not any(f"{name}_".startswith(prefix) for prefix in table.unbuilt_joints):
+            scope.error(Code.UNKNOWN_JOINT, f"this document has no joint `{name}`", place, help=hint)
+        return None
+    if name == item.name:
+        scope.error(Code.MIMIC, f"joint `{name}` cannot mimic itself", place, help="name the joint that it follows")
+        return None
+    other = table.joints[name]
+    if other is None:
+        return None
+    if other.kind.at_once:
+        scope.error(
+            Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`: `{name.joint}` is a ball, whose turn is no number", place,
+            notes=[Note(message=f"`{name.joint}` is written here", span=other.origin[0])],
+        )
+        return None
+    if other.twist is None:
+        scope.error(
+            Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`, which is {other.kind.name} and does not move", place,
+            notes=[Note(message=f"`{name}` is written here", span=other.origin[0])],
+        )
+        return None
+    return _Followed(name, other, other.twist.coordinate)
+
+
+def _break_cycles(table: Table, items: dict[str, Unrolled[JointSpec]]) -> None:
+    """Report every circle of mimics once, and take its mimics out."""
+    follows = {name: joint.mimic.joint for name, joint in table.joints.items() if joint is not None and joint.mimic is not None}
+    for circle in circles(follows, follows.get):
+        first = items[circle[0]]
+        first.scope.error(
+            Code.MIMIC, f"joints mimic each other in a circle: {circle_words(circle)}", (*first.path, "mimic", "joint"),
+            help="let one of them move by itself",
+            notes=[
+                Note(message=f"`{step}` mimics here", span=items[step].scope.span((*items[step].path, "mimic", "joint")))
+                for step in circle[1:MAX_CIRCLE]
+            ],
+        )
+        for step in circle:
+            joint = table.joints[step]
+            if joint is not None:
+                table.joints[step] = replace(joint, mimic=None)

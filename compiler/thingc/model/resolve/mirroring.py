@@ -1,0 +1,112 @@
+"""The mirror image of a nested document: every part of it mirrored, every placement and every motion reflected.
+
+With S the reflection in the frame of each component, D that in the frame of each mount (see `thingc.base.mirror`), what is mated by mounts A
+and B is there where
+
+    X'_PC = S X_PC S = (S X_PA D) (D Rz(turn) Tz(gap) X_J(q + offset) M D) inv(S X_CB D)
+
+and the middle is `Rz(pi - turn) Tz(gap) Rx(pi) X_J'(q + offset) Rx(pi) M`, X_J' being X_J with its slides negated: so turns stay what they
+are, about the axes of a frame that is upside down, and a joint at the same q is the mirror image. (Mounts that coincide are mated without
+M: then the middle is the same motion about -D axis, with slides along D axis.) Limits, poses, drives, what follows what
+and loops stay as they are written. What lies `at` X in a frame lies at `D X D`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from thingc.base.mirror import Mirror
+from thingc.base.pose import Vector
+from thingc.geometry.record import PartDefinition, with_mirror
+from thingc.model.resolve.link_definition import LinkDefinition
+from thingc.model.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Overrides, StatedValue
+
+AT_MOUNT = Mirror("y")
+"""The reflection D in the frame of a mount."""
+
+
+def mirrored(definition: AssemblyDefinition, axis: str) -> AssemblyDefinition:
+    """The mirror image of an assembly at the plane normal to `axis` of its frame; of one that is a mirror image along it what that
+    mirrors. Nothing in it may be mirrored along another axis (see `other_axis`)."""
+    return _mirrored(definition, axis, {})
+
+
+def other_axis(definition: AssemblyDefinition, axis: str) -> tuple[str, str] | None:
+    """A component (its path in dots) that is mirrored already, along another axis than this, and that axis; None where there is none."""
+    for component in definition.components:
+        inner = component.definition
+        if inner is None:
+            continue
+        if inner.mirror is not None and inner.mirror != axis:
+            return component.name, inner.mirror
+        below = other_axis(inner, axis) if isinstance(inner, AssemblyDefinition) else None
+        if below is not None:
+            return f"{component.name}.{below[0]}", below[1]
+    return None
+
+
+def _mirrored(definition: AssemblyDefinition, axis: str, met: dict[int, AssemblyDefinition]) -> AssemblyDefinition:
+    """The same, with those that have been worked out, so that equal definitions stay one object."""
+    if definition.plain is not None:
+        return definition.plain
+    if id(definition) not in met:
+        met[id(definition)] = replace(
+            definition, text=with_mirror(definition.text, axis), label=with_mirror(definition.label, axis), mirror=axis, plain=definition,
+            components=tuple(_component(one, axis, met) for one in definition.components),
+            joints=tuple(_joint(one) for one in definition.joints),
+        )
+    return met[id(definition)]
+
+
+def _component(one: Component, axis: str, met: dict[int, AssemblyDefinition]) -> Component:
+    mirror, definition, bom = Mirror(axis), one.definition, one.bom
+    if isinstance(definition, PartDefinition):
+        definition = definition.plain if definition.plain is not None else definition.mirrored(axis)
+        bom = replace(bom, number=None)  # that of the part is not the number of its image
+    elif isinstance(definition, LinkDefinition):
+        definition = definition.plain if definition.plain is not None else definition.mirrored(axis)
+    elif definition is not None:
+        definition = _mirrored(definition, axis, met)
+    return replace(
+        one, definition=definition, bom=bom, image_of=one, overrides=_overrides(one.overrides, mirror),
+        placement=_placement(one.placement) if one.placement is not None else None,
+        mounts={name: replace(mount, pose=mirror.mount(mount.pose)) for name, mount in one.mounts.items()},
+    )
+
+
+def _overrides(said: Overrides, mirror: Mirror) -> Overrides:
+    return replace(
+        said, com=_stated(said.com, mirror.signs), up=None if said.up is None else mirror.vector(said.up),
+        inertia=_stated(said.inertia, (1.0, 1.0, 1.0, *(mirror.signs[i] * mirror.signs[j] for i, j in ((0, 1), (0, 2), (1, 2))))),
+    )
+
+
+def _stated(value: StatedValue | None, signs: tuple[float, ...]) -> StatedValue | None:
+    if value is None:
+        return None
+    return replace(value, value=tuple(entry * sign + 0.0 for entry, sign in zip(value.value, signs, strict=True)))
+
+
+def _placement(placement: Attach | At) -> Attach | At:
+    if isinstance(placement, Attach):
+        return replace(placement, turn=math.pi - placement.turn)
+    return replace(placement, pose=AT_MOUNT.frame(placement.pose))
+
+
+def _joint(joint: Joint) -> Joint:
+    """The image of a joint, or of one of its coordinates."""
+    twist = joint.twist
+    if joint.axis is not None:
+        image = None if twist is None else replace(twist, angular=_turned(twist.angular), linear=AT_MOUNT.vector(twist.linear))
+        return replace(joint, axis=_turned(joint.axis), gap=-joint.gap, twist=image)
+    if twist is not None and any(twist.linear):
+        x, y, z = twist.linear
+        twist = replace(twist, linear=(-x + 0.0, -y + 0.0, -z + 0.0))
+    return replace(joint, turn=math.pi - joint.turn, twist=twist, mirrored=not joint.mirrored)
+
+
+def _turned(axis: Vector) -> Vector:
+    """About what the image of a mount turns by the same angle: `-D axis`."""
+    x, y, z = AT_MOUNT.vector(axis)
+    return (-x + 0.0, -y + 0.0, -z + 0.0)

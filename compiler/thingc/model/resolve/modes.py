@@ -1,0 +1,354 @@
+"""Modes: `extends` merged, names worked out, numbers in SI. Which link a root means is `graph`'s business."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from itertools import product
+from typing import cast
+
+from thingc.base.circles import MAX_CIRCLE, circle_words, circles
+from thingc.base.diagnostics import Code, Note
+from thingc.base.joints.bases import BaseType
+from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector
+from thingc.base.source import Origin, Path
+from thingc.base.units import ACCELERATION, FORCE, LENGTH, NUMBER, TIME, Quantity
+from thingc.documents.spec.modes import ModeSpec, StandsOn
+from thingc.model.resolve import references
+from thingc.model.resolve.coordinates import CoordinateName
+from thingc.model.resolve.layers import Layers
+from thingc.model.resolve.loops import cuts, holds
+from thingc.model.resolve.model import Hold, Mode, Reference
+from thingc.model.resolve.references import GLOB, suggested
+from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.standing import standing
+from thingc.model.resolve.table import Table
+
+MAX_EXTENDED = 20
+MAX_EXCLUDED = 100_000
+
+GRAVITY: Mapping[StandsOn, Vector] = {"floor": (0.0, 0.0, -9.81), "wall": (-9.81, 0.0, 0.0), "ceiling": (0.0, 0.0, 9.81)}
+"""Gravity [m/s^2] in the world frame by its word: what the robot stands on, clings to or hangs from."""
+
+
+def modes(table: Table, scope: Scope) -> tuple[Mode, ...]:
+    """The modes of the document, or the one that a document without modes has. One that is wrong is left out (reported)."""
+    spec = table.spec
+    if not spec.modes:
+        if table.base is None or any(doubt[:1] == ("modes",) for doubt in scope.doubts.paths):
+            return ()
+        origin = table.nodes[table.base].scope.origin(table.nodes[table.base].path, key=True)
+        return (Mode(
+            name="default", root=Reference(path=(table.base,), mount=None, origin=origin), base="fixed", at=NO_POSE,
+            gravity=GRAVITY["floor"], pose=None, poses=tuple(table.poses), actuators=None, exclude=(), adhesion=(), simulation={},
+            origin=origin, stated=False,
+        ),)
+    circular = _circular(scope, spec.modes)
+    made: list[Mode] = []
+    for name in spec.modes:
+        layers = _layers(scope, spec.modes, name, circular)
+        mode = _mode(table, scope, name, layers)
+        if mode is not None:
+            made.append(mode)
+    return tuple(made)
+
+
+def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
+    """The modes that extend themselves, each circle reported once."""
+    circular: set[str] = set()
+    for circle in circles(specs, lambda name: specs[name].extends if name in specs else None):
+        circular.update(circle)
+        several = len(circle) > 1
+        scope.error(
+            Code.EXTENDS_CYCLE,
+            f"modes extend each other in a circle: {circle_words(circle)}" if several else f"mode `{circle[0]}` extends itself",
+            ("modes", circle[0], "extends"), help="let one of them extend none" if several else "take `extends` out",
+            notes=[Note(message=f"`{step}` extends here", span=scope.span(("modes", step, "extends"))) for step in circle[1:MAX_CIRCLE]],
+        )
+    return circular
+
+
+def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[str]) -> Layers | None:
+    """The mode over what it extends; None where that cannot be told (reported)."""
+    items: list[tuple[ModeSpec, Path]] = []
+    step: str | None = name
+    while step is not None:
+        if step in circular:
+            return None
+        if len(items) == MAX_EXTENDED:
+            scope.error(
+                Code.TOO_MANY, f"mode `{name}` extends more than {MAX_EXTENDED} modes, one through the other",
+                ("modes", name, "extends"),
+            )
+            return None
+        if step not in specs:
+            if scope.doubts.at(("modes", step)) or scope.doubts.lacks("modes"):
+                return None
+            last = items[-1][1]
+            if len(items) == 1:
+                others = [one for one in specs if one != name]
+                scope.error(
+                    Code.UNKNOWN_MODE, f"there is no mode `{step}` to extend", (*last, "extends"),
+                    help=suggested(step, others, what="modes"),
+                )
+            return None
+        items.append((specs[step], ("modes", step)))
+        step = specs[step].extends
+    return Layers(tuple(items))
+
+
+def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode | None:
+    if layers is None:
+        return None
+    base = layers.pick("base")
+    kind: BaseType = base[0] if base else "fixed"
+    at, on_floor = _at(scope, name, layers)
+    gravity, gravity_origin = _gravity(scope, layers)
+    pose = _pose(table, scope, layers)
+    poses = _poses(table, scope, layers)
+    actuators = _actuators(table, scope, layers)
+    contacts = layers.sub("contacts")
+    exclude = _exclude(table, scope, contacts)
+    adhesion = _adhesion(table, scope, contacts)
+    stepped = layers.sub("simulation")
+    held, cut = holds(table, scope, layers), cuts(table, scope, layers)
+    stands = standing(table, scope, name, layers, kind)
+    if on_floor:
+        _check_holds_on_floor(scope, name, layers, held)
+    root = layers.pick("root")
+    if root is None:
+        if any(scope.doubts.touch(path) for _, path in layers.items):
+            return None
+        scope.error(
+            Code.NO_ROOT, f"mode `{name}` needs a `root`", ("modes", name), key=True,
+            help=f"write for example `root: {table.base or next(iter(table.nodes), 'plate')}`",
+        )
+        return None
+    reference = references.root(table, scope, *root)
+    if reference is None:
+        return None
+    return Mode(
+        name=name, root=reference, base=kind, at=at, gravity=gravity, pose=pose,
+        poses=((pose,) if pose else ()) + tuple(one for one in poses if one != pose), actuators=actuators, exclude=exclude,
+        adhesion=adhesion, simulation=simulation(scope, stepped), origin=scope.origin(("modes", name), key=True), holds=held, cut=cut,
+        on_floor=on_floor, standing=stands, step_origin=step_origin(scope, stepped), gravity_origin=gravity_origin,
+        worked_out=any(scope.works_out(path) for _, path in layers.items), at_in=_at_in(table, scope, layers, kind),
+    )
+
+
+def _at_in(table: Table, scope: Scope, layers: Layers, base: BaseType) -> dict[str, Pose]:
+    """The world side of the root in some poses."""
+    said, path = layers.pick("at_in") or ({}, ())
+    poses: dict[str, Pose] = {}
+    if said and base not in ("free", "held"):
+        scope.error(Code.STANDING, f"the base is `{base}`: it is at the same place in all poses", path, help="take `at_in` out")
+    for name, spec in said.items():
+        place = (*path, name)
+        pose = scope.pose(spec, place)
+        if name not in table.poses:
+            scope.error(Code.UNKNOWN_POSE, f"there is no pose `{name}`", place, key=True, help=suggested(name, table.poses, what="poses"))
+        elif pose is not None:
+            poses[name] = pose
+    return poses
+
+
+def _at(scope: Scope, name: str, layers: Layers) -> tuple[Pose, bool]:
+    """The world side of the root, and whether its height is left to the floor: `on: floor`, unless a nearer `xyz` has a height."""
+    at = layers.sub("at")
+    if not at:
+        return NO_POSE, False
+    zero = ((0, 0, 0), ())
+    on, xyz = at.pick("on"), at.pick("xyz") or zero
+    turn = next((layer for layer in at.items if layer[0].model_fields_set & {"rpy", "quat"}), None)
+    translation = scope.vector(xyz[0], xyz[1], LENGTH, "`xyz`") or NO_POSE.translation
+    rotation = scope.rotation(*turn) if turn is not None else None  # type: ignore[arg-type]
+    pose = Pose(rotation=rotation or IDENTITY, translation=translation)
+    if on is None:
+        return pose, False
+    x, y, z = pose.translation
+    order = [path for _, path in at.items]
+    own, other = order.index(on[1][:-1]), order.index(xyz[1][:-1]) if xyz is not zero else len(order)
+    if z != 0.0 and other < own:
+        return pose, False
+    if z != 0.0 and other == own:
+        scope.error(
+            Code.HEIGHT, f"mode `{name}` is `on: floor` and {Quantity(z, LENGTH)} above it: both say how high it is", (*xyz[1], 2),
+            help="write `0` for z, or take `on` out",
+        )
+    return replace(pose, translation=(x, y, 0.0)), True
+
+
+def _check_holds_on_floor(scope: Scope, name: str, layers: Layers, held: Sequence[Hold]) -> None:
+    """A hold at a place says how high the robot is, too."""
+    on = layers.sub("at").pick("on")
+    for hold in held:
+        if hold.pose is not None and on is not None:
+            mount = ".".join((*hold.mount.path, *((hold.mount.mount,) if hold.mount.mount else ())))
+            scope.error(
+                Code.HEIGHT, f"mode `{name}` is `on: floor` and holds `{mount}` at a place: both say how high it is",
+                ("modes", name, "hold"), span=hold.origin[0], help=f"write `{mount}: here`, or a height in `at`",
+                notes=[Note(message="`on: floor` is written here", span=scope.span(on[1]))],
+            )
+
+
+def _gravity(scope: Scope, layers: Layers) -> tuple[Vector, Origin]:
+    """Gravity, and where it is written in numbers (empty where it is not)."""
+    said = layers.pick("gravity")
+    if said is None:
+        return GRAVITY["floor"], ()
+    if isinstance(said[0], str):
+        return GRAVITY[cast("StandsOn", said[0])], ()
+    gravity = scope.vector(*said, ACCELERATION, "`gravity`")
+    return (GRAVITY["floor"], ()) if gravity is None else (gravity, scope.origin(said[1]))
+
+
+def _pose(table: Table, scope: Scope, layers: Layers) -> str | None:
+    said = layers.pick("pose")
+    if said is None:
+        return None
+    name, path = said
+    if name in table.poses:
+        return str(name)
+    if scope.doubts.lacks("poses"):
+        return None
+    scope.error(Code.UNKNOWN_POSE, f"there is no pose `{name}`", path, help=suggested(name, table.poses, what="poses"))
+    return None
+
+
+def _poses(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...]:
+    said = layers.pick("poses")
+    if said is None:
+        return tuple(table.poses)
+    names, path = said
+    poses: list[str] = []
+    for index, name in enumerate(names):
+        if name not in table.poses and scope.doubts.lacks("poses"):
+            continue
+        if name not in table.poses:
+            scope.error(
+                Code.UNKNOWN_POSE, f"there is no pose `{name}`", (*path, index),
+                help=suggested(name, table.poses, what="poses"),
+            )
+        elif name not in poses:
+            poses.append(name)
+    return tuple(poses)
+
+
+def _actuators(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...] | None:
+    """Paths (with `/`) of the driven joints that are present, in document order."""
+    said = layers.pick("actuators")
+    if said is None:
+        return None
+    return driven(table, scope, [(pattern, (*said[1], index)) for index, pattern in enumerate(said[0])])
+
+
+def driven(table: Table, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> tuple[str, ...]:
+    """Paths (with `/`) of the driven joints that names and patterns fit, in document order; `patterns` with their places."""
+    joints = dict(table.all_joints())
+    known = [name for name, joint in joints.items() if joint is not None and joint.drive is not None]
+    chosen: set[str] = set()
+    for pattern, at in patterns:
+        if pattern in joints:
+            joint = joints[CoordinateName(pattern)]
+            if joint is not None and joint.drive is None and "drive" not in joint.spans:  # a wrong one has been reported
+                scope.error(
+                    Code.DRIVE, f"joint `{pattern}` has no `drive`: it is no actuator", at, help="give the joint a `drive`",
+                    notes=[Note(message=f"`{pattern}` is written here", span=joint.origin[0])],
+                )
+            chosen.add(pattern)
+            continue
+        fitting = [name for name in known if fnmatchcase(name, pattern) or fnmatchcase(name.joint, pattern)]
+        chosen.update(fitting)
+        if fitting or table.unsure_joints():
+            continue
+        if GLOB.search(pattern):
+            scope.error(
+                Code.NO_MATCH, f"pattern `{pattern}` fits no driven joint", at,
+                help=suggested(pattern, known, what="driven joints"),
+            )
+        else:
+            scope.error(
+                Code.UNKNOWN_JOINT, f"there is no joint `{pattern}`", at,
+                help=suggested(pattern, known, what="driven joints"),
+            )
+    return tuple(name.path for name in known if name in chosen)
+
+
+def _exclude(table: Table, scope: Scope, contacts: Layers) -> tuple[tuple[Reference, Reference], ...]:
+    said = contacts.pick("exclude")
+    if said is None:
+        return ()
+    pairs: dict[frozenset[str], tuple[Reference, Reference]] = {}
+    for index, entry in enumerate(said[0]):
+        sides: list[list[str]] = []
+        for side, text in enumerate(entry):
+            sides.append(components_fitting(table, scope, text, (*said[1], index, side)))
+        origin = scope.origin((*said[1], index))
+        if len(pairs) + len(sides[0]) * len(sides[1]) > MAX_EXCLUDED:
+            scope.error(
+                Code.TOO_MANY, f"with this entry more than {MAX_EXCLUDED} pairs are excluded from contact", (*said[1], index),
+                help="write patterns that fit fewer components",
+            )
+            break
+        for first, second in product(*sides):
+            if first != second:
+                one, other = (
+                    Reference(path=tuple(name.split(".")), mount=None, origin=origin) for name in (first, second)
+                )
+                pairs.setdefault(frozenset((first, second)), (one, other))
+    return tuple(pairs.values())
+
+
+def components_fitting(table: Table, scope: Scope, text: str, path: Path) -> list[str]:
+    """The components that a name or pattern fits."""
+    if not GLOB.search(text):
+        component = references.component(table, scope, text, path)
+        return [".".join(component[0].path)] if component is not None else []
+    names = [name for name, _ in references.matching(table, text)]
+    if not names and not table.unbuilt:
+        scope.error(
+            Code.NO_MATCH, f"pattern `{text}` fits no component", path, help=suggested(text, table.nodes, what="components"),
+        )
+    return names
+
+
+def _adhesion(table: Table, scope: Scope, contacts: Layers) -> tuple[tuple[Reference, float], ...]:
+    """Force [N] per mount, key by key over what the mode extends."""
+    merged: dict[str, tuple[object, Path]] = {}
+    for model, path in reversed(contacts.items):
+        for text, raw in getattr(model, "adhesion", {}).items():
+            merged[text] = (raw, (*path, "adhesion", text))
+    forces: list[tuple[Reference, float]] = []
+    for text, (raw, path) in merged.items():
+        reference = references.shown_mount(table, scope, text, path, key=True)
+        force = scope.number(raw, path, FORCE, "an adhesion", above=0.0)
+        if reference is not None and force is not None:
+            forces.append((reference, force))
+    return tuple(forces)
+
+
+def simulation(scope: Scope, layers: Layers) -> dict[str, float | str]:
+    """`timestep` [s], `integrator`, `cone`, `impratio`, as far as they are written."""
+    settings: dict[str, float | str] = {}
+    timestep = layers.pick("timestep")
+    if timestep is not None:
+        value = scope.number(*timestep, TIME, "`timestep`", above=0.0)
+        if value is not None:
+            settings["timestep"] = value
+    for key in ("integrator", "cone"):
+        said = layers.pick(key)
+        if said is not None:
+            settings[key] = str(said[0])
+    impratio = layers.pick("impratio")
+    if impratio is not None:
+        value = scope.number(*impratio, NUMBER, "`impratio`", above=0.0)
+        if value is not None:
+            settings["impratio"] = value
+    return settings
+
+
+def step_origin(scope: Scope, layers: Layers) -> Origin:
+    """Where `timestep` is written; empty where it is not."""
+    said = layers.pick("timestep")
+    return scope.origin(said[1]) if said is not None else ()

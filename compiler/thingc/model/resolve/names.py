@@ -1,0 +1,62 @@
+"""What files call things of a document: `names:`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from thingc.base.diagnostics import Code
+from thingc.base.file_names import TAKEN
+from thingc.base.source import Path
+from thingc.model.resolve.coordinates import CoordinateName
+from thingc.model.resolve.model import NamedKind, NameInFiles
+from thingc.model.resolve.references import suggested
+from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.table import Table
+
+
+def names(table: Table, scope: Scope) -> Iterator[NameInFiles]:
+    """Those that the document gives, in its order. One for what is not there, or two of one name, are left out (reported)."""
+    spec = table.spec.names
+    if spec is None:
+        return
+    joints = [name for name, joint in table.joints.items() if joint is None or joint.twist is not None]
+    driven: list[str] = [name for name, joint in table.joints.items() if joint is None or joint.drive is not None]
+    driven += [name for name, tendon in table.spec.tendons.items() if tendon.drive is not None]
+    tied = [name.joint for name, joint in table.joints.items() if joint is None or joint.mimic is not None or joint.loop]
+    sensors = table.spec.sensors
+    of_kind: tuple[tuple[NamedKind, dict[str, str], Iterable[str], str, Code], ...] = (
+        ("components", spec.components, table.nodes, "component", Code.UNKNOWN_COMPONENT),
+        ("mounts", spec.mounts, table.exports, "exported mount", Code.UNKNOWN_MOUNT),
+        ("joints", spec.joints, [*dict.fromkeys(name.joint for name in joints), *TAKEN["joints"]], "joint that moves", Code.UNKNOWN_JOINT),
+        ("tendons", spec.tendons, table.spec.tendons, "tendon", Code.UNKNOWN_TENDON),
+        ("actuators", spec.actuators, driven, "driven joint or tendon", Code.UNKNOWN_JOINT),
+        ("equalities", spec.equalities, tied, "joint that mimics or closes a loop", Code.UNKNOWN_JOINT),
+        ("sensors", spec.sensors, sensors, "sensor", Code.REFERENCE),
+        ("poses", spec.poses, table.poses, "pose", Code.UNKNOWN_POSE),
+    )
+    unsure = table.unbuilt or table.unbuilt_joints
+    for kind, given, sound, what, code in of_kind:
+        sections = {"actuators": ("joints", "tendons"), "equalities": ("joints",)}.get(kind, (kind,))
+        known = [*sound, *(name for section in sections for name in table.doubts.names(section))]
+        owners: dict[str, str] = {}
+        for own, name in given.items():
+            place: Path = ("names", kind, own)
+            if (own.partition(":")[0] if kind == "sensors" else own) not in known:
+                if not unsure and not any(map(table.doubts.lacks, sections)):
+                    help = suggested(own, known, what=what.replace("joint or", "joints or") + "s")
+                    scope.error(code, f"this document has no {what} `{own}`", place, key=True, help=help)
+                continue
+            if name in TAKEN.get(kind, ()):
+                scope.error(
+                    Code.RESERVED_NAME, f"`{name}` means something in files and cannot name `{own}`", place, help="choose another name",
+                )
+                continue
+            other = owners.setdefault(name, own)
+            if other != own:
+                scope.error(
+                    Code.SAME_NAME, f"files would call both `{other}` and `{own}` `{name}`", place, help="give one of them another name",
+                    notes=scope.beside(f"`{other}` is called so here", ("names", kind, other), place),
+                )
+                continue
+            path = CoordinateName(own).path if kind == "actuators" else own
+            yield NameInFiles(kind=kind, own=path, name=name, origin=scope.origin(place))

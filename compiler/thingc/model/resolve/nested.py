@@ -1,0 +1,51 @@
+"""What a model is made of, all the way down."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from thingc.geometry.record import PartDefinition
+from thingc.model.resolve.model import AssemblyDefinition
+
+
+def assemblies_of(model: AssemblyDefinition) -> Iterator[AssemblyDefinition]:
+    """The model and the definitions nested in it, each once, the top first."""
+    waiting, met = [model], {id(model)}
+    for definition in waiting:
+        yield definition
+        for component in definition.components:
+            inner = component.definition
+            if isinstance(inner, AssemblyDefinition) and id(inner) not in met:
+                met.add(id(inner))
+                waiting.append(inner)
+
+
+def decomposed(model: AssemblyDefinition) -> frozenset[str]:
+    """The texts of the part definitions of which some component asks for `collision: decompose`."""
+    return frozenset(
+        one.definition.text for definition in assemblies_of(model) for one in definition.components
+        if isinstance(one.definition, PartDefinition) and one.overrides.collision == "decompose"
+    )
+
+
+def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:
+    """Every part definition of a model once, in document order (nested documents where they first stand)."""
+    definitions: dict[PartDefinition, None] = {}
+    seen: set[tuple[str, object, str | None]] = set()
+    waiting = [iter(model.components)]
+    while waiting:
+        component = next(waiting[-1], None)
+        if component is None:
+            waiting.pop()
+            continue
+        definition = component.definition
+        if isinstance(definition, PartDefinition):
+            definitions.setdefault(definition)
+            if component.image_of is not None and definition.plain is not None:  # it may be its own image
+                definitions.setdefault(definition.plain)
+        elif isinstance(definition, AssemblyDefinition):
+            key = (definition.document, definition.parameters, definition.mirror)
+            if key not in seen:
+                seen.add(key)
+                waiting.append(iter(definition.components))
+    return tuple(definitions)

@@ -1,0 +1,149 @@
+"""What a document says about one component on top of what its part says: mass, material, collision, BOM and the rest."""
+
+from __future__ import annotations
+
+from thingc.base.diagnostics import Code
+from thingc.base.inertia import HEAVIEST, LARGEST_MOMENT
+from thingc.base.pose import NO_POSE, Vector
+from thingc.base.source import Path
+from thingc.base.summing import hypot
+from thingc.base.typos import did_you_mean
+from thingc.base.units import INERTIA, LENGTH, MASS, NUMBER
+from thingc.documents.spec.stated_masses import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
+from thingc.model.resolve.layers import Layers
+from thingc.model.resolve.materials import process
+from thingc.model.resolve.model import BomEntry, ExtraMount, Material, Overrides, StatedValue
+from thingc.model.resolve.references import ORIGIN
+from thingc.model.resolve.repeats import check_names
+from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.table import Node
+
+NONE_SAID = Overrides()
+NO_BOM = BomEntry()
+
+_MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+
+_OF_PARTS = ("material", "mass", "com", "inertia", "collision", "visual", "process", "print", "bom")
+"""Keys that only a part or a frame has a use for."""
+
+
+def refuse_on_assembly(node: Node) -> None:
+    """Report overrides that are written on a nested assembly: they would not say which of its components they mean."""
+    for key in _OF_PARTS:
+        if key in node.spec.model_fields_set and getattr(node.spec, key) is not None:
+            node.scope.error(
+                Code.OVERRIDE, f"`{key}` cannot be set on the nested assembly `{node.name}`", (*node.path, key), key=True,
+                help="write it on a component of the nested document; a parameter of it may carry the value",
+                notes=node.scope.beside(f"`{node.name}` is an assembly here", (*node.path, "assembly"), (*node.path, key)),
+            )
+
+
+def overrides(scope: Scope, layers: Layers) -> Overrides:
+    """Everything but material and BOM, key by key from the layers; keys that are wrong are reported and left out."""
+    mass, com, inertia = _mass(scope, layers), _com(scope, layers), _inertia(scope, layers)
+    collision, visual = layers.pick("collision"), layers.pick("visual")
+    made, up = layers.sub("process"), _up(scope, layers)
+    if all(one is None for one in (mass, com, inertia, collision, visual, up)) and not made:
+        return NONE_SAID
+    return Overrides(
+        mass=mass, com=com, inertia=inertia, collision=collision[0] if collision else "hull",
+        visual=visual[0] if visual else True,
+        process=process(scope, made) if made else None, up=up,
+    )
+
+
+def _mass(scope: Scope, layers: Layers) -> StatedValue | None:
+    said = layers.pick("mass")
+    if said is None:
+        return None
+    raw, path = said
+    source, at = (raw.source, (*path, "value")) if isinstance(raw, StatedMass) else ("stated", path)
+    value = scope.number(raw.value if isinstance(raw, StatedMass) else raw, at, MASS, "the mass", above=0.0, most=HEAVIEST)
+    # Of a wrong one a stand-in stays, so that no later pass says that there is none.
+    return StatedValue(value=(1.0 if value is None else value,), source=source, origin=scope.origin(path), stand_in=value is None)
+
+
+def _com(scope: Scope, layers: Layers) -> StatedValue | None:
+    said = layers.pick("com")
+    if said is None:
+        return None
+    raw, path = said
+    source, at = (raw.source, (*path, "value")) if isinstance(raw, StatedCentre) else ("stated", path)
+    value = scope.vector(raw.value if isinstance(raw, StatedCentre) else raw, at, LENGTH, "the centre of mass")
+    return None if value is None else StatedValue(value=value, source=source, origin=scope.origin(path))
+
+
+def _inertia(scope: Scope, layers: Layers) -> StatedValue | None:
+    said = layers.pick("inertia")
+    if said is None:
+        return None
+    raw, path = said
+    source, at = (raw.source, (*path, "value")) if isinstance(raw, StatedInertia) else ("stated", path)
+    matrix: InertiaMatrix = raw.value if isinstance(raw, StatedInertia) else raw
+    values = [
+        scope.number(getattr(matrix, key), (*at, key), INERTIA, f"`{key}`", least=-LARGEST_MOMENT, most=LARGEST_MOMENT) for key in _MOMENTS
+    ]
+    sound = tuple(value for value in values if value is not None)
+    return StatedValue(value=sound, source=source, origin=scope.origin(path)) if len(sound) == len(_MOMENTS) else None
+
+
+def _up(scope: Scope, layers: Layers) -> Vector | None:
+    said = layers.sub("print").pick("up")
+    if said is None:
+        return None
+    raw, path = said
+    x, y, z = (scope.number(part, (*path, index), NUMBER, "a part of `up`") for index, part in enumerate(raw))
+    if x is None or y is None or z is None:
+        return None
+    length = hypot(x, y, z)
+    if not length > 0.0:
+        scope.error(Code.OUT_OF_RANGE, "`up` must have a direction, found `0 0 0`", path, help="write for example `up: [0, 0, 1]`")
+        return None
+    return x / length + 0.0, y / length + 0.0, z / length + 0.0
+
+
+def bom(layers: Layers) -> BomEntry:
+    """The line of the bill of materials."""
+    lines = layers.sub("bom")
+    if not lines:
+        return NO_BOM
+    number, supplier, cost, make = (lines.pick(key) for key in ("number", "supplier", "cost", "make"))
+    return BomEntry(
+        number=number[0] if number else None, supplier=supplier[0] if supplier else None, cost=cost[0] if cost else None,
+        make=make[0] if make else None,
+    )
+
+
+def material(scope: Scope, layers: Layers, known: dict[str, Material | None], *, unreadable: bool) -> Material | None:
+    """The material that the document names, or None; an unknown one is reported unless a material document was unreadable."""
+    said = layers.pick("material")
+    if said is None:
+        return None
+    name, path = said
+    if name in known:
+        return known[name]
+    if not unreadable:
+        help = did_you_mean(name, known, what="materials")
+        if not known:
+            help = "list a document of materials: `materials: [materials.yaml]`"
+        scope.error(Code.UNKNOWN_MATERIAL, f"no material `{name}` is in scope", path, help=help)
+    # A stand-in with a density, so that no later pass says that the component has none.
+    return Material(
+        name=name, density=1000.0, color=None, slide=None, torsion=None, roll=None, process=None, origin=scope.origin(path),
+    )
+
+
+def extra_mounts(node: Node) -> dict[str, ExtraMount]:
+    """The mounts that the document adds. One whose place is wrong is reported, and stays at the component's origin; one of a reserved name
+    is reported, and stays, so that it is known where it is used."""
+    scope = node.scope
+    path: Path = (*node.path, "mounts")
+    check_names(scope, [(name, (*path, name), "a mount") for name in node.spec.mounts])
+    mounts: dict[str, ExtraMount] = {}
+    for name, spec in node.spec.mounts.items():
+        if name == ORIGIN:  # every component has it, as it is
+            continue
+        at = (*path, name)
+        pose = scope.pose(spec, at)
+        mounts[name] = ExtraMount(pose=pose or NO_POSE, interface=spec.interface, origin=scope.origin(at, key=True))
+    return mounts

@@ -1,0 +1,369 @@
+"""Parameters of an assembly document: values, expressions in any order, bounds, and what a parent or `-p` sets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.circles import MAX_CIRCLE, circle_words
+from thingc.base.diagnostics import Code, Note, Report
+from thingc.base.source import Document, Path
+from thingc.base.typos import did_you_mean
+from thingc.base.units import NUMBER, Quantity, UnitError, parse_quantity, shortened
+from thingc.documents.expressions import Expression, ExpressionError, ExpressionValue, kind_of, parse_expression, plain, words_of
+from thingc.documents.load.text import forbidden
+from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
+from thingc.documents.spec.doubts import Doubts
+from thingc.geometry.record import Value
+from thingc.model.resolve.scope import Scope, dimension_message
+from thingc.model.resolve.table import Context, Declared
+
+if TYPE_CHECKING:
+    from thingc.documents.load import Documents
+    from thingc.documents.spec import Specs
+    from thingc.documents.workspace import Workspace
+
+Complain = Callable[..., None]
+"""`complain(name, code, message, help=None, notes=())`: reports where a value was set."""
+
+
+def declared(context: Context, document: Document, spec: AssemblySpec) -> Declared:
+    """The document's own values, worked out once per run; what is wrong with them is reported then."""
+    known = context.declared.get(document.relative)
+    if known is None:
+        values, broken = worked_out(document, spec, {}, context.report, context.doubts(document))
+        outside = check_bounds(context.scope(document, values, frozenset(broken)), spec, values)
+        known = Declared(values=values, broken=frozenset(broken | outside))
+        context.declared[document.relative] = known
+    return known
+
+
+def worked_out(
+    document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression], report: Report, doubts: Doubts,
+) -> tuple[dict[str, ExpressionValue], set[str]]:
+    """The value of every parameter with `given` in place of the document's own, and the names that were wrong.
+
+    Expressions may use each other in any order; a circle is reported as its chain, with a place for each step.
+    """
+    values: dict[str, ExpressionValue] = {}
+    broken: set[str] = {name for name in spec.parameters if name not in given and doubts.touch(("parameters", name))}
+
+    def own(name: str) -> tuple[Any, Path]:
+        entry = spec.parameters[name]
+        if name in given:
+            return given[name], ("parameters", name)
+        if isinstance(entry, ParameterSpec):
+            return entry.value, ("parameters", name, "value")
+        return entry, ("parameters", name)
+
+    def work_out(name: str) -> None:
+        raw, path = own(name)
+        names: Mapping[str, ExpressionValue] = values  # every parameter that it uses is there, or broken
+        if isinstance(raw, Expression) and any(use.name not in spec.parameters for use in raw.names):
+            names = {other: values.get(other, False) for other in spec.parameters if other != name}  # to be suggested for the unknown name
+        scope = Scope(document=document, report=report, names=names, broken=broken, doubts=doubts)
+        value = scope.value(raw, path)
+        if value is None:
+            broken.add(name)
+        else:
+            values[name] = value
+
+    for first in spec.parameters:
+        open_: dict[str, Iterator[str]] = {first: _used(own(first)[0], spec)}  # a stack, so that long chains need no deep one
+        while open_:
+            name, uses = next(reversed(open_.items()))
+            use = next((use for use in uses if use not in values and use not in broken), None)
+            if use in open_:
+                chain = list(open_)[list(open_).index(use):]
+                _report_cycle(document, spec, chain, {step: own(step)[1] for step in chain}, report)
+                broken.update(chain)
+            elif use is not None:
+                open_[use] = _used(own(use)[0], spec)
+            else:
+                del open_[name]
+                if name not in values and name not in broken:
+                    work_out(name)
+    return {name: values[name] for name in spec.parameters if name in values}, broken
+
+
+def _used(raw: Any, spec: AssemblySpec) -> Iterator[str]:
+    """The parameters that a value refers to."""
+    return iter([use.name for use in raw.names if use.name in spec.parameters] if isinstance(raw, Expression) else [])
+
+
+def _report_cycle(document: Document, spec: AssemblySpec, chain: list[str], places: Mapping[str, Path], report: Report) -> None:
+    order = {name: number for number, name in enumerate(spec.parameters)}
+    start = chain.index(min(chain, key=order.__getitem__))
+    turned = chain[start:] + chain[:start]
+    shown = circle_words(turned)
+    several = len(chain) > 1
+    message = f"parameters depend on each other in a circle: {shown}" if several else f"parameter `{chain[0]}` depends on itself"
+    report.add(
+        Code.PARAMETER_CYCLE, message, document.span(places[turned[0]]), path=f"parameters.{turned[0]}",
+        help="give one of them a value of its own" if several else "give it a value of its own",
+        notes=[Note(message=f"`{step}` is set here", span=document.span(places[step])) for step in turned[1:MAX_CIRCLE]],
+    )
+
+
+def canonical(values: Mapping[str, ExpressionValue]) -> tuple[tuple[str, Value], ...]:
+    """Parameters sorted by name: SI floats, whole numbers as ints, flags and texts as they are."""
+    return tuple((name, plain(values[name])) for name in sorted(values))
+
+
+def fitting(
+    context: Context, document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue], what: str, complain: Complain,
+    names: Collection[str] = (),
+) -> dict[str, ExpressionValue]:
+    """Those of the values somebody sets that fit their parameters: known, of the same dimension, within the bounds.
+
+    `names` are those that an expression may use where they are set."""
+    table = declared(context, document, spec)
+    scope = context.scope(document, table.values, table.broken)
+    sound: dict[str, ExpressionValue] = {}
+    for name, value in given.items():
+        if name not in spec.parameters:
+            if context.doubts(document).lacks("parameters"):
+                continue
+            complain(
+                name, Code.UNKNOWN_PARAMETER, f"{what} has no parameter `{name}`",
+                help=did_you_mean(name, spec.parameters, what="parameters"),
+                notes=[Note(message=f"{what} is defined here", span=document.span(("name",)))],
+            )
+            continue
+        own = table.values.get(name)
+        if own is None:
+            continue
+        note = [Note(message=f"`{name}` is declared here", span=document.span(("parameters", name), key=True))]
+        if not _same_kind(own, value, scope, spec, name):
+            _complain_kind(name, own, value, what, complain, note, names)
+            continue
+        if _within(scope, spec, name, value, complain):
+            sound[name] = value
+    return sound
+
+
+class AssemblyParameters:
+    """The parameters of an assembly, for whoever sets them from outside: the `name` of the assembly, and their own `values` (without those
+    that are wrong, which is said when the assembly is resolved)."""
+
+    def __init__(self, documents: Documents, specs: Specs, workspace: Workspace) -> None:
+        spec = specs[documents.root.relative]
+        assert isinstance(spec, AssemblySpec)
+        self._spec = spec
+        self._context = Context(documents=documents, specs=specs, workspace=workspace, schemas={}, report=Report())
+        self.name = spec.name
+        self.values = declared(self._context, documents.root, spec).values
+
+    def given(self, texts: Mapping[str, str]) -> dict[str, ExpressionValue]:
+        """The values of all where some are set by texts, as `-p` takes them; without those that are wrong."""
+        root, context = self._context.documents.root, replace(self._context, report=Report())
+        sound = from_command_line(context, root, self._spec, texts)
+        values, _ = worked_out(root, self._spec, sound, Report(), context.doubts(root))
+        return {name: value for name, value in values.items() if name in sound or name not in texts}
+
+    def fitting(self, name: str, value: ExpressionValue, complain: Complain) -> ExpressionValue | None:
+        """A value for a parameter; None where it does not fit (said by `complain`), or where the assembly's own is wrong."""
+        return fitting(self._context, self._context.documents.root, self._spec, {name: value}, f"`{self.name}`", complain).get(name)
+
+
+def _same_kind(own: ExpressionValue, value: ExpressionValue, scope: Scope, spec: AssemblySpec, name: str) -> bool:
+    if not isinstance(own, Quantity) or not isinstance(value, Quantity):
+        return type(own) is type(value)
+    if own.value == 0.0 and own.dimension == NUMBER:
+        return any(value.fits(bound.dimension) for bound in _bounds(scope, spec, name).values()) or value.dimension == NUMBER
+    return value.fits(own.dimension)
+
+
+def _complain_kind(
+    name: str, own: ExpressionValue, value: ExpressionValue, what: str, complain: Complain, notes: list[Note], names: Collection[str],
+) -> None:
+    label = f"parameter `{name}` of {what}"
+    if isinstance(own, Quantity):
+        message, help = dimension_message(value, (own.dimension,), label, None, names)
+        if own.dimension == NUMBER and own.value == 0.0 and isinstance(value, Quantity):
+            help = f"its own value is a bare 0: write `0 {value.dimension.example.partition(' ')[2]}` there"
+        complain(name, Code.DIMENSION, message, help=help, notes=notes)
+    else:
+        wanted = "`true` or `false`" if isinstance(own, bool) else "a text"
+        complain(
+            name, Code.VALUE_KIND, f"{label} is {wanted}, found {kind_of(value)} (`{shortened(words_of(value))}`)", notes=notes,
+        )
+
+
+def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
+    entry = spec.parameters[name]
+    bounds: dict[str, Quantity] = {}
+    if isinstance(entry, ParameterSpec):
+        for key in ("min", "max"):
+            raw = getattr(entry, key)
+            bound = scope.value(raw, ("parameters", name, key)) if raw is not None else None
+            if isinstance(bound, Quantity):
+                bounds[key] = bound
+    return bounds
+
+
+def _within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionValue, complain: Complain) -> bool:
+    """Whether a value that somebody sets lies within its parameter's bounds."""
+    if not isinstance(value, Quantity):
+        return True
+    for key, bound in _bounds(scope, spec, name).items():
+        if bound.fits(value.dimension) and _beyond(key, value, bound):
+            rule = "at least" if key == "min" else "at most"
+            complain(
+                name, Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule} {bound}, found `{value}`",
+                notes=[Note(message="the bound is set here", span=scope.span(("parameters", name, key)))],
+            )
+            return False
+    return True
+
+
+def _beyond(key: str, value: Quantity, bound: Quantity) -> bool:
+    return value.value < bound.value if key == "min" else value.value > bound.value
+
+
+def check_bounds(scope: Scope, spec: AssemblySpec, names: Iterable[str]) -> set[str]:
+    """Report bounds that are none, and values of the document's own (given in `scope`) that lie beyond theirs.
+
+    Returns the names of those values: what uses them need not be looked at.
+    """
+    outside: set[str] = set()
+    for name in names:
+        entry = spec.parameters[name]
+        if isinstance(entry, ParameterSpec) and (entry.min is not None or entry.max is not None):
+            before = len(scope.report.diagnostics)
+            _own_within(scope, spec, name, scope.names[name])
+            if len(scope.report.diagnostics) > before:
+                outside.add(name)
+    return outside
+
+
+def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionValue) -> None:
+    path: Path = ("parameters", name)
+    entry = spec.parameters[name]
+    own = list(_bounds(scope, spec, name).values())
+    if own and (isinstance(value, str) or (isinstance(value, Quantity) and len(own) == 2)) and not any(
+        isinstance(value, Quantity) and (bound.fits(value.dimension) or value.fits(bound.dimension)) for bound in own
+    ) and own[0].fits(own[-1].dimension):
+        at = (*path, "value")
+        message, help = dimension_message(value, (own[0].dimension,), f"the value of parameter `{name}`", scope.written(at))
+        bounded = "min" if isinstance(entry, ParameterSpec) and entry.min is not None else "max"
+        note = Note(message="as its bound is", span=scope.span((*path, bounded)))
+        scope.error(Code.DIMENSION, message, at, help=help, notes=[note])
+        return
+    if not isinstance(value, Quantity):
+        key = "min" if isinstance(entry, ParameterSpec) and entry.min is not None else "max"
+        scope.error(
+            Code.VALUE_KIND, f"`{key}` belongs to a parameter with a number; `{name}` is {kind_of(value)}", (*path, key),
+            help="take it out", key=True, notes=scope.beside(f"`{name}` is set here", (*path, "value"), (*path, key)),
+        )
+        return
+    bounds = _bounds(scope, spec, name)
+    for key in ("min", "max"):
+        raw = getattr(entry, key) if isinstance(entry, ParameterSpec) else None
+        bound = scope.value(raw, (*path, key)) if raw is not None else None
+        if bound is not None and not isinstance(bound, Quantity):
+            at = (*path, key)
+            message, help = dimension_message(bound, (value.dimension,), f"`{key}` of parameter `{name}`", scope.written(at))
+            scope.error(Code.VALUE_KIND, message, at, help=help, notes=scope.beside(f"`{name}` is set here", (*path, "value"), at))
+    for key, bound in list(bounds.items()):
+        if not bound.fits(value.dimension) and not value.fits(bound.dimension):
+            at = (*path, key)
+            beside = scope.beside(f"`{name}` is set here", (*path, "value"), at)
+            scope.wrong_dimension(bound, (value.dimension,), f"`{key}` of parameter `{name}`", at, beside)
+            del bounds[key]
+    if len(bounds) == 2 and bounds["min"].value > bounds["max"].value:
+        scope.error(
+            Code.OUT_OF_RANGE, f"`min` of parameter `{name}` is above its `max`: {bounds['min']} > {bounds['max']}",
+            (*path, "min"),
+            help="swap them", notes=[Note(message="`max` is set here", span=scope.span((*path, "max")))],
+        )
+        return
+    for key, bound in bounds.items():
+        if _beyond(key, value, bound):
+            rule = "at least" if key == "min" else "at most"
+            scope.error(
+                Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule} {bound}, found {scope.shown(value, (*path, 'value'))}",
+                (*path, "value"), notes=[Note(message="the bound is set here", span=scope.span((*path, key)))],
+            )
+
+
+def from_command_line(
+    context: Context, document: Document, spec: AssemblySpec, texts: Mapping[str, str],
+) -> dict[str, ExpressionValue | Expression]:
+    """The values of `-p NAME=VALUE`, read as the document would read them. What is wrong has no place, but a clear name."""
+    report = context.report
+
+    def complain(name: str, code: Code, message: str, *, help: str | None = None, notes: object = ()) -> None:
+        del code  # a bad -p is one code, whatever is wrong with it: the command line's exit status depends on it
+        report.add(Code.PARAMETER_OPTION, message, None, help=help, path=f"-p {name}", notes=notes)  # type: ignore[arg-type]
+
+    given, expressions = _as_written(context, document, spec, texts, complain)
+    sound: dict[str, ExpressionValue | Expression] = dict(fitting(context, document, spec, given, f"`{spec.name}`", complain))
+    if not expressions:
+        return sound
+    # What they come to depends on the other options: work everything out quietly, then judge the results.
+    quiet = Report()
+    known = {name: e for name, e in expressions.items() if name in spec.parameters}
+    values, _ = worked_out(document, spec, {**sound, **known}, quiet, context.doubts(document))
+    for name, expression in expressions.items():
+        if name in known and name not in values:
+            fault = quiet.diagnostics[0] if quiet.diagnostics else None
+            if fault is None and context.doubts(document):
+                continue
+            complain(
+                name, Code.PARAMETER_OPTION, fault.message if fault else f"`{shortened(expression.text)}` cannot be worked out",
+                help=fault.help if fault else None,
+            )
+            continue
+        sound.update(fitting(context, document, spec, {name: values.get(name, False)}, f"`{spec.name}`", complain))
+    return sound
+
+
+def _as_written(
+    context: Context, document: Document, spec: AssemblySpec, texts: Mapping[str, str], complain: Complain,
+) -> tuple[dict[str, ExpressionValue], dict[str, Expression]]:
+    """Texts of the command line as values and as expressions; those that are neither are complained of."""
+    table = declared(context, document, spec)
+    given: dict[str, ExpressionValue] = {}
+    expressions: dict[str, Expression] = {}
+    for name, text in texts.items():
+        if (bad := forbidden(text)) is not None:
+            complain(name, Code.PARAMETER_OPTION, f"parameter `{name}`: {bad[1]}", help="take it out")
+            continue
+        try:
+            value = _read(text, table.values.get(name))
+        except (UnitError, ExpressionError) as error:
+            complain(name, Code.PARAMETER_OPTION, f"parameter `{name}`: {error.message}", help=error.help)
+            continue
+        if isinstance(value, Expression):
+            unknown = next((use.name for use in value.names if use.name not in spec.parameters), None)
+            if unknown is not None and context.doubts(document).lacks("parameters"):
+                continue
+            if unknown is not None:
+                complain(
+                    name, Code.PARAMETER_OPTION, f"unknown name `{unknown}` in `{shortened(text)}`",
+                    help=did_you_mean(unknown, spec.parameters, what="parameters"),
+                )
+                continue
+            expressions[name] = value
+        else:
+            given[name] = value
+    return given, expressions
+
+
+def _read(text: str, own: ExpressionValue | None) -> ExpressionValue | Expression:
+    """A text of the command line as a document would read it, where the parameter's own value is `own`."""
+    stripped = text.strip()
+    if stripped.startswith("="):
+        return parse_expression(stripped)
+    if isinstance(own, str):
+        return text
+    if stripped in ("true", "false"):
+        return stripped == "true"
+    if isinstance(own, Quantity):
+        return parse_quantity(stripped)
+    try:
+        return parse_quantity(stripped)
+    except UnitError:
+        return text

@@ -1,0 +1,314 @@
+"""Part definitions: parameters checked against the part's schema, and parts that are files."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Collection, Mapping
+
+from thingc.base.brief import counted
+from thingc.base.diagnostics import MAX_FAULTS, Code, Note
+from thingc.base.shown import quoted
+from thingc.base.source import Path, Span, line_of
+from thingc.base.typos import did_you_mean, near_hint, nearest
+from thingc.base.units import NUMBER, Quantity, shortened
+from thingc.documents.expressions import ExpressionValue, kind_of, words_of
+from thingc.documents.load.paths import PART_SUFFIXES, named
+from thingc.documents.workspace import DEFAULT_PARTS
+from thingc.geometry.record import (
+    DIMENSIONS,
+    FILE_UNIT,
+    WHOLE,
+    FailureKind,
+    ParameterSchema,
+    PartDefinition,
+    PartFailure,
+    PartSchema,
+    Value,
+    definition_text,
+)
+from thingc.model.resolve.scope import Enough, Scope, dimension_message
+from thingc.model.resolve.table import Context, Node
+
+_FAILURES: Mapping[FailureKind, Code] = {
+    "missing": Code.PART_MISSING, "refused": Code.PART_REFUSED, "raised": Code.PART_RAISED, "hung": Code.PART_HUNG,
+    "crashed": Code.PART_CRASHED, "trespassed": Code.PART_WRITES, "swarmed": Code.PART_SWARMED, "starved": Code.PART_STARVED,
+    "empty": Code.PART_EMPTY, "invalid": Code.PART_INVALID, "resultless": Code.NO_RESULT, "stale": Code.LOCK_STALE,
+    "unlocked": Code.NOT_LOCKED, **dict.fromkeys(("unbounded", "absent"), Code.PART_INVALID),
+}
+
+
+def of_code(context: Context, node: Node, reference: str) -> PartDefinition | None:
+    """The definition of a component that is a `part:`; None where it is wrong (reported, once per reference)."""
+    schema = context.schemas.get(reference)
+    if schema is None:
+        return None
+    if isinstance(schema, PartFailure):
+        _report_failure(context, node, reference, schema)
+        return None
+    given = _given(node, schema)
+    if given is None:
+        return None
+    values: dict[str, Value] = {}
+    defaults: dict[str, Value] = {}
+    for parameter in schema.parameters:
+        if parameter.default is not None:
+            defaults[parameter.name] = parameter.default
+        value = given.get(parameter.name, parameter.default)
+        if value is not None:
+            values[parameter.name] = value
+    key = (reference, tuple(sorted(values.items())))
+    definition = context.parts.get(key)
+    # 1, 1.0 and True are equal keys; their texts are not.
+    if definition is None or definition.text != definition_text(reference, values, defaults):
+        definition = context.parts[key] = schema.definition(values)
+    return definition
+
+
+def _given(node: Node, schema: PartSchema) -> dict[str, Value] | None:
+    """The parameters that the document sets, canonical; None where one is unknown, wrong or missing (all reported)."""
+    scope, path = node.scope, (*node.path, "params")
+    by_name = {parameter.name: parameter for parameter in schema.parameters}
+    values: dict[str, Value] = {}
+    sound = True
+    for name, raw in node.spec.params.items():
+        parameter = by_name.get(name)
+        if parameter is None:
+            scope.error(
+                Code.UNKNOWN_PARAMETER, f"`{schema.reference}` has no parameter `{name}`", (*path, name), key=True,
+                help=did_you_mean(name, by_name, what="parameters"),
+                notes=[*scope.beside("the part is named here", (*node.path, "part"), (*path, name)), *_declared_at(schema)],
+            )
+            sound = False
+            continue
+        value = scope.value(raw, (*path, name))
+        canonical = None if value is None else _checked(scope, schema, parameter, value, (*path, name))
+        if canonical is None:
+            sound = False
+        else:
+            values[name] = canonical
+    missing = [parameter for parameter in schema.parameters if parameter.required and parameter.name not in node.spec.params]
+    if missing and not scope.doubts.touch(path):
+        named = " and ".join(f"`{parameter.name}`" for parameter in missing)
+        examples = (f"{one.name}: {DIMENSIONS[one.kind].example if one.kind in DIMENSIONS else '...'}" for one in missing)
+        s, them = ("s", "them") if len(missing) > 1 else ("", "it")
+        scope.error(
+            Code.MISSING_PARAMETER, f"`{schema.reference}` needs the parameter{s} {named}, and nothing sets {them}",
+            (*node.path, "part"), help=f"write `params: {{{', '.join(examples)}}}`", notes=_declared_at(schema),
+        )
+    return values if sound and not missing else None
+
+
+def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, path: Path) -> Value | None:
+    """The canonical value of one parameter; None where it does not fit its schema (reported)."""
+    what = f"parameter `{parameter.name}` of `{schema.reference}`"
+    written = scope.written(path)
+    literal = written is not None and not written.lstrip().startswith("=")
+    if parameter.kind == "choice":
+        return _choice(scope, schema, parameter, given, what, path)
+    if parameter.kind == "text":
+        if isinstance(given, str):
+            return given
+        if isinstance(given, Quantity) and literal and written is not None:
+            return written.strip()
+        message = f"{what} is a text, found {kind_of(given)} ({scope.shown(given, path)})"
+        scope.error(Code.VALUE_KIND, message, path, help="put quotes around it" if literal else None, notes=_declared_at(schema))
+        return None
+    if parameter.kind == "flag":
+        if isinstance(given, bool):
+            return given
+        message = f"{what} is `true` or `false`, found {kind_of(given)} ({scope.shown(given, path)})"
+        scope.error(Code.VALUE_KIND, message, path, help="write `true` or `false`", notes=_declared_at(schema))
+        return None
+    dimension = DIMENSIONS[parameter.kind]
+    if not isinstance(given, Quantity) or not given.fits(dimension):
+        message, help = dimension_message(given, (dimension,), what, written, scope.names)
+        if parameter.kind in ("number", *WHOLE) and isinstance(given, Quantity):
+            help = "the part takes a plain number here, without a unit"
+        scope.error(Code.DIMENSION, message, path, help=help, notes=_declared_at(schema))
+        return None
+    value = given.value + 0.0
+    if parameter.kind in WHOLE and value != int(value):
+        message = f"{what} must be a whole number, found {scope.shown(given, path)}"
+        scope.error(Code.VALUE_KIND, message, path, notes=_declared_at(schema))
+        return None
+    for bound, broken, rule in (
+        (parameter.minimum, parameter.minimum is not None and value < parameter.minimum, "at least"),
+        (parameter.maximum, parameter.maximum is not None and value > parameter.maximum, "at most"),
+    ):
+        if broken and bound is not None:
+            scope.error(
+                Code.OUT_OF_RANGE, f"{what} must be {rule} {parameter.shown(bound)}, found {scope.shown(given, path)}",
+                path,
+                notes=_declared_at(schema),
+            )
+            return None
+    return int(value) if parameter.kind in WHOLE else value
+
+
+def _choice(
+    scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, what: str, path: Path,
+) -> Value | None:
+    written = (scope.written(path) or "").strip()
+    for choice in parameter.choices:
+        if isinstance(choice, bool) or isinstance(given, bool):
+            if choice is given:
+                return choice
+        elif isinstance(choice, str):
+            if choice == (given if isinstance(given, str) else written):
+                return choice
+        elif isinstance(given, Quantity) and given.dimension == NUMBER and given.value == choice:
+            return choice
+    shown = [words_of(choice) if isinstance(choice, (bool, str)) else f"{choice:g}" for choice in parameter.choices]
+    text = shortened(written or words_of(given))
+    help = did_you_mean(text, shown, what="choices") if nearest(text, shown) is not None else None
+    scope.error(
+        Code.VALUE_KIND, f"{what} is one of {quoted(shown, 12)}, found `{text}`", path, help=help, notes=_declared_at(schema),
+    )
+    return None
+
+
+def _declared_at(schema: PartSchema) -> list[Note]:
+    if not schema.file or schema.line < 1:
+        return []
+    place = Span(file=schema.file, line=schema.line, column=1, end_line=schema.line, end_column=2)
+    return [Note(message=f"`{schema.reference}` is written here", span=place)]
+
+
+USES_SHOWN = 3
+"""Of parts that one fault keeps from being loaded: those whose place in a document is shown."""
+
+
+def _report_failure(context: Context, node: Node, reference: str, failure: PartFailure) -> None:
+    if reference in context.failed_parts:
+        return
+    if len(context.failed_parts) >= MAX_FAULTS:
+        raise Enough
+    context.failed_parts.add(reference)
+    path = (*node.path, "part")
+    if failure.kind == "raised" and failure.file is not None and failure.line is not None:
+        _report_unloaded(context, node.scope.span(path), reference, failure, failure.file, failure.line)
+        return
+    notes: list[Note] = []
+    if failure.file is not None and failure.line is not None:
+        place = line_of(failure.file, failure.line)
+        notes.append(Note(message="in the part file, here", span=place))
+    help: str | None = None if failure.kind == "missing" else "mend the part file"
+    message = f"part `{reference}`: {failure.message}"
+    if failure.kind == "raised":
+        message = f"part `{reference}` cannot be loaded: {failure.message}"
+    elif failure.kind == "trespassed":
+        message = f"part `{reference}` writes outside of its own folder: {failure.message}"
+    elif failure.message.startswith(f"`{reference}`"):
+        message = failure.message
+        help = missing_hint(context, reference, failure) if failure.candidates else _reference_hint(context, reference)
+    if failure.kind == "resultless":
+        message, help = failure.message, "write `def result(self):` that returns a shape, or `return None` for a part without geometry"
+    elif failure.kind in ("stale", "unlocked"):
+        help = "run `thingc lock` where the code of the parts may run, and keep what it writes with the documents"
+    elif failure.kind == "refused":
+        allowed = ", ".join(f"`{package}`" for package in failure.candidates)
+        help = f"parts come from the part folders of the workspace{' and from ' + allowed if allowed else ''}"
+    elif failure.kind == "missing":
+        help = missing_hint(context, reference, failure)
+    context.report.add(
+        _FAILURES[failure.kind], message, node.scope.span(path),
+        help=help,
+        path=f"{'.'.join(str(step) for step in path)}", notes=notes, detail=failure.detail,
+    )
+
+
+def _report_unloaded(context: Context, where: Span, reference: str, failure: PartFailure, file: str, line: int) -> None:
+    """What went wrong at a line of a part file: one fault, however many parts cannot be loaded for it. `where` is the part that was met."""
+    from thingc.documents.spec import part_references
+
+    uses = {reference: where}
+    for other, place in part_references(context.specs, context.documents):
+        known = context.schemas.get(other)
+        if isinstance(known, PartFailure) and (known.message, known.file, known.line) == (failure.message, file, line):
+            uses.setdefault(other, place)
+    context.failed_parts.update(uses)
+    more = len(uses) - 1
+    others = f" and {counted(more, 'other part')}" if more else ""
+    notes = [Note(message=f"`{used}` is used here", span=place) for used, place in list(uses.items())[:USES_SHOWN]]
+    if len(uses) > USES_SHOWN:
+        notes.append(Note(message="also used: " + ", ".join(f"`{used}`" for used in list(uses)[USES_SHOWN:])))
+    context.report.add(
+        Code.PART_RAISED, f"part `{reference}`{others} cannot be loaded: {failure.message}",
+        line_of(file, line), help="mend the part file", notes=notes, detail=failure.detail,
+    )
+
+
+def _reference_hint(context: Context, text: str) -> str:
+    """What to write for a text that is no `module:Class`."""
+    called = re.fullmatch(r"([\w.]+:[\w.]+)\((.*)\)", text, re.DOTALL)
+    if called is not None:
+        return f"write `part: {shortened(called.group(1))}`, and the parameters beside it: `params: {{...}}`"
+    module, _, name = text.rpartition(":") if ":" in text else text.rpartition(".")
+    for folder in context.workspace.parts:
+        relative = context.workspace.relative(folder)
+        module = module.removeprefix("./").removeprefix(f"{relative}/").removeprefix(f"{relative}.")
+    module = module.removesuffix(".py").replace("/", ".")
+    meant = f"{module}:{name}"
+    if re.fullmatch(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*", meant) and meant != text:
+        return f"did you mean `{shortened(meant)}`?"
+    return "write a module of a part folder and a class in it, for example `arm:BasePlate`"
+
+
+def missing_hint(context: Context, reference: str, failure: PartFailure) -> str:
+    """What to write for a part that is not there: the class of this name in another module, else a name in the same module."""
+    classes = [one for one in failure.candidates if ":" in one]
+    namesakes = [one for one in classes if one.partition(":")[2] == reference.rpartition(":")[2]]
+    if namesakes:
+        return near_hint(reference, namesakes) or f"did you mean {' or '.join(f'`{one}`' for one in namesakes[:3])}?"
+    if classes:
+        return did_you_mean(reference, classes, what="parts")
+    return _module_hint(context, reference, failure.candidates)
+
+
+def _module_hint(context: Context, reference: str, known: Collection[str]) -> str:
+    """What to do where there is no module of this name: there may be a near one, or none at all yet."""
+    module, _, name = reference.partition(":")
+    close = near_hint(module, known)
+    if close is not None:
+        return close
+    folders = [context.workspace.relative(folder) for folder in context.workspace.parts] or list(DEFAULT_PARTS)
+    hint = f"modules lie in {' or '.join(f'`{folder}/`' for folder in folders)}"
+    if not context.workspace.parts:
+        hint += ", which is not there yet"
+    if "." not in module:
+        hint += f": write a class `{shortened(name)}` into `{folders[0]}/{shortened(module)}.py`"
+    modules = sorted(set(known) - set(context.workspace.packages))
+    return f"{hint}; {did_you_mean('', modules, what='modules')}" if modules else hint
+
+
+FEWEST_FACES = 4
+"""Of a closed surface: those of a tetrahedron."""
+
+
+def of_file(context: Context, node: Node, text: str) -> PartDefinition | None:
+    """The definition of a component that is a `file:`, with the unit of its numbers where that is not mm, and its `faces`; None where the
+    file cannot be used (which `load` has reported, unless it was chosen)."""
+    beside = context.documents.root.path if "file" in node.chosen else node.scope.document.path
+    absolute = named(text, beside)
+    workspace = context.workspace
+    if absolute is None or os.path.isabs(text) or not workspace.contains(absolute) or not absolute.lower().endswith(PART_SUFFIXES):
+        return None
+    reference = workspace.relative(absolute)
+    unit = node.spec.unit or FILE_UNIT
+    faces = None
+    if node.spec.faces is not None:
+        faces = node.scope.count(node.spec.faces, (*node.path, "faces"), "`faces`", least=FEWEST_FACES)
+        if faces is None:
+            return None
+    said: dict[str, Value] = {} if faces is None else {"faces": faces}
+    said |= {} if unit == FILE_UNIT else {"unit": unit}
+    given = tuple(said.items())
+    definition = context.parts.get((reference, given))
+    if definition is None and os.path.isfile(absolute):
+        definition = context.parts[reference, given] = PartDefinition(
+            reference=reference, kind="file", parameters=given, text=definition_text(reference, said, {}),
+            label=reference + (f" in {unit}" if "unit" in said else "") + (f", {faces} faces" if "faces" in said else ""),
+            words=tuple(str(value) for value in said.values()),
+        )
+    return definition

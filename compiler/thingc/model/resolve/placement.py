@@ -1,0 +1,174 @@
+"""Who places whom: every component but one, the base, by exactly one of `attach`, `at`, or one joint as its child."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from thingc.base.diagnostics import Code, Note
+from thingc.base.shown import quoted
+from thingc.base.source import Span
+from thingc.base.units import ANGLE, LENGTH
+from thingc.documents.spec.assembly import AttachSpec
+from thingc.model.resolve import references
+from thingc.model.resolve.model import At, Attach
+from thingc.model.resolve.table import Context, Node, Table
+
+Places = dict[str, list[tuple[str, Span]]]
+"""By component name: how it is placed (`` `attach` ``, `` joint `yaw` ``) and where that is written."""
+
+
+def own_placements(context: Context, table: Table, places: Places) -> dict[str, Attach | At | None]:
+    """The placements that components write themselves; those that are wrong are reported and leave the component unplaced."""
+    placements: dict[str, Attach | At | None] = {}
+    there = context.there(table)
+    for node in table.nodes.values():
+        if node.spec.attach is None and node.spec.at is None:
+            continue
+        key = "attach" if node.spec.attach is not None else "at"
+        place = ("placement", table.document.relative, *context.route, node.name)
+        stated = (context.values(node.scope, f"{key} {node.name}", getattr(node.spec, key)), there)
+        placement: Attach | At | None = context.sound(place, stated, partial(_attach if key == "attach" else _at, table, node))
+        places.setdefault(node.name, []).append((f"`{key}`", node.scope.span((*node.path, key), key=True)))
+        placements[node.name] = placement
+        if placement is None:
+            node.unplaced = True
+    return placements
+
+
+def _attach(table: Table, node: Node) -> Attach | None:
+    spec, scope = node.spec.attach, node.scope
+    path = (*node.path, "attach")
+    turn = gap = 0.0
+    if isinstance(spec, AttachSpec):
+        mine = references.own_mount(node, scope, spec.mount, (*path, "mount"))
+        to_text, to_path = spec.to, (*path, "to")
+        if spec.turn is not None:
+            turn = scope.number(spec.turn, (*path, "turn"), ANGLE, "`turn`") or 0.0
+        if spec.gap is not None:
+            gap = scope.number(spec.gap, (*path, "gap"), LENGTH, "`gap`") or 0.0
+    elif spec:
+        name, to_text = next(iter(spec.items()))
+        to_path = (*path, name)
+        if _turned_around(table, node, name):
+            mine_meant = to_text.removeprefix(f"{node.name}.")
+            scope.error(
+                Code.REFERENCE, f"`attach` names a mount of `{node.name}`, then the one that it meets; `{name}` is of another component",
+                to_path, key=True, help=f"write `{{{mine_meant}: {name}}}`" if "." not in mine_meant else None,
+            )
+            return None
+        mine = references.own_mount(node, scope, name, to_path, key=True)
+    else:
+        return None
+    to = references.mount(table, scope, to_text, to_path)
+    if to is None or mine is None:
+        table.loose.extend(end for end in (mine, to) if end is not None)
+        return None
+    if to.path[0] == node.name:
+        scope.error(
+            Code.PLACED_ON_ITSELF, f"`{node.name}` is attached to itself", to_path, help="name a mount of another component",
+        )
+        return None
+    return Attach(mount=mine, to=to, turn=turn, gap=gap, origin=scope.origin(path, key=True))
+
+
+def _turned_around(table: Table, node: Node, name: str) -> bool:
+    """Whether what `attach` names first is a mount of another component of the document."""
+    first, dot, _ = name.partition(".")
+    return bool(dot) and first in table.nodes and first != node.name and (node.table is None or first not in node.table.nodes)
+
+
+def _at(table: Table, node: Node) -> At | None:
+    spec, scope = node.spec.at, node.scope
+    if spec is None:
+        return None
+    path = (*node.path, "at")
+    to = references.mount(table, scope, spec.in_, (*path, "in"))
+    pose = scope.pose(spec, path)
+    if to is None or pose is None:
+        table.loose.extend([to] if to is not None else [])
+        return None
+    if to.path[0] == node.name:
+        scope.error(
+            Code.PLACED_ON_ITSELF, f"`{node.name}` is placed in itself", (*path, "in"), help="name a frame of another component",
+        )
+        return None
+    return At(to=to, pose=pose, origin=scope.origin(path, key=True))
+
+
+def check(table: Table, places: Places, *, unsure: bool) -> None:
+    """Report components placed twice, and none or several that are placed by nothing; find the base.
+
+    Whatever is placed twice or is a second base becomes unplaced; of those whose placement is in doubt nothing is said.
+    `unsure`: a joint whose child could not be read may place any of them, so that missing placements are no news.
+    """
+    vague = {
+        node.name for node in table.nodes.values()
+        if node.doubtful and any(table.doubts.touch((*node.path, key)) for key in ("attach", "at"))
+    }
+    free = [name for name in table.nodes if name not in places and name not in vague]
+    swapped = {
+        joint.child.path[0]: joint for joint in table.joints.values()
+        if joint is not None and not joint.loop and joint.parent.path[:1] in [(one,) for one in free[1:]]
+    }
+    for name, ways in places.items():
+        node = table.nodes[name]
+        if len(ways) < 2 or name in vague:
+            continue
+        node.unplaced = True
+        (first, there), (second, here) = ways[0], ways[1]
+        message, help = f"`{name}` is placed twice: by {first} and by {second}", "keep one of them" + _closes(second)
+        if name in swapped and (other := swapped[name].parent.path[0]) in free:
+            joint = swapped[name]
+            message += f"; `parent` and `child` of joint `{joint.name.joint}` look swapped, because nothing places `{other}`"
+            help = f"write `parent: {joint.child.text}` and `child: {joint.parent.text}` in joint `{joint.name.joint}`"
+            table.nodes[other].unplaced = True
+            free.remove(other)
+        table.scope.report.add(
+            Code.PLACED_TWICE, message, here, help=help, path=f"components.{name}",
+            notes=[
+                Note(message=f"placed by {first} here", span=there),
+                *(Note(message=f"and by {how} here", span=span) for how, span in ways[2:]),
+            ],
+        )
+    if free:
+        table.base = free[0]
+    if unsure or table.unbuilt:
+        for name in free[1:]:
+            table.nodes[name].unplaced = True
+        return
+    if not free and table.nodes and not vague:
+        first_name = next(iter(table.nodes))
+        table.scope.error(
+            Code.NO_BASE, "every component is placed on another one: the assembly has no base", ("components",), key=True,
+            help=f"take the placement of one of them away, for example that of `{first_name}`" + _closes(
+                next((way for ways in reversed(places.values()) for way, _ in ways if way.startswith("joint")), "")
+            ),
+            notes=[Note(message=f"`{name}` is placed by {ways[0][0]}", span=ways[0][1]) for name, ways in [*places.items()][:4]],
+        )
+    if len(free) > 1:
+        _report_bases(table, free)
+        for name in free[1:]:
+            table.nodes[name].unplaced = True
+
+
+def _closes(way: str) -> str:
+    """What else a joint may have been meant to do than to place its child."""
+    return f"; or, where {way} closes a loop, write `loop: true` in it" if way.startswith("joint ") else ""
+
+
+def _report_bases(table: Table, free: list[str]) -> None:
+    message = f"{len(free)} components are placed by nothing: {quoted(free, 6)}; only one, the base, may be"
+    if len(free) == 2:
+        message = f"`{free[0]}` and `{free[1]}` are both placed by nothing; only one component, the base, may be"
+    second = table.nodes[free[1]]
+    table.scope.report.add(
+        Code.TWO_BASES, message, second.scope.span(second.path, key=True), path=f"components.{free[1]}",
+        help="place the others with `attach`, `at` or as the child of a joint",
+        notes=[
+            Note(
+                message=f"`{name}` is placed by nothing, too",
+                span=table.nodes[name].scope.span(table.nodes[name].path, key=True),
+            )
+            for name in [free[0], *free[2:6]]
+        ],
+    )

@@ -1,0 +1,288 @@
+"""Poses: names and patterns of joints, values, and poses of nested documents.
+
+Where several keys mean one joint, an exact joint name wins over a pattern, and a pattern over a nested document's pose;
+of equals the one written last wins.
+"""
+
+from __future__ import annotations
+
+from fnmatch import fnmatchcase
+from typing import Any
+
+from thingc.base.diagnostics import Code, Note
+from thingc.base.pose import Pose, turn_of
+from thingc.base.source import Origin, Path
+from thingc.base.units import NUMBER
+from thingc.documents.spec.assembly import TurnSpec
+from thingc.model.resolve import references
+from thingc.model.resolve.coordinates import CoordinateName
+from thingc.model.resolve.layers import numbered
+from thingc.model.resolve.model import Joint, NamedPose
+from thingc.model.resolve.references import GLOB, suggested
+from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.table import Table
+
+Joints = dict[CoordinateName, Joint | None]
+Settings = dict[str, tuple[float, Origin]]
+"""By joint path (with `/`): q, and where it is written."""
+
+
+def poses(table: Table, scope: Scope) -> None:
+    """Fill `table.poses`; keys that are wrong are reported and left out."""
+    if not table.spec.poses:
+        return
+    joints: Joints = dict(table.all_joints())
+    for name, entries in table.spec.poses.items():
+        path: Path = ("poses", name)
+        layers: tuple[Settings, Settings, Settings] = ({}, {}, {})  # nested poses, patterns, exact names
+        for key, raw in entries.items():
+            at = (*path, key)
+            several = [one for one in joints if one.number is not None and one.joint == key]
+            if several or (key in joints and isinstance(raw, (list, dict, TurnSpec))):
+                _several(scope, joints, key, several, raw, at, layers[2])
+            elif key in joints:
+                _set(scope, joints, [CoordinateName(key)], raw, at, layers[2], exact=True)
+            elif isinstance(raw, str):
+                _use(table, scope, key, raw, at, layers[0])
+            elif GLOB.search(key) and isinstance(raw, (list, dict, TurnSpec)):
+                _pattern_of_several(scope, joints, key, raw, at, layers[1])
+            elif GLOB.search(key):
+                _pattern(table, scope, joints, key, raw, at, layers[1])
+            else:
+                _report_unknown(table, scope, joints, key, at)
+        merged: Settings = {**layers[0], **layers[1], **layers[2]}
+        said_of_it = (said[0] == scope.document.relative and said[2][:2] == path for said in scope.said)
+        if scope.doubts.touch(path) or any(said_of_it):
+            merged = {**_stand_ins(joints, scope.origin(path, key=True)), **merged}
+        in_order = {one.path: merged[one.path] for one in joints if one.path in merged}
+        table.poses[name] = NamedPose(
+            name=name, values={joint: q for joint, (q, _) in in_order.items()},
+            origins={joint: origin for joint, (_, origin) in in_order.items()}, origin=scope.origin(path, key=True),
+        )
+
+
+def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName], raw: Any, path: Path, into: Settings) -> None:
+    """Set the coordinates `names` of a joint by a list, or a mapping by number."""
+    ball = known[names[0]] if names else None
+    if ball is not None and ball.kind.at_once:
+        _turn_ball(scope, key, names, ball, raw, path, into)
+        return
+    if names and isinstance(raw, (list, dict)) and all(numbered(raw, k) is None for k in range(len(names), len(names) + len(raw))):
+        for number, name in enumerate(names):
+            own = numbered(raw, number)
+            if own is not None:
+                _set(scope, known, [name], own[0], (*path, own[1]), into, exact=True)
+        return
+    joint = known[names[0] if names else CoordinateName(key)]
+    if joint is None:
+        return
+    shown = ", ".join("..." for _ in names)
+    scope.error(
+        Code.COORDINATES, f"joint `{key}` has {len(names)} coordinates: its value is a list of {len(names)}" if names
+        else f"joint `{key}` has one coordinate: its value is no list", path, key=True,
+        help=f"write `[{shown}]`, or set one alone: `{names[0]}`" if names else "write one value",
+        notes=_written(key, joint),
+    )
+
+
+def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint, raw: Any, path: Path, into: Settings) -> None:
+    """Set a ball by what turns its child from q = 0."""
+    if not isinstance(raw, TurnSpec):
+        scope.error(
+            Code.POSE, f"joint `{key}` is a ball: a pose turns it by `rpy` or by `quat`", path, key=True,
+            help=f"write for example `{key}: {{rpy: 0 20 0 deg}}`", notes=_written(key, ball),
+        )
+        return
+    if raw.rpy is not None:
+        turned = scope.rotation(raw, path)
+        quaternion = None if turned is None else Pose(rotation=turned).quaternion()
+    else:
+        place, what = (*path, "quat"), f"`quat` of joint `{key}`"
+        w, x, y, z = (scope.number(one, (*place, number), NUMBER, what) for number, one in enumerate(raw.quat or ()))
+        quaternion = None if w is None or x is None or y is None or z is None else (w, x, y, z)
+        if quaternion is not None and not any(quaternion):
+            scope.error(Code.POSE, f"{what} is 0: it is no turn", place, help="write w, x, y, z; `[1, 0, 0, 0]` turns nothing")
+            return
+    if quaternion is not None:
+        into.update((name.path, (q, scope.origin(path))) for name, q in zip(names, turn_of(quaternion), strict=True))
+
+
+def _stand_ins(known: Joints, origin: Origin) -> Settings:
+    """Values for the joints whose limits exclude 0, where something in a pose was wrong and has been reported: what was
+    meant for them may be missing, and that they are not at 0 would be said in vain. Nothing is built with them."""
+    settings: Settings = {}
+    for name, joint in known.items():
+        if joint is None or not _movable(joint):
+            continue
+        if joint.limit.lower is not None and joint.limit.lower > 0.0:
+            settings[name.path] = (joint.limit.lower, origin)
+        elif joint.limit.upper is not None and joint.limit.upper < 0.0:
+            settings[name.path] = (joint.limit.upper, origin)
+    return settings
+
+
+def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, path: Path, into: Settings, *, exact: bool) -> None:
+    for name in names:
+        joint = known[name]
+        if joint is None:
+            continue
+        if joint.kind.at_once:
+            scope.error(
+                Code.POSE, f"joint `{name.joint}` is a ball: a pose sets it as a whole", path, key=True,
+                help=f"write for example `{name.joint}: {{rpy: 0 20 0 deg}}`", notes=_written(name.joint, joint),
+            )
+            continue
+        coordinate = joint.twist.coordinate if joint.twist is not None else None
+        if coordinate is None:
+            scope.error(
+                Code.POSE, f"joint `{name}` is {joint.kind.name} and has no coordinate to set", path, key=True, help="take it out",
+                notes=_written(name, joint),
+            )
+            continue
+        if joint.mimic is not None:
+            scope.error(
+                Code.POSE, f"joint `{name}` mimics `{joint.mimic.joint}`: a pose cannot set it", path, key=True,
+                help=f"set `{name.rpartition('.')[0] + '.' if '.' in name else ''}{joint.mimic.joint}`",
+                notes=[Note(message="it mimics here", span=joint.mimic.origin[0])],
+            )
+            continue
+        what = f"the value of joint `{name}`" if exact else f"the value of joint `{name}`, which the pattern fits,"
+        if isinstance(raw, str):
+            scope.error(
+                Code.POSE, f"joint `{name}` takes {coordinate.words} (such as {coordinate.example}), found the text `{raw}`",
+                path,
+                help=f"an expression begins with `=`: `={raw}`" if raw in scope.names else None, notes=_written(name, joint),
+            )
+            continue
+        value = scope.number(raw, path, coordinate, what, notes=_written(name, joint))
+        if value is not None:
+            into[name.path] = (value, scope.origin(path))
+
+
+def _written(name: str, joint: Joint) -> list[Note]:
+    """The note that shows where a joint is written."""
+    return [Note(message=f"`{name}` is written here", span=joint.origin[0])]
+
+
+def _movable(joint: Joint | None) -> bool:
+    return joint is not None and joint.mimic is None and joint.twist is not None and not joint.kind.at_once
+
+
+def _is_ball(joint: Joint | None) -> bool:
+    return joint is not None and joint.kind.at_once
+
+
+def _pattern(table: Table, scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
+    fitting = [name for name in known if fnmatchcase(name, key)]
+    movable = [name for name in fitting if _movable(known[name])]
+    if movable:
+        _set(scope, known, movable, raw, path, into, exact=False)
+    elif any(known[name] is None for name in fitting) or table.unsure_joints():
+        return
+    elif fitting:
+        scope.error(
+            Code.NO_MATCH, f"pattern `{key}` fits no joint that a pose can set", path, key=True,
+            help=f"`{fitting[0].joint}` is a ball: write `{{rpy: 0 20 0 deg}}`" if _is_ball(known[fitting[0]])
+            else f"`{fitting[0]}` moves with another joint or not at all",
+        )
+    else:
+        scope.error(
+            Code.NO_MATCH, f"pattern `{key}` fits no joint", path, key=True,
+            help=suggested(key, [name for name in known if _movable(known[name])], what="joints"),
+        )
+
+
+def _pattern_of_several(scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
+    """Set the coordinates of every joint that has several and fits a pattern by a list, or a mapping by number."""
+    coordinates: dict[str, list[CoordinateName]] = {}
+    for name in known:
+        if name.number is not None and fnmatchcase(name.joint, key):
+            coordinates.setdefault(name.joint, []).append(name)
+    for joint, names in coordinates.items():
+        _several(scope, known, joint, names, raw, path, into)
+    if not coordinates and not any(joint is None for joint in known.values()):
+        scope.error(
+            Code.COORDINATES, f"pattern `{key}` fits no joint of several coordinates: its value is no list", path, key=True,
+            help="write one value",
+        )
+
+
+def _use(table: Table, scope: Scope, key: str, pose: str, path: Path, into: Settings) -> None:
+    """`leg_*: folded`: the pose `folded` of the documents nested as `leg_0`, `leg_1`, ..."""
+    matched = references.matching(table, key)
+    assemblies = [(name, node) for name, node in matched if node.spec.assembly is not None]
+    if not assemblies:
+        nested = [name for name, node in table.all_nodes() if node.table is not None]
+        if table.unbuilt or any(node.doubtful for _, node in matched):
+            return
+        if matched:
+            message, help = f"`{key}` is no nested assembly: it has no pose `{pose}`", suggested(
+                key, nested, what="nested assemblies",
+            )
+            scope.error(Code.POSE, message, path, key=True, help=help, notes=references.declared(matched[0][1]))
+        elif GLOB.search(key):
+            scope.error(
+                Code.NO_MATCH, f"pattern `{key}` fits no nested assembly", path, key=True,
+                help=suggested(key, nested, what="nested assemblies"),
+            )
+        else:
+            joints = [name for name, joint in table.all_joints() if _movable(joint)]
+            scope.error(
+                Code.UNKNOWN_JOINT, f"there is no joint and no nested assembly `{key}`", path, key=True,
+                help=suggested(key, [*joints, *nested], what="joints and nested assemblies"),
+            )
+        return
+    lacking: list[str] = []
+    for name, node in assemblies:
+        inner = node.table
+        if inner is None:
+            continue
+        if pose not in inner.spec.poses:
+            if inner.doubts.lacks("poses"):
+                continue
+            lacking.append(name)
+            if len(lacking) == 1:
+                scope.error(
+                    Code.UNKNOWN_POSE, f"`{name}` (`{inner.document.relative}`) has no pose `{pose}`", path,
+                    help=suggested(pose, inner.spec.poses, what="poses"), notes=references.defined(inner),
+                )
+            continue
+        inner_pose = inner.poses.get(pose)
+        if inner_pose is None:
+            continue
+        prefix = name.replace(".", "/")
+        for joint, q in inner_pose.values.items():
+            into[f"{prefix}/{joint}"] = (q, (*inner_pose.origins[joint], *scope.origin(path)))
+
+
+def _report_unknown(table: Table, scope: Scope, known: Joints, key: str, path: Path) -> None:
+    first = key.partition(".")[0]
+    node = table.nodes.get(first)
+    if table.unbuilt_joints and any(f"{key}_".startswith(prefix) for prefix in table.unbuilt_joints):
+        return
+    if (node is not None and node.spec.assembly is not None and node.table is None) or any(
+        f"{first}_".startswith(prefix) for prefix in table.unbuilt
+    ):
+        return
+    if node is not None and "." in key and node.table is not None and node.table.doubts:
+        return
+    names: list[str] = [name for name, joint in known.items() if _movable(joint)]
+    if node is not None and "." not in key:
+        if node.table is not None:
+            message, help = f"`{key}` is a nested assembly: its value is the name of one of its poses", suggested(
+                "", node.table.spec.poses, what="poses")
+        else:
+            message, help = f"`{key}` is a component, not a joint", suggested(key, names, what="joints")
+        scope.error(Code.POSE, message, path, key=True, help=help, notes=references.declared(node))
+        return
+    repeated = table.spec.joints.get(key)
+    if repeated is not None and repeated.repeat is not None:
+        scope.error(
+            Code.UNKNOWN_JOINT, f"there is no joint `{key}`", path, key=True,
+            help=f"`{key}` is repeated: write `{key}_0`, or `{key}_*`",
+        )
+        return
+    names.extend(prefix[:-1] for prefix in table.unbuilt_joints if prefix)
+    beside = [name for name in names if name.startswith(f"{first}.")] if "." in key else names
+    help = suggested(key, beside or names, what="joints")
+    scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{key}`", path, key=True, help=help)

@@ -1,0 +1,386 @@
+"""References: dotted words that name components and mounts, down into nested assemblies."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from fnmatch import fnmatchcase
+from itertools import islice
+
+from thingc.base.diagnostics import Code, Note
+from thingc.base.source import Origin, Path, Span
+from thingc.base.typos import did_you_mean, nearest
+from thingc.model.resolve.model import COUNTED, AssemblyDefinition, Reference
+from thingc.model.resolve.repeats import RESERVED
+from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.table import Node, Table
+
+ORIGIN = "origin"
+"""The mount that every component has: its own frame."""
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
+_INDEX = re.compile(r"\$(?:\{([A-Za-z][A-Za-z0-9_]*)\}|([A-Za-z][A-Za-z0-9_]*))", re.ASCII)
+GLOB = re.compile(r"[*?\[]")
+"""A character that makes a pattern of a name."""
+
+MAX_SUGGESTED = 1000
+"""Names that a misspelled one is compared with."""
+
+
+def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | None:
+    """The text with `$i` (or `${i}`) of the surrounding `repeat` filled in; None where another index is asked for (reported)."""
+    if "$" not in text:
+        return text
+    unknown: list[str] = []
+
+    def fill(match: re.Match[str]) -> str:
+        name = match.group(1) or match.group(2)
+        if scope.index is not None:
+            if name == scope.index[0]:
+                return scope.index[1]
+            # `$i_upper` is `$i` and `_upper`: the longest beginning that is the index ends where `_` does.
+            if match.group(1) is None and name.startswith(scope.index[0] + "_"):
+                return scope.index[1] + name[len(scope.index[0]):]
+        unknown.append(match.group())
+        return ""
+
+    filled = _INDEX.sub(fill, text)
+    if not unknown:
+        return filled
+    notes: list[Note] = []
+    if scope.index is None:
+        message = f"`{unknown[0]}` in `{text}` is an index, and nothing is repeated here"
+        help = "add `repeat: {count: ...}`, or write the number"
+    else:
+        message, help = f"unknown index `{unknown[0]}` in `{text}`", f"the index of this repeat is `${scope.index[0]}`"
+        notes = scope.beside("the repeat is written here", (*path[:2], "repeat", "as"), path)
+    scope.error(Code.REFERENCE, message, path, help=help, key=key, notes=notes)
+    return None
+
+
+def counted(scope: Scope, path: Path, *, key: bool = False) -> Origin:
+    """Where the items of the surrounding `repeat` are counted, for a value (a key) that is written with their index; nowhere for
+    the first item, which is there whatever the count."""
+    text = str(path[-1]) if key else scope.written(path) or ""
+    if scope.index is None or scope.index[1] == "0" or "$" not in text:
+        return ()
+    return scope.origin((*path[:2], "repeat", "count"))
+
+
+def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[str, ...] | None:
+    """The words of a reference that must be no pattern; None where it is none (reported)."""
+    filled = indexed(scope, text, path, key=key)
+    if filled is None:
+        return None
+    parts = tuple(filled.split("."))
+    wrong = next((part for part in parts if not _NAME.fullmatch(part)), None)
+    if wrong is None:
+        return parts
+    item = re.fullmatch(r"([A-Za-z]\w*)\[(\d+)\]", wrong, re.ASCII)
+    if item is not None:
+        meant = ".".join(f"{item.group(1)}_{item.group(2)}" if part == wrong else part for part in parts)
+        scope.error(
+            Code.REFERENCE, f"`{wrong}` in `{filled}` is no name", path, key=key,
+            help=f"an item of a list is called by its number: `{meant}`",
+        )
+        return None
+    if GLOB.search(wrong):
+        scope.error(
+            Code.REFERENCE, f"`{filled}` is a pattern, and one name is wanted here", path, help="write the name in full", key=key,
+        )
+    else:
+        scope.error(Code.REFERENCE, f"`{wrong}` in `{filled}` is no name", path, key=key)
+    return None
+
+
+def mount(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
+    """The reference to a mount, `component.mount`; None where it names nothing (reported, or wrong before)."""
+    parts = words(scope, text, path, key=key)
+    if parts is None:
+        return None
+    if len(parts) == 1:
+        _report_single(table, scope, parts[0], path, key)
+        return None
+    if not _mount_below(table, scope, parts, path, key):
+        return None
+    return Reference(path=parts[:-1], mount=parts[-1], origin=scope.origin(path, key=key), repeat_origin=counted(scope, path, key=key))
+
+
+def shown_mount(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
+    """The reference to a mount, or to one that this document exports by its name; None where it names nothing (reported, or
+    wrong before)."""
+    if text not in table.exports:
+        if "." not in text and table.doubts.lacks("mounts"):
+            return None
+        close = nearest(text, table.exports) if "." not in text and text not in table.nodes else None
+        if close is not None:
+            scope.error(Code.UNKNOWN_MOUNT, f"this document shows no mount `{text}`", path, help=f"did you mean `{close}`?", key=key)
+            return None
+        return mount(table, scope, text, path, key=key)
+    shown = table.exports[text]
+    return None if shown is None else Reference(path=shown.path, mount=shown.mount, origin=scope.origin(path, key=key))
+
+
+def own_mount(node: Node, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
+    """The reference to a mount of the component itself, as `attach` names it: `back`, or `cap.pen` inside an assembly."""
+    parts = words(scope, text, path, key=key)
+    if parts is None:
+        return None
+    if len(parts) > 1 and parts[0] == node.name and (node.table is None or node.name not in node.table.nodes):
+        scope.error(
+            Code.REFERENCE, f"`attach` names a mount of `{node.name}` itself, found `{'.'.join(parts)}`", path,
+            help=f"write `{'.'.join(parts[1:])}`", key=key,
+        )
+        return None
+    if not _mount_of(node, scope, parts, (node.name, *parts), path, key):
+        return None
+    return Reference(
+        path=(node.name, *parts[:-1]), mount=parts[-1], origin=scope.origin(path, key=key), repeat_origin=counted(scope, path, key=key),
+    )
+
+
+def component(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[Reference, Node] | None:
+    """The reference to a component; None where it names nothing (reported, or wrong before)."""
+    parts = words(scope, text, path, key=key)
+    if parts is None:
+        return None
+    node = _descend(table, scope, parts, path, key)
+    if node is None:
+        return None
+    return Reference(path=parts, mount=None, origin=scope.origin(path, key=key)), node
+
+
+def root(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
+    """A component, a mount, or a mount that this document exports; None where it names nothing (reported, or wrong before)."""
+    parts = words(scope, text, path, key=key)
+    if parts is None:
+        return None
+    origin = scope.origin(path, key=key)
+    if len(parts) == 1 and parts[0] in table.exports:
+        shown = table.exports[parts[0]]
+        return None if shown is None else Reference(path=shown.path, mount=shown.mount, origin=origin)
+    if len(parts) == 1:
+        if parts[0] not in table.nodes and (table.doubts.lacks("mounts") or _unbuilt(table.unbuilt, parts[0])):
+            return None
+        if parts[0] not in table.nodes and nearest(parts[0], islice(table.nodes, MAX_SUGGESTED)) is None:
+            close = nearest(parts[0], table.exports)
+            if close is not None:
+                message = f"this document has no component and shows no mount `{parts[0]}`"
+                scope.error(Code.UNKNOWN_COMPONENT, message, path, help=f"did you mean `{close}`?", key=key)
+                return None
+        if parts[0] in RESERVED and parts[0] not in table.nodes:
+            example = table.base or next(iter(table.nodes), "plate")
+            scope.error(
+                Code.UNKNOWN_COMPONENT, f"`{parts[0]}` is no component: the root is what stands on the world", path, key=key,
+                help=f"name a component or a mount of one, such as `{example}` or `{example}.MOUNT`",
+            )
+            return None
+        return Reference(path=parts, mount=None, origin=origin) if _descend(table, scope, parts, path, key) is not None else None
+    inner: Table | None = table
+    for step in parts[:-1]:
+        node = inner.nodes.get(step) if inner is not None else None
+        inner = node.table if node is not None else None
+    if inner is not None and parts[-1] in inner.nodes and parts[-1] not in inner.exports:
+        return Reference(path=parts, mount=None, origin=origin)
+    if parts[-1] == ORIGIN and _descend(table, scope, parts[:-1], path, key) is not None:
+        return Reference(path=parts[:-1], mount=None, origin=origin)
+    if parts[-1] == ORIGIN or not _mount_below(table, scope, parts, path, key):
+        return None
+    return Reference(path=parts[:-1], mount=parts[-1], origin=origin)
+
+
+def matching(table: Table, pattern: str) -> list[tuple[str, Node]]:
+    """The components whose path fits a pattern level by level, in document order; an exact name stands for itself alone."""
+    steps = pattern.split(".")
+    level: list[tuple[str, Node]] = []
+    inside: list[tuple[str, Table]] = [("", table)]
+    for step in steps:
+        level = []
+        for prefix, one in inside:
+            if step in one.nodes:
+                level.append((prefix + step, one.nodes[step]))
+            elif GLOB.search(step):
+                level.extend((prefix + name, node) for name, node in one.nodes.items() if fnmatchcase(name, step))
+        inside = [(f"{name}.", node.table) for name, node in level if node.table is not None]
+    return level
+
+
+def suggested(name: str, names: Iterable[str], *, what: str) -> str:
+    """`did_you_mean` among the first names only: comparing with each of 100 000 would take seconds per mistake."""
+    return did_you_mean(name, islice(names, MAX_SUGGESTED), what=what)
+
+
+def _unbuilt(prefixes: list[str], name: str) -> bool:
+    return any(name.startswith(prefix) or name == prefix[:-1] for prefix in prefixes)
+
+
+def _descend(table: Table, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> Node | None:
+    """The component at a path; None where there is none (reported, or wrong before)."""
+    node: Node | None = None
+    inner: Table | None = table
+    for depth, part in enumerate(parts):
+        if inner is None:
+            if node is not None and not node.unsound:
+                _report_leaf(node, scope, parts, depth, path, key)
+            return None
+        child = inner.nodes.get(part)
+        if child is None:
+            _report_component(table, inner, scope, parts, depth, path, key)
+            return None
+        node, inner = child, child.table
+        if node.unsound and inner is None and node.spec.assembly is not None:
+            return node if depth == len(parts) - 1 else None
+    return node
+
+
+def _mount_below(table: Table, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> bool:
+    """Whether `component...mount` names something, as far as documents can tell; what is wrong is reported."""
+    node = table.nodes.get(parts[0])
+    if node is None:
+        _report_component(table, table, scope, parts, 0, path, key)
+        return False
+    return _mount_of(node, scope, parts[1:], parts, path, key)
+
+
+def _mount_of(node: Node, scope: Scope, rest: tuple[str, ...], parts: tuple[str, ...], path: Path, key: bool) -> bool:
+    while len(rest) > 1 and node.table is not None:
+        inner = node.table.nodes.get(rest[0])
+        if inner is None:
+            _report_component(node.table, node.table, scope, parts, len(parts) - len(rest), path, key)
+            return False
+        node, rest = inner, rest[1:]
+    if node.unsound and node.table is None and not node.frame and node.definition is None:
+        return True
+    if node.doubtful:
+        return True
+    if len(rest) > 1:
+        _report_leaf(node, scope, parts, len(parts) - len(rest), path, key)
+        return False
+    name = rest[0]
+    if name == ORIGIN or name in node.mounts:
+        return True
+    if node.bare is not None:
+        _report_mount(
+            scope, f"{node.bare} `{node.name}`", name, [ORIGIN, *node.mounts], node.scope.span(node.path, key=True), path, key,
+        )
+        return False
+    if node.table is None:
+        return True
+    if name in node.table.exports:
+        return node.table.exports[name] is not None
+    what = f"assembly `{node.name}` (`{node.table.document.relative}`)"
+    if name in node.table.nodes:
+        inner_exports = [f"{name}.{ORIGIN}"]
+        scope.error(
+            Code.UNKNOWN_MOUNT, f"`{name}` is a component of {what}, not a mount", path,
+            help=f"name a mount of it, as in `{'.'.join(parts[:-1])}.{inner_exports[0]}`", key=key,
+            notes=declared(node.table.nodes[name]),
+        )
+        return False
+    if _unbuilt(node.table.unbuilt, name) or node.table.doubts.lacks("mounts"):
+        return False
+    names = [*node.table.exports, ORIGIN, *node.mounts]
+    help = suggested(name, names, what="mounts that it exports")
+    if nearest(name, names) is None:
+        help += "; or export it there under `mounts:`"
+    scope.error(
+        Code.UNKNOWN_MOUNT, f"{what} exports no mount `{name}`", path, help=help, key=key,
+        notes=[*defined(node.table), *_repeated(scope, path, key)],
+    )
+    return False
+
+
+def declared(node: Node) -> list[Note]:
+    """The note that shows where a component is written."""
+    return [Note(message=f"`{node.name}` is written here", span=node.scope.span(node.path, key=True))]
+
+
+def defined(table: Table) -> list[Note]:
+    """The note that shows where the assembly of a nested document is written."""
+    return [Note(message=f"`{table.spec.name}` is defined here", span=table.document.span(("name",)))]
+
+
+def _repeated(scope: Scope, path: Path, key: bool) -> list[Note]:
+    """The note that shows how often a reference with an index is repeated: that may be the number to mend."""
+    return scope.beside(COUNTED, (*path[:2], "repeat", "count"), path) if counted(scope, path, key=key) else []
+
+
+def _report_single(table: Table, scope: Scope, name: str, path: Path, key: bool) -> None:
+    if _unbuilt(table.unbuilt, name):
+        return
+    notes: list[Note] = []
+    if name in table.nodes:
+        message, help = f"`{name}` is a component, and a mount is wanted here", f"name one of its mounts, as in `{name}.{ORIGIN}`"
+        notes = declared(table.nodes[name])
+    elif name in table.exports:
+        notes = [Note(message=f"`{name}` is exported here", span=table.scope.span(("mounts", name), key=True))]
+        message, help = f"`{name}` is what this document exports; here the mount itself is wanted", "write `component.mount`"
+    else:
+        message, help = f"a mount is written `component.mount`, found `{name}`", suggested(
+            name, table.nodes, what="components",
+        )
+        having = [f"`{one.name}.{name}`" for one in table.nodes.values() if _shows(one, name)]
+        if 0 < len(having) <= 3:
+            help = f"did you mean {' or '.join(having)}?"
+        elif nearest(name, islice(table.nodes, MAX_SUGGESTED)) is not None:
+            help = f"{help[:-1]}, with one of its mounts after a `.`?"
+    scope.error(Code.REFERENCE, message, path, help=help, key=key, notes=notes)
+
+
+def _report_mount(scope: Scope, what: str, name: str, known: list[str], place: Span, path: Path, key: bool) -> None:
+    scope.error(
+        Code.UNKNOWN_MOUNT, f"{what} has no mount `{name}`", path, help=suggested(name, known, what="mounts"), key=key,
+        notes=[Note(message="it is written here", span=place), *_repeated(scope, path, key)],
+    )
+
+
+def _report_component(
+    table: Table, inner: Table, scope: Scope, parts: tuple[str, ...], depth: int, path: Path, key: bool,
+) -> None:
+    name = parts[depth]
+    if _unbuilt(inner.unbuilt, name):
+        return
+    if inner is table and depth == 0:
+        what = "this document"
+    else:
+        what = f"assembly `{parts[depth - 1]}` (`{inner.document.relative}`)"
+    if name in inner.exports:
+        scope.error(
+            Code.UNKNOWN_COMPONENT, f"`{name}` is a mount that {what} exports, and has nothing inside", path,
+            help=f"write `{'.'.join(parts[: depth + 1])}`" if depth else "name a component first", key=key,
+            notes=[Note(message=f"`{name}` is exported here", span=inner.scope.span(("mounts", name), key=True))],
+        )
+        return
+    repeated = inner.spec.components.get(name)
+    if repeated is not None and repeated.repeat is not None:
+        copies = [one for one in inner.nodes.values() if one.path == ("components", name)]
+        help = f"`{name}` is repeated: `{copies[0].name}` to `{copies[-1].name}`" if copies else f"`{name}` is repeated 0 times"
+        scope.error(
+            Code.UNKNOWN_COMPONENT, f"{what} has no component `{name}`", path, help=help, key=key,
+            notes=[Note(message=f"`{name}` is repeated here", span=inner.scope.span(("components", name, "repeat")))],
+        )
+        return
+    known = [*inner.nodes, *(prefix[:-1] for prefix in inner.unbuilt if prefix)]
+    help = suggested(name, known, what="components")
+    if nearest(name, islice(known, MAX_SUGGESTED)) is None and len(parts) == depth + 2:
+        having = [f"`{'.'.join((*parts[:depth], one.name, parts[-1]))}`" for one in inner.nodes.values() if _shows(one, parts[-1])]
+        help = f"did you mean {' or '.join(having)}?" if 0 < len(having) <= 3 else help
+    scope.error(
+        Code.UNKNOWN_COMPONENT, f"{what} has no component `{name}`", path, help=help, key=key,
+        notes=[*([] if inner is table and depth == 0 else defined(inner)), *_repeated(scope, path, key)],
+    )
+
+
+def _shows(node: Node, mount: str) -> bool:
+    """Whether a component has a mount of that name, as far as documents tell: those of parts are their own."""
+    return mount in node.mounts or (node.table is not None and mount in node.table.exports)
+
+
+def _report_leaf(node: Node, scope: Scope, parts: tuple[str, ...], depth: int, path: Path, key: bool) -> None:
+    if node.unsound and node.definition is None and not node.frame:
+        return
+    kind = f"a {node.bare}" if node.bare is not None else "an assembly" if isinstance(node.definition, AssemblyDefinition) else "a part"
+    scope.error(
+        Code.UNKNOWN_COMPONENT, f"`{node.name}` is {kind} and has no components: `{'.'.join(parts)}` goes too deep", path,
+        help=f"write `{'.'.join(parts[:depth])}.mount`", key=key, notes=declared(node),
+    )

@@ -1,0 +1,132 @@
+"""Unrolling `repeat:`, and the rules for names: reserved words, clashes, and names that differ only in case."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Generic, TypeVar
+
+from thingc.base.diagnostics import Code, Note
+from thingc.base.frozen import dataclass
+from thingc.base.source import Path
+from thingc.documents.spec.assembly import ComponentSpec, JointSpec
+from thingc.model.resolve.scope import Scope
+
+MAX_REPEAT = 10_000
+"""Items of one `repeat`."""
+
+MAX_OCCURRENCES = 100_000
+"""Occurrences of a robot, and items that the repeats of one document make."""
+
+RESERVED = frozenset({"world", "root", "origin"})
+
+Spec = TypeVar("Spec", ComponentSpec, JointSpec)
+
+
+@dataclass(frozen=True, slots=True)
+class Unrolled(Generic[Spec]):
+    """A component or joint after unrolling, with the scope of its own index."""
+
+    name: str
+    spec: Spec
+    path: Path
+    scope: Scope
+
+
+def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Unrolled[Spec]],
+list[str]]:
+    """The items of `components` or `joints` in document order, and the prefixes (`leg_`) of those that were too many or wrong
+    (of everything: an empty one).
+
+    Names that clash are reported, and the first one stays.
+    """
+    unbuilt: list[str] = []
+    in_doubt: list[str] = [name for name in specs if scope.doubts.touch((section, name, "repeat"))]
+    unbuilt.extend(f"{name}_" for name in dict.fromkeys((*in_doubt, *scope.doubts.names(section))))
+    if scope.doubts.lacks(section):
+        unbuilt.append("")
+    specs = {name: spec for name, spec in specs.items() if name not in in_doubt}
+    counts = _counts(scope, section, specs, parameters)
+    if counts is None:
+        return [], [""]
+    unbuilt.extend(f"{name}_" for name, count in counts.items() if count is None)
+    items: list[Unrolled[Spec]] = []
+    taken: dict[str, Unrolled[Spec]] = {}
+    for name, spec in specs.items():
+        path = (section, name)
+        if spec.repeat is None:
+            copies = [Unrolled(name, spec, path, scope)]
+        else:
+            as_ = spec.repeat.as_
+            copies = [Unrolled(f"{name}_{k}", spec, path, scope.repeated(as_, k)) for k in range(counts[name] or 0)]
+        for item in copies:
+            first = taken.get(item.name)
+            if first is None:
+                taken[item.name] = item
+                items.append(item)
+            else:
+                scope.error(
+                    Code.NAME_CLASH, f"two {section} are called `{item.name}`", path, key=True, help="rename one of them",
+                    notes=[Note(message="the other one", span=scope.span(first.path, key=True))],
+                )
+    return items, unbuilt
+
+
+def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> dict[str, int | None] | None:
+    """How often each of the `specs` that are repeated is, None where that is wrong; None for all of them where they are too many."""
+    counts: dict[str, int | None] = {}
+    total = 0
+    for name, spec in specs.items():
+        if spec.repeat is None:
+            total += 1
+            continue
+        path: Path = (section, name, "repeat")
+        count = scope.count(spec.repeat.count, (*path, "count"), f"the count of `{name}`")
+        if count is not None and count > MAX_REPEAT:
+            scope.error(
+                Code.TOO_MANY, f"`{name}` is repeated {count} times; at most {MAX_REPEAT} are possible", (*path, "count"),
+            )
+            count = None
+        if count is not None and spec.repeat.as_ in set(parameters):
+            scope.error(
+                Code.NAME_CLASH, f"the index `{spec.repeat.as_}` of this repeat is also a parameter of the document", path,
+                help="give the index another name: `as: k`", key=True,
+                notes=[Note(message="the parameter", span=scope.span(("parameters", spec.repeat.as_), key=True))],
+            )
+            count = None
+        if count is not None and total + count > MAX_OCCURRENCES:
+            scope.error(
+                Code.TOO_MANY,
+                f"with `{name}` the {section} of this document are {total + count}; at most {MAX_OCCURRENCES} are possible",
+                (*path, "count"),
+            )
+            return None
+        counts[name] = count
+        total += count or 0
+    return counts
+
+
+def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserved: bool = True) -> None:
+    """Report reserved names and names that are equal or differ only in case; each comes with its path and what it is."""
+    seen: dict[str, tuple[str, Path, str]] = {}
+    said: set[tuple[Path, Path]] = set()
+    for name, path, what in names:
+        if reserved and name in RESERVED:
+            scope.error(
+                Code.RESERVED_NAME, f"`{name}` is reserved and cannot name {what}", path, key=True, help="choose another name",
+            )
+            continue
+        first = seen.setdefault(name.lower(), (name, path, what))
+        if first[1] == path or (first[1], path) in said:
+            continue
+        said.add((first[1], path))
+        note = [Note(message="the other one", span=scope.span(first[1], key=True))]
+        if first[0] == name:
+            scope.error(
+                Code.NAME_CLASH, f"`{name}` names both {first[2]} and {what}", path, key=True, help="rename one of them",
+                notes=note,
+            )
+        else:
+            scope.error(
+                Code.NAME_CLASH, f"`{name}` and `{first[0]}` differ only in case", path, key=True, help="rename one of them",
+                notes=note,
+            )

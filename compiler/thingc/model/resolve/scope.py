@@ -1,0 +1,252 @@
+"""How one document is read while it is resolved: expressions over its parameters, dimensions, bounds and places."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Iterable, Mapping, Set
+from dataclasses import field, replace
+from typing import Any
+
+from thingc.base.diagnostics import MAX_FAULTS, Code, Note, Report
+from thingc.base.frozen import dataclass
+from thingc.base.pose import Matrix, Pose, Vector, placed, rotation_of
+from thingc.base.primitives import FARTHEST
+from thingc.base.source import Document, Origin, Path, ScalarNode, Span, dotted, node_at, walk
+from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity, shortened
+from thingc.documents.expressions import Expression, ExpressionError, ExpressionValue, evaluate, expression_hint, kind_of, words_of
+from thingc.documents.spec.assembly import TurnSpec
+from thingc.documents.spec.doubts import NO_DOUBTS, Doubts
+from thingc.documents.spec.poses import PoseSpec
+
+NOTHING: frozenset[str] = frozenset()
+UNIT = 1e-3
+"""How far the length of a quaternion that is written may be from 1."""
+
+_EXPRESSION_CODES = {"dimension": Code.DIMENSION, "unit": Code.DIMENSION, "value": Code.OUT_OF_RANGE}
+
+
+class Enough(Exception):
+    """More faults than anybody reads have been said: the pass ends here."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scope:
+    """The names that expressions of a document (or of one item of a `repeat`) may use, and where to report.
+
+    `broken` are names that were wrong and have been reported: what uses them is unsound, silently. `index` is the name
+    of the repeat's index and its value as it stands in references (`$i`). `said`, shared by a whole run, keeps one
+    mistake in one place from being reported for every item of a repeat and every use of a nested document. `doubts` are
+    the places of the document that validation has reported.
+    """
+
+    document: Document
+    report: Report
+    names: Mapping[str, ExpressionValue]
+    broken: Set[str] = NOTHING
+    index: tuple[str, str] | None = None
+    said: set[tuple[str, Code, Path, bool]] = field(default_factory=set)
+    doubts: Doubts = NO_DOUBTS
+
+    def repeated(self, name: str, value: int) -> Scope:
+        """The same inside one item of a `repeat`."""
+        return replace(
+            self, names={**self.names, name: Quantity(float(value))}, broken=self.broken - {name}, index=(name, str(value)),
+        )
+
+    # --- places ---------------------------------------------------------------------------------------------------
+
+    def span(self, path: Path, *, key: bool = False) -> Span:
+        """Where the value (the key) at `path` stands."""
+        return self.document.span(path, key=key)
+
+    def origin(self, path: Path, *, key: bool = False) -> Origin:
+        """`span` as the origin of something this document made."""
+        return (self.document.span(path, key=key),)
+
+    def written(self, path: Path) -> str | None:
+        """The scalar at `path` as written, or None where there is none."""
+        node = node_at(self.document.tree, path)
+        return node.text if isinstance(node, ScalarNode) else None
+
+    def works_out(self, path: Path) -> bool:
+        """Whether an expression is written anywhere in what stands at `path`."""
+        node = node_at(self.document.tree, path)
+        return node is not None and any(
+            isinstance(inner, ScalarNode) and str(inner.value).startswith("=") for _, inner in walk(node)
+        )
+
+    def error(
+        self, code: Code, message: str, path: Path, *, help: str | None = None, notes: Iterable[Note] = (), key: bool = False,
+        span: Span | None = None,
+    ) -> None:
+        """Report, once, at the value (with `key` the key) at `path`; `span` where the place is narrower. Of a place in doubt
+        nothing is said."""
+        if self.doubts.touch(path):
+            return
+        known = (self.document.relative, code, path, key)
+        if known in self.said:
+            return
+        if len(self.said) >= MAX_FAULTS:
+            raise Enough
+        self.said.add(known)
+        self.report.add(code, message, span or self.document.span(path, key=key), help=help, notes=notes, path=dotted(path))
+
+    def beside(self, message: str, path: Path, of: Path, *, key: bool = False) -> list[Note]:
+        """A note on the second place `path` of a fault at `of`; none where both are on one line, which is shown anyway."""
+        second, first = self.document.span(path, key=key), self.document.span(of)
+        return [] if second.line == first.line else [Note(message=message, span=second)]
+
+    # --- values ---------------------------------------------------------------------------------------------------
+
+    def value(self, raw: Any, path: Path) -> ExpressionValue | None:
+        """The value of a field: expressions are worked out. None: it was wrong, here or before, and has been reported."""
+        if isinstance(raw, Quantity):
+            return raw
+        if isinstance(raw, Expression):
+            if self.broken and any(use.name in self.broken for use in raw.names):
+                return None
+            try:
+                return evaluate(raw, self.names)
+            except ExpressionError as error:
+                if error.kind == "name" and self.doubts.lacks("parameters"):
+                    return None
+                self.error(
+                    _EXPRESSION_CODES.get(error.kind, Code.EXPRESSION), error.message, path, help=error.help,
+                    span=self._narrowed(raw, path, error.offset, error.end),
+                )
+                return None
+        if isinstance(raw, (int, float)) and not isinstance(raw, bool):
+            return Quantity(float(raw))
+        if isinstance(raw, (bool, str)):
+            return raw
+        raise TypeError(f"no value of a document: {raw!r}")
+
+    def _narrowed(self, expression: Expression, path: Path, offset: int, end: int) -> Span | None:
+        """The part of a scalar on one line that an offset into its expression means."""
+        node = node_at(self.document.tree, path)
+        if not isinstance(node, ScalarNode) or node.span.line != node.span.end_line:
+            return None
+        source = str(node.value)
+        quotes = node.span.end_column - node.span.column - len(source)
+        at = source.find(expression.text)
+        if at < 0 or quotes not in (0, 2):
+            return None
+        first = node.span.column + quotes // 2 + at + offset
+        return replace(node.span, column=first, end_column=max(first + 1, first + end - offset))
+
+    def number(
+        self, raw: Any, path: Path, dimension: Dimension | tuple[Dimension, ...], what: str, *,
+        above: float | None = None, least: float | None = None, most: float | None = None, notes: Iterable[Note] = (),
+    ) -> float | None:
+        """The SI value of a field of one of these dimensions and within bounds; None where it was wrong (reported).
+
+        `what` names the field for messages with its article or name: "the mass", "`limit.lower` of joint `yaw`"; `notes`
+        show where it is said that the dimension is this one.
+        """
+        quantity = self.value(raw, path)
+        if quantity is None:
+            return None
+        dimensions = dimension if isinstance(dimension, tuple) else (dimension,)
+        if not isinstance(quantity, Quantity) or not any(quantity.fits(one) for one in dimensions):
+            self.wrong_dimension(quantity, dimensions, what, path, notes)
+            return None
+        value = quantity.value + 0.0
+        rule = None
+        if above is not None and not value > above:
+            rule = f"above {Quantity(above, quantity.dimension)}" if above else "above 0"
+        elif least is not None and most is not None and not least <= value <= most:
+            rule = f"between {_bound(least, quantity.dimension)} and {_bound(most, quantity.dimension)}"
+        elif least is not None and not value >= least:
+            rule = f"at least {_bound(least, quantity.dimension)}"
+        elif most is not None and not value <= most:
+            rule = f"at most {_bound(most, quantity.dimension)}"
+        if rule is not None:
+            self.error(Code.OUT_OF_RANGE, f"{what} must be {rule}, found {self.shown(quantity, path)}", path)
+            return None
+        return value
+
+    def count(self, raw: Any, path: Path, what: str, *, least: int = 0) -> int | None:
+        """The value of a field that counts; None where it was wrong (reported)."""
+        value = self.number(raw, path, NUMBER, what, least=float(least))
+        if value is None:
+            return None
+        if value != int(value):
+            self.error(Code.VALUE_KIND, f"{what} must be a whole number, found {self.shown(Quantity(value), path)}", path)
+            return None
+        return int(value)
+
+    def vector(self, raw: Any, path: Path, dimension: Dimension, what: str) -> Vector | None:
+        """Three SI values of one dimension, lengths up to `FARTHEST`; None where one was wrong (reported)."""
+        least, most = (-FARTHEST, FARTHEST) if dimension == LENGTH else (None, None)
+        x, y, z = (self.number(part, (*path, index), dimension, what, least=least, most=most) for index, part in enumerate(raw))
+        return None if x is None or y is None or z is None else (x, y, z)
+
+    def pose(self, spec: PoseSpec, path: Path) -> Pose | None:
+        """The pose that is written at `path`; None where it was wrong (reported)."""
+        translation = self.vector(spec.xyz, (*path, "xyz"), LENGTH, "`xyz`")
+        rotation = self.rotation(spec, path)
+        return None if translation is None or rotation is None else Pose(rotation=rotation, translation=translation)
+
+    def rotation(self, spec: PoseSpec | TurnSpec, path: Path) -> Matrix | None:
+        """The rotation of the `quat` that is written at `path`, or of the `rpy`; None where it was wrong (reported)."""
+        if isinstance(spec, TurnSpec) or spec.quat is None:
+            angles = self.vector(spec.rpy, (*path, "rpy"), ANGLE, "`rpy`")
+            return None if angles is None else placed((0.0, 0.0, 0.0), angles).rotation
+        place = (*path, "quat")
+        w, x, y, z = (self.number(part, (*place, index), NUMBER, "`quat`") for index, part in enumerate(spec.quat))
+        if w is None or x is None or y is None or z is None:
+            return None
+        length = math.sqrt(w * w + x * x + y * y + z * z)
+        if not abs(length - 1.0) <= UNIT:
+            unit = ", ".join(f"{part / length:.6g}" for part in (w, x, y, z)) if 0.0 < length < math.inf else "1, 0, 0, 0"
+            self.error(
+                Code.OUT_OF_RANGE, f"`quat` is a unit quaternion w, x, y, z, and the length of this one is {length:.6g}", place,
+                help=f"write `[{unit}]`" + (", which turns nothing" if length == 0.0 else ""),
+            )
+            return None
+        return rotation_of((w, x, y, z))
+
+    def shown(self, value: ExpressionValue, path: Path) -> str:
+        """A value as messages quote it: as written, in backticks, with its result where it is an expression."""
+        text = (self.written(path) or words_of(value)).strip()
+        return f"`{shortened(text)}`, which is {words_of(value)}" if text.startswith("=") else f"`{shortened(text)}`"
+
+    def wrong_dimension(
+        self, value: ExpressionValue, expected: tuple[Dimension, ...], what: str, path: Path, notes: Iterable[Note] = (),
+    ) -> None:
+        """Report a value of another dimension, naming both."""
+        message, help = dimension_message(value, expected, what, self.written(path), self.names)
+        self.error(Code.DIMENSION, message, path, help=help, notes=notes)
+
+
+def dimension_message(
+    value: ExpressionValue, expected: tuple[Dimension, ...], what: str, written: str | None, names: Collection[str] = (),
+) -> tuple[str, str | None]:
+    """The words for a value of another dimension, and what to type next; `names` are those that an expression may use there."""
+    wanted = " or ".join(f"{dimension.words} (such as {dimension.example})" for dimension in expected)
+    text = shortened((written if written is not None else words_of(value)).strip())
+    help: str | None = expression_hint(value, names) if isinstance(value, str) else None
+    if isinstance(value, str) and help is not None and text.startswith("="):
+        help = f"`{shortened(value)}` is a text where it stands; an expression begins with `=`: `={shortened(value)}`"
+    if isinstance(value, Quantity) and value.dimension == NUMBER and not text.startswith("="):
+        unit = expected[0].example.partition(" ")[2]
+        help = f"write `{text} {unit}`" if unit else None
+    elif isinstance(value, Quantity) and text == (written or "").strip() and not set(names).isdisjoint(re.findall(r"\w+", text)):
+        help = next(filter(None, (_converted(text, value.dimension, one) for one in expected)), None)
+    return f"{what} is {wanted}, found {kind_of(value)} (`{text}`)", help
+
+
+def _converted(text: str, found: Dimension, wanted: Dimension) -> str | None:
+    """The help for an expression that is a factor of a unit off what is wanted: `=pinion / 1 rad`, `=count * 1 mm`, `=width / 1 mm`."""
+    body = text.removeprefix("=")
+    term = f"({body})" if re.search(r"[-+<>=]", body) else body
+    if found == NUMBER:
+        return f"write `={term} * 1 {wanted.example.partition(' ')[2]}`"
+    if wanted / found in (ANGLE, ANGLE**-1):
+        return f"write `={term} {'*' if wanted / found == ANGLE else '/'} 1 rad`"
+    return f"write `={term} / 1 {found.example.partition(' ')[2]}`" if wanted == NUMBER else None
+
+
+def _bound(value: float, dimension: Dimension) -> str:
+    return str(Quantity(value, dimension)) if value else "0"

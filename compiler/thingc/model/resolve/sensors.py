@@ -1,0 +1,199 @@
+"""Sensors: the mounts that they sit on, and the joints, tendons, drives and links that they measure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Literal
+
+from thingc.base.diagnostics import Code
+from thingc.base.joints import dimensions_of
+from thingc.base.pose import NO_POSE
+from thingc.base.sensing import SENSORS, ReadingName
+from thingc.base.source import Path
+from thingc.base.typos import did_you_mean
+from thingc.base.units import ANGLE, LENGTH, Dimension, Quantity
+from thingc.documents.spec.sensors import SensorSpec
+from thingc.model.resolve import references
+from thingc.model.resolve.coordinates import CoordinateName
+from thingc.model.resolve.model import Joint, Reference, Sensor, Tendon
+from thingc.model.resolve.references import suggested
+from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.shapes import primitive
+from thingc.model.resolve.table import Table
+
+FOVY = math.radians(45.0)
+"""The angle of view [rad] of a camera that does not state one: MuJoCo's."""
+
+
+def sensors(table: Table, scope: Scope, tendons: Sequence[Tendon]) -> Iterator[Sensor]:
+    """The sensors of the document, which has these `tendons`, in its order. One that is wrong is left out (reported)."""
+    by_name = {one.name: one for one in tendons}
+    for name, spec in table.spec.sensors.items():
+        sensor = _Reader(table, scope, name, spec).sensor(by_name)
+        if sensor is not None:
+            yield sensor
+
+
+class _Reader:
+    """Reads one sensor; `sound` until something that it needs is wrong, which has been reported."""
+
+    def __init__(self, table: Table, scope: Scope, name: str, spec: SensorSpec) -> None:
+        self.table, self.scope, self.name, self.spec = table, scope, name, spec
+        self.path: Path = ("sensors", name)
+        self.sound = True
+
+    def sensor(self, tendons: Mapping[str, Tendon]) -> Sensor | None:
+        """The sensor; None where it is wrong."""
+        spec = self.spec
+        joint = self._joint() if spec.joint is not None or spec.type == "joint" else None
+        tendon = self._tendon(spec.tendon, tendons) if spec.tendon is not None else None
+        mount, seen_from = self._mount("at", spec.at), self._mount("in", spec.in_)
+        touching = (*self._component("of", spec.of), *self._component("with", spec.with_))
+        volume = None
+        if spec.volume is not None:
+            volume = primitive(self.scope, spec.volume, (*self.path, "volume"), NO_POSE)
+            self.sound &= volume is not None
+        fovy = self._fovy() if spec.type == "camera" else None
+        if not self.sound:
+            return None
+        of = None if joint is None or joint.twist is None else joint.twist.coordinate
+        if tendon is not None:
+            of = ANGLE if tendon.turns else LENGTH
+        noise, cutoff = self._numbers("noise", spec.noise, of), self._numbers("cutoff", spec.cutoff, of)
+        if spec.range is not None:
+            reach = self.scope.number(spec.range, (*self.path, "range"), LENGTH, f"`range` of sensor `{self.name}`", above=0.0)
+            cutoff = {} if reach is None else {"distance": reach}
+        named = None if joint is None else CoordinateName(spec.joint if spec.joint is not None else self.name)
+        return Sensor(
+            name=self.name, kind=spec.type, at=mount, seen_from=seen_from, joint=None if named is None else named.path,
+            tendon=spec.tendon, touching=touching, volume=volume, fovy=fovy, noise=noise, cutoff=cutoff,
+            origin=self.scope.origin(self.path, key=True),
+        )
+
+    def _mount(self, key: str, text: str | None) -> Reference | None:
+        if text is None:
+            return None
+        mount = references.shown_mount(self.table, self.scope, text, (*self.path, key))
+        self.sound &= mount is not None
+        return mount
+
+    def _component(self, key: str, text: str | None) -> tuple[Reference, ...]:
+        """A component that is a link, or on one."""
+        if text is None:
+            return ()
+        place: Path = (*self.path, key)
+        named = references.component(self.table, self.scope, text, place)
+        if named is not None and named[1].table is not None:
+            self.scope.error(
+                Code.REFERENCE, f"`{text}` is an assembly: sensor `{self.name}` is touched at one link", place,
+                help="name one of its components, as in `hand.finger`",
+            )
+            named = None
+        self.sound &= named is not None
+        return () if named is None else (named[0],)
+
+    def _numbers(self, key: Literal["noise", "cutoff"], written: Any, of: Dimension | None) -> dict[str, float]:
+        """Noise or cutoff by reading [SI]; of the only one that can have it, where no reading is named."""
+        if written is None:
+            return {}
+        able: dict[ReadingName, Dimension] = {}
+        for one in SENSORS[self.spec.type].readings:
+            if isinstance(one.unit, str) and of is not None:
+                able[one.name] = dimensions_of(of)[one.unit]
+            elif isinstance(one.unit, Dimension):
+                able[one.name] = one.unit
+        place: Path = (*self.path, key)
+        if not isinstance(written, Mapping):
+            if len(able) > 1:
+                self.scope.error(
+                    Code.BROKEN_RULE, f"a sensor of type `{self.spec.type}` reads several things: `{key}` says of which it is", place,
+                    help=f"write for example `{key}: {{{next(iter(able))}: ...}}`",
+                )
+                return {}
+            return self._number(key, written, place, *next(iter(able.items())))
+        numbers: dict[str, float] = {}
+        for name, raw in written.items():
+            if name not in able:
+                self.scope.error(
+                    Code.BROKEN_RULE, f"a sensor of type `{self.spec.type}` reads no `{name}` that could have a `{key}`", (*place, name),
+                    key=True, help=did_you_mean(name, able, what="readings"),
+                )
+            else:
+                numbers |= self._number(key, raw, (*place, name), name, able[name])
+        return numbers
+
+    def _number(self, key: str, raw: Any, place: Path, name: ReadingName, dimension: Dimension) -> dict[str, float]:
+        value = self.scope.number(raw, place, dimension, f"`{key}` of sensor `{self.name}`", above=0.0)
+        return {} if value is None else {name: value}
+
+    def _fovy(self) -> float | None:
+        if self.spec.fovy is None:
+            return FOVY
+        place: Path = (*self.path, "fovy")
+        fovy = self.scope.number(self.spec.fovy, place, ANGLE, f"`fovy` of camera `{self.name}`", above=0.0)
+        if fovy is not None and fovy >= math.pi:
+            shown = self.scope.shown(Quantity(fovy, ANGLE), place)
+            self.scope.error(Code.OUT_OF_RANGE, f"`fovy` of camera `{self.name}` must be below 180 deg, found {shown}", place)
+            fovy = None
+        self.sound &= fovy is not None
+        return fovy
+
+    def _tendon(self, name: str, tendons: Mapping[str, Tendon]) -> Tendon | None:
+        place: Path = (*self.path, "tendon")
+        tendon = tendons.get(name)
+        if tendon is None:
+            doubts = self.table.doubts
+            if name not in (*self.table.spec.tendons, *doubts.names("tendons")) and not doubts.lacks("tendons"):
+                self.scope.error(
+                    Code.UNKNOWN_TENDON, f"this document has no tendon `{name}`", place, help=suggested(name, tendons, what="tendons"),
+                )
+        elif self.spec.type == "drive" and tendon.drive is None:
+            self._undriven("tendon", name, place, key=False)
+            tendon = None
+        self.sound &= tendon is not None
+        return tendon
+
+    def _undriven(self, what: str, name: str, place: Path, *, key: bool) -> None:
+        self.scope.error(
+            Code.JOINT_FIELD, f"{what} `{name}` has no drive to measure", place, key=key, help=f"give it a `drive`, or measure the {what}",
+        )
+
+    def _joint(self) -> Joint | None:
+        """The coordinate that a sensor measures, or whose drive it does: the one it names, else the one that has its own name."""
+        spec, unnamed = self.spec, self.spec.joint is None
+        wanted = CoordinateName(spec.joint if spec.joint is not None else self.name)
+        place: Path = (*self.path, "joint") if spec.joint is not None else self.path
+        joint = self._coordinate(wanted, place, unnamed)
+        if joint is not None and spec.type == "drive" and joint.drive is None:
+            self._undriven("joint", wanted, place, key=unnamed)
+            joint = None
+        self.sound &= joint is not None
+        return joint
+
+    def _coordinate(self, wanted: CoordinateName, place: Path, unnamed: bool) -> Joint | None:
+        table, scope = self.table, self.scope
+        joints = dict(table.all_joints())
+        moving = [one for one, joint in joints.items() if joint is not None and joint.twist is not None]
+        ball = any(one.joint == wanted.joint and joint is not None and joint.kind.at_once for one, joint in joints.items())
+        if ball and self.spec.type == "joint":
+            scope.error(
+                Code.JOINT_FIELD, f"joint `{wanted.joint}` is a ball: it has no coordinate to measure", place, key=unnamed,
+                help="measure a joint of one coordinate, or put an `imu` on its child",
+            )
+            return None
+        if wanted not in joints:
+            if not table.unsure_joints():
+                help = suggested(wanted, moving, what="joints")
+                if unnamed and moving:
+                    help += "; name it with `joint: ...`"
+                scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{wanted}`", place, key=unnamed, help=help)
+            return None
+        joint = joints[wanted]
+        if joint is not None and joint.twist is None:
+            scope.error(
+                Code.JOINT_FIELD, f"joint `{wanted}` is {joint.kind.name} and does not move: there is nothing to measure", place,
+                key=unnamed, help="measure a joint that moves, or a `force` at one of its mounts",
+            )
+            return None
+        return joint

@@ -1,0 +1,123 @@
+"""Links: components whose geometry is listed, shape by shape."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import partial
+from typing import assert_never
+
+from thingc.base.diagnostics import Code
+from thingc.base.pose import NO_POSE, Pose, Vector
+from thingc.base.primitives import FARTHEST, Primitive
+from thingc.base.source import Path
+from thingc.base.units import LENGTH, NUMBER, parse_quantity, shortened
+from thingc.documents.load.paths import MESH_SUFFIXES, SUFFIXES_WITH_UNIT, libraries, named
+from thingc.documents.spec.listed import ShapeSpec
+from thingc.documents.spec.sensors import VolumeSpec
+from thingc.geometry.meshes import LARGEST, MeshFile, mesh_file
+from thingc.geometry.record import FILE_UNIT
+from thingc.model.resolve.layers import Layers
+from thingc.model.resolve.link_definition import LinkDefinition, ListedShape, link_of
+from thingc.model.resolve.materials import friction
+from thingc.model.resolve.overrides import material
+from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.table import Context, Node, Table
+
+
+def of_link(context: Context, table: Table, node: Node) -> LinkDefinition | None:
+    """The definition of a component that is a `link`; None where one of its shapes is wrong (reported)."""
+    shapes = [_shape(context, table, node.scope, spec, (*node.path, "shapes", index)) for index, spec in enumerate(node.spec.shapes)]
+    sound = tuple(shape for shape in shapes if shape is not None)
+    return link_of(sound) if len(sound) == len(shapes) else None
+
+
+def _shape(context: Context, table: Table, scope: Scope, spec: ShapeSpec, path: Path) -> ListedShape | None:
+    pose = NO_POSE if spec.at is None else scope.pose(spec.at, (*path, "at"))
+    solid = _mesh(context, scope, spec, path) if spec.mesh is not None else primitive(scope, spec, path, pose or NO_POSE)
+    if solid is None or pose is None:
+        return None
+    return ListedShape(
+        solid=solid, pose=NO_POSE if isinstance(solid, Primitive) else pose, drawn=spec.for_ != "collision", touches=spec.for_ != "visual",
+        color=spec.color, friction=friction(scope, spec.friction, (*path, "friction")), origin=scope.origin((*path, spec.kind)),
+        material=material(scope, Layers(((spec, path),)), table.materials, unreadable=table.materials_unreadable),
+        name=spec.name,
+    )
+
+
+def _mesh(context: Context, scope: Scope, spec: ShapeSpec, path: Path) -> MeshFile | None:
+    """A mesh file, and its scale; None where that is wrong (reported), or the file cannot be used (which `load` has reported)."""
+    scale = _scale(scope, spec, path)
+    absolute, workspace = named(spec.mesh or "", scope.document.path), context.workspace
+    if scale is None or absolute is None or os.path.isabs(spec.mesh or "") or not workspace.contains(absolute):
+        return None
+    if not absolute.lower().endswith(MESH_SUFFIXES):
+        return None
+    try:
+        stat = os.stat(absolute)
+        if stat.st_size > LARGEST:
+            scope.error(
+                Code.TOO_LARGE, f"`{shortened(spec.mesh or '')}` is {stat.st_size // 1_000_000} MB large, and mesh files are read up to "
+                f"{LARGEST // 1_000_000} MB", (*path, "mesh"), help="simplify the mesh: nobody sees more than some ten thousand triangles",
+            )
+            return None
+        beside = tuple(os.path.join(os.path.dirname(absolute), name) for name in libraries(absolute))
+        times = tuple(os.stat(one).st_mtime_ns if os.path.isfile(one) else 0 for one in beside)
+        state = (stat.st_ino, stat.st_size, stat.st_mtime_ns, *times)
+        return context.memo(
+            ("mesh", absolute, scale), partial(_file, scale, context.digest), absolute, workspace.relative(absolute), state,
+        )
+    except OSError:
+        return None
+
+
+def _file(scale: Vector, digest: Callable[[str], str], absolute: str, path: str, _state: tuple[int, ...]) -> MeshFile:
+    """The file, of which the memo compares the state."""
+    return mesh_file(absolute, path, scale, digest)
+
+
+def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:
+    """The factors to metres; None where one is wrong (reported)."""
+    at: Path = (*path, "scale")
+    if isinstance(spec.scale, list):
+        factors = [scope.number(factor, (*at, k), NUMBER, "a factor of `scale`") for k, factor in enumerate(spec.scale)]
+    else:
+        factors = [1.0 if spec.scale is None else scope.number(spec.scale, at, NUMBER, "`scale`")] * 3
+    x, y, z = factors
+    if x is None or y is None or z is None:
+        return None
+    if not x * y * z:
+        scope.error(
+            Code.OUT_OF_RANGE, "a factor of `scale` is 0, which leaves nothing of the mesh", at,
+            help="write for example `scale: [1, 1, -1]`",
+        )
+        return None
+    said = spec.mesh is not None and spec.mesh.lower().endswith(SUFFIXES_WITH_UNIT)
+    unit = 1.0 if said else parse_quantity(f"1 {spec.unit or FILE_UNIT}").value
+    return x * unit, y * unit, z * unit
+
+
+def primitive(scope: Scope, spec: ShapeSpec | VolumeSpec, path: Path, pose: Pose) -> Primitive | None:
+    """The primitive, of which documents say whole lengths; None where one of them is wrong (reported)."""
+    at: Path = (*path, spec.kind)
+    written = getattr(spec, spec.kind)
+    sides: list[float | None]
+    length = partial(scope.number, most=FARTHEST)
+    match spec.kind:
+        case "box" | "ellipsoid":
+            sides = [length(side, (*at, k), LENGTH, f"a length of the {spec.kind}", above=0.0) for k, side in enumerate(written)]
+        case "plane":
+            sides = [length(side, (*at, k), LENGTH, "a length of the plane", least=0.0) for k, side in enumerate(written)]
+        case "sphere":
+            sides = [length(written.radius, (*at, "radius"), LENGTH, "`radius`", above=0.0)]
+        case "cylinder" | "capsule":
+            sides = [length(getattr(written, key), (*at, key), LENGTH, f"`{key}`", above=0.0) for key in ("radius", "length")]
+        case "mesh":
+            return None
+        case _:
+            assert_never(spec.kind)
+    whole = [side for side in sides if side is not None]
+    if len(whole) < len(sides):
+        return None
+    halved = {"box": (0, 1, 2), "plane": (0, 1), "cylinder": (1,), "capsule": (1,)}.get(spec.kind, ())
+    return Primitive(shape=spec.kind, size=tuple(side / 2.0 if k in halved else side for k, side in enumerate(whole)), pose=pose)

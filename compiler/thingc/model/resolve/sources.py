@@ -1,0 +1,37 @@
+"""What `resolve` is asked with: what was read, and what one compilation sets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import field
+from typing import TYPE_CHECKING
+
+from thingc.base.frozen import dataclass
+from thingc.geometry.store.digests import digest_of
+
+if TYPE_CHECKING:
+    from thingc.documents.load import Documents
+    from thingc.documents.spec.doubts import Specs
+    from thingc.documents.workspace import Workspace
+    from thingc.geometry.record import PartFailure, PartSchema
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """What one compilation has of its own. `parameters` are texts as `-p` takes them (`{"reach": "120 mm"}`), `choices` texts by
+    dotted path in the root document (`{"components.foot.part": "feet:Wide"}`)."""
+
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    choices: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sources:
+    """Documents, their models (or the sound rest of these) by path in the workspace, what the parts that they name take, and who
+    tells the SHA-256 of a file."""
+
+    workspace: Workspace
+    documents: Documents
+    specs: Specs
+    schemas: Mapping[str, PartSchema | PartFailure]
+    digest: Callable[[str], str] = digest_of

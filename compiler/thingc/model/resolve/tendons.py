@@ -1,0 +1,160 @@
+"""Tendons: sums of coordinates, or paths through mounts, that springs, limits and drives act along."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+from thingc.base.diagnostics import Code, Note
+from thingc.base.joints import dimensions_of
+from thingc.base.source import Path
+from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
+from thingc.documents.spec.tendons import AroundSpec, PulleySpec, TendonSpec
+from thingc.model.resolve import references
+from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
+from thingc.model.resolve.model import Drive, PathStep, Tendon
+from thingc.model.resolve.references import suggested
+from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.table import Table
+
+
+def tendons(table: Table, scope: Scope) -> Iterator[Tendon]:
+    """The tendons of the document, in its order. One that is wrong is left out (reported)."""
+    for name, spec in table.spec.tendons.items():
+        path: Path = ("tendons", name)
+        if spec.path is not None:
+            steps = tuple(_steps(table, scope, name, spec.path, (*path, "path")))
+            width, what = None, f"`width` of tendon `{name}`"
+            if spec.width is not None:
+                width = scope.number(spec.width, (*path, "width"), LENGTH, what, above=0.0)
+            tendon = _tendon(scope, name, spec, path, LENGTH, ())
+            if len(steps) == len(spec.path) and _sound(scope, name, steps, (*path, "path")):
+                yield replace(tendon, path=steps, width=width)
+            continue
+        terms = _terms(table, scope, name, spec, path)
+        if terms is not None:
+            coordinate, moves = terms
+            yield _tendon(scope, name, spec, path, coordinate, moves)
+
+
+def _steps(table: Table, scope: Scope, name: str, written: Sequence[str | AroundSpec | PulleySpec], path: Path) -> Iterator[PathStep]:
+    """The sound steps of a path; what is wrong with others is reported."""
+    for number, one in enumerate(written):
+        place: Path = (*path, number)
+        if isinstance(one, str):
+            mount = references.shown_mount(table, scope, one, place)
+            if mount is not None:
+                yield PathStep(mount=mount, origin=scope.origin(place))
+        elif isinstance(one, PulleySpec):
+            divisor = scope.number(one.pulley, (*place, "pulley"), NUMBER, f"a pulley of tendon `{name}`", above=0.0)
+            if divisor is not None:
+                yield PathStep(divisor=divisor, origin=scope.origin(place))
+        else:
+            shape: Literal["sphere", "cylinder"] = "sphere" if one.sphere is not None else "cylinder"
+            centre = references.shown_mount(table, scope, one.around, (*place, "around"))
+            radius = scope.number(getattr(one, shape), (*place, shape), LENGTH, f"a radius of tendon `{name}`", above=0.0)
+            side = None if one.side is None else references.shown_mount(table, scope, one.side, (*place, "side"))
+            if centre is not None and radius is not None and (side is not None or one.side is None):
+                yield PathStep(mount=centre, shape=shape, radius=radius, side=side, origin=scope.origin(place))
+
+
+def _sound(scope: Scope, name: str, steps: Sequence[PathStep], path: Path) -> bool:
+    """Whether each piece of a path, between pulleys, goes from a mount to a mount, with at most one shape between two of them."""
+    kinds = ["pulley" if step.mount is None else "shape" if step.shape is not None else "mount" for step in steps]
+    for number, (kind, before, after) in enumerate(zip(kinds, ["pulley", *kinds], [*kinds[1:], "pulley"], strict=False)):
+        if kind == "shape" and not before == after == "mount":
+            fault = f"tendon `{name}` goes around something that is not between two mounts"
+            help = "name a mount before it, and one behind it"
+        elif kind == "mount" and before == after == "pulley":
+            fault = f"tendon `{name}` goes from here to nowhere"
+            help = "a path needs two mounts, and so does each of its pieces between pulleys"
+        elif kind == "pulley" and (number == 0 or after == "pulley"):
+            fault, help = f"a pulley of tendon `{name}` has no path before it, or behind it", "take it out"
+        else:
+            continue
+        scope.error(Code.TENDON_PATH, fault, (*path, number), help=help)
+        return False
+    return True
+
+
+def _terms(
+    table: Table, scope: Scope, name: str, spec: TendonSpec, path: Path,
+) -> tuple[Dimension, tuple[tuple[CoordinateName, float], ...]] | None:
+    """The dimension of the length, that of its first term, and the factors by coordinate."""
+    moves: list[tuple[CoordinateName, float]] = []
+    length: Dimension | None = None
+    for text, raw in (spec.joints or {}).items():
+        place: Path = (*path, "joints", text)
+        balls = (one for one in table.joints.values() if one is not None and one.kind.at_once and text in (one.name.joint, one.name))
+        joint = next(balls, None) or table.joints.get(CoordinateName(text))
+        if joint is None:
+            if CoordinateName(text) not in table.joints and not any(f"{text}_".startswith(prefix) for prefix in table.unbuilt_joints):
+                scope.error(
+                    Code.UNKNOWN_JOINT, f"this document has no joint `{text}`", place, key=True,
+                    help=suggested(text, table.joints, what="joints"),
+                )
+            return None
+        notes = [Note(message=f"`{text}` is written here", span=joint.origin[0])]
+        if joint.twist is None or joint.kind.at_once:
+            why = "does not move" if joint.twist is None else "turns by no single number"
+            scope.error(
+                Code.JOINT_FIELD, f"tendon `{name}` cannot go over `{text}`, which is {joint.kind.name} and {why}", place, key=True,
+                notes=notes, help="name a coordinate that turns about one axis, or slides along one",
+            )
+            return None
+        own = joint.twist.coordinate
+        fitting = (length / own,) if length is not None else (ANGLE / own, LENGTH / own)
+        factor = scope.number(raw, place, fitting, f"how `{text}` changes the length of tendon `{name}`", notes=notes)
+        value = scope.value(raw, place)
+        if factor is None or not isinstance(value, Quantity):
+            return None
+        turns, slides = value.fits(ANGLE / own), value.fits(LENGTH / own)
+        if length is None and turns != slides:  # a plain 0 is either
+            length = ANGLE if turns else LENGTH
+        moves.append((CoordinateName(text), factor))
+    return length or LENGTH, tuple(moves)
+
+
+def _tendon(
+    scope: Scope, name: str, spec: TendonSpec, path: Path, coordinate: Dimension, moves: tuple[tuple[CoordinateName, float], ...],
+) -> Tendon:
+    of = dimensions_of(coordinate)
+
+    def number(section: str, key: str, *, least: float | None = 0.0) -> float | None:
+        model: Any = getattr(spec, section)
+        raw = getattr(model, key) if model is not None else None
+        what = f"`{section}.{key}` of tendon `{name}`"
+        return None if raw is None else scope.number(raw, (*path, section, key), of[key], what, least=least)
+
+    least = 0.0 if spec.path is not None else None  # a path has no length below 0
+    limit = Limit(lower=number("limit", "lower", least=least), upper=number("limit", "upper", least=least))
+    if limit.lower is not None and limit.upper is not None and not limit.lower < limit.upper:
+        scope.error(
+            Code.LIMIT, f"limits of tendon `{name}` leave no room: expected lower < upper", (*path, "limit", "lower"), help="swap them",
+        )
+        limit = Limit()
+    dynamics = Dynamics(
+        **{key: number("dynamics", key) for key in ("damping", "friction", "armature", "stiffness")},
+        rest=number("dynamics", "rest", least=least),
+    )
+    if dynamics.rest is not None and spec.dynamics is not None and spec.dynamics.stiffness is None:
+        scope.error(
+            Code.JOINT_FIELD, f"tendon `{name}` has a `dynamics.rest` and no `stiffness`: there is no spring that could rest",
+            (*path, "dynamics", "rest"), key=True, help="write its `stiffness` beside it, or take it out",
+        )
+    drive = None
+    if spec.drive is not None:
+        for key in ("axis", "armature", "component"):
+            if getattr(spec.drive, key) is not None:
+                scope.error(
+                    Code.DRIVE, f"the drive of tendon `{name}` has no `{key}`", (*path, "drive", key), key=True,
+                    help="write it under `dynamics`" if key == "armature" else "take it out",
+                )
+        drive = Drive(
+            component=None, kind=spec.drive.kind, kp=number("drive", "kp"), kv=number("drive", "kv"), effort=number("drive", "effort"),
+            velocity=number("drive", "velocity"), origin=scope.origin((*path, "drive")),
+        )
+    return Tendon(
+        name=name, moves=moves, turns=coordinate == ANGLE, limit=limit, dynamics=dynamics, drive=drive, origin=scope.origin(path, key=True),
+    )

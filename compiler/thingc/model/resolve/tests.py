@@ -1,0 +1,262 @@
+"""Tests of documents: names, units and ranges worked out. What mounts of parts they name is `graph`'s business."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from fnmatch import fnmatchcase
+from functools import partial
+from typing import Any
+
+from thingc.base.diagnostics import Code
+from thingc.base.pose import Vector
+from thingc.base.source import MappingNode, Origin, Path, SequenceNode, node_at, walk
+from thingc.base.units import Dimension, Quantity
+from thingc.documents.checks import kinds
+from thingc.documents.spec.tests import TestSpec
+from thingc.model.resolve import references
+from thingc.model.resolve.coordinates import CoordinateName
+from thingc.model.resolve.model import Joint, JointRange, Mode, Reference, Test
+from thingc.model.resolve.modes import components_fitting, driven
+from thingc.model.resolve.references import GLOB, suggested
+from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.table import Context, Table
+
+ALL = "all"
+
+Key = str | Path
+"""Where in a test: a key of it, or a path from it on."""
+
+
+def tests(context: Context, table: Table, scope: Scope, modes: Sequence[Mode]) -> Iterator[Test]:
+    """The tests of the document, in its order. One that is wrong is left out (reported)."""
+    around = context.around(table)
+    by_name = {mode.name: mode for mode in modes}
+    for name, written in table.spec.tests.items():
+        limits = [joint and joint.limit for joint in table.joints.values()] if kinds()[written.kind].of_limits else None
+        stated = (written, context.values(scope, f"tests {name}", written), modes, limits, *around)
+        test = context.sound(("test", name), stated, partial(_test, table, scope, by_name, name, written))
+        if test is not None:
+            yield test
+
+
+def _test(table: Table, scope: Scope, modes: Mapping[str, Mode], name: str, written: TestSpec) -> Test | None:
+    """One test; None where something of it was wrong (reported)."""
+    path: Path = ("tests", name, written.kind)
+    reader = Reader(table, scope, modes, path)
+    reader.choose(written.stated)
+    check = kinds()[written.kind].read(written.stated, reader)
+    if not reader.sound or check is None:
+        return None
+    node = node_at(scope.document.tree, path)
+    spans = {
+        ".".join(str(step) for step in inner): scope.span((*path, *inner)) for inner, _ in walk(node) if inner
+    } if isinstance(node, (MappingNode, SequenceNode)) else {}
+    return Test(
+        name=name, kind=written.kind, check=check, modes=reader.chosen_modes, poses=reader.chosen_poses, every_pose=reader.every_pose,
+        origin=scope.origin(("tests", name), key=True), spans=spans,
+    )
+
+
+class Reader:
+    """Works out what one test says: the `read` of its kind asks for values by their key in it.
+
+    `modes` are those of the document by name, `chosen_modes` and `chosen_poses` those of the test (`every_pose`: all keyframes of the
+    mode). `sound` is False as soon as something was wrong, which has been reported.
+    """
+
+    def __init__(self, table: Table, scope: Scope, modes: Mapping[str, Mode], path: Path) -> None:
+        self.table = table
+        self.scope = scope
+        self.modes = modes
+        self.path = path
+        self.sound = not scope.doubts.touch(path)
+        self.chosen_modes: tuple[str, ...] = ()
+        self.chosen_poses: tuple[str | None, ...] = ()
+        self.every_pose = False
+
+    def at(self, key: Key) -> Path:
+        """The place of a value in the document."""
+        return (*self.path, key) if isinstance(key, str) else (*self.path, *key)
+
+    def origin(self, key: Key) -> Origin:
+        """Where a value is written."""
+        return self.scope.origin(self.at(key))
+
+    def error(self, code: Code, message: str, key: Key, *, help: str | None = None, on_key: bool = False) -> None:
+        """Report at a value, or at its key (`on_key`), and leave this test out."""
+        self.sound = False
+        self.scope.error(code, message, self.at(key), help=help, key=on_key)
+
+    # --- values -----------------------------------------------------------------------------------------------------
+
+    def number(
+        self, raw: Any, key: Key, dimension: Dimension, what: str | None = None, *, above: float | None = None,
+        least: float | None = None, most: float | None = None,
+    ) -> float:
+        """The SI value; not a number, which no comparison finds fault with, where it was wrong (reported). `what` is how messages call
+        it, if not by its key."""
+        what = f"`{key}`" if what is None else what
+        value = self.scope.number(raw, self.at(key), dimension, what, above=above, least=least)
+        if value is not None and most is not None and value > most:
+            bound = Quantity(most, dimension)
+            self.error(Code.OUT_OF_RANGE, f"{what} must be at most {bound}, found {Quantity(value, dimension)}", key)
+        if value is None:
+            self.sound = False
+            return math.nan
+        return value
+
+    def vector(self, raw: Any, key: str, dimension: Dimension) -> Vector | None:
+        """Three SI values; None where one was wrong (reported)."""
+        vector = self.scope.vector(raw, self.at(key), dimension, f"`{key}`")
+        self.sound = self.sound and vector is not None
+        return vector
+
+    def interval(self, said: Sequence[Any], key: Path, dimension: Dimension, what: str) -> tuple[float, float]:
+        """Two values in order."""
+        low, high = (self.number(value, (*key, index), dimension, what) for index, value in enumerate(said))
+        if low > high:
+            self.error(
+                Code.OUT_OF_RANGE, f"{what}: the smallest value comes first, found {Quantity(low, dimension)} before "
+                f"{Quantity(high, dimension)}", key, help="exchange the two",
+            )
+        return low, high
+
+    def bounds(self, low: Any, high: Any, dimension: Dimension, what: str) -> tuple[float | None, float | None]:
+        """`min` and `max`, as far as they are written."""
+        least = None if low is None else self.number(low, "min", dimension, f"`min` of {what}", least=0.0)
+        most = None if high is None else self.number(high, "max", dimension, f"`max` of {what}", least=0.0)
+        if least is not None and most is not None and least > most:
+            self.error(
+                Code.OUT_OF_RANGE,
+                f"`min` of {what} is above its `max`: {Quantity(least, dimension)} and {Quantity(most, dimension)}",
+                "min", help="exchange the two",
+            )
+        return least, most
+
+    # --- references -------------------------------------------------------------------------------------------------
+
+    def mount(self, text: str | None, key: Key) -> Reference | None:
+        """A mount of a component, or one that the document exports."""
+        if text is None:
+            return None
+        mount = references.shown_mount(self.table, self.scope, text, self.at(key))
+        self.sound = self.sound and mount is not None
+        return mount
+
+    def components(self, text: str | None, key: Key) -> tuple[Reference, ...]:
+        """The components that a name or pattern fits."""
+        if text is None:
+            return ()
+        names = components_fitting(self.table, self.scope, text, self.at(key))
+        self.sound = self.sound and bool(names)
+        origin = self.origin(key)
+        return tuple(Reference(path=tuple(name.split(".")), mount=None, origin=origin) for name in names)
+
+    def drives(self, said: str | list[str], key: Key) -> tuple[str, ...]:
+        """The paths of the driven joints that names and patterns fit."""
+        paths = driven(self.table, self.scope, _each(said, self.at(key)))
+        self.sound = self.sound and bool(paths)
+        return paths
+
+    def choose(self, written: Any) -> None:
+        """The modes and poses that a test is run in, if it is run in any."""
+        if hasattr(written, "mode"):
+            self.chosen_modes = self._modes(written.mode)
+        if hasattr(written, "pose"):
+            self.chosen_poses, self.every_pose = self._poses(written.pose)
+
+    def _modes(self, said: str | list[str] | None) -> tuple[str, ...]:
+        """The modes written, else the first."""
+        if not self.modes:
+            self.sound = False
+            return ()
+        if said is None:
+            return (next(iter(self.modes)),)
+        return self._named(said, self.at("mode"), list(self.modes), "modes", Code.UNKNOWN_MODE)
+
+    def _poses(self, said: str | list[str] | None) -> tuple[tuple[str | None, ...], bool]:
+        """The poses written, and whether all keyframes of the mode are meant."""
+        if said is None:
+            return (None,), False
+        if said == ALL and ALL not in self.table.poses:
+            return (), True
+        return self._named(said, self.at("pose"), list(self.table.poses), "poses", Code.UNKNOWN_POSE), False
+
+    def _named(self, said: str | list[str], path: Path, known: Sequence[str], section: str, code: Code) -> tuple[str, ...]:
+        """The names of a section that names and patterns fit, in its order."""
+        what = section.removesuffix("s")
+        names: set[str] = set()
+        for text, at in _each(said, path):
+            fitting = [text] if text in known else [name for name in known if text == ALL or fnmatchcase(name, text)]
+            names.update(fitting)
+            if fitting:
+                continue
+            self.sound = False
+            if self.scope.doubts.lacks(section) or text in getattr(self.table.spec, section):
+                continue
+            help = suggested(text, known, what=section)
+            if GLOB.search(text) or text == ALL:
+                self.scope.error(Code.NO_MATCH, f"pattern `{text}` fits no {what}", at, help=help)
+            else:
+                self.scope.error(code, f"there is no {what} `{text}`", at, help=help)
+        return tuple(name for name in known if name in names)
+
+    def ranges(self, said: dict[str, Any], key: str) -> Iterator[JointRange]:
+        """The joints of a sweep and how far each goes; an exact name goes before a pattern."""
+        joints = dict(self.table.all_joints())
+        movable = {name: joint for name, joint in joints.items() if joint is not None and _movable(joint)}
+        chosen: dict[CoordinateName, tuple[Any, Path]] = {}
+        for text in sorted(said, key=lambda text: text in joints):
+            at: Path = (key, text)
+            fitting = [CoordinateName(text)] if text in joints else [name for name in movable if fnmatchcase(name, text)]
+            chosen.update((name, (said[text], at)) for name in fitting)
+            if fitting or self.table.unsure_joints():
+                self.sound = self.sound and bool(fitting)
+            elif GLOB.search(text):
+                self.error(Code.NO_MATCH, f"pattern `{text}` fits no joint that can be moved", at, on_key=True,
+                           help=suggested(text, movable, what="joints"))
+            else:
+                self.error(Code.UNKNOWN_JOINT, f"there is no joint `{text}`", at, on_key=True, help=suggested(text, movable, what="joints"))
+        for name, joint in joints.items():
+            if name not in chosen:
+                continue
+            if joint is None:
+                self.sound = False
+            elif not _movable(joint):
+                why = f"is {joint.kind.name} and has no coordinate" if joint.twist is None else "is a ball"
+                if joint.mimic is not None:
+                    why = f"mimics `{joint.mimic.joint}`"
+                self.error(Code.TEST, f"joint `{name}` {why}: it cannot be moved through a range", chosen[name][1], on_key=True,
+                           help=f"move `{joint.mimic.joint}`" if joint.mimic is not None else "take it out")
+            else:
+                yield self._range(name, joint, *chosen[name])
+
+    def _range(self, name: CoordinateName, joint: Joint, said: Any, key: Path) -> JointRange:
+        """From where to where a joint goes: all that its limits allow, without them one turn."""
+        twist = joint.twist
+        endless = math.pi if twist is not None and twist.turns else math.inf
+        low = joint.limit.lower if joint.limit.lower is not None else -endless
+        high = joint.limit.upper if joint.limit.upper is not None else endless
+        if said == ALL and math.isinf(high - low):
+            self.error(Code.TEST, f"joint `{name}` slides without limits: `all` is no range", key,
+                       help="write from where to where: `[-20 mm, 20 mm]`, or give it a `limit`")
+        if said != ALL and twist is not None:
+            first, last = self.interval(said, key, twist.coordinate, f"the range of joint `{name}`")
+            if joint.kind.may_stop and (first < low - 1e-9 or last > high + 1e-9):
+                ends = " to ".join(twist.shown(end) if math.isfinite(end) else "no end" for end in (low, high))
+                self.error(
+                    Code.OUT_OF_RANGE, f"the range of joint `{name}` leaves its limits {ends}", key,
+                    help="write `all` for the whole range",
+                )
+            low, high = first, last
+        return JointRange(joint=name.path, lower=low, upper=high)
+
+
+def _each(said: str | list[str], path: Path) -> list[tuple[str, Path]]:
+    """One text, or those of a list, each with its place."""
+    return [(said, path)] if isinstance(said, str) else [(text, (*path, index)) for index, text in enumerate(said)]
+
+
+def _movable(joint: Joint) -> bool:
+    return joint.mimic is None and joint.twist is not None and not joint.kind.at_once

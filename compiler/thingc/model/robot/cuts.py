@@ -1,0 +1,111 @@
+"""Where a mode cuts its loops: which joints its tree crosses, and why the others are left out."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from typing import NamedTuple
+
+from thingc.model.assembly.types import Assembly, LinkedMode, Mate
+
+
+class Worth(NamedTuple):
+    """What of a mate only a tree can have, the weightiest first; of two on a loop, that with the lesser (as tuples compare) is cut."""
+
+    uncut: int
+    driven: bool
+    coupled: bool
+    unclosable: int
+    limited: bool
+    dynamic: bool
+    placing: bool
+    earlier: int
+
+    def over(self, other: Worth) -> str:
+        """Why this one stays, and the `other` does not: what it has, for people."""
+        first = next((name for name, mine, theirs in zip(Worth._fields, self, other, strict=True) if mine != theirs), "earlier")
+        return _WORDS[first]
+
+
+_WORDS: Mapping[str, str] = {
+    "uncut": "is not named by `cut`",
+    "driven": "is driven",
+    "coupled": "mimics or is followed",
+    "unclosable": "is no turn and no ball, which targets can close best",
+    "limited": "has limits",
+    "dynamic": "has dynamics",
+    "placing": "places its child",
+    "earlier": "stands before it",
+}
+
+
+def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
+    """The numbers of the mates that a mode's tree crosses: all joints of a robot without loops, else Kruskal's maximal tree by their
+    `Worth`: of each loop the joint is left out that is worth least."""
+    worth = dict(worths(assembly, mode))
+    groups = _Groups(len(assembly.links))
+    ordered = sorted(worth, key=worth.__getitem__, reverse=True)
+    return frozenset(number for number in ordered if groups.join(*_ends(assembly, assembly.mates[number])))
+
+
+def closing(assembly: Assembly, taken: Collection[int], number: int) -> list[Mate]:
+    """The mates that close the loops through one mate (its number) of a tree that takes these: none where it is on no loop."""
+    groups = _Groups(len(assembly.links))
+    for other in taken:
+        if other != number:
+            groups.join(*_ends(assembly, assembly.mates[other]))
+    left = (mate for other, mate in enumerate(assembly.mates) if other not in taken and (mate.joints or mate.loop is not None))
+    return [mate for mate in left if groups.apart(*_ends(assembly, mate))]
+
+
+def _ends(assembly: Assembly, mate: Mate) -> tuple[int, int]:
+    return assembly.link_of[mate.parent], assembly.link_of[mate.child]
+
+
+class _Groups:
+    """Links that hang together: a union-find."""
+
+    def __init__(self, count: int) -> None:
+        self._above = list(range(count))
+
+    def apart(self, one: int, other: int) -> bool:
+        """Whether two links are in different groups."""
+        return self._top(one) != self._top(other)
+
+    def join(self, one: int, other: int) -> bool:
+        """Make one group of two; False where they are one already."""
+        one, other = self._top(one), self._top(other)
+        self._above[max(one, other)] = min(one, other)
+        return one != other
+
+    def _top(self, k: int) -> int:
+        while self._above[k] != k:
+            self._above[k] = self._above[self._above[k]]
+            k = self._above[k]
+        return k
+
+
+def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, Worth]]:
+    """Of each mate that moves, by its number."""
+    cut = {one.joint: rank for rank, one in enumerate(mode.cut)}
+    mates = [(number, mate) for number, mate in enumerate(assembly.mates) if mate.joints]
+    followed = {joint.mimic.joint.path for _, mate in mates for joint in mate.joints if joint.mimic is not None}
+    for number, mate in mates:
+        yield number, Worth(
+            uncut=cut.get(mate.name or "", len(cut)),
+            driven=any(j.actuator is not None and (mode.actuators is None or j.path in mode.actuators) for j in mate.joints),
+            coupled=any(joint.mimic is not None or joint.path in followed for joint in mate.joints),
+            unclosable=_unclosable(mate),
+            limited=any(joint.limit.bounded for joint in mate.joints),
+            dynamic=any(joint.dynamics.acts for joint in mate.joints),
+            placing=mate.loop is None,
+            earlier=-number,
+        )
+
+
+def _unclosable(mate: Mate) -> int:
+    """How badly targets close a loop that is cut here: a turn or a ball (0) all that close any, a universal (1) MuJoCo by a tendon, others
+    (2) not all."""
+    first = mate.joints[0]
+    if first.kind.at_once or len(mate.joints) == 1 and first.twist.turns and not first.twist.pitch:
+        return 0
+    return 1 if first.kind.name == "universal" else 2

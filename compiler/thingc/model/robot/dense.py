@@ -1,0 +1,54 @@
+"""Small dense least squares in plain Python."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from thingc.base.summing import plain_sum
+
+
+def solve(columns: Sequence[Sequence[float]], error: Sequence[float], damping: float) -> list[float] | None:
+    """The x that makes |error + J x|^2 + lambda |x|^2 smallest; None where rounding leaves no solution.
+
+    J is given by its `columns` (n of them, m rows each); lambda is `damping` times the mean square of its entries along the
+    smaller side, so that it does not depend on units. As lambda goes to 0, x goes to -pinv(J) error. Solved with the normal
+    equations of the smaller side, n x n or, since inv(J'J + l) J' = J' inv(JJ' + l), m x m.
+    """
+    n, m = len(columns), len(error)
+    rows = [[column[k] for column in columns] for k in range(m)]
+    tall = n <= m
+    vectors = columns if tall else rows
+    size = len(vectors)
+    gram = [[plain_sum(a * b for a, b in zip(u, v, strict=True)) for v in vectors] for u in vectors]
+    trace = plain_sum(gram[k][k] for k in range(size))
+    if trace == 0.0:
+        return [0.0] * n
+    for k in range(size):
+        gram[k][k] += damping * trace / size
+    if tall:
+        right = [-plain_sum(a * b for a, b in zip(column, error, strict=True)) for column in columns]
+        return _cholesky_solve(gram, right)
+    y = _cholesky_solve(gram, [-value for value in error])
+    return None if y is None else [plain_sum(a * b for a, b in zip(column, y, strict=True)) for column in columns]
+
+
+def _cholesky_solve(matrix: Sequence[Sequence[float]], right: Sequence[float]) -> list[float] | None:
+    """x of A x = b for a symmetric positive-definite A = L L'; None where A is not, to rounding."""
+    size = len(right)
+    lower = [[0.0] * size for _ in range(size)]
+    for i in range(size):
+        for j in range(i + 1):
+            rest = matrix[i][j] - plain_sum(lower[i][k] * lower[j][k] for k in range(j))
+            if i == j:
+                if not rest > 0.0:
+                    return None
+                lower[i][i] = math.sqrt(rest)
+            else:
+                lower[i][j] = rest / lower[j][j]
+    x = [0.0] * size
+    for i in range(size):
+        x[i] = (right[i] - plain_sum(lower[i][k] * x[k] for k in range(i))) / lower[i][i]
+    for i in reversed(range(size)):
+        x[i] = (x[i] - plain_sum(lower[k][i] * x[k] for k in range(i + 1, size))) / lower[i][i]
+    return x

@@ -1,0 +1,66 @@
+"""What a robot with a root says of itself: poses of its bodies and parts at given coordinates, and its mass."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from thingc.base.inertia import MassProperties, total
+from thingc.base.joints import Twist, moved, velocities
+from thingc.base.pose import NO_POSE, Pose
+from thingc.model.assembly import coordinates, joints_of
+from thingc.model.robot.tree import in_link
+from thingc.model.robot.types import Body, CoreJoint, Robot
+
+
+def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
+    """Where a body is when its tree parent is at `parent`; `q` [rad or m] of every joint by path."""
+    pose = parent @ body.X_PL
+    if body.at_once:
+        return pose @ moved(body.twists, tuple(q[joint.path] for joint in body.joints), at_once=True)
+    for joint in body.joints:
+        pose = pose @ joint.twist.exponential(q[joint.path])
+    return pose
+
+
+def in_world(body: Body, pose: Pose, q: Mapping[str, float]) -> Iterator[tuple[CoreJoint, Twist]]:
+    """The coordinates by which a body moves in its tree parent, the last first, each with what it does as seen in the world (or whatever
+    frame the body is at `pose` in); `q` [rad or m] of every joint by path."""
+    values = tuple(q[joint.path] for joint in body.joints)
+    for number, twist in velocities(body.twists, values, pose, at_once=body.at_once):
+        yield body.joints[number], twist
+
+
+def body_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -> tuple[Pose, ...]:
+    """The pose of every body in the world, in body order; the root is where the mode puts it unless `root` says.
+
+    `q` [rad or m] by joint path; a joint that is not named follows the one it mimics, else it is at 0.
+    """
+    full = coordinates(joints_of(robot.assembly), q)
+    return placed_bodies(robot.bodies, full, robot.bodies[0].X_PL if root is None else root)
+
+
+def placed_bodies(bodies: Sequence[Body], q: Mapping[str, float], root: Pose) -> tuple[Pose, ...]:
+    """The pose of every body of a tree in the world, its root at `root`; `q` [rad or m] of every joint by path."""
+    poses: list[Pose] = []
+    for body in bodies:
+        poses.append(root if body.parent is None else carried(body, poses[body.parent], q))
+    return tuple(poses)
+
+
+def occurrence_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -> tuple[Pose, ...]:
+    """The pose of every occurrence in the world, in document order; arguments as of `body_poses`."""
+    at = {body.link: pose for body, pose in zip(robot.bodies, body_poses(robot, q, root))}
+    assembly = robot.assembly
+    return tuple(at[link] @ pose for link, pose in zip(assembly.link_of, in_link(assembly)))
+
+
+def mass_properties(robot: Robot, q: Mapping[str, float]) -> MassProperties:
+    """Of the whole robot at `q`, in the frame of its root link: mass [kg], centre [m], inertia [kg m^2] about it."""
+    links = robot.assembly.links
+    placed = body_poses(robot, q, NO_POSE)
+    return total(links[body.link].properties.seen_from(pose) for body, pose in zip(robot.bodies, placed))
+
+
+def link_names(robot: Robot) -> tuple[str, ...]:
+    """The names of the bodies, in body order."""
+    return tuple(robot.assembly.links[body.link].name for body in robot.bodies)

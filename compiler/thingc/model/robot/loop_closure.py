@@ -1,0 +1,274 @@
+"""The loops of a mode: which they are, and the poses in which they close."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+
+from thingc.base.diagnostics import Code, Note, Report
+from thingc.base.joints.bases import stays
+from thingc.base.memo import Memo
+from thingc.base.pose import MATE, NO_POSE, Pose
+from thingc.base.summing import plain_sum
+from thingc.base.typos import did_you_mean
+from thingc.model.assembly import coordinates, joints_of, on_loops
+from thingc.model.assembly.types import Assembly, LinkedHold, LinkedMode
+from thingc.model.resolve.model import NamedPose
+from thingc.model.robot.cuts import closing
+from thingc.model.robot.kinematics import placed_bodies
+from thingc.model.robot.loop_solver import Loops, Solution, SolverState
+from thingc.model.robot.tree import bodies_from, cut_closures, in_link, placing, root_pose
+from thingc.model.robot.types import Body, Closure, Keyframe, Unclosed, residual_words
+
+MET = 1e-12
+"""A pose whose loops are closed to within this [m, rad] as it is written is taken as it is written."""
+
+STILL = 1e-9
+"""A joint that closing moves by less [rad or m] has not been moved."""
+
+FAR = math.radians(30.0)
+"""What closing may move a joint [rad, a slide in proportion] if the result is still to be called by the name of the pose (the
+pose that a mode starts with is its own, however far)."""
+
+STARTS = 8
+"""How many states besides its poses a mode is tried from before its loops are said not to close."""
+
+Taken = Collection[int]
+
+
+def closures_of(
+    assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], taken: Taken, report: Report, memo: Memo,
+) -> tuple[Closure, ...] | None:
+    """The mode's holds, then the joints that its tree does not cross. None where one is wrong (said in `report`). What `memo` has of it
+    is taken from there."""
+    sound = _check_cuts(assembly, mode, taken, report)
+    cut = cut_closures(assembly, bodies, taken)
+    held: list[Closure] = []
+    where: dict[int, Pose] | None = None
+    placed = in_link(assembly)
+    body_of = {body.link: index for index, body in enumerate(bodies)}
+    for hold in mode.holds:
+        choice = hold.mount
+        link = assembly.link_of[choice.occurrence]
+        if body_of[link] == 0 and stays(mode.base):
+            report.add(
+                Code.HOLD, f"mode `{mode.name}` holds `{choice.path}`, which is on its root `{assembly.links[link].name}`: "
+                "that stands still already", hold.origin, path=choice.path, help="hold a mount of another link, or take it out",
+                notes=[Note(message=f"`{assembly.links[link].name}` begins here", span=assembly.links[link].origin[0])],
+            )
+            sound = False
+            continue
+        X_LM = placed[choice.occurrence] @ assembly.occurrences[choice.occurrence].mounts[choice.mount or "origin"].pose
+        if hold.pose is None and where is None:
+            where = _at_own_pose(assembly, mode, bodies, memo)
+        held.append(Closure(
+            path=choice.path, hold=True, turns=hold.turns, parent=None, child=body_of[link],
+            X_PA=_target(hold, where, body_of[link], X_LM), X_CB=X_LM, joints=(), twists=(), origin=hold.origin,
+        ))
+    return (*held, *cut) if sound else None
+
+
+def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Report) -> bool:
+    """Whether each joint that the mode names is cut. One that is not is on no loop, or on one that is cut elsewhere (said in `report`)."""
+    joints = {mate.name: number for number, mate in enumerate(assembly.mates) if mate.name is not None}
+    wrong = [one for one in mode.cut if joints.get(one.joint) in taken]
+    for one in wrong:
+        closed = closing(assembly, taken, joints[one.joint])
+        fixed = next((mate for mate in closed if not mate.joints), None)
+        notes: list[Note] = []
+        if fixed is not None:
+            why = f"whose loop is cut at the fixed joint `{fixed.loop}`"
+            help = "take it out: a loop that a fixed joint closes is cut at that joint"
+            notes = [Note(message=f"`{fixed.loop}` is here", span=fixed.origin[0])]
+        elif closed:
+            other = next(cut for cut in mode.cut if cut.joint == closed[0].name)
+            why, help = f"whose loop is cut at `{other.joint}` already", "take one of the two out: a loop is cut once"
+            notes = [Note(message=f"`{other.joint}` is cut here", span=other.origin[0])]
+        else:
+            on_loops = [name for name, number in joints.items() if number not in taken or closing(assembly, taken, number)]
+            why = "which is on no loop"
+            help = did_you_mean(one.joint, on_loops, what="joints on loops") if on_loops else "take it out: no joints make a loop here"
+        report.add(Code.CUT, f"mode `{mode.name}` cuts joint `{one.joint}`, {why}", one.origin, path=one.joint, help=help, notes=notes)
+    return not wrong
+
+
+def _target(hold: LinkedHold, where: Mapping[int, Pose] | None, body: int, X_LM: Pose) -> Pose:
+    """The frame of the mount in the world: mated to the hold's pose, as a root's to `at`; or where it is (`here`)."""
+    if hold.pose is not None:
+        return hold.pose @ MATE if hold.mount.mount is not None else hold.pose
+    return (where or {})[body] @ X_LM
+
+
+def _at_own_pose(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], memo: Memo) -> dict[int, Pose]:
+    """Where the mode's own pose (all joints at 0 where it has none) puts the bodies, its loops of joints closed."""
+    pose = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
+    return dict(enumerate(placed_bodies(bodies, closed_coordinates(assembly, pose, memo), bodies[0].X_PL)))
+
+
+def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -> dict[str, float]:
+    """q [rad or m] of every joint in a pose (None: all at 0), with the loops of joints closed as well as they close. What `memo` has of
+    it is taken from there."""
+    q = coordinates(joints_of(assembly), pose.values if pose is not None else {})
+    loops = _doc_loops(assembly, memo)
+    if loops is None:
+        return q
+    place = ("closed", None, None if pose is None else pose.name)
+    return memo(place, _closed, loops, SolverState(q=q, base=NO_POSE), _named(pose), False).state.q
+
+
+def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
+    """The loops of joints over the tree by which the documents place things: what closes them is the same in every mode."""
+    taken = placing(assembly)
+    if not any(mate.loop is not None for mate in assembly.mates):
+        return None
+    bodies = bodies_from(assembly, assembly.link_of[assembly.base], taken, NO_POSE, memo)
+    return memo(("loops", None), Loops, bodies, cut_closures(assembly, bodies, taken), joints_of(assembly), NO_POSE)
+
+
+def keyframes_of(
+    assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], closures: tuple[Closure, ...], report: Report, memo: Memo,
+) -> tuple[tuple[Keyframe, ...], tuple[Unclosed, ...]] | None:
+    """The mode's poses in its order, q of every joint with the loops closed, and the poses that do not close.
+
+    The joints that a pose does not name move first; the others only where that is not enough; a free base before either. None
+    where the mode's own pose does not close, or nothing that was tried does (said in `report`). What `memo` has of it is taken from there.
+    """
+    joints = joints_of(assembly)
+    by_name = {pose.name: pose for pose in assembly.poses}
+    poses = [by_name[name] for name in mode.poses if name in by_name]
+    stands = {name: root_pose(assembly, replace(mode, at=at)) for name, at in mode.at_in.items()}
+    if not closures:
+        return tuple(
+            Keyframe(name=p.name, q=coordinates(joints, p.values), origin=p.origin, base=stands.get(p.name)) for p in poses
+        ), ()
+    held = any(closure.hold for closure in closures)
+    of_mode = mode.name if held else None
+    loops = memo(("loops", of_mode), Loops, bodies, closures, joints, bodies[0].X_PL) if held else _doc_loops(assembly, memo)
+    if loops is None:
+        raise ValueError("a tree without holds has closures only where the documents have loops")
+    base_moves = held and mode.base == "free"
+    following = on_loops(len(assembly.occurrences), assembly.mates)
+    keyframes: list[Keyframe] = []
+    unclosed: list[Unclosed] = []
+    failed: list[Solution] = []
+    for pose in poses:
+        start = SolverState(q=coordinates(joints, pose.values), base=loops.base)
+        solution = memo(("closed", of_mode, pose.name), _closed, loops, start, _named(pose), base_moves)
+        closure, residual = _worst(loops, solution)
+        moved = _moved(loops, start, solution, following - pose.values.keys())
+        if not solution.closed:
+            unclosed.append(Unclosed(name=pose.name, path=closure.path, residual=residual, origin=pose.origin))
+            failed.append(solution)
+        elif pose.name != mode.pose and any(abs(moved.get(c.path, 0.0)) > FAR * c.unit for c in loops.coordinates):
+            unclosed.append(Unclosed(name=pose.name, path=closure.path, residual=residual, origin=pose.origin, moved=moved))
+        else:
+            base = solution.state.base if base_moves else stands.get(pose.name)
+            keyframes.append(Keyframe(
+                name=pose.name, q=solution.state.q, origin=pose.origin, base=base, moved=moved, residual=solution.residual,
+            ))
+    own = next((one for one in unclosed if one.name == mode.pose), None)
+    best = None if len(failed) < len(poses) else _least(loops, failed, base_moves)
+    if own is None and best is None:
+        return tuple(keyframes), tuple(unclosed)
+    _report(mode, loops, own, best, keyframes, report)
+    return None
+
+
+def _least(loops: Loops, failed: list[Solution], base_moves: bool) -> Solution | None:
+    """The best that can be done, poses or not; None where the loops do close somewhere."""
+    best = failed[0] if failed else None
+    for solution in (*failed[1:], *_tried(loops, base_moves)):
+        if solution.closed:
+            return None
+        if best is None or _measure(loops, solution) < _measure(loops, best):
+            best = solution
+    return best
+
+
+def _report(
+    mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution | None, keyframes: list[Keyframe], report: Report,
+) -> None:
+    """Say that the loops close nowhere (`best` is the nearest to it), or not from the mode's own pose (`own`)."""
+    where = ""
+    if best is None:
+        if own is None:
+            return
+        closure, residual = next(c for c in loops.closures if c.path == own.path), own.residual
+        help = f"start from `{keyframes[0].name}`, which closes" if keyframes else "start from a pose nearer to where it is closed"
+        where = f" from pose `{own.name}`"
+    else:
+        closure, residual = _worst(loops, best)
+        help = (
+            "move the hold, or widen the limits of the joints" if closure.hold
+            else "change the lengths in the loop, or the limits of its joints"
+        )
+    far = residual_words(residual)
+    if closure.hold:
+        message = f"mode `{mode.name}` cannot hold `{closure.path}` there{where}: at best it is {far} away"
+    else:
+        message = f"the loop through joint `{closure.path}` does not close{where}: at best its ends are {far} apart"
+    report.add(Code.UNCLOSED, message, closure.origin, path=closure.path, help=help)
+
+
+def _named(pose: NamedPose | None) -> frozenset[str]:
+    return frozenset(pose.values) if pose is not None else frozenset()
+
+
+def _moved(loops: Loops, start: SolverState, solution: Solution, following: Collection[str]) -> dict[str, float]:
+    """How far [rad or m] each joint that moves by itself has left where the pose has it. Those on loops that the pose does not
+    name (`following`) have no place there: they go where the loop takes them."""
+    moved = {c.path: solution.state.q[c.path] - start.q[c.path] for c in loops.coordinates if c.path not in following}
+    return {path: by for path, by in moved.items() if abs(by) > STILL}
+
+
+def _closed(loops: Loops, start: SolverState, named: Collection[str], base_moves: bool) -> Solution:
+    """Close the loops from a pose; the best solution found if they do not close.
+
+    Coordinates without a given value (not in `named`) move first. If that is not enough, the result is the closed state nearest to
+    the given values.
+    """
+    as_written = Solution(state=start, residuals=loops.residuals(start))
+    inside = all(c.lower - STILL <= start.q[c.path] <= c.upper + STILL for c in loops.coordinates)
+    if inside and all(p <= MET and w <= MET for p, w in as_written.residuals):
+        return as_written
+    unnamed = frozenset(c.path for c in loops.coordinates if c.path not in named)
+    stages: list[frozenset[str] | None] = [frozenset()] if base_moves else []
+    stages += [unnamed, None] if unnamed and len(unnamed) < len(loops.coordinates) else [None]
+    best = as_written
+    for movable in stages:
+        solution = loops.close(start, movable, base_moves=base_moves)
+        if solution.closed and (movable is not None or not named):
+            return solution
+        if solution.closed:
+            other = solution if best is as_written else loops.close(best.state, None, base_moves=base_moves)
+            closed = [solution, *([other] if other.closed and other is not solution else [])]
+            nearest = [loops.nearest(start, one, named, base_moves=base_moves) for one in closed]
+            return min(nearest, key=lambda one: loops.distance(start, one.state, named))
+        best = min(best, solution, key=lambda one: _measure(loops, one))
+    return best
+
+
+def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
+    """Other states to start from: all joints at 0, in the middle, and spread between their limits (multiples of the golden
+    ratio, modulo 1: the same in every run)."""
+    for number in range(STARTS):
+        q = coordinates(loops.joints.values(), {})
+        for place, c in enumerate(loops.coordinates):
+            low = c.lower if math.isfinite(c.lower) else -math.pi * c.unit
+            high = c.upper if math.isfinite(c.upper) else math.pi * c.unit
+            part = 0.5 if number == 1 else (number * 0.6180339887498949 * (place + 1)) % 1.0
+            if number > 0:
+                q[c.path] = low + part * (high - low)
+        q = coordinates(loops.joints.values(), {c.path: q[c.path] for c in loops.coordinates})
+        yield loops.close(SolverState(q=q, base=loops.base), None, base_moves=base_moves)
+
+
+def _measure(loops: Loops, solution: Solution) -> float:
+    """How far from closed, in one number: what the method makes small."""
+    return plain_sum(p * p + (loops.length * w) ** 2 for p, w in solution.residuals)
+
+
+def _worst(loops: Loops, solution: Solution) -> tuple[Closure, tuple[float, float]]:
+    pairs = zip(loops.closures, solution.residuals, strict=True)
+    return max(pairs, key=lambda pair: pair[1][0] ** 2 + (loops.length * pair[1][1]) ** 2)

@@ -1,0 +1,462 @@
+"""Loops closed by Newton's method: joint coordinates that make every closure of a tree of bodies meet.
+
+The residual of a closure is a position p [m] and a rotation vector w [rad] in world axes: with A the frame on the parent, moved
+by the joint that was cut, and B the frame on the child,
+
+    p = p_B - p_A,    w = R_A log(inv(R_A) R_B)
+
+Steps are those of Levenberg and Marquardt (Marquardt, "An algorithm for least-squares estimation of nonlinear parameters",
+1963): where there are more coordinates than equations the shortest step, where there are fewer, or none that close the loop, the
+least squares. Limits are kept by taking a coordinate that would pass one to the limit and stepping with the others.
+Plain Python, because `check` must not pay for numpy; a handful of equations each.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from thingc.base.frozen import dataclass
+from thingc.base.joints import Twist, moved, velocities
+from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, rotate, transpose, turn_of, turned_about
+from thingc.base.summing import dist, hypot, plain_sum
+from thingc.model.assembly import balls, bent, coordinates, in_cones, leaders
+from thingc.model.assembly.types import JointEdge
+from thingc.model.robot.dense import solve
+from thingc.model.robot.kinematics import carried, in_world
+from thingc.model.robot.types import Body, Closure
+
+CLOSED, ALIGNED = 1e-7, 1e-6
+"""A closure is closed to within this [m], and this [rad], which is less than anybody is told. Newton's method usually ends at 1e-15; but
+where a linkage moves in a plane nothing mends what the numbers of a document leave out across it, which are often of 6 or 9 digits."""
+
+FREE = 100.0
+"""How much farther a coordinate without a given value moves at the same cost as one with a given value, in `nearest`."""
+
+SAMPLES = 50
+"""At how many values of its leader, either way, it is looked whether what follows it by a polynomial is within its limits."""
+
+PROJECTION, NEAR, GAIN = 1e-10, 1e-9, 1e-4
+"""Of `nearest`: the damping, the step [rad] below which it has converged, and the share of the squared distance that it must gain."""
+
+STEPS = 120
+"""Steps before giving up."""
+
+REACH = 0.5
+"""The longest step of one turn [rad]; slides and bases in proportion. Beyond it the linear model says little."""
+
+TRUST = 0.25
+"""A step that gains less than this share of what the linear model promises is too long: without the rule a method like this one
+may go to and fro across a valley, a little lower each time."""
+
+ROUNDING = 1e-13
+"""A gain below this share of what is left is none. A step that gains no more is tried again with more damping, which turns it towards
+the steepest descent: of two joints that a step takes to their limits, only one may belong there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SolverState:
+    """q [rad or m] of every joint by path, and the pose of the root link in the world."""
+
+    q: dict[str, float]
+    base: Pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solution:
+    """Where the method ended: the state, and the residual (|p| [m], |w| [rad]) of every closure."""
+
+    state: SolverState
+    residuals: tuple[tuple[float, float], ...]
+
+    @property
+    def closed(self) -> bool:
+        """Whether every closure is."""
+        return all(p <= CLOSED and w <= ALIGNED for p, w in self.residuals)
+
+    @property
+    def residual(self) -> tuple[float, float]:
+        """The largest |p| [m] and the largest |w| [rad] of any closure."""
+        return max((p for p, _ in self.residuals), default=0.0), max((w for _, w in self.residuals), default=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coordinate:
+    """What a step changes: one joint and those that follow it (their paths, with dq / dcoordinate, of polynomials where leaders are at 0),
+    within limits [rad or m] that keep all of them within theirs. `unit` is the length that counts as much as a radian [m], 1 of a turn."""
+
+    path: str
+    moves: tuple[tuple[str, float], ...]
+    lower: float
+    upper: float
+    unit: float
+
+
+class Loops:
+    """The closures of one tree, ready to be closed. `joints` are all of the robot's, in joint order."""
+
+    def __init__(self, bodies: Sequence[Body], closures: Sequence[Closure], joints: Sequence[JointEdge], base: Pose) -> None:
+        self.bodies = bodies
+        self.closures = closures
+        self.joints = {joint.path: joint for joint in joints}
+        self.base = base
+        self._balls = tuple(balls(joints))
+        self._ends = [(self._above(c.parent), self._above(c.child)) for c in closures]
+        self._needed = sorted({body for pair in self._ends for chain in pair for body in chain})
+        self.length = self._extent()
+        self.coordinates = _coordinates(self.joints, self.length)
+        self._moves = {path: (c.path, share) for c in self.coordinates for path, share in c.moves}
+        self._bent = bent(joints)
+
+    def follows(self, q: Mapping[str, float]) -> Mapping[str, tuple[str, float]]:
+        """At `q` (every joint by path, rad or m) of every joint the coordinate that it is or follows, and its speed by that of it."""
+        if not self._bent:
+            return self._moves
+        return {path: (leader, share) for path, (leader, share, _) in leaders(self.joints.values(), q).items()}
+
+    def _above(self, body: int | None) -> tuple[int, ...]:
+        """A body and those it hangs on, the root last; nothing for the world."""
+        chain: list[int] = []
+        while body is not None:
+            chain.append(body)
+            body = self.bodies[body].parent
+        return tuple(chain)
+
+    def _extent(self) -> float:
+        """A length [m] that fits the robot: the farthest of the bodies on its loops from their middle, at q = 0. It does not
+        depend on the root, and only sets what counts as much as a radian."""
+        at = self._placed(SolverState(q=dict.fromkeys(self.joints, 0.0), base=NO_POSE))
+        places = [at[body].translation for body in self._needed]
+        places += [at[c.child].apply(c.X_CB.translation) for c in self.closures]
+        if not places:
+            return 1.0
+        middle = [plain_sum(place[k] for place in places) / len(places) for k in range(3)]
+        far = max(dist(place, middle) for place in places)
+        return far if far > 0.0 else 1.0
+
+    def _placed(self, state: SolverState) -> dict[int, Pose]:
+        at: dict[int, Pose] = {}
+        for index in self._needed:
+            body = self.bodies[index]
+            at[index] = state.base if body.parent is None else carried(body, at[body.parent], state.q)
+        return at
+
+    def _frames(self, closure: Closure, at: Mapping[int, Pose], q: Mapping[str, float]) -> tuple[Pose, Pose]:
+        """A (moved by its joints) and B in the world."""
+        A = closure.X_PA if closure.parent is None else at[closure.parent] @ closure.X_PA
+        if closure.at_once:
+            A = A @ moved(closure.twists, tuple(q[joint.path] for joint in closure.joints), at_once=True)
+        else:
+            for joint, twist in zip(closure.joints, closure.twists, strict=True):
+                A = A @ twist.exponential(q[joint.path])
+        return A, at[closure.child] @ closure.X_CB
+
+    def residuals(self, state: SolverState) -> tuple[tuple[float, float], ...]:
+        """|p| [m] and |w| [rad] of every closure."""
+        return tuple((hypot(*p), hypot(*w)) for p, w in self._errors(state))
+
+    def closed(self, state: SolverState) -> bool:
+        """Whether all are closed."""
+        return Solution(state=state, residuals=self.residuals(state)).closed
+
+    def _errors(self, state: SolverState) -> list[tuple[Vector, Vector]]:
+        """p [m] and w [rad] of every closure, in world axes; a ball has no w."""
+        at = self._placed(state)
+        errors = [_error(*self._frames(closure, at, state.q)) for closure in self.closures]
+        return [(p, (0.0, 0.0, 0.0) if closure.turns else w) for closure, (p, w) in zip(self.closures, errors, strict=True)]
+
+    def linearized(self, state: SolverState, *, base_moves: bool = False) -> tuple[list[float], list[list[float]]]:
+        """The residuals of all closures in one list, p [m] then w [rad] of each, and their derivative by each of `coordinates`
+        [rad or m], with `base_moves` also by three shifts of the base (in lengths of the robot) and three turns: a list for each, as
+        long as that of the residuals.
+
+        The derivative is exact where the loops are closed. Where they are open it leaves out what turns p and w as a whole, which
+        changes neither |p| nor |w|.
+        """
+        sizes = [1.0, 1.0, 1.0, self.length, self.length, self.length] * len(self.closures)
+        error = [value / size for value, size in zip(self._stacked(state), sizes, strict=True)]
+        columns = self._columns(state, self.coordinates, base_moves)
+        units = [c.unit for c in self.coordinates] + [1.0] * (len(columns) - len(self.coordinates))
+        return error, [
+            [value / (size * unit) for value, size in zip(column, sizes, strict=True)]
+            for unit, column in zip(units, columns, strict=True)
+        ]
+
+    def close(self, start: SolverState, movable: Collection[str] | None, *, base_moves: bool) -> Solution:
+        """The state nearest to `start`, in the sense of the steps taken, in which the loops are closed; or the best there is.
+
+        `movable` are the joints that may move (None: all), by path; with `base_moves` so may the root link.
+        """
+        chosen = [c for c in self.coordinates if movable is None or c.path in movable]
+        state = self._within(start, chosen)
+        error = self._stacked(state)
+        cost = _square(error)
+        damping = 1e-6
+        for _ in range(STEPS):
+            if cost <= 1e-32 or not (chosen or base_moves):
+                break
+            columns = self._columns(state, chosen, base_moves)
+            better = None
+            while better is None and damping < 1e6:
+                step = self._step(state, chosen, columns, error, damping)
+                there = None if step is None else self._moved(state, chosen, step, base_moves)
+                if step is not None and there is not None:
+                    new_error = self._stacked(there)
+                    gained, promised = cost - _square(new_error), cost - _square(_linear(error, columns, step))
+                    if gained > ROUNDING * cost and gained >= TRUST * promised:
+                        better = there, new_error
+                damping = max(damping * 0.1, 1e-14) if better is not None else damping * 10.0
+            if better is None:
+                break
+            state, error = better
+            cost = _square(error)
+        return Solution(state=state, residuals=self.residuals(state))
+
+    def nearest(self, start: SolverState, closed: Solution, given: Collection[str], *, base_moves: bool) -> Solution:
+        """Move a closed solution along the closures to the state nearest to `start`.
+
+        The distance is the sum of squares over the coordinates in `given` (paths; rad, slides in lengths of the robot). Steps are those
+        of Gauss and Newton for a least-squares problem with constraints; shorter ones are tried if they do not converge.
+        """
+        weighted = [c if c.path in given else replace(c, unit=FREE * c.unit) for c in self.coordinates]
+        for share in (1.0, 0.3, 0.1):
+            state = closed.state
+            for _ in range(STEPS):
+                columns = self._columns(state, weighted, base_moves)
+                back = [(start.q[c.path] - state.q[c.path]) / c.unit if c.path in given else 0.0 for c in weighted]
+                back += [0.0] * (len(columns) - len(back))
+                step = self._step(state, weighted, columns, self._stacked(state), PROJECTION, back)
+                if step is None or max(map(abs, step)) < NEAR:
+                    break
+                state = self._moved(state, weighted, [share * value for value in step], base_moves)
+            else:
+                continue
+            found = self.close(state, None, base_moves=base_moves)
+            if found.closed and self.distance(start, found.state, given) < (1.0 - GAIN) * self.distance(start, closed.state, given):
+                return found
+        return closed
+
+    def distance(self, start: SolverState, state: SolverState, given: Collection[str]) -> float:
+        """The sum of squares that `nearest` minimizes."""
+        return plain_sum(((start.q[c.path] - state.q[c.path]) / c.unit) ** 2 for c in self.coordinates if c.path in given)
+
+    def _stacked(self, state: SolverState) -> list[float]:
+        """All residuals in one list, rotations as the lengths that they make at the robot's size."""
+        stacked: list[float] = []
+        for p, w in self._errors(state):
+            stacked.extend(p)
+            stacked.extend(self.length * component for component in w)
+        return stacked
+
+    def _columns(self, state: SolverState, chosen: Sequence[Coordinate], base_moves: bool) -> list[list[float]]:
+        """The derivative of the stacked residuals by each coordinate (in its unit), then by the base's three shifts (in lengths
+        of the robot) and three turns about the root link's origin."""
+        at = self._placed(state)
+        by_path: dict[str, list[float]] = {}
+        zero = [0.0] * (6 * len(self.closures))
+        for row, (closure, (parents, children)) in enumerate(zip(self.closures, self._ends, strict=True)):
+            A, B = self._frames(closure, at, state.q)
+            for chain, end, sign in ((children, B, 1.0), (parents, A, -1.0)):
+                others = parents if sign > 0.0 else children
+                for index in chain:
+                    if index in others:  # what carries both ends moves neither against the other
+                        continue
+                    for joint, twist in in_world(self.bodies[index], at[index], state.q):
+                        into = by_path.setdefault(joint.path, list(zero))
+                        self._add(into, row, twist.velocity(end.translation), sign)
+            values = tuple(state.q[cut.path] for cut in closure.joints)
+            for number, twist in velocities(closure.twists, values, A, at_once=closure.at_once):
+                into = by_path.setdefault(closure.joints[number].path, list(zero))
+                self._add(into, row, twist.velocity(A.translation), -1.0)
+        columns: list[list[float]] = []
+        follows = self.follows(state.q)
+        for coordinate in chosen:
+            column = list(zero)
+            for path, share in ((path, follows[path][1]) for path, _ in coordinate.moves):
+                for k, value in enumerate(by_path.get(path, ())):
+                    column[k] += share * coordinate.unit * value
+            columns.append(column)
+        if base_moves:
+            origin = state.base.translation
+            for twist in (*(Twist(linear=axis) for axis in IDENTITY), *(Twist(angular=axis, anchor=origin) for axis in IDENTITY)):
+                column = list(zero)
+                for row, closure in enumerate(self.closures):
+                    if closure.parent is None:
+                        point = self._frames(closure, at, state.q)[1].translation
+                        self._add(column, row, twist.velocity(point), 1.0 if twist.turns else self.length)
+                columns.append(column)
+        return columns
+
+    def _add(self, column: list[float], closure: int, velocity: tuple[Vector, Vector], factor: float) -> None:
+        linear, angular = velocity
+        turned = 0.0 if self.closures[closure].turns else factor * self.length
+        for k in range(3):
+            column[6 * closure + k] += factor * linear[k]
+            column[6 * closure + 3 + k] += turned * angular[k]
+
+    def _step(
+        self, state: SolverState, chosen: Sequence[Coordinate], columns: Sequence[Sequence[float]], error: Sequence[float],
+        damping: float, back: Sequence[float] | None = None,
+    ) -> list[float] | None:
+        """The damped step in the units of the coordinates, of all least-squares steps the nearest to `back` (None: the shortest);
+        None where the equations cannot be solved to any digit."""
+        back = [0.0] * len(columns) if back is None else back
+        step = [0.0] * len(columns)
+        free = [k for k, column in enumerate(columns) if any(column) or back[k]]
+        left = list(error)
+        while free:
+            chosen_columns, wanted = [columns[k] for k in free], [back[k] for k in free]
+            rest = solve(chosen_columns, _linear(left, chosen_columns, wanted), damping)
+            if rest is None:
+                return None
+            changes = [want + change for want, change in zip(wanted, rest, strict=True)]
+            past: list[tuple[int, float]] = []
+            for k, value in zip(free, changes, strict=True):
+                if k < len(chosen):
+                    coordinate = chosen[k]
+                    q = state.q[coordinate.path]
+                    low, high = (coordinate.lower - q) / coordinate.unit, (coordinate.upper - q) / coordinate.unit
+                    if value < low or value > high:
+                        past.append((k, low if value < low else high))
+            if not past:
+                for k, value in zip(free, changes, strict=True):
+                    step[k] = value
+                break
+            for k, value in past:
+                step[k] = value
+                left = [e + value * c for e, c in zip(left, columns[k], strict=True)]
+            stopped = {k for k, _ in past}
+            free = [k for k in free if k not in stopped]
+        longest = max((abs(value) for value in step), default=0.0)
+        return step if longest <= REACH else [value * REACH / longest for value in step]
+
+    def _moved(self, state: SolverState, chosen: Sequence[Coordinate], step: Sequence[float], base_moves: bool) -> SolverState:
+        q = dict(state.q)
+        for coordinate, value in zip(chosen, step):
+            target = min(max(q[coordinate.path] + value * coordinate.unit, coordinate.lower), coordinate.upper)
+            delta = target - q[coordinate.path]
+            for path, share in coordinate.moves:
+                q[path] = target if path == coordinate.path else q[path] + share * delta
+        if self._bent:
+            q = coordinates(self.joints.values(), {one.path: q[one.path] for one in self.coordinates})
+        q |= in_cones(self._balls, q)
+        base = state.base
+        if base_moves:
+            sx, sy, sz, rx, ry, rz = step[len(chosen):]
+            t = base.translation
+            place = (t[0] + self.length * sx, t[1] + self.length * sy, t[2] + self.length * sz)
+            base = Pose(rotation=orthonormal(multiply(_turn((rx, ry, rz)), base.rotation)), translation=place)
+        return SolverState(q=q, base=base)
+
+    def _within(self, state: SolverState, chosen: Sequence[Coordinate]) -> SolverState:
+        """The state with the coordinates that may move taken to their limits."""
+        at_limits = [
+            (min(max(state.q[c.path], c.lower), c.upper) - state.q[c.path]) / c.unit for c in chosen
+        ]
+        return self._moved(state, chosen, at_limits, False)
+
+
+def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[Coordinate, ...]:
+    """One for every joint that mimics none, in joint order, with the limits of those that follow it brought back to it."""
+    followers: dict[str, list[tuple[str, float, float]]] = {}
+    for path, (leader, multiplier, offset) in leaders(joints.values()).items():
+        followers.setdefault(leader, []).append((path, multiplier, offset))
+    coordinates: list[Coordinate] = []
+    for path in joints:
+        if path not in followers:
+            continue
+        lower, upper = -math.inf, math.inf
+        for follower, multiplier, offset in followers[path]:
+            limit = joints[follower].limit
+            low = -(math.inf if limit.cone is None else limit.cone) if limit.lower is None else limit.lower
+            high = (math.inf if limit.cone is None else limit.cone) if limit.upper is None else limit.upper
+            if bent(_chain(joints, follower)):
+                low, high = _reach(joints, path, follower, low, high)
+                multiplier, offset = 1.0, 0.0
+            if multiplier == 0.0:
+                continue
+            ends = sorted(((low - offset) / multiplier, (high - offset) / multiplier))
+            lower, upper = max(lower, ends[0]), min(upper, ends[1])
+        moves = tuple((follower, multiplier) for follower, multiplier, _ in followers[path])
+        unit = 1.0 if joints[path].twist.turns else length
+        coordinates.append(Coordinate(path=path, moves=moves, lower=lower, upper=max(lower, upper), unit=unit))
+    return tuple(coordinates)
+
+
+def _chain(joints: Mapping[str, JointEdge], path: str) -> Iterator[JointEdge]:
+    """A joint, the one that it follows, the one that that follows, and so on."""
+    joint: JointEdge | None = joints[path]
+    while joint is not None:
+        yield joint
+        joint = None if joint.mimic is None else joints.get(joint.mimic.joint.path)
+
+
+def _reach(joints: Mapping[str, JointEdge], leader: str, follower: str, low: float, high: float) -> tuple[float, float]:
+    """Around 0 between which values of its leader [rad or m] a follower stays between `low` and `high`, within the leader's own limits;
+    without end where it has none, and where it starts outside."""
+    limit = joints[leader].limit
+    if limit.lower is None or limit.upper is None:
+        return -math.inf, math.inf
+
+    def within(x: float) -> bool:
+        return low <= coordinates(joints.values(), {leader: x})[follower] <= high
+
+    start = min(max(0.0, limit.lower), limit.upper)
+    ends: list[float] = []
+    for end in (limit.lower, limit.upper):
+        inside = start
+        for number in range(1, SAMPLES + 1):
+            there = start + (end - start) * number / SAMPLES
+            if not within(there):
+                for _ in range(50):
+                    middle = 0.5 * (inside + there)
+                    inside, there = (middle, there) if within(middle) else (inside, middle)
+                break
+            inside = there
+        ends.append(inside)
+    return (ends[0], ends[1]) if within(start) else (-math.inf, math.inf)
+
+
+def _error(A: Pose, B: Pose) -> tuple[Vector, Vector]:
+    """p = p_B - p_A and w = R_A log(inv(R_A) R_B), in the world."""
+    p, o = B.translation, A.translation
+    w = rotation_vector(multiply(transpose(A.rotation), B.rotation))
+    return (p[0] - o[0], p[1] - o[1], p[2] - o[2]), rotate(A.rotation, w)
+
+
+def rotation_vector(r: Matrix) -> Vector:
+    """log(R): the axis times the angle [rad] from 0 to pi, through the quaternion, which is exact near 0 and near pi alike."""
+    return turn_of(Pose(rotation=r).quaternion())
+
+
+def _turn(v: Vector) -> Matrix:
+    """exp of a rotation vector [rad]."""
+    angle = hypot(*v)
+    if angle == 0.0:
+        return IDENTITY
+    x, y, z = v
+    return turned_about((x / angle, y / angle, z / angle), angle)
+
+
+def orthonormal(r: Matrix) -> Matrix:
+    """The rotation nearest to what many products have made of one (by way of its unit quaternion)."""
+    w, x, y, z = Pose(rotation=r).quaternion()
+    return (
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+    )
+
+
+def _linear(error: Sequence[float], columns: Sequence[Sequence[float]], step: Sequence[float]) -> list[float]:
+    """What the linear model says is left after a step."""
+    left = list(error)
+    for value, column in zip(step, columns, strict=True):
+        if value != 0.0:
+            left = [e + value * c for e, c in zip(left, column, strict=True)]
+    return left
+
+
+def _square(values: Sequence[float]) -> float:
+    return plain_sum(value * value for value in values)

@@ -1,0 +1,100 @@
+"""The pass `root`: an assembly and a mode to the tree that a simulation model is written from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.memo import Memo
+from thingc.base.pose import Pose
+from thingc.model.assembly import joints_of
+from thingc.model.assembly.between import neighbours
+from thingc.model.assembly.types import Assembly, LinkedMode
+from thingc.model.robot.cuts import spanning
+from thingc.model.robot.loop_closure import closures_of, keyframes_of
+from thingc.model.robot.tree import base_moves, bodies_from, in_link, root_pose
+from thingc.model.robot.types import Robot, Site
+
+
+def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None = None) -> Robot | None:
+    """The robot of `mode`; None where a link cannot be reached from its root, or a loop does not close (said in `report`).
+
+    The frames of bodies are the frames of their links, whatever the root; what depends on it is which end of a joint
+    is the parent. Coordinates keep their meaning: q is the document's child relative to its parent. What `memo` has of it is taken
+    from there.
+    """
+    memo = memo or Memo()
+    taken = spanning(assembly, mode)
+    bodies = bodies_from(assembly, assembly.link_of[mode.root.occurrence], taken, root_pose(assembly, mode), memo)
+    if len(bodies) < len(assembly.links):
+        reached = {body.link for body in bodies}
+        missing = next(link for link in assembly.links if link.index not in reached)
+        report.add(
+            Code.UNREACHED, f"link `{missing.name}` does not hang together with the root of mode `{mode.name}`", missing.origin,
+            path=missing.name, help="place its components on others that do",
+        )
+        return None
+    closures = closures_of(assembly, mode, bodies, taken, report, memo)
+    if closures is None:
+        return None
+    closed = keyframes_of(assembly, mode, bodies, closures, report, memo)
+    if closed is None:
+        return None
+    body_of = {body.link: index for index, body in enumerate(bodies)}
+    return Robot(
+        name=assembly.name,
+        mode=mode,
+        assembly=assembly,
+        base=mode.base,
+        gravity=mode.gravity,
+        bodies=bodies,
+        sites=tuple(_sites(assembly, body_of, memo)),
+        excluded=_excluded(assembly, mode, body_of),
+        keyframes=closed[0],
+        present=_present(assembly, mode),
+        adhesion={adhesion.path: mode.adhesion.get(adhesion.path, 0.0) for adhesion in assembly.adhesions},
+        closures=closures,
+        unclosed=closed[1],
+        moves=base_moves(mode, bodies[0].X_PL),
+    )
+
+
+def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[Site]:
+    """Exported mounts at every level, frames, links that are part of another, the roots, holds and feet of every mode, where sensors
+    sit and tendons go, each name once."""
+    placed = in_link(assembly)
+    named: set[str] = set()
+    wanted = [(mount.path, mount.occurrence, mount.mount, mount.origin) for mount in assembly.exported]
+    named_by = {link.frame for link in assembly.links}  # links of shapes that are bodies have their name already
+    wanted += [
+        (o.path, o.index, "origin", o.origin) for o in assembly.occurrences
+        if o.component.frame or o.listed is not None and o.index not in named_by
+    ]
+    wanted += [(m.root.path, m.root.occurrence, m.root.mount or "origin", m.origin) for m in assembly.modes]
+    wanted += [
+        (h.mount.path, h.mount.occurrence, h.mount.mount or "origin", h.origin) for m in assembly.modes for h in m.holds
+    ]
+    wanted += [(f.mount.path, f.mount.occurrence, f.mount.mount or "origin", f.origin) for m in assembly.modes for f in m.feet]
+    wanted += [(mount.path, mount.occurrence, mount.mount, s.origin) for s in assembly.sensors for mount in s.mounts]
+    wanted += [(mount.path, mount.occurrence, mount.mount, t.origin) for t in assembly.tendons for mount in t.mounts]
+    for path, occurrence, mount, origin in wanted:
+        if path not in named:
+            named.add(path)
+            pose = memo(("site at", path), Pose.__matmul__, placed[occurrence], assembly.occurrences[occurrence].mounts[mount].pose)
+            yield Site(path=path, body=body_of[assembly.link_of[occurrence]], pose=pose, origin=origin)
+
+
+def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> tuple[tuple[int, int], ...]:
+    """Neighbours through a joint, or several of one body, also through one that closes a loop, in the order of the joints, then the
+    mode's own. Within a pair, and among pairs, the order is that of the links, so it is the same in every mode."""
+    pairs: dict[tuple[int, int], None] = {}
+    for one, other in (*neighbours(assembly, assembly.link_of[mode.root.occurrence]), *mode.exclude):
+        pairs[(min(one, other), max(one, other))] = None
+    return tuple((body_of[one], body_of[other]) for one, other in pairs)
+
+
+def _present(assembly: Assembly, mode: LinkedMode) -> tuple[str, ...]:
+    """The joints whose actuators this mode has, in joint order."""
+    chosen = None if mode.actuators is None else set(mode.actuators)
+    driven = (joint.path for joint in joints_of(assembly) if joint.actuator is not None)
+    return tuple(path for path in driven if chosen is None or path in chosen)

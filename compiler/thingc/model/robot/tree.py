@@ -1,0 +1,151 @@
+"""The tree of bodies below a root: which joints it takes, which loops it leaves open, and how it crosses each joint."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from thingc.base.joints import Twist, moved
+from thingc.base.joints.bases import moving_as
+from thingc.base.memo import Memo
+from thingc.base.pose import MATE, NO_POSE, Pose
+from thingc.model.assembly.types import Assembly, JointEdge, LinkedMode, Mate
+from thingc.model.resolve.coordinates import Dynamics, Limit
+from thingc.model.robot.types import Body, Closure, CoreJoint
+
+BASE = "root"
+"""What a joint is called by which a base moves; no joint of a document can be."""
+
+
+def in_link(assembly: Assembly) -> tuple[Pose, ...]:
+    """The pose of every occurrence in the frame of its link, in document order."""
+    pose_of = {member: pose for link in assembly.links for member, pose in zip(link.members, link.poses)}
+    return tuple(pose_of[index] for index in range(len(assembly.occurrences)))
+
+
+def placing(assembly: Assembly) -> frozenset[int]:
+    """The numbers of the joints by which the documents place things: a tree that no mode has a say in."""
+    return frozenset(n for n, mate in enumerate(assembly.mates) if mate.joints and mate.loop is None)
+
+
+def bodies_from(
+    assembly: Assembly, start: int, taken: Collection[int], at: Pose, memo: Memo | None = None,
+) -> tuple[Body, ...]:
+    """The tree over the mates `taken`, depth first from link `start`, which is at `at`; children in the order of their links."""
+    placed, memo = in_link(assembly), memo or Memo()
+    edges: list[list[tuple[int, int]]] = [[] for _ in assembly.links]
+    for number, mate in enumerate(assembly.mates):
+        if number in taken:
+            one, other = assembly.link_of[mate.parent], assembly.link_of[mate.child]
+            edges[one].append((other, number))
+            edges[other].append((one, number))
+    bodies: list[Body] = []
+    met: set[int] = set()
+    waiting: list[tuple[int, int | None, int]] = [(start, None, -1)]
+    while waiting:
+        link, parent, number = waiting.pop()
+        if link in met:
+            continue
+        met.add(link)
+        if parent is None:
+            bodies.append(Body(link=link, parent=None, X_PL=at, joints=()))
+        else:
+            mate = assembly.mates[number]
+            bodies.append(_across(mate, number, parent, link, assembly.link_of[mate.parent] == link, placed, memo))
+        here = len(bodies) - 1
+        waiting.extend((there, here, along) for there, along in sorted(edges[link], reverse=True) if there not in met)
+    return tuple(bodies)
+
+
+def root_pose(assembly: Assembly, mode: LinkedMode) -> Pose:
+    """The root link in the world: a component root laid with its origin on `at`, a mount root mated to it."""
+    choice = mode.root
+    X_WO = mode.at
+    if choice.mount is not None:
+        X_WO = mode.at @ MATE @ assembly.occurrences[choice.occurrence].mounts[choice.mount].pose.inverse()
+    return X_WO @ in_link(assembly)[choice.occurrence].inverse()
+
+
+def base_moves(mode: LinkedMode, root: Pose) -> tuple[CoreJoint, ...]:
+    """The coordinates of a base that moves as a joint in the frame of `at` would: `planar` in its plane, `ball` about its origin, where the
+    root's origin is; the root link is at `root`. None of any other."""
+    kind = moving_as(mode.base)
+    if kind is None:
+        return ()
+    seen = seen_at_zero(kind.twists, (0.0, 0.0, 0.0), root.inverse() @ mode.at)
+    return tuple(
+        CoreJoint(
+            path=f"{BASE}_{number}", kind=kind, twist=twist, reversed=False, offset=0.0, limit=Limit(), dynamics=Dynamics(), mimic=None,
+            actuator=None, mate=-1, origin=mode.origin,
+        )
+        for number, twist in enumerate(seen)
+    )
+
+
+def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection[int]) -> tuple[Closure, ...]:
+    """The loops that a tree leaves open: every joint that it does not cross, and `fixed` ones that close a loop."""
+    placed = in_link(assembly)
+    body_of = {body.link: index for index, body in enumerate(bodies)}
+    closures: list[Closure] = []
+    for number, mate in enumerate(assembly.mates):
+        if number in taken or not (mate.joints or mate.loop is not None):
+            continue
+        twists, offsets = tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)
+        A = placed[mate.parent] @ mate.X_PJ
+        closures.append(Closure(
+            path=mate.name or mate.loop or "", hold=False,
+            parent=body_of[assembly.link_of[mate.parent]], child=body_of[assembly.link_of[mate.child]],
+            X_PA=A @ moved(twists, offsets) if twists else A, X_CB=placed[mate.child] @ mate.X_JC.inverse(),
+            joints=mate.joints, twists=seen_at_zero(twists, offsets, NO_POSE), origin=mate.origin,
+        ))
+    return tuple(closures)
+
+
+def _across(
+    mate: Mate, number: int, parent: int, link: int, reversed_: bool, placed: tuple[Pose, ...], memo: Memo,
+) -> Body:
+    """The body beyond a joint."""
+    twists, offsets = tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)
+    at_zero, seen = memo(
+        ("across", mate.name, reversed_), _lowered, placed[mate.parent], mate.X_PJ, mate.X_JC, placed[mate.child], twists, offsets,
+        reversed_,
+    )
+    pairs = zip(mate.joints[::-1] if reversed_ else mate.joints, seen, strict=True)
+    return Body(link=link, parent=parent, X_PL=at_zero, joints=tuple(_core(joint, twist, number, reversed_) for joint, twist in pairs))
+
+
+def seen_at_zero(twists: tuple[Twist, ...], offsets: tuple[float, ...], frame: Pose) -> tuple[Twist, ...]:
+    """The twists of a sequence as they are seen in a frame that goes with all of them and is at `frame` in their last one, when every
+    coordinate is at 0 (each then has moved by its offset): `exp(t_0 (q_0 + o_0)) exp(t_1 (q_1 + o_1)) ... @ inv(frame)` is its value at
+    q = 0 times `exp(s_0 q_0) exp(s_1 q_1) ...`."""
+    seen: list[Twist] = []
+    for twist, offset in zip(reversed(twists), reversed(offsets), strict=True):
+        seen.append(twist.seen_from(frame))
+        frame = frame @ twist.exponential(-offset)
+    return tuple(reversed(seen))
+
+
+def _lowered(
+    parent: Pose, X_PJ: Pose, X_JC: Pose, child: Pose, twists: tuple[Twist, ...], offsets: tuple[float, ...], reversed_: bool,
+) -> tuple[Pose, tuple[Twist, ...]]:
+    """A joint's child link in its parent link at q = 0, and its twists in the child's frame, in the order in which the tree goes
+    through them; `parent` and `child` are the mated occurrences in their links. With F the joint's frame in the document's parent link
+    and G the child link in the joint's moving frame, `X_parent_child(q) = F @ exp(t_0 (q_0 + o_0)) ... @ G`; reversed, the inverse of
+    that: the inverse sequence, each twist negated and seen from the document's parent, which is the tree's child.
+    """
+    F, G = parent @ X_PJ, X_JC @ child.inverse()  # a ball has no offsets, so that its twists are all seen from one frame
+    at_zero = F @ moved(twists, offsets) @ G
+    if not reversed_:
+        return at_zero, seen_at_zero(twists, offsets, G.inverse())
+    undone: list[Twist] = []
+    frame = F
+    for twist, offset in zip(twists, offsets, strict=True):
+        undone.append(twist.seen_from(frame).reversed())
+        frame = frame @ twist.exponential(offset)
+    return at_zero.inverse(), tuple(reversed(undone))
+
+
+def _core(joint: JointEdge, twist: Twist, number: int, reversed_: bool) -> CoreJoint:
+    return CoreJoint(
+        path=joint.path, kind=joint.kind, twist=twist, reversed=reversed_, offset=joint.offset, limit=joint.limit, dynamics=joint.dynamics,
+        mimic=joint.mimic, actuator=joint.actuator, mate=number, origin=joint.origin,
+    )

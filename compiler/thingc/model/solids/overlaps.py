@@ -1,0 +1,181 @@
+"""Parts that overlap: one that is given twice, sits on the wrong mount, or has no room in its bracket."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from functools import partial
+
+from thingc.base.diagnostics import Code, Note, Report, allow_hint
+from thingc.base.frozen import dataclass
+from thingc.base.memo import Memo
+from thingc.base.pose import Pose, Vector
+from thingc.base.primitives import Primitive
+from thingc.base.summing import plain_sum
+from thingc.geometry.store.local import Store
+from thingc.model.assembly.types import Assembly, Occurrence, Surface
+
+SHARE = 0.2
+"""How much of the smaller of two equal links of shapes the other may take."""
+
+DIGITS = 12
+"""To how many digits [m] the poses of parts to each other are taken: what is behind them is rounding."""
+
+KIND = "overlaps"
+"""Documents in the store: what two parts share in a pose to each other."""
+
+
+@dataclass(frozen=True, slots=True)
+class PartPair:
+    """Two occurrences in document order, and the pose of the `other` in the frame of the `one`."""
+
+    one: Occurrence
+    other: Occurrence
+    at: Pose
+
+
+class Overlaps:
+    """Intersections of parts, cached in memory and in the store. An intersection counts if its mean thickness is more than `deep` [m]:
+    each surface may be off by the `tolerance` [m] of the meshes."""
+
+    def __init__(self, store: Store, tolerance: float, memo: Memo) -> None:
+        self.deep = 2.0 * tolerance
+        self._store, self._memo = store, memo
+
+    def pairs(self, parts: Sequence[Occurrence], poses: Sequence[Pose]) -> list[PartPair]:
+        """The pairs of parts at poses whose bounding boxes overlap deep enough, in document order."""
+        placed = sorted(
+            ((pose.around(part.box), part, pose) for part, pose in zip(parts, poses, strict=True) if part.box is not None),
+            key=lambda one: one[0][0][0],
+        )
+        found: list[PartPair] = []
+        for number, (box, part, pose) in enumerate(placed):
+            for beside, neighbour, at in placed[number + 1 :]:
+                if beside[0][0] >= box[1][0]:
+                    break
+                if _thickness(box, beside) > 0.0 and not reason_to_skip(part, neighbour):
+                    (one, of_one), (other, of_other) = sorted(((part, pose), (neighbour, at)), key=lambda each: each[0].index)
+                    pair = PartPair(one, other, _rounded(of_one.inverse() @ of_other))
+                    found += [pair] if self._is_deep(pair) else []
+        return sorted(found, key=lambda pair: (pair.one.index, pair.other.index))
+
+    def shared(self, pair: PartPair, *, keep: bool = True) -> tuple[float, float] | None:
+        """The volume [m^3] and the mean thickness [m] of an intersection; None if it does not count. `keep` also caches it in the store."""
+        content = [self.deep, _made_of(pair.one), _made_of(pair.other), repr(pair.at)]
+        key = hashlib.sha256(json.dumps(content).encode()).hexdigest()
+        known = self._store.get_json(KIND, key) if keep else None
+        volume, depth = known or self._memo(("overlap", pair.one.path, pair.other.path), lambda _: self._intersect(pair), content)
+        if keep and known is None:
+            self._store.note_json(KIND, key, [volume, depth])
+        counts = depth > self.deep if pair.one.listed is None else volume > SHARE * min(_volume(pair.one), _volume(pair.other))
+        return (volume, depth) if counts else None
+
+    def _is_deep(self, pair: PartPair) -> bool:
+        """Whether the boxes of both parts, in the frame of either, leave room for an intersection that counts."""
+        one, other = pair.one.box, pair.other.box
+        assert one is not None and other is not None
+        return min(_thickness(one, pair.at.around(other)), _thickness(pair.at.inverse().around(one), other)) > self.deep
+
+    def _intersect(self, pair: PartPair) -> tuple[float, float]:
+        from thingc.model.solids.shapes import Solid, solid_of
+
+        def solid(part: Occurrence) -> Solid:
+            made = self._memo(("solid", part.definition.text), partial(solid_of, self._store, simplify=self.deep / 4.0), part.solids)
+            assert made is not None, "what has a volume is solid"
+            return made
+
+        return solid(pair.one).overlap(solid(pair.other).at(pair.at))
+
+
+def check_overlaps(assembly: Assembly, poses: Sequence[Pose], overlaps: Overlaps, report: Report) -> None:
+    """Warn of each two parts that overlap where they are at `poses`; each place of the documents once, however often it is used.
+
+    Shapes of links are approximate: of these only equal ones of the same body are compared.
+    """
+    link_of = assembly.link_of
+    reported: set[tuple[object, object]] = set()
+    for pair in overlaps.pairs(assembly.occurrences, poses):
+        apart = link_of[pair.one.index] != link_of[pair.other.index]
+        place = (pair.one.origin[:1], pair.other.origin[:1])
+        if (pair.one.listed is not None and apart) or place in reported:
+            continue
+        shared = overlaps.shared(pair)
+        if shared is not None and _warn(assembly, pair, shared[0], report):
+            reported.add(place)
+
+
+def reason_to_skip(one: Occurrence, other: Occurrence) -> str:
+    """Why two parts that touch by design cannot be compared; empty if they can."""
+    if one.definition != other.definition and (one.listed or other.listed):
+        return "shapes of links are approximate"
+    for part in (one, other):
+        if part.box is None or _volume(part) == 0.0 or not all(map(_is_closed, part.solids)):
+            return f"`{part.path}` has no closed surface"
+    return ""
+
+
+def contact_places(assembly: Assembly, one: Occurrence, other: Occurrence) -> list[Note]:
+    """The places at which a document may allow the overlap of two parts, besides that of `other`."""
+    links = {assembly.link_of[one.index], assembly.link_of[other.index]}
+    return [*(Note(message=f"`{one.path}` is here", span=span) for span in one.origin[:1]), *(
+        Note(message=f"joint `{mate.name or mate.loop}` connects them", span=mate.origin[0]) for mate in assembly.mates
+        if (mate.joints or mate.loop) and {assembly.link_of[mate.parent], assembly.link_of[mate.child]} == links and mate.origin
+    )]
+
+
+def _warn(assembly: Assembly, pair: PartPair, shared: float, report: Report) -> bool:
+    smaller, larger = sorted((pair.one, pair.other), key=_volume)
+    share = float(f"{min(100.0 * shared / _volume(smaller), 100.0):.2g}")
+    twice = pair.one.definition == pair.other.definition
+    help = "remove one of them" if twice and share >= 50.0 else "move one of them, or cut the room that it needs out of the other"
+    return report.warn(
+        Code.OVERLAP,
+        f"`{pair.other.path}` and `{pair.one.path}` overlap: {share:g} % of `{smaller.path}` is "
+        f"inside `{larger.path}` ({_cubic(shared)})" + (f", which is also a `{larger.definition.label}`" if twice else ""),
+        pair.other.origin, path=pair.other.path, help=f"{help}; {allow_hint(Code.OVERLAP)}",
+        notes=contact_places(assembly, pair.one, pair.other),
+    )
+
+
+def _cubic(volume: float) -> str:
+    """A volume [m^3] for people."""
+    scale, unit = (1e6, "cm^3") if volume >= 1e-6 else (1e9, "mm^3")
+    return f"{float(f'{scale * volume:.3g}'):g} {unit}"  # 1000 mm^3, not 1e+03
+
+
+def _thickness(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> float:
+    """The least extent [m] of what two boxes share; an intersection within it has no greater mean thickness. Not positive if they
+    share nothing."""
+    return min(min(one[1][axis], other[1][axis]) - max(one[0][axis], other[0][axis]) for axis in range(3))
+
+
+def _rounded(pose: Pose) -> Pose:
+    """A pose to `DIGITS`: two parts that a third one carries lie to each other as before when that has become thicker."""
+    a, b, c = pose.rotation
+    return Pose(rotation=(_digits(a), _digits(b), _digits(c)), translation=_digits(pose.translation))
+
+
+def _digits(vector: Vector) -> Vector:
+    x, y, z = (round(entry, DIGITS) + 0.0 for entry in vector)
+    return x, y, z
+
+
+def _volume(part: Occurrence) -> float:
+    """What it holds [m^3]; of a link all its shapes, also where they overlap."""
+    if part.record is not None:
+        return part.record.volume if part.record.exact else 0.0
+    return plain_sum(one.solid.volume if isinstance(one.solid, Primitive) else one.volume for one in part.solids)
+
+
+def _is_closed(surface: Surface) -> bool:
+    return surface.solid.shape != "plane" if isinstance(surface.solid, Primitive) else surface.solid.closed
+
+
+def _made_of(part: Occurrence) -> list[tuple[object, ...]]:
+    """What its solid depends on."""
+    return [
+        (one.solid.shape, one.solid.size, one.solid.pose.rotation, one.solid.pose.translation) if isinstance(one.solid, Primitive)
+        else (one.solid.sha256, one.pose.rotation, one.pose.translation)
+        for one in part.solids
+    ]

@@ -1,0 +1,98 @@
+"""What drives have to give against gravity and springs while nothing moves, and their margins.
+
+The coordinates of a robot are the joints that follow none. With Q what gravity and springs do on them, C the derivative of the
+loops' closing conditions and N a basis of what they leave free, the efforts t of the drives S balance it where
+
+    N' (Q + S t) = 0
+
+A tree has no C: every coordinate is balanced by the drives on it, in closed form. Loops, holds and feet on the floor share the load by
+least squares (`statics/shared.py`, which alone needs numpy). Dry friction in joints holds nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from thingc.base.joints import velocities
+from thingc.base.pose import NO_POSE, Pose, dot
+from thingc.model.assembly import joints_of, leaders
+from thingc.model.assembly.types import JointEdge
+from thingc.model.robot.tendons import rates
+from thingc.model.robot.types import Robot
+from thingc.model.statics.loads import loads
+from thingc.model.statics.types import DriveTransmission, Efforts, answer
+
+
+def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Efforts:
+    """What the drives of a mode have to give for it to stay at `q` (every joint by path, rad or m; loops closed), its bodies at
+    these poses in the world. A base that floats is carried by the mode's feet and holds; one that has neither, as any other, is held."""
+    load, drives = problem(robot, q, bodies)
+    if not robot.closures and not robot.carried and all(len(drive.moves) == 1 for drive in drives):
+        return balance_tree(load, drives)
+    from thingc.model.statics.shared import balance_shared
+
+    return balance_shared(robot, q, bodies, load, drives)
+
+
+def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tuple[dict[str, float], list[DriveTransmission]]:
+    """The load to balance [N m or N], by coordinate, and the mode's drives, in joint order; arguments as of `static_efforts`."""
+    joints = joints_of(robot.assembly)
+    on_joints = loads(robot, q, bodies)
+    load: dict[str, float] = {}
+    drives: list[DriveTransmission] = []
+    following = leaders(joints, q)
+    for joint in joints:
+        path, limit = joint.path, joint.limit.effort
+        leader, factor, _ = following[path]
+        load[leader] = load.get(leader, 0.0) + factor * on_joints[path]
+        if path in robot.present:
+            moves = ((leader, factor),) if joint.actuator is None or joint.actuator.axis is None else _about(joint, joints, q)
+            drives.append(DriveTransmission(path, moves, limit, limit or 1.0))
+    for tendon in robot.assembly.tendons:
+        if tendon.path in robot.pulled and tendon.actuator is not None:
+            by_leader: dict[str, float] = {}
+            for path, own in rates(robot, tendon, q, bodies).items():
+                leader, factor, _ = following[path]
+                by_leader[leader] = by_leader.get(leader, 0.0) + own * factor
+            limit = tendon.actuator.effort
+            drives.append(DriveTransmission(tendon.path, tuple(by_leader.items()), limit, limit or 1.0))
+    return load, drives
+
+
+def _about(joint: JointEdge, joints: Iterable[JointEdge], q: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
+    """How fast a ball turns about the axis of a drive on it, fixed in the child, by the change of each of its coordinates."""
+    ball = tuple(one for one in joints if one.name.joint == joint.name.joint)
+    values = tuple(q[one.path] for one in ball)
+    axis = (joint.actuator.axis if joint.actuator is not None else None) or (0.0, 0.0, 0.0)
+    twists = velocities(tuple(one.twist for one in ball), values, NO_POSE, at_once=True)
+    return tuple((ball[number].path, dot(axis, twist.angular)) for number, twist in twists)
+
+
+def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission]) -> Efforts:
+    """The efforts on a robot without loops; `load` [N m or N] by coordinate.
+
+    Of drives on one coordinate, with factors f and weights l, the least sum of (t / l)^2 with sum f t = -Q is at
+    t = -Q f l^2 / sum (f l)^2.
+    """
+    largest: dict[str, float] = {}  # what is written as a limit may have a square that no double holds
+    for _, ((leader, factor),), _, weight in drives:
+        largest[leader] = max(largest.get(leader, 0.0), abs(factor * weight))
+
+    def squared(leader: str, factor: float, weight: float) -> float:
+        return (factor * weight / largest[leader]) ** 2 if largest[leader] > 0.0 else 0.0
+
+    total: dict[str, float] = {}
+    for _, ((leader, factor),), _, weight in drives:
+        total[leader] = total.get(leader, 0.0) + squared(leader, factor, weight)
+    efforts: dict[str, float] = {}
+    for path, ((leader, factor),), _, weight in drives:
+        share = squared(leader, factor, weight)
+        # A drive alone has a share of 1, exactly; one that does not move with its coordinate holds nothing.
+        efforts[path] = 0.0 - load[leader] * (share / total[leader]) / factor if share > 0.0 else 0.0
+    held = {leader for leader, value in total.items() if value > 0.0}
+    unheld, where = 0.0, next(iter(load), "")
+    for path, value in load.items():
+        if path not in held and abs(value) > unheld:
+            unheld, where = abs(value), path
+    greatest = max(map(abs, load.values()), default=0.0)
+    return answer(drives, efforts, greatest, unheld, where, len(drives) - len(held))

@@ -1,0 +1,131 @@
+"""Where a floating robot stands: its feet, how they move with its joints, and how far its centre of mass is outside of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from thingc.base.pose import Pose, Vector, cross
+from thingc.base.summing import dist, hypot, plain_sum
+from thingc.model.robot.kinematics import in_world
+from thingc.model.robot.tree import in_link
+from thingc.model.robot.types import Robot
+
+LEVEL = 0.02
+"""A foot that is higher above the lowest one than this part of the greatest distance of two feet does not stand on the floor."""
+
+
+class Footing(NamedTuple):
+    """A foot at `point` [m] in the world, where the floor pushes upwards. `moves` is its velocity by the speed of each joint that
+    carries it [m/rad or 1], by path; `pull` [N] what its adhesion presses it onto the floor with."""
+
+    path: str
+    point: Vector
+    moves: dict[str, Vector]
+    friction: float
+    pull: float
+
+
+class Stance(NamedTuple):
+    """What a floating robot stands on: its feet, the `origin` of its root link and the `centre` of its mass in the world [m], and its
+    `weight` [N]."""
+
+    feet: tuple[Footing, ...]
+    origin: Vector
+    centre: Vector
+    weight: Vector
+
+    @property
+    def turning(self) -> Vector:
+        """The torque [N m] of the weight about the origin."""
+        return cross(_less(self.centre, self.origin), self.weight)
+
+
+def stance(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Stance:
+    """The feet of a mode at `q` (all joints by path, rad or m), its bodies at these poses in the world."""
+    masses = [robot.assembly.links[body.link].properties for body in robot.bodies]
+    mass = plain_sum(own.mass for own in masses)
+    centres = [pose.apply(own.centre) for own, pose in zip(masses, bodies, strict=True)]
+    x, y, z = (plain_sum(own.mass * centre[k] for own, centre in zip(masses, centres, strict=True)) / mass for k in range(3))
+    gx, gy, gz = robot.gravity
+    return Stance(
+        feet=tuple(_footings(robot, q, bodies)), origin=bodies[0].translation, centre=(x, y, z), weight=(mass * gx, mass * gy, mass * gz),
+    )
+
+
+def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> list[Footing]:
+    assembly, placed = robot.assembly, in_link(robot.assembly)
+    body_of = {body.link: index for index, body in enumerate(robot.bodies)}
+    pulls = {(one.occurrence, one.mount): robot.adhesion.get(one.path, 0.0) for one in assembly.adhesions}
+    footings: list[Footing] = []
+    for foot in robot.mode.feet:
+        choice = foot.mount
+        mount = assembly.occurrences[choice.occurrence].mounts[choice.mount or "origin"]
+        body: int | None = body_of[assembly.link_of[choice.occurrence]]
+        point = bodies[body or 0].apply((placed[choice.occurrence] @ mount.pose).translation)
+        moves: dict[str, Vector] = {}
+        while body is not None:
+            for joint, twist in in_world(robot.bodies[body], bodies[body], q):
+                moves[joint.path] = twist.velocity(point)[0]
+            body = robot.bodies[body].parent
+        pull = pulls.get((choice.occurrence, choice.mount or "origin"), 0.0)
+        footings.append(Footing(choice.path, point, moves, foot.friction, pull))
+    return footings
+
+
+def lifted(feet: Sequence[Footing]) -> dict[str, float]:
+    """How high [m] those feet are above the lowest one that are too high to stand on the same floor, by path."""
+    lowest = min((foot.point[2] for foot in feet), default=0.0)
+    widest = max((dist(a.point, b.point) for a in feet for b in feet), default=0.0)
+    return {foot.path: foot.point[2] - lowest for foot in feet if foot.point[2] - lowest > LEVEL * widest}
+
+
+def outside(stance: Stance) -> float:
+    """How far [m] along the floor the centre of mass, projected on it along gravity, is outside of the polygon of the feet: 0 within.
+    Infinite where gravity does not pull towards the floor."""
+    if stance.weight[2] >= -1e-9 * hypot(*stance.weight):
+        return math.inf
+    floor = plain_sum(foot.point[2] for foot in stance.feet) / len(stance.feet)
+    down = (floor - stance.centre[2]) / stance.weight[2]
+    x, y = stance.centre[0] + down * stance.weight[0], stance.centre[1] + down * stance.weight[1]
+    corners = polygon([(foot.point[0] - x, foot.point[1] - y) for foot in stance.feet])
+    edges = list(zip(corners, [*corners[1:], *corners[:1]], strict=True))
+    if len(corners) > 2 and all(a[0] * b[1] - a[1] * b[0] >= 0.0 for a, b in edges):
+        return 0.0
+    return min(_from_origin(a, b) for a, b in edges)
+
+
+Point = tuple[float, float]
+
+
+def polygon(points: Sequence[Point]) -> list[Point]:
+    """The corners of the convex hull, counter-clockwise (Andrew's monotone chain, 1979)."""
+    ordered = sorted(set(points))
+    if len(ordered) < 3:
+        return ordered
+    halves: list[list[Point]] = []
+    for way in (ordered, ordered[::-1]):
+        half: list[Point] = []
+        for point in way:
+            while len(half) > 1 and _turn(half[-2], half[-1], point) <= 0.0:
+                half.pop()
+            half.append(point)
+        halves.append(half[:-1])
+    return halves[0] + halves[1]
+
+
+def _turn(a: Point, b: Point, c: Point) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _from_origin(a: Point, b: Point) -> float:
+    """The distance of the origin from the segment from a to b."""
+    along = (b[0] - a[0], b[1] - a[1])
+    length = along[0] ** 2 + along[1] ** 2
+    part = 0.0 if length == 0.0 else min(max(-(a[0] * along[0] + a[1] * along[1]) / length, 0.0), 1.0)
+    return hypot(a[0] + part * along[0], a[1] + part * along[1])
+
+
+def _less(a: Vector, b: Vector) -> Vector:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])

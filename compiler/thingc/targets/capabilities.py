@@ -1,0 +1,430 @@
+"""What formats can say of a robot: one table for each target. What its emitter writes follows from it, its losses, and its column in
+`docs/formats.md`.
+
+A table is whole by its type: a target that says nothing of a feature is an error of mypy. Where there are several ways to write something
+the cell names one of the target's own words (`by`), and the emitter matches on that (`written`), never on the kind itself: a word that it
+does not know, or has no case for, is an error of mypy, too. What is lost depends on the robot: `losses` walks over what it uses, once for
+all targets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Generic, Literal, TypedDict, TypeVar, assert_never
+
+from thingc.base.frozen import dataclass
+from thingc.base.inertia import ZERO, physical_fault
+from thingc.base.joints import JointKind
+from thingc.base.pose import NO_POSE, Vector
+from thingc.base.primitives import Primitive, PrimitiveShape
+from thingc.base.source import Origin
+from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge, LinkedSensor
+from thingc.model.robot.types import CoreJoint, Robot
+from thingc.targets.artifact import Loss
+
+GRAVITY: Vector = (0.0, 0.0, -9.81)
+"""What every reader takes where a format has none [m/s^2]."""
+
+
+By = TypeVar("By")
+Joint = TypeVar("Joint")
+Drive = TypeVar("Drive")
+Loop = TypeVar("Loop")
+Shape = TypeVar("Shape")
+Sensor = TypeVar("Sensor")
+
+
+@dataclass(frozen=True, slots=True)
+class Says(Generic[By]):
+    """The format says it; `how`, where that is not by the same word. `by`: the emitter's own word for how it writes it, None where there is
+    one way only."""
+
+    by: By
+    how: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Loses(Generic[By]):
+    """The format does, `by` this, but not quite: `how` is that of the `Loss`, whose words `words` go on with, with the comma or colon
+    before."""
+
+    by: By
+    how: Literal["approximated", "carried as custom data", "omitted"]
+    words: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Omits:
+    """The format does not: nothing of it is written."""
+
+    words: str = ""
+
+    @property
+    def how(self) -> Literal["omitted"]:
+        """That of the `Loss`."""
+        return "omitted"
+
+
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """Nobody looks for it in files of this format: neither said nor lost."""
+
+
+Written = Says[By] | Loses[By]
+Cell = Written[By] | Omits | Beside
+Plain = Cell[None]
+
+SAYS = Says(None)
+OMITTED = Omits()
+BESIDE = Beside()
+
+
+def written(cell: Cell[By]) -> By | None:
+    """By what an emitter writes something; None of what it does not."""
+    return cell.by if isinstance(cell, (Says, Loses)) else None
+
+
+class Joints(TypedDict, Generic[By]):
+    """By the kind of the joint: no tree can do without one. A base that moves in part, and a joint at which a loop is cut, are written as
+    joints of their kinds."""
+
+    revolute: Written[By]
+    continuous: Written[By]
+    prismatic: Written[By]
+    cylindrical: Written[By]
+    universal: Written[By]
+    planar: Written[By]
+    screw: Written[By]
+    ball: Written[By]
+
+
+class OfJoints(TypedDict):
+    """What a joint has."""
+
+    cone: Plain
+    velocity: Plain
+    damping: Plain
+    friction: Plain
+    armature: Plain
+    stiffness: Plain
+    mimic: Plain
+    polynomial: Plain
+    tendon: Plain
+
+
+class Drives(TypedDict, Generic[By]):
+    """By the kind of the drive; those of a `ball` are about axes of their own, and a `universal` has two."""
+
+    position: Cell[By]
+    velocity: Cell[By]
+    motor: Cell[By]
+    universal: Cell[By]
+    ball: Cell[By]
+
+
+class LoopKinds(TypedDict, Generic[By]):
+    """By what a loop leaves open where it is cut; a `hold` keeps a mount where it is."""
+
+    hold: Cell[By]
+    weld: Cell[By]
+    ball: Cell[By]
+    hinge: Cell[By]
+    slide: Cell[By]
+    screw: Cell[By]
+    universal: Cell[By]
+    several: Cell[By]
+
+
+class Bases(TypedDict):
+    """By what a mode lets its root do, beyond standing fixed; `start` is where a free one begins."""
+
+    held: Plain
+    free: Plain
+    start: Plain
+    planar: Plain
+    ball: Plain
+
+
+class Modes(TypedDict):
+    """What a mode has; `simulation` is how it is stepped, but for its `timestep`."""
+
+    gravity: Plain
+    poses: Plain
+    exclude: Plain
+    timestep: Plain
+    simulation: Plain
+
+
+class Links(TypedDict):
+    """What a link has; `rolling` is friction, too. Links without a mass are told apart by whether a joint moves them; what has a mass at a
+    `point`, or points with masses in a `line`, has an inertia that no solid has, and never moves."""
+
+    frames: Plain
+    colours: Plain
+    friction: Plain
+    rolling: Plain
+    adhesion: Plain
+    weightless: Plain
+    weightless_base: Plain
+    point: Plain
+    line: Plain
+
+
+class ContactShapes(TypedDict, Generic[By]):
+    """What a link touches with; a `mesh` that is not convex, but for its hull. What is drawn is written alike."""
+
+    box: Cell[By]
+    cylinder: Cell[By]
+    capsule: Cell[By]
+    sphere: Cell[By]
+    ellipsoid: Cell[By]
+    plane: Cell[By]
+    hull: Cell[By]
+    mesh: Cell[By]
+
+
+class Sensors(TypedDict, Generic[By]):
+    """By the kind of the sensor."""
+
+    imu: Cell[By]
+    force: Cell[By]
+    joint: Cell[By]
+    camera: Cell[By]
+    accelerometer: Cell[By]
+    gyro: Cell[By]
+    magnetometer: Cell[By]
+    velocimeter: Cell[By]
+    rangefinder: Cell[By]
+    touch: Cell[By]
+    contact: Cell[By]
+    pose: Cell[By]
+    twist: Cell[By]
+    centre: Cell[By]
+    tendon: Cell[By]
+    drive: Cell[By]
+    clock: Cell[By]
+    energy: Cell[By]
+
+
+def all_sensors(cell: Cell[By]) -> Sensors[By]:
+    """The same of every kind."""
+    return {
+        "imu": cell, "force": cell, "joint": cell, "camera": cell, "accelerometer": cell, "gyro": cell, "magnetometer": cell,
+        "velocimeter": cell, "rangefinder": cell, "touch": cell, "contact": cell, "pose": cell, "twist": cell, "centre": cell,
+        "tendon": cell, "drive": cell, "clock": cell, "energy": cell,
+    }
+
+
+class OfSensors(TypedDict):
+    """What a sensor has, of those that are written."""
+
+    noise: Plain
+    cutoff: Plain
+
+
+class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
+    """All that a format may or may not be able to say, with the words of its emitter for how it writes joints, drives, loops, shapes and
+    sensors; `Never` of what it never writes."""
+
+    joints: Joints[Joint]
+    of_joints: OfJoints
+    drives: Drives[Drive]
+    loops: LoopKinds[Loop]
+    bases: Bases
+    modes: Modes
+    links: Links
+    shapes: ContactShapes[Shape]
+    sensors: Sensors[Sensor]
+    of_sensors: OfSensors
+
+
+AnyCapabilities = Capabilities[Any, Any, Any, Any, Any]
+"""Of any target."""
+
+
+def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False) -> tuple[Loss, ...]:
+    """What a target loses of a robot in these modes, each once. Joints at which loops are cut are joints in its files, too, where `cut`."""
+    lost = _Lost(target, says, cut)
+    everything: list[Iterator[Loss]] = [lost.of_assembly(assembly)]
+    for robot in robots:
+        everything += [lost.of_joints(robot), lost.of_mode(robot)]
+    return tuple(dict.fromkeys(loss for some in everything for loss in some))
+
+
+class _Lost:
+    """What is used, and by its cell lost. What is of every mode alike is of none."""
+
+    def __init__(self, target: str, says: AnyCapabilities, cut: bool) -> None:
+        self.target = target
+        self.says = says
+        self.cut = cut
+
+    def __call__(self, cell: Cell[Any], mode: str | None, path: str, what: str, origin: Origin) -> Iterator[Loss]:
+        if isinstance(cell, (Loses, Omits)):
+            yield Loss.of(origin, self.target, mode, path, what + cell.words, cell.how)
+
+    def of_joints(self, robot: Robot) -> Iterator[Loss]:
+        """Of the joints of a mode that are joints in its file."""
+        mates = robot.assembly.mates
+        groups: list[tuple[str, Sequence[CoreJoint | JointEdge]]] = [
+            (mates[body.joints[0].mate].name or body.joints[0].path, body.joints) for body in robot.bodies if body.joints
+        ]
+        groups += [(closure.path, closure.joints) for closure in robot.closures if closure.joints and self.cut]
+        there = {joint.path for _, joints in groups for joint in joints}
+        for whole, joints in groups:
+            what = "its thread" if joints[0].twist.pitch else "its motion"
+            yield from self(self.says["joints"][joint_cell(joints[0].kind)], None, whole, what, joints[0].origin)
+            for place, joint in enumerate(joints):
+                if place == 0 or not joint.kind.at_once:
+                    yield from self.of_coordinate(joint, whole if joint.kind.at_once else joint.path)
+                yield from self.of_drive(joint)
+                if joint.mimic is not None and joint.mimic.joint.path not in there:
+                    what = f"that it follows `{joint.mimic.joint.path}`, at which a loop is cut"
+                    yield from self(OMITTED, robot.mode.name, joint.path, what, joint.mimic.origin)
+                elif joint.mimic is not None:
+                    what = f"that it follows `{joint.mimic.joint.path}`"
+                    yield from self(self.says["of_joints"]["mimic"], None, joint.path, what, joint.mimic.origin)
+                    if joint.mimic.higher:
+                        what = f"the polynomial by which it follows `{joint.mimic.joint.path}`"
+                        yield from self(self.says["of_joints"]["polynomial"], None, joint.path, what, joint.mimic.origin)
+
+    def of_drive(self, joint: CoreJoint | JointEdge) -> Iterator[Loss]:
+        """Of what drives a coordinate, or turns a ball about an axis of its own."""
+        drive = joint.actuator
+        if drive is not None:
+            gains = [f", {name} {value:.6g}" for name, value in (("kp", drive.kp), ("kv", drive.kv)) if value is not None]
+            about = f" about {', '.join(f'{one:.6g}' for one in drive.axis)}" if drive.axis is not None else ""
+            what = f"its drive: {drive.kind}{about}{''.join(gains)}"
+            yield from self(self.says["drives"][drive_cell(joint, drive)], None, joint.path, what, drive.origin)
+
+    def of_coordinate(self, joint: CoreJoint | JointEdge, path: str) -> Iterator[Loss]:
+        """Of one that moves, or of a whole ball."""
+        of, dynamics = self.says["of_joints"], joint.dynamics
+        q, push, inertia = ("rad", "N m", "kg m^2") if joint.twist.turns else ("m", "N", "kg")
+        for cell, value, what, unit in (
+            (of["damping"], dynamics.damping, "damping", f"{push} s/{q}"),
+            (of["friction"], dynamics.friction, "dry friction", push),
+            (of["armature"], dynamics.armature, "armature", inertia),
+            (of["stiffness"], dynamics.stiffness, "stiffness", f"{push}/{q}"),
+            (of["cone"], joint.limit.cone, "cone", "rad"),
+            (of["velocity"], joint.limit.velocity, "velocity limit", f"{q}/s"),
+        ):
+            if value:
+                yield from self(cell, None, path, f"its {what} of {value:.6g} {unit}", joint.origin)
+
+    def of_mode(self, robot: Robot) -> Iterator[Loss]:
+        """Of one mode."""
+        mode, modes = robot.mode, self.says["modes"]
+        for closure in robot.closures:
+            cell = self.says["loops"]["hold" if closure.hold else closure.kind]
+            what = "that it is held where it is" if closure.hold else "the loop through it"
+            yield from self(cell, mode.name, closure.path, what, closure.origin)
+        for body in robot.bodies:
+            link = robot.assembly.links[body.link]
+            if not link.properties.mass:
+                cell, what = self.says["links"]["weightless" if body.joints else "weightless_base"], "that it weighs nothing"
+            elif link.properties.inertia == ZERO:
+                cell, what = self.says["links"]["point"], "that it is a point, without an inertia"
+            elif physical_fault(link.properties.inertia) is not None:
+                cell, what = self.says["links"]["line"], "its inertia, which is that of points in a line"
+            else:
+                continue
+            yield from self(cell, mode.name, link.name, what, link.origin)
+        of_mode = (
+            (modes["gravity"], "its gravity", robot.gravity != GRAVITY),
+            *self.of_base(robot),
+            *self.stepping(mode.simulation),
+            (modes["exclude"], "which links never touch, besides neighbours", bool(mode.exclude)),
+        )
+        for cell, what, used in of_mode:
+            if used:
+                yield from self(cell, mode.name, mode.name, what, mode.origin)
+
+    def of_base(self, robot: Robot) -> tuple[tuple[Plain, str, bool], ...]:
+        """Of what a mode lets its root do: the cell, what it is, and whether it is used."""
+        base, bases = robot.base, self.says["bases"]
+        match base:
+            case "fixed":
+                return ()
+            case "held":
+                return ((bases["held"], "that its base is held, and can be moved while it is", True),)
+            case "free":
+                begins = robot.bodies[0].X_PL != NO_POSE
+                return ((bases["free"], "that its base floats", True), (bases["start"], "where it begins", begins))
+            case "planar" | "ball":
+                return ((bases[base], "the motion of its base", True),)
+            case _:
+                assert_never(base)
+
+    def stepping(self, simulation: Mapping[str, object]) -> tuple[tuple[Plain, str, bool], ...]:
+        """Of what a document or a mode says under `simulation`: the cell, what it is, and whether it is used."""
+        modes = self.says["modes"]
+        return (
+            (modes["timestep"], "its time step", "timestep" in simulation),
+            (modes["simulation"], "how it is stepped (`simulation`)", bool(simulation.keys() - {"timestep"})),
+        )
+
+    def of_sensor(self, sensor: LinkedSensor) -> Iterator[Loss]:
+        """Of a sensor, or what of one is not written. The range of a rangefinder is no cutoff of what it reads."""
+        cell, of = self.says["sensors"][sensor.kind], self.says["of_sensors"]
+        yield from self(cell, None, sensor.path, "this sensor", sensor.origin)
+        if isinstance(cell, (Says, Loses)):
+            if sensor.noise:
+                yield from self(of["noise"], None, sensor.path, "its noise", sensor.origin)
+            if sensor.cutoff and sensor.kind != "rangefinder":
+                yield from self(of["cutoff"], None, sensor.path, "its cutoff", sensor.origin)
+
+    def of_assembly(self, assembly: Assembly) -> Iterator[Loss]:
+        """Of all modes alike."""
+        links = self.says["links"]
+        for magnet in assembly.adhesions:
+            origin = assembly.occurrences[magnet.occurrence].origin
+            yield from self(links["adhesion"], None, magnet.path, f"its pull of {magnet.force:.6g} N", origin)
+        for tendon in assembly.tendons:
+            yield from self(self.says["of_joints"]["tendon"], None, tendon.path, "this tendon, and what acts along it", tendon.origin)
+        for sensor in assembly.sensors:
+            yield from self.of_sensor(sensor)
+        for pose in assembly.poses:
+            yield from self(self.says["modes"]["poses"], None, pose.name, "this pose", pose.origin)
+        touching = [one.material for one in assembly.occurrences]
+        touching += [surface.material for one in assembly.occurrences if one.listed is not None for surface in one.touching]
+        for material in {id(one): one for one in touching if one is not None}.values():
+            if (material.slide, material.torsion) != (None, None):
+                yield from self(links["friction"], None, material.name, "its friction", material.origin)
+            if material.roll is not None:
+                yield from self(links["rolling"], None, material.name, "its rolling friction", material.origin)
+        for cell, what, used in self.stepping(assembly.definition.simulation):
+            if used:
+                origin = assembly.definition.step_origin or assembly.definition.origin
+                yield from self(cell, None, assembly.name, what, origin)
+        for occurrence in assembly.occurrences:
+            for piece in occurrence.drawn:
+                if isinstance(piece.solid, Primitive):
+                    cell, what = self.says["shapes"][piece.solid.shape], f"the {piece.solid.shape} that is drawn of it"
+                    yield from self(cell, None, occurrence.path, what, occurrence.origin)
+            for piece in occurrence.touching:
+                if isinstance(piece.solid, Primitive):
+                    shape = piece.solid.shape
+                    cell, what = self.says["shapes"][shape], f"the {shape} that it touches with"
+                elif occurrence.overrides.collision == "mesh":
+                    cell, what = self.says["shapes"]["mesh"], "its collision mesh"
+                else:
+                    cell, what = self.says["shapes"]["hull"], "the convex mesh that it touches with"
+                yield from self(cell, None, occurrence.path, what, occurrence.origin)
+
+
+def drive_cell(joint: CoreJoint | JointEdge, drive: ActuatorModel) -> Literal["position", "velocity", "motor", "universal", "ball"]:
+    """Which cell is that of the drive of a joint."""
+    return joint.kind.name if joint.kind.name in ("ball", "universal") else drive.kind
+
+
+def joint_cell(kind: JointKind) -> Literal["revolute", "continuous", "prismatic", "cylindrical", "universal", "planar", "screw", "ball"]:
+    """Which cell is that of a joint that moves."""
+    if kind.name == "fixed":
+        raise ValueError("a fixed joint moves nothing")
+    return kind.name
+
+
+def shape_cell(kind: Literal["mesh"] | PrimitiveShape) -> Literal["hull"] | PrimitiveShape:
+    """Which cell is that of a shape that touches, as far as the shape itself tells: a mesh is written as a convex one is."""
+    return "hull" if kind == "mesh" else kind

@@ -1,0 +1,60 @@
+"""How the bodies of a mode meet, for formats that take any graph: by the joints of its tree, and by those that close it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+from thingc.base.frozen import dataclass
+from thingc.base.joints import Twist
+from thingc.base.pose import NO_POSE, Pose
+from thingc.base.source import Origin
+from thingc.model.assembly.types import JointEdge
+from thingc.model.robot.tree import BASE
+from thingc.model.robot.types import CoreJoint, Robot
+from thingc.targets.capabilities import LoopKinds, written
+
+HOLD = "_hold"
+"""What the name of the joint ends with that holds a mount."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Connection:
+    """How a body meets another (None: the world), by their indices: `X_0` is a frame on the parent, `X_1` one on the child, and the first
+    moved by its `coordinates` is the second, by `twists` in the first with the coordinates after each at 0. Without any it is fixed, or
+    where it `turns` only the origins meet. `path` is that of the whole joint, `joints` are its coordinates, where it is one of the
+    document. What is not `in_tree` closes loops and holds."""
+
+    parent: int | None
+    child: int
+    path: str
+    X_0: Pose
+    X_1: Pose
+    origin: Origin
+    coordinates: tuple[CoreJoint | JointEdge, ...] = ()
+    twists: tuple[Twist, ...] = ()
+    joints: tuple[CoreJoint | JointEdge, ...] = ()
+    turns: bool = False
+    in_tree: bool = True
+
+
+def connections(robot: Robot, loops: LoopKinds[Literal["joint"]], *, closed: bool = True) -> Iterator[Connection]:
+    """The joints of a mode: those of its tree in the order of its bodies, then, where it is to be `closed`, those of its loops and holds
+    that a format writes."""
+    for index, body in enumerate(robot.bodies):
+        path, origin, moves = BASE, robot.mode.origin, body.joints or robot.moves
+        if body.joints:
+            path, origin = robot.assembly.mates[moves[0].mate].name or moves[0].path, moves[0].origin
+        if body.parent is not None or robot.base != "free":
+            yield Connection(
+                parent=body.parent, child=index, path=path, X_0=body.X_PL, X_1=NO_POSE, origin=origin, coordinates=moves,
+                twists=tuple(joint.twist for joint in moves), joints=body.joints,
+            )
+    for closure in robot.closures if closed else ():
+        if written(loops["hold" if closure.hold else closure.kind]) is None:
+            continue
+        yield Connection(
+            parent=closure.parent, child=closure.child, path=f"{closure.path}{HOLD}" if closure.hold else closure.path, X_0=closure.X_PA,
+            X_1=closure.X_CB, origin=closure.origin, coordinates=closure.joints, twists=closure.twists, joints=closure.joints,
+            turns=closure.turns, in_tree=False,
+        )

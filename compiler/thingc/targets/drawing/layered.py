@@ -1,0 +1,280 @@
+"""A layered drawing of an acyclic graph: where boxes, labels and lines go. Numbers only.
+
+After Sugiyama, Tagawa and Toda, "Methods for visual understanding of hierarchical system structures", 1981: layers by
+longest path, dummy items where a line crosses a layer, crossings reduced by barycentres. Labels are items of layers of their
+own between those of the boxes, so that nothing can lie on anything else. Heights within a layer are the least-squares best
+for their neighbours under the order and the separations (pool adjacent violators: Barlow et al., "Statistical Inference under
+Order Restrictions", 1972). Layers are columns, from left to right: graphs of assemblies are wide and shallow, and a list of
+components reads downwards.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, insort
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from thingc.base.summing import plain_sum
+
+GAP = 40.0
+"""Between two columns, where the lines spread; more where they are steep."""
+STEEP = 0.14
+"""How much of the highest rise of a line between two columns is added to their gap, up to `WIDEST`."""
+WIDEST = 110.0
+ROW = 14.0
+"""Between two boxes of a column."""
+LINE_ROW = 10.0
+"""Between a line and what is next to it."""
+SWEEPS = 12
+PORT = 9.0
+"""Between two lines at the side of a box."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Size:
+    """Of a box or a label."""
+
+    width: float
+    height: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """From box `source` to box `target` (indices), with a label of a size."""
+
+    source: int
+    target: int
+    label: Size
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rectangle:
+    """`x`, `y` of the upper left corner; y grows downwards."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Route:
+    """A line's way: `stretches` are level pieces `(x0, x1, y)` from left to right, joined by curves; `label` lies on one."""
+
+    stretches: tuple[tuple[float, float, float], ...]
+    label: Rectangle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawing:
+    """Boxes in the order given, routes in the order of the lines, and the size of everything, from (0, 0)."""
+
+    width: float
+    height: float
+    boxes: tuple[Rectangle, ...]
+    routes: tuple[Route, ...]
+
+
+@dataclass(slots=True)
+class _Item:
+    """Something that takes a place in a column: a box, a label, or (neither) a line passing through."""
+
+    column: int
+    size: Size
+    box: int | None = None
+    y: float = 0.0  # of its middle
+    before: list[int] = field(default_factory=list)
+    after: list[int] = field(default_factory=list)
+
+
+def draw(boxes: Sequence[Size], lines: Sequence[Line]) -> Drawing:
+    """The drawing of an acyclic graph; the same for the same input. Raises `ValueError` for a cycle."""
+    ranks = _ranks(len(boxes), lines)
+    items = [_Item(column=2 * ranks[k], size=size, box=k) for k, size in enumerate(boxes)]
+    chains = [_chain(items, line, ranks) for line in lines]
+    columns = _first_order(items, lines, chains)
+    _reduce_crossings(items, columns)
+    _set_heights(items, columns)
+    return _finish(items, columns, chains)
+
+
+def _ranks(count: int, lines: Sequence[Line]) -> list[int]:
+    """The longest path to each box."""
+    ranks, waiting = [0] * count, [0] * count
+    followers: list[list[int]] = [[] for _ in range(count)]
+    for line in lines:
+        waiting[line.target] += 1
+        followers[line.source].append(line.target)
+    ready = [k for k in range(count) if waiting[k] == 0]
+    for k in ready:
+        for follower in followers[k]:
+            ranks[follower] = max(ranks[follower], ranks[k] + 1)
+            waiting[follower] -= 1
+            if waiting[follower] == 0:
+                ready.append(follower)
+    if len(ready) != count:
+        raise ValueError("only an acyclic graph can be laid out in layers")
+    return ranks
+
+
+def _chain(items: list[_Item], line: Line, ranks: Sequence[int]) -> list[int]:
+    """Items along a line: its source, its label, what stands for it in the columns it crosses, its target."""
+    chain = [line.source]
+    for column in range(2 * ranks[line.source] + 1, 2 * ranks[line.target]):
+        size = line.label if len(chain) == 1 else Size(width=0.0, height=0.0)
+        items.append(_Item(column=column, size=size))
+        chain.append(len(items) - 1)
+    chain.append(line.target)
+    for a, b in zip(chain, chain[1:]):
+        items[a].after.append(b)
+        items[b].before.append(a)
+    return chain
+
+
+def _first_order(items: Sequence[_Item], lines: Sequence[Line], chains: Sequence[Sequence[int]]) -> list[list[int]]:
+    """Columns in the order a reader of the documents meets things: depth first, lines in the order given."""
+    columns: list[list[int]] = [[] for _ in range(1 + max((item.column for item in items), default=-1))]
+    leaving: dict[int, list[int]] = {}
+    entered = {line.target for line in lines}
+    for number, line in enumerate(lines):
+        leaving.setdefault(line.source, []).append(number)
+    seen: set[int] = set()
+    boxes = [k for k, item in enumerate(items) if item.box is not None]
+    stack: list[tuple[int, ...]] = [(k,) for k in reversed(boxes) if k not in entered]
+    while stack:
+        for k in stack.pop():
+            if k in seen:
+                continue
+            seen.add(k)
+            columns[items[k].column].append(k)
+            if items[k].box is not None:
+                stack.extend(tuple(chains[number][1:]) for number in reversed(leaving.get(k, [])))
+    return columns
+
+
+def _crossings(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> int:
+    """How many pairs of lines cross between neighbouring columns (inversions of the ends, counted by insertion)."""
+    crossings = 0
+    for left, right in zip(columns, columns[1:]):
+        place = {k: position for position, k in enumerate(right)}
+        ends = [end for k in left for end in sorted(place[b] for b in items[k].after)]
+        met: list[int] = []
+        for end in ends:
+            crossings += len(met) - bisect_left(met, end + 1)
+            insort(met, end)
+    return crossings
+
+
+def _reduce_crossings(items: Sequence[_Item], columns: list[list[int]]) -> None:
+    """Sweeps to and fro, each column sorted by the mean place of its neighbours in the last; the best order is kept."""
+    best, fewest = [list(column) for column in columns], _crossings(items, columns)
+    for sweep in range(SWEEPS):
+        if fewest == 0:
+            break
+        forward = sweep % 2 == 0
+        for number in range(1, len(columns)) if forward else range(len(columns) - 2, -1, -1):
+            fixed = {k: float(position) for position, k in enumerate(columns[number - 1 if forward else number + 1])}
+            means: dict[int, float] = {}
+            for position, k in enumerate(columns[number]):
+                neighbours = items[k].before if forward else items[k].after
+                means[k] = plain_sum(fixed[n] for n in neighbours) / len(neighbours) if neighbours else float(position)
+            columns[number].sort(key=means.__getitem__)
+        now = _crossings(items, columns)
+        if now < fewest:
+            best, fewest = [list(column) for column in columns], now
+    columns[:] = best
+
+
+def _separation(a: _Item, b: _Item) -> float:
+    """The least distance between the middles of two items, one above the other."""
+    gap = ROW if a.box is not None and b.box is not None else LINE_ROW
+    return (a.size.height + b.size.height) / 2.0 + gap
+
+
+def _set_heights(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> None:
+    """Middles of all items: each column in turn as near to its neighbours as the order and the separations allow."""
+    for column in columns:
+        for above, k in zip(column, column[1:]):
+            items[k].y = items[above].y + _separation(items[above], items[k])
+    for sweep in range(2 * SWEEPS):
+        last = sweep == 2 * SWEEPS - 1
+        order = range(len(columns)) if sweep % 2 == 0 else range(len(columns) - 1, -1, -1)
+        for number in order:
+            column = columns[number]
+            wanted, weights = [], []
+            for k in column:
+                before, after = items[k].before, items[k].after
+                neighbours = (before or after) if sweep % 2 == 0 else (after or before)
+                if last and items[k].box is None:
+                    neighbours = before + after
+                wanted.append(plain_sum(items[n].y for n in neighbours) / len(neighbours) if neighbours else items[k].y)
+                weights.append(float(max(1, len(neighbours))) * (1.0 if items[k].box is not None else 2.0))
+            separations = [_separation(items[a], items[b]) for a, b in zip(column, column[1:])]
+            for k, y in zip(column, _nearest(wanted, weights, separations)):
+                items[k].y = y
+
+
+def _nearest(wanted: Sequence[float], weights: Sequence[float], separations: Sequence[float]) -> list[float]:
+    """The places nearest to `wanted` (weighted squares) with `place[k + 1] >= place[k] + separations[k]`."""
+    offsets = [0.0]
+    for separation in separations:
+        offsets.append(offsets[-1] + separation)
+    blocks: list[tuple[float, float, int]] = []  # mean, weight, how many
+    for want, weight, offset in zip(wanted, weights, offsets):
+        mean, total, count = want - offset, weight, 1
+        while blocks and blocks[-1][0] > mean:
+            other, heavy, many = blocks.pop()
+            mean, total, count = (mean * total + other * heavy) / (total + heavy), total + heavy, count + many
+        blocks.append((mean, total, count))
+    places = [mean for mean, _, count in blocks for _ in range(count)]
+    return [place + offset for place, offset in zip(places, offsets)]
+
+
+def _ports(items: Sequence[_Item], k: int, neighbours: Sequence[int]) -> dict[int, float]:
+    """Where lines touch the side of a box: side by side, in the order of their other ends."""
+    ordered = sorted(neighbours, key=lambda n: (items[n].y, n))
+    room = max(items[k].size.height - 14.0, 0.0)
+    step = min(PORT, room / max(1, len(ordered) - 1))
+    return {n: items[k].y + step * (position - (len(ordered) - 1) / 2.0) for position, n in enumerate(ordered)}
+
+
+def _finish(items: Sequence[_Item], columns: Sequence[Sequence[int]], chains: Sequence[Sequence[int]]) -> Drawing:
+    """Columns side by side, everything moved to begin at (0, 0), and the ways of the lines."""
+    top = min((item.y - item.size.height / 2.0 for item in items), default=0.0)
+    for item in items:
+        item.y = round(item.y - top, 1)
+    lefts, widths, x = [], [], 0.0
+    for column in columns:
+        widths.append(max((items[k].size.width for k in column), default=0.0))
+        lefts.append(round(x, 1))
+        rise = max((abs(items[k].y - items[n].y) for k in column for n in items[k].after), default=0.0)
+        x += widths[-1] + min(GAP + STEEP * rise, WIDEST)
+    rectangles = [
+        Rectangle(
+            x=lefts[item.column],
+            y=round(item.y - item.size.height / 2.0, 1),
+            width=item.size.width,
+            height=item.size.height,
+        )
+        for item in items
+    ]
+    boxes = [k for k, item in enumerate(items) if item.box is not None]
+    leaving = {k: _ports(items, k, items[k].after) for k in boxes}
+    entering = {k: _ports(items, k, items[k].before) for k in boxes}
+    routes = []
+    for chain in chains:
+        source, target = chain[0], chain[-1]
+        stretches = []
+        for k in chain[:-1]:
+            y = items[k].y if k != source else leaving[k][chain[1]]
+            begin = lefts[items[k].column] + (items[k].size.width if k == source else 0.0)
+            stretches.append((begin, lefts[items[k].column] + widths[items[k].column], y))
+        x_end = lefts[items[target].column]
+        stretches.append((x_end, x_end, entering[target][chain[-2]]))
+        routes.append(Route(stretches=tuple(stretches), label=rectangles[chain[1]]))
+    return Drawing(
+        width=max((left + width for left, width in zip(lefts, widths)), default=0.0),
+        height=max((item.y + item.size.height / 2.0 for item in items), default=0.0),
+        boxes=tuple(rectangle for rectangle, item in zip(rectangles, items) if item.box is not None),
+        routes=tuple(routes),
+    )

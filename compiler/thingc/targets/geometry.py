@@ -1,0 +1,242 @@
+"""What of each occurrence is drawn and what collides: meshes by purpose, shared by definition, and primitives. Of no target.
+
+The same in every mode, so it is worked out once. Meshes go from the store into the build by name, unread. What a target cannot take, it
+says itself (`Takes`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Literal
+
+from thingc.base.diagnostics import Code, Note, Report
+from thingc.base.frozen import dataclass
+from thingc.base.pose import NO_POSE, Pose, Vector
+from thingc.base.primitives import Primitive, PrimitiveShape
+from thingc.base.source import Origin
+from thingc.geometry.record import Mesh, PartDefinition
+from thingc.model.assembly.types import Assembly, Occurrence, Surface
+from thingc.model.resolve.model import Material
+from thingc.targets.artifact import Loss, Stored
+
+PIECES = {"decompose": "convex"}
+"""What the files of pieces are called where that is not what `collision` chose."""
+
+ENDLESS = 100.0
+"""Half of how far [m] a plane without an end reaches, in a format whose planes have one."""
+
+Takes = Callable[[Occurrence, Mesh | Primitive], bool]
+"""Whether a target takes a shape to collide an occurrence with. What it does not take, or otherwise, it has said when it answers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeshAsset:
+    """A mesh with a file of its own: its name, the mesh in the store (OBJ) [m], the `volume` [m^3] of the part that it is of, and
+    the origin of the occurrence that it was first met at. `own` are the bytes of the mesh file that it was read from, whose numbers are
+    metres by the factors `scale`, for MuJoCo."""
+
+    name: str
+    mesh: Mesh
+    volume: float
+    origin: Origin
+    own: Stored | None = None
+    scale: Vector | None = None
+
+    @property
+    def file(self) -> str:
+        """What its file is called."""
+        return f"{self.name}.obj" if self.own is None else self.name
+
+    @property
+    def stored(self) -> Stored:
+        """Where its bytes lie."""
+        return self.own or Stored(sha256=self.mesh.sha256, size=self.mesh.size)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shape:
+    """A shape in its occurrence's frame: `kind` `mesh` (named by `mesh`) or a primitive of `size`, both as a `Primitive` has them [m]; of
+    what it is, and in which colour. `name` is what the document calls it in files, behind the path of its document."""
+
+    kind: Literal["mesh"] | PrimitiveShape
+    mesh: str | None = None
+    size: tuple[float, ...] = ()
+    pose: Pose = NO_POSE
+    material: Material | None = None
+    color: str | None = None
+    name: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shapes:
+    """Of one occurrence, at `path`: what is drawn, and what collides."""
+
+    path: str
+    origin: Origin
+    visual: tuple[Shape, ...]
+    collision: tuple[Shape, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Geometry:
+    """Of an assembly: `shapes[i]` of occurrence i, and the mesh assets in the order first met."""
+
+    shapes: tuple[Shapes, ...]
+    meshes: tuple[MeshAsset, ...]
+
+    @property
+    def assets(self) -> dict[str, Stored]:
+        """Where the bytes of each file of a mesh lie."""
+        return {mesh.file: mesh.stored for mesh in self.meshes}
+
+
+def material_name(material: Material | None, color: str | None) -> str | None:
+    """`petg_e6e6fa`: material and colour, because a document may colour one material differently; None without a colour."""
+    if color is None:
+        return None
+    return f"{material.name if material is not None else 'color'}_{color.removeprefix('#')}"
+
+
+def materials(shapes: Iterable[Shapes]) -> dict[str, tuple[str, Origin]]:
+    """Colour and origin of each material of what is drawn, by its name, in the order first met."""
+    named: dict[str, tuple[str, Origin]] = {}
+    for one in shapes:
+        for shape in one.visual:
+            name = material_name(shape.material, shape.color)
+            if name is not None and shape.color is not None:
+                named.setdefault(name, (shape.color, shape.material.origin if shape.material is not None else one.origin))
+    return named
+
+
+def numbered(name: str, index: int) -> str:
+    """The name of one of several: `hand/cap`, `hand/cap_1`."""
+    return f"{name}_{index}" if index else name
+
+
+def shape_names(shapes: Iterable[Shape], usual: str) -> Iterator[str]:
+    """The name of each shape: that of the document for the first that has it, else the usual one with its number."""
+    used: set[str | None] = {None}
+    for index, shape in enumerate(shapes):
+        yield numbered(usual, index) if shape.name in used else shape.name or ""
+        used.add(shape.name)
+
+
+def report_same_file(occurrence: Occurrence, owner: Occurrence, path: str, report: Report) -> None:
+    """Report that the definitions of two occurrences would be written as the same file."""
+    one, other = occurrence.definition.label, owner.definition.label
+    report.add(
+        Code.SAME_FILE, f"`{one}` and `{other}` would both be written as `{path}`", occurrence.origin, path=occurrence.path,
+        help="rename one of the two files", notes=[Note(message=f"`{other}` is used here", span=next(iter(owner.origin), None))],
+    )
+
+
+def channels(color: str) -> tuple[float, float, float, float]:
+    """Red, green, blue and opacity of `#rrggbb` or `#rrggbbaa`, from 0 to 1."""
+    digits = color.removeprefix("#")
+    red, green, blue, alpha = (int(digits[k : k + 2] or "ff", 16) / 255.0 for k in range(0, 8, 2))
+    return red, green, blue, alpha
+
+
+def has_inside(piece: Mesh | Primitive) -> bool:
+    """Whether something can be on one side of a shape or on the other: a plane has no volume, and is touched all the same."""
+    return not piece.flat if isinstance(piece, Mesh) else piece.shape == "plane" or min(piece.size) > 0.0
+
+
+def linear(channel: float) -> float:
+    """A channel of an sRGB colour from 0 to 1 as linear light (IEC 61966-2-1)."""
+    return round(channel / 12.92 if channel <= 0.04045 else ((channel + 0.055) / 1.055) ** 2.4, 6)
+
+
+def inputs_of(assembly: Assembly) -> tuple[object, ...]:
+    """What of an assembly its geometry depends on: for a `Memo`."""
+    return tuple(
+        (
+            one.path, one.definition, one.record, one.listed, one.component.definition, one.overrides.collision, one.overrides.visual,
+            one.material, one.color, one.origin,
+        )
+        for one in assembly.occurrences
+    )
+
+
+def geometry(assembly: Assembly, folder: str, takes: Takes, report: Report, *, own: bool = False) -> Geometry:
+    """The geometry of every occurrence, as far as a target `takes` it; with `own` mesh files are their own bytes where those are known.
+    Two definitions whose meshes would have one name in the target's `folder` are an error."""
+    return _Collector(folder, takes, report, own).collect(assembly)
+
+
+def solid_geometry(assembly: Assembly, target: str, folder: str, report: Report) -> tuple[Geometry, list[Loss]]:
+    """The geometry of a target that takes what has a volume to collide with, and nothing else; and what it loses by that."""
+    flat: list[Loss] = []
+
+    def takes(occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
+        if has_inside(piece):
+            return True
+        what = "its contacts: what it would touch with has no volume"
+        flat.append(Loss.of(occurrence.origin, target, None, occurrence.path, what, "omitted"))
+        return False
+
+    return geometry(assembly, folder, takes, report), flat
+
+
+class _Collector:
+    def __init__(self, folder: str, takes: Takes, report: Report, own: bool) -> None:
+        self.folder = folder
+        self.own = own
+        self.takes = takes
+        self.report = report
+        self.meshes: dict[str, MeshAsset] = {}
+        self.owners: dict[str, Occurrence] = {}
+
+    def collect(self, assembly: Assembly) -> Geometry:
+        shapes = tuple(self.shapes(occurrence) for occurrence in assembly.occurrences)
+        return Geometry(shapes=shapes, meshes=tuple(self.meshes.values()))
+
+    def shapes(self, occurrence: Occurrence) -> Shapes:
+        record, definition = occurrence.record, occurrence.component.definition
+        drawn: list[Shape | None] = []
+        touching: tuple[Shape, ...] = ()
+        if occurrence.listed is not None:
+            drawn = [self.shape(occurrence, surface, surface.name) for surface in occurrence.drawn]
+            felt = (surface for surface in occurrence.touching if self.takes(occurrence, surface.solid))
+            taken = [self.shape(occurrence, surface, surface.name) for surface in felt]
+            touching = tuple(shape for shape in taken if shape is not None)
+        elif record is not None and record.meshes and isinstance(definition, PartDefinition):
+            drawn = [self.shape(occurrence, surface, definition.stem) for surface in occurrence.drawn]
+            touching = self.collision(occurrence, definition.stem)
+        visual = tuple(shape for shape in drawn if shape is not None)
+        return Shapes(path=occurrence.path, origin=occurrence.origin, visual=visual, collision=touching)
+
+    def collision(self, occurrence: Occurrence, stem: str) -> tuple[Shape, ...]:
+        """What `collision:` chose for an occurrence: one shape per piece that can collide."""
+        choice = occurrence.overrides.collision
+        if choice == "none":
+            return ()
+        shapes: list[Shape] = []
+        for index, piece in enumerate(occurrence.touching):
+            if not self.takes(occurrence, piece.solid):
+                continue
+            suffix = f"_{choice}" if choice in ("hull", "mesh") else f"_{PIECES.get(choice, choice)}_{index}"
+            shape = self.shape(occurrence, piece, stem, suffix)
+            if shape is not None:
+                shapes.append(shape)
+        return tuple(shapes)
+
+    def shape(self, occurrence: Occurrence, surface: Surface, stem: str, suffix: str = "") -> Shape | None:
+        """A shape in the frame of its occurrence; the asset of a mesh, called by its `stem`, is kept. None when another definition has its
+        file name."""
+        mesh, title = surface.solid, occurrence.name_in_files(surface)
+        if isinstance(mesh, Primitive):
+            return Shape(kind=mesh.shape, size=mesh.size, pose=mesh.pose, material=surface.material, color=surface.color, name=title)
+        name = stem + suffix
+        owner = self.owners.setdefault(name.casefold(), occurrence)
+        known = self.meshes.get(name)
+        listed = occurrence.listed is not None and known is not None and known.mesh == mesh  # a mesh file that several links list
+        if owner.definition != occurrence.definition and not listed:
+            report_same_file(occurrence, owner, f"{self.folder}/{stem}.obj", self.report)
+            return None
+        own = Stored(sha256=surface.own[0], size=surface.own[1]) if self.own and surface.own is not None else None
+        self.meshes.setdefault(name, MeshAsset(
+            name=name, mesh=mesh, volume=occurrence.record.volume if occurrence.record is not None else surface.volume,
+            origin=occurrence.origin, own=own, scale=surface.scale,
+        ))
+        return Shape(kind="mesh", mesh=name, pose=surface.pose, material=surface.material, color=surface.color, name=title)

@@ -1,0 +1,252 @@
+"""`glb/<name>_<mode>.glb`: a mode where it starts, for whatever shows glTF 2.0, as a tree of links whose joints can be turned.
+
+    arm_bench:world  ->  base_link  ->  plate:visual (a mesh)
+                                    ->  yaw:joint  ->  bracket  ->  ...
+
+A link's node is the frame that MJCF and `modes.json` have of it. A coordinate's lies on its axis, z along it: turning, or shifting, the
+node along its z is what a change of q does. Metres; glTF has y up, and linear colours (glTF 2.0, sections 3.4 and 3.9.2).
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping
+from dataclasses import field
+from typing import Any, Literal, Never, assert_never
+
+import numpy as np
+import trimesh
+
+from thingc.base.frozen import dataclass
+from thingc.base.joints import Twist, moved
+from thingc.base.pose import Pose, along, shifted
+from thingc.base.primitives import Primitive
+from thingc.geometry.record import Mesh
+from thingc.geometry.store.local import Store
+from thingc.model.assembly import coordinates, joints_of
+from thingc.model.assembly.types import Surface
+from thingc.model.robot.types import Body, Robot
+from thingc.targets.artifact import Artifacts, Loss
+from thingc.targets.capabilities import BESIDE, SAYS, Capabilities, Loses, Omits, Says, all_sensors, joint_cell, losses
+from thingc.targets.geometry import ENDLESS, channels, linear, material_name, numbered
+from thingc.targets.request import EmitRequest
+
+Y_UP = Pose(rotation=((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
+"""The world, whose z is up, as glTF has it, whose y is up."""
+
+ROUND = (16, 16)
+"""Into how many pieces what is round is cut, from pole to pole and half around."""
+
+JointForm = Literal["nodes", "node"]
+"""How a joint is written: a node for each coordinate, or one for all of them."""
+
+_OPENS = Omits(": turned joints open it")
+_NODE: Says[JointForm] = Says("nodes")
+_CHAIN: Says[JointForm] = Says("nodes", "a node for each coordinate")
+
+CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
+    "joints": {
+        "revolute": _NODE, "continuous": _NODE, "prismatic": _NODE, "cylindrical": _CHAIN, "universal": _CHAIN, "planar": _CHAIN,
+        "ball": Says("node"), "screw": Loses("nodes", "omitted", ": its node slides only if it is shifted, too, when it is turned"),
+    },
+    "of_joints": {
+        "cone": BESIDE, "velocity": BESIDE, "damping": BESIDE, "friction": BESIDE, "armature": BESIDE, "stiffness": BESIDE,
+        "mimic": Omits(": its node stays when that one is turned"), "polynomial": BESIDE, "tendon": BESIDE,
+    },
+    "drives": {"position": BESIDE, "velocity": BESIDE, "motor": BESIDE, "universal": BESIDE, "ball": BESIDE},
+    "loops": {
+        "hold": Omits(": turned joints move it"), "weld": _OPENS, "ball": _OPENS, "hinge": _OPENS, "slide": _OPENS,
+        "screw": _OPENS, "universal": _OPENS, "several": _OPENS,
+    },
+    "bases": {"held": BESIDE, "free": BESIDE, "start": SAYS, "planar": BESIDE, "ball": BESIDE},
+    "modes": {"gravity": BESIDE, "poses": Says(None, "where the mode starts"), "exclude": BESIDE, "timestep": BESIDE, "simulation": BESIDE},
+    "links": {
+        "frames": BESIDE, "colours": SAYS, "friction": BESIDE, "rolling": BESIDE, "adhesion": BESIDE, "weightless": BESIDE,
+        "weightless_base": BESIDE, "point": BESIDE, "line": BESIDE,
+    },
+    "shapes": {
+        "box": BESIDE, "cylinder": BESIDE, "capsule": BESIDE, "sphere": BESIDE, "ellipsoid": BESIDE, "plane": BESIDE, "hull": BESIDE,
+        "mesh": BESIDE,
+    },
+    "sensors": all_sensors(BESIDE),
+    "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},
+}
+"""What glTF can say of a robot: neither masses nor drives are what a picture is asked for."""
+
+ROUGHNESS = 0.6
+"""Of every surface: what a part is made of says its colour, not how it shines."""
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """A file for each chosen mode; none, which is a loss, of a robot of which nothing is drawn. Every mesh is in it once for each colour,
+    its numbers once, however often it occurs."""
+    if not any(occurrence.drawn for occurrence in request.assembly.occurrences):
+        assembly = request.assembly
+        whole = Loss.of(assembly.definition.origin, "glb", None, assembly.name, "nothing in the robot is drawn", "omitted")
+        return Artifacts(files={}, losses=(whole,))
+    drawn = _Drawn(request.store)
+    files = {f"glb/{robot.name}_{robot.mode.name}.glb": _written(robot, drawn) for robot in request.robots}
+    return Artifacts(files=dict(sorted(files.items())), losses=losses("glb", CAPABILITIES, request.assembly, request.robots))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Node:
+    """A node below `parent`, at a pose in it; `shown` is what it shows, called `called`, `extras` data of its own."""
+
+    name: str
+    parent: str
+    pose: Pose
+    shown: Surface | None = None
+    called: str = ""
+    extras: Mapping[str, object] = field(default_factory=dict)
+
+
+def _nodes(robot: Robot) -> Iterator[_Node]:
+    """All nodes of a mode where it starts, parents first."""
+    assembly = robot.assembly
+    frame = robot.start
+    q = coordinates(joints_of(assembly), frame.q if frame is not None else {})
+    names = [assembly.links[body.link].name for body in robot.bodies]
+    top = f"{robot.name}_{robot.mode.name}:world"
+    yield _Node(name=top, parent="", pose=Y_UP)
+    for body, name in zip(robot.bodies, names, strict=True):
+        parent, pose = (top if body.parent is None else names[body.parent]), body.X_PL
+        if body.parent is None and frame is not None and frame.base is not None:
+            pose = frame.base
+        for node in _joints(robot, body, parent, pose, q):
+            yield node
+            parent = node.name
+        if body.parent is not None and body.joints:
+            pose = _axis(body.joints[-1].twist, at_once=body.at_once).inverse()
+        yield _Node(name=name, parent=parent, pose=pose)
+        link = assembly.links[body.link]
+        for member, place in zip(link.members, link.poses, strict=True):
+            occurrence = assembly.occurrences[member]
+            for index, shown in enumerate(occurrence.drawn):
+                called = occurrence.definition.text if occurrence.listed is None else _called(shown)
+                at = place @ (shown.solid.pose if isinstance(shown.solid, Primitive) else shown.pose)
+                yield _Node(name=numbered(f"{occurrence.path}:visual", index), parent=name, pose=at, shown=shown, called=called)
+
+
+def _called(surface: Surface) -> str:
+    """What the geometry of a listed shape is called: by what it is."""
+    solid = surface.solid
+    if isinstance(solid, Primitive):
+        return f"{solid.shape} {' '.join(f'{number:.9g}' for number in solid.size)}"
+    return solid.sha256
+
+
+def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, float]) -> Iterator[_Node]:
+    """The nodes of the coordinates by which a body moves, one below the other, of a ball one; `pose` is the body's at 0 of them."""
+    if body.parent is None or not body.joints:
+        return
+    first = body.joints[0]
+    form = CAPABILITIES["joints"][joint_cell(first.kind)].by
+    match form:
+        case "node":
+            values = tuple(q[joint.path] for joint in body.joints)
+            name = f"{robot.assembly.mates[first.mate].name or first.path}:joint"
+            at = pose @ moved(body.twists, values, at_once=True) @ _axis(first.twist, at_once=True)
+            yield _Node(name=name, parent=parent, pose=at, extras={"kind": first.kind.name, "q": list(values)})
+        case "nodes":
+            for joint in body.joints:
+                name, axis = f"{joint.path}:joint", _axis(joint.twist)
+                bounds = (("lower", joint.limit.lower), ("upper", joint.limit.upper))
+                extras = {"kind": joint.kind.name, "q": q[joint.path], **{end: value for end, value in bounds if value is not None}}
+                yield _Node(name=name, parent=parent, pose=pose @ joint.twist.exponential(q[joint.path]) @ axis, extras=extras)
+                parent, pose = name, axis.inverse()
+        case _:
+            assert_never(form)
+
+
+def _axis(twist: Twist, *, at_once: bool = False) -> Pose:
+    """The frame on a twist's axis, its z along it; of a ball the axes stay, at its centre."""
+    return shifted(*twist.anchor) if at_once else along(twist.axis, twist.anchor)
+
+
+class _Drawn:
+    """The meshes that are drawn, read when first asked for."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._known: dict[str, Any] = {}
+
+    def __call__(self, mesh: Mesh | Primitive) -> Any:
+        """A mesh of the store (OBJ, metres) as trimesh has it, vertices and faces as they are; of a primitive one that is near it, around
+        the origin."""
+        if isinstance(mesh, Primitive):
+            return _tessellated(mesh)
+        if mesh.sha256 not in self._known:
+            stream = io.BytesIO(self._store.read(mesh.sha256))
+            self._known[mesh.sha256] = trimesh.load_mesh(stream, file_type="obj", process=False, maintain_order=True)
+        return self._known[mesh.sha256]
+
+
+def _tessellated(primitive: Primitive) -> Any:
+    size = primitive.size
+    match primitive.shape:
+        case "box":
+            return trimesh.creation.box(extents=[2.0 * half for half in size])
+        case "sphere":
+            return trimesh.creation.uv_sphere(radius=size[0], count=ROUND)
+        case "ellipsoid":
+            stretched: Any = trimesh.creation.uv_sphere(radius=1.0, count=ROUND)
+            return stretched.apply_scale(size)
+        case "cylinder":
+            return trimesh.creation.cylinder(radius=size[0], height=2.0 * size[1], sections=2 * ROUND[0])
+        case "capsule":
+            capsule: Any = trimesh.creation.capsule(radius=size[0], height=2.0 * size[1], count=list(ROUND))
+            return capsule
+        case "plane":
+            x, y = (half or ENDLESS for half in size[:2])
+            corners = [(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)]
+            return trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3)], process=False)
+        case _:
+            assert_never(primitive.shape)
+
+
+def _written(robot: Robot, drawn: _Drawn) -> bytes:
+    scene: Any = trimesh.Scene(base_frame="")
+    materials: dict[str, dict[str, object]] = {}
+    of_mesh: dict[str, tuple[str, str]] = {}
+    for node in _nodes(robot):
+        place = {"frame_to": node.name, "frame_from": node.parent, "matrix": np.array(node.pose.rows()), "metadata": dict(node.extras)}
+        if node.shown is None:
+            scene.graph.update(**place)
+            continue
+        material = _material(node.shown)
+        key = f"{node.called} in {material['name']}"
+        if key not in of_mesh:
+            of_mesh[key] = (node.called, str(material["name"]))
+            materials.setdefault(str(material["name"]), material)
+            scene.geometry[key] = drawn(node.shown.solid)
+        scene.graph.update(**place, geometry=key)
+
+    def finish(tree: dict[str, Any]) -> None:
+        """What trimesh has no words for: who made it, colours as exact as they are, and what meshes are called."""
+        tree["asset"]["generator"] = "thingc"
+        tree["materials"] = list(materials.values())
+        numbers = {name: number for number, name in enumerate(materials)}
+        for mesh in tree["meshes"]:
+            mesh["name"], material = of_mesh[mesh["name"]]
+            del mesh["extras"]  # of the file that it was read from
+            mesh["primitives"][0]["material"] = numbers[material]
+
+    written: bytes = scene.export(file_type="glb", include_normals=False, tree_postprocessor=finish)
+    return written
+
+
+def _material(surface: Surface) -> dict[str, object]:
+    """The material of what is drawn, named as in MJCF; what has no colour is light grey. Sides that a viewer leaves out are those of the
+    inside, which nobody sees of a closed surface."""
+    red, green, blue, alpha = channels(surface.color or "#bfbfbf")
+    name = material_name(surface.material, surface.color) or "color"
+    open_ = not surface.solid.closed if isinstance(surface.solid, Mesh) else surface.solid.shape == "plane"
+    return {
+        "name": f"{name}:open" if open_ else name,
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [linear(red), linear(green), linear(blue), alpha], "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS,
+        },
+        **({"doubleSided": True} if open_ else {}),
+        **({"alphaMode": "BLEND"} if alpha < 1.0 else {}),
+    }

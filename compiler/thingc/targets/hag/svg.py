@@ -1,0 +1,219 @@
+"""The hierarchical assembly graph as a picture: an SVG document that needs nothing else, laid out by `drawing`."""
+
+from __future__ import annotations
+
+import unicodedata
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+
+from thingc.base.frozen import dataclass
+from thingc.base.shown import shown
+from thingc.model.assembly.hag import Definition, DefinitionKind, Hag
+from thingc.targets.drawing.layered import Drawing, Line, Rectangle, Route, Size, draw
+from thingc.targets.hag.words import KINDS, Bundle, bundles, entries, how, quantities, short, total
+
+MARGIN = 28.0
+HEAD = 62.0
+LEAD = 15.0
+"""From one line of text to the next."""
+PADDING = 12.0
+ADVANCE = 0.61
+"""Width of a character of a monospaced font, as a share of its size: DejaVu Sans Mono and Menlo 0.602, Courier 0.600."""
+LONGEST = 46
+"""Characters in a line; what is longer is broken, or cut (the tooltip has all of it)."""
+MOST = 6
+"""Entries in a label, and lines of parameters in a box; the tooltip has the rest."""
+
+FONT = "ui-monospace, 'SF Mono', Menlo, Consolas, 'DejaVu Sans Mono', 'Liberation Mono', monospace"
+INK, MUTED, LINE, JOINT = "#1f2937", "#6b7280", "#a3acba", "#c2410c"
+FILL: Mapping[DefinitionKind, str] = {"assembly": "#dbe7f6", "part": "#f7f4ec", "file": "#e6f2e6", "link": "#f3e8f3", "frame": "#ffffff"}
+EDGE: Mapping[DefinitionKind, str] = {"assembly": "#3d6fae", "part": "#a89c7c", "file": "#5d8a5d", "link": "#8d6a8d", "frame": "#8a8a8a"}
+
+
+def picture(hag: Hag) -> str:
+    """The SVG text. Boxes are definitions (with the number of times each stands in the robot), lines say as which component
+    and how; those of joints are coloured. Hovering over either shows all that is known of it."""
+    numbers = {definition.text: index for index, definition in enumerate(hag.definitions)}
+    counted = quantities(hag)
+    texts = [_box_texts(definition) for definition in hag.definitions]
+    sizes = [_box_size(lines, counted[d.text]) for lines, d in zip(texts, hag.definitions)]
+    strands = bundles(hag)
+    labels = [_label_words(strand) for strand in strands]
+    lines = [
+        Line(source=numbers[strand.parent], target=numbers[strand.child], label=_label_size(label))
+        for strand, label in zip(strands, labels)
+    ]
+    drawing = draw(sizes, lines)
+    svg = _canvas(hag, drawing)
+    board = ET.SubElement(svg, "g", {"transform": f"translate({_n(MARGIN)} {_n(HEAD)})"})
+    for strand, route in zip(strands, drawing.routes):
+        _draw_line(board, strand, route)
+    for strand, route, label in zip(strands, drawing.routes, labels):
+        _draw_label(board, strand, route.label, label)
+    for definition, rectangle, box in zip(hag.definitions, drawing.boxes, texts):
+        _draw_box(board, definition, rectangle, box, counted[definition.text])
+    ET.indent(svg, " ")
+    return ET.tostring(svg, encoding="unicode") + "\n"
+
+
+def _canvas(hag: Hag, drawing: Drawing) -> ET.Element:
+    width = max(drawing.width, 8.0 * LONGEST, _width(shown(hag.label), 16.0)) + 2.0 * MARGIN
+    height = drawing.height + HEAD + MARGIN
+    svg = ET.Element(
+        "svg",
+        {
+            "xmlns": "http://www.w3.org/2000/svg",
+            "width": _n(width),
+            "height": _n(height),
+            "viewBox": f"0 0 {_n(width)} {_n(height)}",
+            "font-family": FONT,
+            "font-size": "11",
+            "fill": INK,
+        },
+    )
+    ET.SubElement(svg, "title").text = f"{shown(hag.label)}: hierarchical assembly graph"
+    ET.SubElement(svg, "rect", {"width": "100%", "height": "100%", "fill": "#ffffff"})
+    _text(svg, MARGIN, 26.0, shown(hag.label), {"font-size": "16", "font-weight": "bold"})
+    _text(svg, MARGIN, 43.0, total(hag), {"fill": MUTED})
+    used = [kind for kind in KINDS if any(definition.kind == kind for definition in hag.definitions)]
+    x = MARGIN + _width(total(hag), 11.0) + 22.0
+    for kind in used:
+        ET.SubElement(svg, "rect", _box_style(kind) | {"x": _n(x), "y": "34", "width": "14", "height": "10", "rx": "3"})
+        _text(svg, x + 19.0, 43.0, kind, {"fill": MUTED})
+        x += 19.0 + _width(kind, 11.0) + 14.0
+    if any(edge.joint is not None for edge in hag.edges):
+        ET.SubElement(svg, "path", {"d": f"M{_n(x)} 39H{_n(x + 18.0)}", "stroke": JOINT, "stroke-width": "1.6"})
+        _text(svg, x + 23.0, 43.0, "joint", {"fill": MUTED})
+        x += 23.0 + _width("joint", 11.0)
+    if x + MARGIN > width:
+        svg.set("width", _n(x + MARGIN))
+        svg.set("viewBox", f"0 0 {_n(x + MARGIN)} {_n(height)}")
+    return svg
+
+
+def _box_texts(definition: Definition) -> list[str]:
+    """The name, then where it is written and its parameters."""
+    name, where, parameters = short(definition)
+    lines = [_cut(name)]
+    if where:
+        lines.append(_cut(where))
+    broken = _broken(parameters.split(", ")) if parameters else []
+    return lines + (broken if len(broken) <= MOST else [*broken[: MOST - 1], "..."])
+
+
+def _broken(words: Sequence[str]) -> list[str]:
+    """Words put together with commas to lines of at most `LONGEST` characters."""
+    lines: list[str] = []
+    for position, word in enumerate(words):
+        piece = word + ("," if position < len(words) - 1 else "")
+        if lines and len(lines[-1]) + 1 + len(piece) <= 0.8 * LONGEST:
+            lines[-1] += " " + piece
+        else:
+            lines.append(_cut(piece))
+    return lines
+
+
+def _box_size(lines: Sequence[str], count: int) -> Size:
+    head = _width(lines[0], 13.0) + (_width(f"x{count}", 11.0) + 22.0 if count > 1 else 0.0)
+    width = max([head, *(_width(line, 11.0) for line in lines[1:])]) + 2.0 * PADDING
+    return Size(width=round(max(width, 96.0), 1), height=LEAD * len(lines) + 15.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Words:
+    """A line of a label: its baseline below the label's upper edge, and `kind` `name | place | joint`."""
+
+    text: str
+    kind: str
+    baseline: float
+
+
+def _label_words(strand: Bundle) -> list[_Words]:
+    """What a line says: components, each followed by how it is placed."""
+    words: list[_Words] = []
+    baseline = 11.0
+    placements = entries(strand.edges)
+    for name, placed in placements[: MOST if len(placements) <= MOST else MOST - 1]:
+        words.append(_Words(text=_cut(name), kind="name", baseline=baseline))
+        if placed:
+            kind = "joint" if placed.startswith("joint ") else "place"
+            baseline += LEAD - 2.0
+            words.append(_Words(text=_cut(placed), kind=kind, baseline=baseline))
+        baseline += LEAD + 3.0
+    if len(placements) > MOST:
+        words.append(_Words(text=f"and {len(placements) - MOST + 1} more", kind="place", baseline=baseline))
+    return words
+
+
+def _label_size(words: Sequence[_Words]) -> Size:
+    width = max(_width(line.text, 11.0 if line.kind == "name" else 10.0) for line in words)
+    return Size(width=round(width + 10.0, 1), height=words[-1].baseline + 5.0)
+
+
+def _draw_line(board: ET.Element, strand: Bundle, route: Route) -> None:
+    (x, _, y) = route.stretches[0]
+    path = [f"M{_n(x)} {_n(y)}"]
+    for (_, x1, y1), (x2, _, y2) in zip(route.stretches, route.stretches[1:]):
+        middle = (x1 + x2) / 2.0
+        path.append(f"H{_n(x1)}C{_n(middle)} {_n(y1)} {_n(middle)} {_n(y2)} {_n(x2)} {_n(y2)}")
+    x, _, y = route.stretches[-1]
+    color = _color(strand)
+    ET.SubElement(board, "path", {"d": "".join(path), "fill": "none", "stroke": color, "stroke-width": "1.4"})
+    ET.SubElement(board, "path", {"d": f"M{_n(x)} {_n(y)}l-8 -3.6v7.2z", "fill": color})
+
+
+def _color(strand: Bundle) -> str:
+    return JOINT if any(edge.joint is not None for edge in strand.edges) else LINE
+
+
+def _draw_label(board: ET.Element, strand: Bundle, place: Rectangle, words: Sequence[_Words]) -> None:
+    group = ET.SubElement(board, "g", {"class": "label"})
+    ET.SubElement(group, "title").text = "\n".join(": ".join(filter(None, (edge.component, how(edge)))) for edge in strand.edges)
+    ET.SubElement(group, "rect", _rectangle(place) | {"fill": "#ffffff", "rx": "3"})
+    styles: dict[str, dict[str, str]] = {
+        "name": {}, "place": {"fill": MUTED, "font-size": "10"}, "joint": {"fill": JOINT, "font-size": "10"},
+    }
+    for line in words:
+        _text(group, place.x + 5.0, place.y + line.baseline, line.text, styles[line.kind])
+
+
+def _draw_box(board: ET.Element, definition: Definition, place: Rectangle, lines: Sequence[str], count: int) -> None:
+    group = ET.SubElement(board, "g", {"class": f"box {definition.kind}"})
+    ET.SubElement(group, "title").text = shown(definition.label)
+    ET.SubElement(group, "rect", _rectangle(place) | _box_style(definition.kind) | {"rx": "7"})
+    for row, line in enumerate(lines):
+        style = {"font-size": "13", "font-weight": "bold"} if row == 0 else {"fill": MUTED}
+        _text(group, place.x + PADDING, place.y + LEAD * row + 19.5, line, style)
+    if count > 1:
+        badge = f"x{count}"
+        width = _width(badge, 11.0) + 10.0
+        x = place.x + place.width - width - 7.0
+        pill = Rectangle(x=x, y=place.y + 7.0, width=width, height=16.0)
+        ET.SubElement(group, "rect", _rectangle(pill) | {"rx": "8", "fill": EDGE[definition.kind]})
+        _text(group, x + 5.0, place.y + 19.0, badge, {"fill": "#ffffff", "font-weight": "bold"})
+
+
+def _box_style(kind: DefinitionKind) -> dict[str, str]:
+    return {"fill": FILL[kind], "stroke": EDGE[kind]} | ({"stroke-dasharray": "4 3"} if kind == "frame" else {})
+
+
+def _rectangle(place: Rectangle) -> dict[str, str]:
+    return {"x": _n(place.x), "y": _n(place.y), "width": _n(place.width), "height": _n(place.height)}
+
+
+def _text(parent: ET.Element, x: float, y: float, text: str, style: dict[str, str]) -> None:
+    ET.SubElement(parent, "text", {"x": _n(x), "y": _n(y), "xml:space": "preserve"} | style).text = text
+
+
+def _width(text: str, size: float) -> float:
+    """Of a text in a monospaced font; East Asian wide characters and unknown ones count as two."""
+    return sum(2.0 if unicodedata.east_asian_width(c) in "WF" else 1.0 for c in text) * ADVANCE * size
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+
+
+def _n(value: float) -> str:
+    """A coordinate to a tenth of a pixel, without a trailing zero."""
+    return f"{round(value, 1):.1f}".removesuffix(".0")

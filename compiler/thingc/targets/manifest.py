@@ -1,0 +1,127 @@
+"""`manifest.json`: what a build folder holds and where it came from, so that it can be checked, replaced and trusted."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import field
+from typing import TYPE_CHECKING
+
+from thingc import __version__
+from thingc.base.files import listing
+from thingc.base.frozen import dataclass
+from thingc.model.assembly.types import Assembly
+from thingc.targets import jsontext
+from thingc.targets.artifact import MANIFEST, Content, Loss, Stored
+
+if TYPE_CHECKING:
+    from thingc.documents.workspace import Workspace
+
+DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco", "trimesh")
+"""Installed distributions whose version changes what a build holds, besides our own; one that is not installed is left out."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """What the build was asked for: modes, targets and readers of MuJoCo models by name, in document and table order, parameters and
+    choices as texts."""
+
+    modes: tuple[str, ...]
+    emit: tuple[str, ...]
+    parameters: Mapping[str, str]
+    choices: Mapping[str, str] = field(default_factory=dict)
+    compat: tuple[str, ...] = ()
+
+
+def manifest(
+    assembly: Assembly,
+    *,
+    document: str,
+    documents: Mapping[str, str],
+    choice: Choice,
+    files: Mapping[str, Content],
+    losses: Sequence[Loss],
+    workspace: Workspace,
+) -> bytes:
+    """The bytes of `manifest.json`.
+
+    `document` and the keys of `documents` (path to SHA-256) are paths in the workspace; `files` everything else that the folder
+    will hold. The same input gives the same bytes, whatever the order of the mappings. Raises `ValueError` when `files` has a
+    manifest of its own.
+    """
+    if MANIFEST in files:
+        raise ValueError(f"{MANIFEST} cannot list itself")
+    links = assembly.links
+    return jsontext.encode(
+        {
+            "name": assembly.name,
+            "document": document,
+            "choice": {
+                "modes": choice.modes,
+                "emit": choice.emit,
+                **({"compat": choice.compat} if choice.compat else {}),
+                "parameters": dict(sorted(choice.parameters.items())),
+                "choices": dict(sorted(choice.choices.items())),
+            },
+            "versions": versions(),
+            "documents": dict(sorted(documents.items())),
+            "files": {path: sha256_of(content) for path, content in sorted(files.items())},
+            "occurrences": [
+                {
+                    "path": occurrence.path,
+                    "definition": occurrence.definition.text,
+                    "link": links[assembly.link_of[occurrence.index]].name,
+                    "mass": occurrence.properties.mass,
+                    "mass_source": occurrence.mass_source,
+                }
+                for occurrence in assembly.occurrences
+            ],
+            "losses": [loss_entry(loss, workspace) for loss in losses],
+        }
+    )
+
+
+def loss_entry(loss: Loss, workspace: Workspace) -> dict[str, object]:
+    """A loss as the manifest and `--format json` print it; `file` relative to the workspace, null with `line` without a place."""
+    return {
+        "target": loss.target,
+        "mode": loss.mode,
+        "path": loss.path,
+        "what": loss.what,
+        "how": loss.how,
+        "file": workspace.relative(loss.span.file) if loss.span is not None else None,
+        "line": loss.span.line if loss.span is not None else None,
+    }
+
+
+def sha256_of(content: Content) -> str:
+    """The SHA-256 of a file's bytes, in hex; of a stored one it is already known."""
+    return content.sha256 if isinstance(content, Stored) else hashlib.sha256(content).hexdigest()
+
+
+@functools.cache
+def versions() -> Mapping[str, str]:
+    """Versions of Python, thingc and `DISTRIBUTIONS` as installed, by name; the first on the import path counts. Looked up once
+    in a process.
+
+    Read from the names of the `NAME-VERSION.dist-info` folders ("Recording installed projects", PyPA specifications):
+    `importlib.metadata` finds the same, but importing it takes longer than writing everything else.
+    """
+    wanted = {_normal(name): name for name in DISTRIBUTIONS}
+    version_of: dict[str, str] = {}
+    for folder in sys.path:
+        for entry in listing(folder or "."):
+            name, dash, version = entry.removesuffix(".dist-info").rpartition("-")
+            if dash and entry.endswith(".dist-info") and _normal(name) in wanted:
+                version_of.setdefault(wanted[_normal(name)], version)
+    version_of["thingc"] = __version__
+    version_of["python"] = ".".join(map(str, sys.version_info[:3]))
+    return dict(sorted(version_of.items()))
+
+
+def _normal(name: str) -> str:
+    """The name of a distribution as two spellings of it have in common (PEP 503)."""
+    return re.sub("[-_.]+", "-", name).lower()

@@ -1,0 +1,204 @@
+"""Loops in MJCF: a held mount is welded, or with its point connected, to an anchor; a joint that the tree does not cross becomes an
+equality.
+
+An anchor is a mocap body. Its pose is part of `MjData`, so a switch of modes moves it without a change of the model, and
+`mj_resetDataKeyframe` puts it back.
+
+MuJoCo has no hinge among its equalities: two `connect`, a lever apart on the axis, make one. Nor has it a universal: one `connect` where
+the axes meet, and a tendon from a point on one axis to a point on the other, which keeps the length that it has at right angles. Both ends
+of every equality are written out; none is left to where things are at qpos0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping
+from typing import Literal, assert_never
+
+from thingc.base.pose import NO_POSE, Pose, shifted
+from thingc.base.summing import dist
+from thingc.model.robot.types import Closure, Robot, residual_words
+from thingc.targets.artifact import Loss
+from thingc.targets.capabilities import written
+from thingc.targets.mjcf.capabilities import CAPABILITIES
+from thingc.targets.mjcf.poses import pose_attributes
+from thingc.targets.xml import Element, numbers
+
+STIFFNESS = "0.999 0.9999 0.001"
+"""`solimp` of a closure. MuJoCo's equalities give way; its own 0.9 lets a held foot sag by a part of a millimetre."""
+
+TIMESTEP = 0.002
+"""MuJoCo's own [s]; twice the timestep is the shortest time in which it lets an equality close (`solref`)."""
+
+
+def equalities(robot: Robot, section: Element, links: list[str]) -> None:
+    """One `weld` per clamp or rigid loop, one `connect` per point or ball, two per hinge, a `connect` and a `tendon` per universal, as
+    stiff as the timestep allows."""
+    stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
+    stiff = {"solref": numbers((2.0 * float(stepped), 1.0)), "solimp": STIFFNESS}
+    for closure in robot.closures:
+        parent = anchor_name(closure) if closure.parent is None else links[closure.parent]
+        form = equality(closure)
+        match form:
+            case "weld":
+                X_PL = NO_POSE if closure.hold else closure.X_PA @ closure.X_CB.inverse()
+                relpose = numbers((*X_PL.translation, *X_PL.quaternion()))
+                section.add("weld", {
+                    "name": equality_name(closure), "body1": parent, "body2": links[closure.child], "relpose": relpose, **stiff,
+                }, closure.origin)
+            case "connect":
+                section.add("connect", {
+                    "name": equality_name(closure), "site1": _ends(closure)[0], "site2": _ends(closure)[1], **stiff,
+                }, closure.origin)
+            case "two connects":
+                for index, (one, other) in enumerate(_points(robot, closure)):
+                    name = equality_name(closure) + (f"_{index}" if index else "")
+                    section.add("connect", {"name": name, "site1": one[0], "site2": other[0], **stiff}, closure.origin)
+            case "connect and tendon":
+                (one, other), ends = _points(robot, closure)
+                section.add("connect", {
+                    "name": equality_name(closure), "site1": one[0], "site2": other[0], **stiff,
+                }, closure.origin)
+                longer = math.sqrt(2.0) * _lever(robot, closure) - _at_zero(robot, closure, ends)
+                section.add("tendon", {
+                    "name": f"{equality_name(closure)}_1", "tendon1": equality_name(closure),
+                    "polycoef": numbers((longer, 0.0, 0.0, 0.0, 0.0)), **stiff,
+                }, closure.origin)
+            case None:
+                pass  # the loop stays open: see `losses`
+            case _:
+                assert_never(form)
+
+
+def tendons(robot: Robot, section: Element) -> None:
+    """One for each universal, between a point of either axis."""
+    for closure in robot.closures:
+        if equality(closure) == "connect and tendon":
+            spatial = section.add("spatial", {"name": equality_name(closure), "group": "3"}, closure.origin)
+            for site, _ in _points(robot, closure)[1]:
+                spatial.add("site", {"site": site}, closure.origin)
+
+
+def equality(closure: Closure) -> Literal["weld", "connect", "two connects", "connect and tendon"] | None:
+    """By what a loop or a hold is closed; None where it stays open."""
+    form = written(CAPABILITIES["loops"]["hold" if closure.hold else closure.kind])
+    if form == "weld or connect":
+        return "connect" if closure.turns else "weld"
+    return form
+
+
+def equality_name(closure: Closure) -> str:
+    """`rear_foot/sole:hold`, `rod:loop`."""
+    return closure.name or f"{closure.path}:{'hold' if closure.hold else 'loop'}"
+
+
+def anchor_name(closure: Closure) -> str:
+    """The name of the body that holds a mount, and of its site if the mount can turn: `leg_2/sole:held`."""
+    return f"{closure.path}:held"
+
+
+def anchors(robot: Robot) -> dict[str, Pose]:
+    """The pose of each anchor in the world, by name: the held link's, or the mount's origin if the mount can turn."""
+    return {
+        anchor_name(one): Pose(translation=one.X_PA.translation) if one.turns else one.X_PA @ one.X_CB.inverse()
+        for one in robot.closures if one.hold
+    }
+
+
+def _ends(closure: Closure) -> tuple[str, str]:
+    """The sites that a point joins: those of a mount that is held, or of the two sides of a ball that was cut."""
+    return (anchor_name(closure), closure.path) if closure.hold else (f"{closure.path}:parent", f"{closure.path}:child")
+
+
+def sites(robot: Robot, world: Element, bodies: Mapping[int, Element]) -> None:
+    """Add the anchors of held mounts, and the sites by which the halves of a ball, a hinge or a universal are joined."""
+    placed = anchors(robot)
+    for closure in robot.closures:
+        form = equality(closure)
+        if closure.hold:
+            name = anchor_name(closure)
+            anchor = world.add("body", {"name": name, "mocap": "true", **pose_attributes(placed[name])}, closure.origin)
+            if form == "connect":
+                anchor.add("site", {"name": name, "group": "3"}, closure.origin)
+        elif form == "connect" and closure.parent is not None:
+            for body, name, pose in zip((closure.parent, closure.child), _ends(closure), (closure.X_PA, closure.X_CB), strict=True):
+                bodies[body].add("site", {"name": name, **pose_attributes(pose)}, closure.origin)
+        if form in ("two connects", "connect and tendon") and closure.parent is not None:
+            for one, other in _points(robot, closure):
+                for body, (name, pose) in ((closure.parent, one), (closure.child, other)):
+                    bodies[body].add("site", {"name": name, **pose_attributes(pose)}, closure.origin)
+
+
+def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tuple[str, Pose]]]:
+    """Two pairs of sites, of the parent and of the child each: at the origin, and on the axis of a hinge, or of a universal on the axis
+    that the parent has and on that which the child has."""
+    lever = _lever(robot, closure)
+    ends = shifted(0.0, 0.0, lever), shifted(0.0, 0.0, lever)
+    if closure.kind == "universal":
+        (x, y, z), (u, v, w) = (twist.angular for twist in closure.twists)
+        ends = shifted(lever * x, lever * y, lever * z), shifted(lever * u, lever * v, lever * w)
+    return [
+        ((f"{closure.path}:parent{mark}", closure.X_PA @ one), (f"{closure.path}:child{mark}", closure.X_CB @ other))
+        for mark, (one, other) in (("", (NO_POSE, NO_POSE)), ("_1", ends))
+    ]
+
+
+def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tuple[str, Pose]]) -> float:
+    """How far apart [m] two points of the parent and the child are at q = 0, from where MuJoCo counts the lengths of tendons."""
+    assert closure.parent is not None
+    X_WL: list[Pose] = []
+    for body in robot.bodies:
+        X_WL.append(NO_POSE if body.parent is None else X_WL[body.parent] @ body.X_PL)
+    (_, on_parent), (_, on_child) = points
+    return dist((X_WL[closure.parent] @ on_parent).translation, (X_WL[closure.child] @ on_child).translation)
+
+
+def _lever(robot: Robot, closure: Closure) -> float:
+    """How far apart [m] the two points are: as far as the child's centre of mass is from the axis, so that neither shifts nor
+    turns of it weigh much more than the other; one digit, and never nothing."""
+    centre = robot.assembly.links[robot.bodies[closure.child].link].properties.centre
+    far = dist(centre, closure.X_CB.translation)
+    return float(f"{far:.1g}") if far > 1e-3 else 1e-3
+
+
+def losses(robot: Robot) -> Iterator[Loss]:
+    """Poses that do not close or had to be moved, and what a joint that was cut, and whose loop is closed, cannot have."""
+    mode = robot.mode.name
+    turns = {joint.path for mate in robot.assembly.mates for joint in mate.joints if joint.twist.turns}
+    for frame in robot.keyframes:
+        if frame.moved:
+            what = f"its values as written: the loops close with {_moved(frame.moved, turns)}"
+            yield Loss.of(frame.origin, "mjcf", mode, frame.name, what, "approximated")
+    for one in robot.unclosed:
+        if one.moved:
+            what = f"its keyframe: the loops close only with {_moved(one.moved, turns)}"
+        else:
+            what = f"its keyframe: `{one.path}` does not close, at best it is {residual_words(one.residual)} off"
+        yield Loss.of(one.origin, "mjcf", mode, one.name, what, "omitted")
+    for closure in robot.closures:
+        if not closure.joints or equality(closure) is None:
+            continue
+        joint = closure.joints[0]
+        lost = [
+            word for word, there in (
+                ("its limits", joint.limit.bounded),
+                ("its effort and velocity limits", joint.limit.effort is not None or joint.limit.velocity is not None),
+                ("its dynamics", joint.dynamics.acts),
+                ("its drive", any(one.path in robot.present for one in closure.joints)),
+                ("what it mimics", joint.mimic is not None),
+            ) if there
+        ]
+        if lost:
+            yield Loss.of(closure.origin, "mjcf", mode, closure.path, f"{', '.join(lost)}: a loop is cut here", "omitted")
+
+
+def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:
+    """`` `knee` and 2 more moved, by 12 deg at most``: the worst, turns before slides (a radian counts as a metre)."""
+    path = max(moved, key=lambda joint: abs(moved[joint]))
+    others = f" and {len(moved) - 1} more" if len(moved) > 1 else ""
+    return f"`{path}`{others} moved, by {_shown(moved[path], turn=path in turns)} at most"
+
+
+def _shown(value: float, *, turn: bool) -> str:
+    return f"{math.degrees(abs(value)):.3g} deg" if turn else f"{1000.0 * abs(value):.3g} mm"
+

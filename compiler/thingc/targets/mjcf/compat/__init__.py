@@ -1,0 +1,46 @@
+"""MJCF for more than MuJoCo: of each program that `compat` names, what it will refuse is said before the build is over, and where
+nothing is harmed by it the model is changed so that it is read."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from thingc.base.diagnostics import Code, Report, allow_hint
+from thingc.model.robot.types import Robot
+from thingc.targets.artifact import Loss
+from thingc.targets.mjcf.compat.consumer import Consumer, Refusal
+from thingc.targets.mjcf.compat.drake import DRAKE
+from thingc.targets.mjcf.compat.mjx import MJX
+from thingc.targets.mjcf.compat.pymjcf import PYMJCF, SEPARATOR
+from thingc.targets.mjcf.compat.warp import WARP
+from thingc.targets.xml import Element
+
+__all__ = ["CONSUMERS", "separator", "suited"]
+
+CONSUMERS: tuple[Consumer, ...] = (MJX, WARP, DRAKE, PYMJCF)
+"""In this order: names are changed last."""
+
+
+def separator(names: Collection[str]) -> str:
+    """What stands between the names of a path in a model for these consumers."""
+    return SEPARATOR if PYMJCF.name in names else "/"
+
+
+def suited(
+    names: Collection[str], robots: Sequence[Robot], roots: Sequence[Element], report: Report,
+) -> tuple[list[Element], dict[Loss, None]]:
+    """The models of some modes as the consumers of these names take them, and what that loses; a warning for each thing that one of them
+    refuses all the same."""
+    losses: dict[Loss, None] = {}
+    refused: dict[tuple[str, Refusal], list[str]] = {}
+    made = [root.copy() for root in roots] if names else list(roots)
+    for consumer in CONSUMERS:
+        for robot, root in zip(robots, made, strict=True) if consumer.name in names else ():
+            losses |= dict.fromkeys(consumer.suit(robot, root))
+            for refusal in dict.fromkeys(consumer.refuses(robot, root)):
+                refused.setdefault((consumer.label, refusal), []).append(robot.mode.name)
+    for (label, one), modes in refused.items():
+        which = f"mode{'' if len(modes) == 1 else 's'} {', '.join(f'`{mode}`' for mode in modes)}"
+        message, hint = f"{label} will refuse {which}: {one.what}", f"{one.hint}; {allow_hint(Code.COMPAT)}"
+        report.warn(Code.COMPAT, message, one.origin, path=one.path, help=hint)
+    return made, losses

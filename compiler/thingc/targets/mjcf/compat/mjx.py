@@ -1,0 +1,216 @@
+"""MJX, MuJoCo in JAX (`mjx.put_model` with its own implementation): what it lacks, from its source.
+
+Pairs of shapes are those of `collision_driver.py`, options and kinds of actuators those of `types.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+
+from thingc.base.frozen import dataclass
+from thingc.model.robot.types import Robot
+from thingc.targets.artifact import Loss
+from thingc.targets.mjcf import holding
+from thingc.targets.mjcf.compat.consumer import Consumer, Refusal
+from thingc.targets.mjcf.compat.options import Lacks
+from thingc.targets.mjcf.compat.touching import Touching, pairs
+from thingc.targets.xml import Element, numbers
+
+LACKING = frozenset(map(frozenset, (("cylinder", "box"), ("cylinder", "mesh"), ("ellipsoid", "box"), ("ellipsoid", "mesh"))))
+"""Pairs of shapes that it cannot have touch."""
+
+LACKS = Lacks(solvers=("PGS",), enabled=("override", "energy", "fwdinv", "diagexact"))
+
+SIDES = 20
+"""Of the prism in a cylinder's place: nowhere further inside than 1.2 % of its radius; MJX warns of faces with more corners."""
+
+FLUID = ("density", "viscosity", "wind")
+
+
+def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
+    if robot.base == "held" and len(robot.bodies) > 1:
+        what = "that its base can be moved: MJX moves a mocap body without its children"
+        yield Loss.of(robot.mode.origin, "mjcf", robot.mode.name, robot.mode.name, what, "omitted")
+    yield from _integrator(robot, root)
+    yield from _prisms(root)
+    _margins(root)
+    _cones(root)
+    if not _needed(robot):
+        yield from _adhesions(robot, root)
+
+
+def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
+    needed = _needed(robot)
+    if needed:
+        names = " and ".join(f"`{path}`" for path in needed)
+        yield Refusal(
+            what=f"it has no adhesion, and that at {names} carries the robot", origin=robot.mode.origin, path=robot.mode.name,
+            hint="leave the mode out with `--mode`, or root it at what holds",
+        )
+    yield from LACKS.refusals(root)
+    option = root.find("option")
+    if option is not None and option.attributes.get("integrator") == "implicitfast":
+        for name in FLUID:
+            if any(float(value) for value in option.attributes.get(name, "0").split()):
+                raw = option.raw[name].attribute
+                yield Refusal(what=f"it has no `{name}` with `implicitfast`", origin=raw.origin, path=name, hint=f"leave `{name}` out")
+    touching = list(pairs(root))
+    elliptic = option is not None and option.attributes.get("cone") == "elliptic"
+    if option is not None and elliptic and not needed and all(one.element is None for one, _ in touching):
+        said = option.raw.get("cone")
+        yield Refusal(
+            what="without the floor of the scene it has no contacts, and it steps elliptic cones beside contacts only",
+            origin=robot.mode.origin if said is None else said.attribute.origin, path="cone",
+            hint=f"load `scene_{robot.mode.name}.xml`, or write `cone: pyramidal` under `simulation`",
+        )
+    for one, other in _distinct(touching):
+        blamed = other if one.element is None else one
+        assert blamed.element is not None
+        name = blamed.element.attributes.get("name", "")
+        for fault, key in _faults(one, other, elliptic=elliptic):
+            owner = next((geom.element for geom in (one, other) if geom.element is not None and key in geom.element.raw), blamed.element)
+            raw_value = owner.raw.get(key)
+            origin = raw_value.attribute.origin if raw_value is not None else owner.origin
+            yield Refusal(what=fault, origin=origin, path=name.partition(":")[0], hint="choose another `collision`, or exclude the pair")
+
+
+def _faults(one: Touching, other: Touching, *, elliptic: bool) -> Iterator[tuple[str, str]]:
+    """What of a pair it refuses, and the attribute that says so."""
+    kinds = sorted((one.type, other.type))
+    if frozenset(kinds) in LACKING:
+        yield f"it has no contacts of a {kinds[0]} and a {kinds[1]}", "type"
+    if "mesh" in kinds and one.margin + other.margin:
+        yield "it has no `margin` for contacts of meshes", "margin"
+    if elliptic and _condim(one, other) == 1:
+        yield "it has no contacts without friction beside elliptic cones", "condim"
+
+
+def _condim(one: Touching, other: Touching) -> int:
+    """How many dimensions of force a contact has: what the geom of higher priority says, else the larger number."""
+    ranked = sorted(((int(geom.values.get("priority", "0")), int(geom.values.get("condim", "3"))) for geom in (one, other)), reverse=True)
+    return ranked[0][1] if ranked[0][0] > ranked[1][0] else max(condim for _, condim in ranked)
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """What of a geom decides whether a pair with it is refused."""
+
+    values: tuple[str, ...]
+    raw: bool
+
+
+def _distinct(meeting: Iterable[tuple[Touching, Touching]]) -> Iterator[tuple[Touching, Touching]]:
+    """One pair for all that are refused for the same reason."""
+    seen: set[tuple[_Kind, _Kind]] = set()
+    for pair in meeting:
+        one, other = (
+            _Kind(
+                (geom.type, str(geom.margin), geom.values.get("condim", ""), geom.values.get("priority", "")),
+                bool(geom.element and geom.element.raw),
+            )
+            for geom in pair
+        )
+        if (one, other) not in seen:
+            seen.add((one, other))
+            yield pair
+
+
+# --- what does no harm -----------------------------------------------------------------------------------------------------
+
+
+def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
+    option = root.find("option")
+    if option is not None and option.attributes.get("integrator") == "implicit":
+        option.attributes["integrator"] = "implicitfast"
+        what = "its integrator `implicit`, which MJX lacks: it is `implicitfast`"
+        yield Loss.of(robot.mode.origin, "mjcf", robot.mode.name, robot.mode.name, what, "approximated")
+
+
+def _prisms(root: Element) -> Iterator[Loss]:
+    """A prism in the place of every cylinder that may meet a box or a mesh. Prisms are meshes, which other cylinders may meet."""
+    meeting = [pair for pair in pairs(root) if pair[0].element is not None]
+    replaced: dict[int, Touching] = {}
+    while True:
+        more = [
+            geom for pair in meeting for geom in pair
+            if geom.type == "cylinder" and id(geom.element) not in replaced
+            and any(("mesh" if id(other.element) in replaced else other.type) in ("box", "mesh") for other in pair if other is not geom)
+        ]
+        if not more:
+            break
+        replaced |= {id(geom.element): geom for geom in more}
+    sizes: dict[str, str] = {}
+    for element in [element for element in root.walk() if id(element) in replaced]:
+        size = replaced[id(element)].values["size"]
+        mesh = sizes.setdefault(size, f"prism:{len(sizes)}")
+        path = element.attributes["name"].partition(":")[0]
+        element.attributes = {
+            ("mesh" if name == "size" else name): {"type": "mesh", "size": mesh}.get(name, value)
+            for name, value in element.attributes.items()
+        }
+        what = f"its cylinder, of which MJX has no contacts with boxes and meshes: it is a prism of {SIDES} sides"
+        yield Loss.of(element.origin, "mjcf", None, path, what, "approximated")
+    if sizes:
+        section = root.find("asset")
+        if section is None:
+            section = Element(tag="asset")
+            root.children.insert([child.tag for child in root.children].index("worldbody"), section)
+        for size, name in sizes.items():
+            radius, half = (float(value) for value in size.split()[:2])
+            section.add("mesh", {"name": name, "vertex": numbers(prism(radius, half))})
+
+
+def prism(radius: float, half: float) -> tuple[float, ...]:
+    """The corners [m], one coordinate after the other, of a prism inside a cylinder about z."""
+    turns = [2.0 * math.pi * side / SIDES for side in range(SIDES)]
+    return tuple(value for z in (-half, half) for turn in turns for value in (radius * math.cos(turn), radius * math.sin(turn), z))
+
+
+def _margins(root: Element) -> None:
+    """Without the margin of what adheres, where there are meshes: it is for adhesions, which there are none of."""
+    if any("mesh" in (one.type, other.type) and one.margin + other.margin for one, other in pairs(root)):
+        for element in root.walk():
+            geom = element.find("geom") if element.attributes.get("class") == holding.CLASS else None
+            if element.tag == "default" and geom is not None and "margin" not in geom.raw:
+                geom.attributes.pop("margin", None)
+
+
+def _cones(root: Element) -> None:
+    """Without elliptic cones where nothing can touch, not even in the scene: there are no contacts for them to be of."""
+    option = root.find("option")
+    if option is not None and option.attributes.get("cone") == "elliptic" and next(pairs(root), None) is None:
+        del option.attributes["cone"]
+        option.attributes.pop("impratio", None)
+
+
+def _needed(robot: Robot) -> list[str]:
+    """The mounts at which an adhesion is on that keeps something where it is: not those of a link that stands still anyway."""
+    still = {closure.child for closure in robot.closures if closure.hold} | ({0} if robot.base in ("fixed", "held") else set())
+    links = {robot.bodies[body].link for body in still}
+    return [
+        magnet.path for magnet in robot.assembly.adhesions
+        if robot.adhesion.get(magnet.path, 0.0) > 0.0 and robot.assembly.link_of[magnet.occurrence] not in links
+    ]
+
+
+def _adhesions(robot: Robot, root: Element) -> Iterator[Loss]:
+    """Without actuators of adhesions, and what keyframes have for them."""
+    section, keys = root.find("actuator"), root.find("keyframe")
+    if section is None or not robot.assembly.adhesions:
+        return
+    kept = [place for place, element in enumerate(section.children) if element.tag != "adhesion"]
+    section.children = [section.children[place] for place in kept]
+    if not section.children:
+        root.children.remove(section)
+    for key in keys.children if keys is not None else ():
+        control = key.attributes.get("ctrl", "").split()
+        key.attributes["ctrl"] = " ".join(control[place] for place in kept if control)
+        if not key.attributes["ctrl"]:
+            del key.attributes["ctrl"]
+    for magnet in robot.assembly.adhesions:
+        origin = robot.assembly.occurrences[magnet.occurrence].origin
+        yield Loss.of(origin, "mjcf", None, magnet.path, "its adhesion, which MJX lacks", "omitted")
+
+
+MJX = Consumer(name="mjx", label="MJX", version="mujoco-mjx 3.17.0", suit=_suit, refuses=_refuses)

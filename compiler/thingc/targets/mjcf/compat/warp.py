@@ -1,0 +1,19 @@
+"""MuJoCo Warp: it takes all that we write; what it lacks, from `put_model` of its `io.py`, raw attributes alone can ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from thingc.model.robot.types import Robot
+from thingc.targets.mjcf.compat.consumer import Consumer, Refusal, nothing_lost
+from thingc.targets.mjcf.compat.options import Lacks
+from thingc.targets.xml import Element
+
+LACKS = Lacks(solvers=("PGS",), enabled=("override", "fwdinv", "diagexact", "ipc"), disabled=("midphase", "autoreset"))
+
+
+def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
+    yield from LACKS.refusals(root)
+
+
+WARP = Consumer(name="warp", label="MuJoCo Warp", version="mujoco-warp 3.17.0", suit=nothing_lost, refuses=_refuses)

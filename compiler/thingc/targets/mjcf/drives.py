@@ -1,0 +1,52 @@
+"""Ranges and gains of joints and their actuators, in MuJoCo's words."""
+
+from __future__ import annotations
+
+from thingc.model.assembly.types import ActuatorModel, LinkedTendon
+from thingc.model.resolve.coordinates import Limit
+from thingc.model.robot.types import CoreJoint
+from thingc.targets.xml import number, numbers
+
+UNBOUNDED = 1e6
+"""Where a joint is limited on one side only, the other side of its `range` [rad or m]: MuJoCo takes both or none."""
+
+NOTHING = 1e-12
+"""A range of 0 [N, N m, rad/s or m/s] is written as wide as this."""
+
+
+def joint_range(limit: Limit) -> tuple[float, float] | None:
+    """Both limits [rad or m], None where there is none."""
+    if limit.lower is None and limit.upper is None:
+        return None
+    return (-UNBOUNDED if limit.lower is None else limit.lower, UNBOUNDED if limit.upper is None else limit.upper)
+
+
+def drive_attributes(joint: CoreJoint | LinkedTendon, drive: ActuatorModel) -> dict[str, str]:
+    """Gains and ranges: of a position drive the joint's range, of a velocity drive its velocity limit, of a motor its
+    effort. The joint's effort limit has the drive's as its default and counts where both are written."""
+    effort = joint.limit.effort if joint.limit.effort is not None else drive.effort
+    velocity = joint.limit.velocity if joint.limit.velocity is not None else drive.velocity
+    attributes: dict[str, str] = {}
+    if drive.kind == "motor":
+        attributes["gear"] = "1"
+        if effort is not None:
+            attributes["ctrlrange"] = both_ways(effort)
+        return attributes
+    if drive.kind == "position" and drive.kp is not None:
+        attributes["kp"] = number(drive.kp)
+    if drive.kv is not None:
+        attributes["kv"] = number(drive.kv)
+    bounds = joint_range(joint.limit)
+    if drive.kind == "position" and bounds is not None:
+        attributes["ctrlrange"] = numbers(bounds)
+    elif drive.kind == "velocity" and velocity is not None:
+        attributes["ctrlrange"] = both_ways(velocity)
+    if effort is not None:
+        attributes["forcerange"] = both_ways(effort)
+    return attributes
+
+
+def both_ways(bound: float) -> str:
+    """A range around 0. MuJoCo reads `0 0` as no limit at all, so that a bound of nothing is almost nothing."""
+    wide = max(bound, NOTHING)
+    return numbers((-wide, wide))

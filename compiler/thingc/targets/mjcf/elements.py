@@ -1,0 +1,168 @@
+"""The elements of a model, each made from the values that it depends on and nothing else, so that it need not be made again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from thingc.base.inertia import MassProperties
+from thingc.base.joints import Twist
+from thingc.base.pose import Pose, Vector
+from thingc.base.source import Origin
+from thingc.model.assembly.types import ActuatorModel
+from thingc.model.resolve.coordinates import Dynamics
+from thingc.model.resolve.model import Material
+from thingc.model.robot.types import CoreJoint
+from thingc.targets import geometry
+from thingc.targets.geometry import MeshAsset, Shape, Shapes, channels, material_name, numbered
+from thingc.targets.mjcf.drives import both_ways, drive_attributes, joint_range
+from thingc.targets.mjcf.inertial import inertial
+from thingc.targets.mjcf.limits import is_shell
+from thingc.targets.mjcf.lowering import ModelJoint, lowered
+from thingc.targets.mjcf.poses import pose_attributes
+from thingc.targets.xml import Element, number, numbers
+
+GRID = 0.1
+"""How far [m] the lines of the grid are apart that MuJoCo may draw on a plane; it demands a number."""
+
+
+def made(make: Callable[..., tuple[Element, ...]], *inputs: Any) -> tuple[tuple[Element, ...], frozenset[str]]:
+    """Elements, and their names as raw attributes have them."""
+    elements = make(*inputs)
+    return elements, frozenset(element.attributes.get("name", "").replace(".", "/") for element in elements)
+
+
+def meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
+    """The assets of meshes."""
+    elements: list[Element] = []
+    for mesh in meshes:
+        attributes = {"name": mesh.name, "file": mesh.file}
+        if mesh.own is not None and mesh.scale not in (None, (1.0, 1.0, 1.0)):
+            attributes["scale"] = numbers(mesh.scale)
+        if is_shell(mesh):
+            attributes["inertia"] = "shell"
+        elements.append(Element(tag="mesh", attributes=attributes, origin=mesh.origin))
+    return tuple(elements)
+
+
+def materials(shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
+    """The materials of what is drawn."""
+    return tuple(
+        Element(tag="material", attributes={"name": name, "rgba": numbers(channels(color))}, origin=origin)
+        for name, (color, origin) in geometry.materials(shapes).items()
+    )
+
+
+def inertial_of(properties: MassProperties, origin: Origin) -> tuple[Element, ...]:
+    """The mass of a link."""
+    return (Element(tag="inertial", attributes=inertial(properties), origin=origin),)
+
+
+def site(path: str, pose: Pose, origin: Origin) -> tuple[Element, ...]:
+    """A named frame."""
+    return (Element(tag="site", attributes={"name": path, **pose_attributes(pose)}, origin=origin),)
+
+
+def joint(joint: CoreJoint, driven: bool) -> tuple[Element, ...]:
+    """A hinge or slide; of a screw both. An effort limit stands on its actuator; on the joint itself only where it is not `driven`."""
+    own, *others = (_axis(one, joint.twist) for one in lowered(joint))
+    attributes = {**own}
+    bounds = joint_range(joint.limit)
+    if bounds is not None:
+        attributes["range"] = numbers(bounds)
+    if joint.limit.effort is not None and not driven:
+        attributes["actuatorfrcrange"] = both_ways(joint.limit.effort)
+    attributes |= dynamics_attributes(joint.dynamics)
+    return tuple(Element(tag="joint", attributes=one, origin=joint.origin) for one in (attributes, *others))
+
+
+def ball(name: str, joint: CoreJoint) -> tuple[Element, ...]:
+    """A ball, of any of its coordinates: they have all but the axis in common."""
+    attributes = {"name": name, "type": "ball", **({"pos": numbers(joint.twist.anchor)} if any(joint.twist.anchor) else {})}
+    if joint.limit.cone is not None:
+        attributes["range"] = numbers((0.0, joint.limit.cone))
+    return (Element(tag="joint", attributes=attributes | dynamics_attributes(joint.dynamics), origin=joint.origin),)
+
+
+def dynamics_attributes(dynamics: Dynamics) -> dict[str, str]:
+    """What a joint or a tendon does by itself."""
+    return {
+        name: number(value) for name, value in (
+            ("stiffness", dynamics.stiffness), ("damping", dynamics.damping), ("frictionloss", dynamics.friction),
+            ("armature", dynamics.armature), ("springref", dynamics.rest),
+        ) if value is not None
+    }
+
+
+def _axis(one: ModelJoint, twist: Twist) -> dict[str, str]:
+    """What every joint says of itself."""
+    pos = {"pos": numbers(twist.anchor)} if any(twist.anchor) else {}
+    return {"name": one.name, "type": one.type, **pos, "axis": numbers(one.axis)}
+
+
+def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str, taken: frozenset[str]) -> tuple[Element, ...]:
+    """What the occurrences of a link show and what they touch with, of class `touching`; `poses` are their own in the link. `taken` are the
+    names that documents give to shapes. A shape that is drawn and touches gives its name to the geom that touches."""
+    elements: list[Element] = []
+    for pose, one in zip(poses, shapes, strict=True):
+        used = {shape.name for shape in one.collision}
+        for index, shape in enumerate(one.visual):
+            name = shape.name or one.path
+            if index and not shape.name or name in (used if shape.name else taken):
+                name = numbered(f"{name}:visual", index)  # `cap_1` may be another component
+            used.add(shape.name)
+            attributes = {"name": name, "class": "visual", **_shape(shape, pose)}
+            material = material_name(shape.material, shape.color)
+            if material is not None:
+                attributes["material"] = material
+            elements.append(Element(tag="geom", attributes=attributes, origin=one.origin))
+        for index, shape in enumerate(one.collision):
+            name = shape.name or numbered(f"{one.path}:collision", index)
+            attributes = {"name": name, "class": touching, **_shape(shape, pose), **_friction(shape.material)}
+            elements.append(Element(tag="geom", attributes=attributes, origin=one.origin))
+    return tuple(elements)
+
+
+def drive(joint: CoreJoint, drive: ActuatorModel) -> tuple[Element, ...]:
+    """The actuator of a joint."""
+    attributes = {"name": drive.name or joint.path, "joint": joint.path, **drive_attributes(joint, drive)}
+    return (Element(tag=drive.kind, attributes=attributes, origin=drive.origin),)
+
+
+def drive_of_ball(name: str, joint: CoreJoint, drive: ActuatorModel, axis: Vector) -> tuple[Element, ...]:
+    """An actuator of the ball `name`, about an axis that is given in its body's axes, as the gear of the torque. Where the tree crosses the
+    joint backwards, the axis goes with the parent in the tree."""
+    attributes = {"name": drive.name or joint.path, "jointinparent" if joint.reversed else "joint": name, **drive_attributes(joint, drive)}
+    return (Element(tag=drive.kind, attributes=attributes | {"gear": numbers(axis)}, origin=drive.origin),)
+
+
+def key(attributes: tuple[tuple[str, str | tuple[float, ...]], ...], origin: Origin) -> tuple[Element, ...]:
+    """A pose: numbers are written as numbers, texts as they are."""
+    texts = {name: value if isinstance(value, str) else numbers(value) for name, value in attributes}
+    return (Element(tag="key", attributes=texts, origin=origin),)
+
+
+def _shape(shape: Shape, pose: Pose) -> dict[str, str]:
+    if shape.kind == "mesh":
+        return {"mesh": shape.mesh or "", **pose_attributes(pose @ shape.pose)}
+    size = (*shape.size, GRID) if shape.kind == "plane" else shape.size
+    return {"type": shape.kind, "size": numbers(size), **pose_attributes(pose @ shape.pose)}
+
+
+def _friction(material: Material | None) -> dict[str, str]:
+    """`friction` where the material states any, the rest MuJoCo's own.
+
+    MuJoCo takes the larger of two geoms' friction, which would lose the document's number on any floor: a priority makes
+    it count (the larger one again between two of ours). Torsional and rolling friction only act with `condim` 4 and 6.
+    """
+    if material is None or (material.slide is None and material.torsion is None and material.roll is None):
+        return {}
+    slide = 1.0 if material.slide is None else material.slide
+    torsion = 0.005 if material.torsion is None else material.torsion
+    roll = 0.0001 if material.roll is None else material.roll
+    attributes = {"friction": numbers((slide, torsion, roll)), "priority": "1"}
+    if material.roll is not None:
+        attributes["condim"] = "6"
+    elif material.torsion is not None:
+        attributes["condim"] = "4"
+    return attributes

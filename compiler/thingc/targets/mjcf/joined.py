@@ -1,0 +1,43 @@
+"""Several joints on one body. MuJoCo moves no body without a mass, and lets one have any number of joints: a link that only joins two
+joints is no body there, and the joint before it is one more of the body behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from thingc.model.robot.types import Body, Robot, Site
+from thingc.targets.artifact import Loss
+
+
+def model_bodies(robot: Robot) -> Mapping[int, Body]:
+    """The bodies of the model, each by its number in the robot and with a parent that is one of them. The joints before a link that is none
+    come first in the body behind it: theirs act first, and are seen in its frame with its own joints at 0."""
+    made: dict[int, Body] = {}
+    for index, body in enumerate(robot.bodies):
+        if body.parent is not None and joins(robot, body.parent):
+            above, back = made[body.parent], body.X_PL.inverse()
+            before = (replace(joint, twist=joint.twist.seen_from(back)) for joint in above.joints)
+            body = replace(body, parent=above.parent, X_PL=above.X_PL @ body.X_PL, joints=(*before, *body.joints))
+        made[index] = body
+    return {index: body for index, body in made.items() if not joins(robot, index)}
+
+
+def joins(robot: Robot, index: int) -> bool:
+    """Whether a body of the robot is none of the model's: it only joins two joints."""
+    body = robot.bodies[index]
+    return body.parent is not None and body.link in robot.assembly.between
+
+
+def sites(robot: Robot) -> Mapping[str, Site]:
+    """The frames that stand on a body of the model, by path."""
+    return {site.path: site for site in robot.sites if not joins(robot, site.body)}
+
+
+def losses(robot: Robot) -> Iterator[Loss]:
+    """Frames between two joints of a body, but for those of the links that are there for nothing else."""
+    paths = {one.path for one in robot.assembly.occurrences}
+    for site in robot.sites:
+        if joins(robot, site.body) and site.path not in paths:
+            what = "this frame: MuJoCo has none between two joints of a body"
+            yield Loss.of(site.origin, "mjcf", robot.mode.name, site.path, what, "omitted")

@@ -1,0 +1,199 @@
+"""Raw attributes: what a document's `raw: {mjcf: ...}` lays over the model that was written, attribute by attribute.
+
+    joint: {yaw: {solreflimit: 0.01 1}}                       a kind of element, its name, an attribute
+    option: {iterations: 20, flag: {contact: disable}}        a section there is one of, and elements in it
+    default: {collision: {geom: {solref: 0.01 1}}}            a class, a kind of element, an attribute
+
+Names are checked here, attributes and values by MuJoCo alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.typos import did_you_mean
+from thingc.model.assembly.types import Assembly
+from thingc.model.resolve.model import RawAttribute
+from thingc.model.resolve.raw_added import IN_ORDER, ORDERED
+from thingc.model.robot.types import Robot
+from thingc.targets.mjcf.model import class_name
+from thingc.targets.xml import Element, unwritable
+
+TARGET = "mjcf"
+
+SINGLE = ("compiler", "option", "size", "statistic", "visual")
+"""Sections of which a model has one; those not written yet are made, in this order, at the top."""
+
+NAMED: dict[str, tuple[str | None, tuple[str, ...] | None]] = {
+    "actuator": ("actuator", None), "body": (None, ("body",)), "camera": (None, ("camera",)), "equality": ("equality", None),
+    "geom": (None, ("geom",)),
+    "joint": (None, ("joint", "freejoint")), "key": ("keyframe", ("key",)), "material": ("asset", ("material",)),
+    "mesh": ("asset", ("mesh",)), "numeric": ("custom", ("numeric",)), "sensor": ("sensor", None),
+    "site": (None, ("site",)), "tendon": ("tendon", None),
+}
+"""Kinds of elements that have names: the section they stand in (None: the world's tree), and their tags (None: any)."""
+
+KINDS = (*NAMED, *SINGLE, "default")
+
+
+def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> None:
+    """Lay the raw attributes over each mode's model. A kind or name that no mode has is reported where it is written.
+
+    An element that only some modes have (the drive of a joint, a keyframe) gets its attributes there. What `order` lists comes first, in
+    that order, in every mode.
+    """
+    ranks: dict[int, int] = {}
+    for attribute in assembly.raw:
+        if attribute.target != TARGET:
+            continue
+        placed = attribute.path[-1] == IN_ORDER
+        fault = None if placed else _shape_fault(attribute)
+        if fault is not None:
+            message, hint = fault
+            report.add(Code.RAW_UNKNOWN, message, attribute.at_key(0), help=hint, path=attribute.dotted)
+            continue
+        elements = [
+            element
+            for robot, model in zip(robots, models, strict=True)
+            for element in [_element(attribute, robot, model)]
+            if element is not None
+        ]
+        for element in elements:
+            if placed:
+                ranks.setdefault(id(element), len(ranks))
+            else:
+                if element.tag == "freejoint" and attribute.path[-1] not in ("align", "group"):  # which has no other attributes
+                    element.tag, element.attributes = "joint", {**element.attributes, "type": "free"}
+                element.lay(attribute.path[-1], attribute)
+        if not elements and robots and not _elsewhere(attribute, assembly):
+            _report_unknown(attribute, robots, models, report)
+    for model in models if ranks else ():
+        _sort(model, ranks)
+
+
+def _sort(model: Element, ranks: Mapping[int, int]) -> None:
+    """Sort the elements of a model by rank, those without one last, and with its actuators the controls that keyframes have for them."""
+    for section in (section for kind in ORDERED if (section := model.find(kind)) is not None):
+        children = section.children
+        places = sorted(range(len(children)), key=lambda place: ranks.get(id(children[place]), len(ranks)))
+        section.children = [children[place] for place in places]
+        keys = model.find("keyframe") if section.tag == "actuator" else None
+        for number, key in enumerate(keys.children if keys is not None else ()):
+            if keys is not None and "ctrl" in key.attributes and "ctrl" not in key.raw:
+                controls = key.attributes["ctrl"].split()
+                keys.children[number] = key.copy()
+                keys.children[number].attributes["ctrl"] = " ".join(controls[place] for place in places)
+
+
+def _shape_fault(attribute: RawAttribute) -> tuple[str, str] | None:
+    """What is wrong with the path itself: a message and a hint."""
+    path = attribute.path
+    kind = path[0] if path else ""
+    if kind not in KINDS:
+        return f"raw attributes of `{kind}` are not known", did_you_mean(kind, KINDS, what="kinds of elements")
+    if kind in NAMED and len(path) != 3:
+        return f"`{attribute.dotted}` should name an attribute of one {kind}", f"write `{kind}: {{NAME: {{ATTRIBUTE: VALUE}}}}`"
+    if kind in SINGLE and len(path) not in (2, 3):
+        return f"`{attribute.dotted}` should name an attribute of `{kind}`", f"write `{kind}: {{ATTRIBUTE: VALUE}}`"
+    if kind == "default" and len(path) != 4:
+        return (
+            f"`{attribute.dotted}` should name an attribute in a default class",
+            "write `default: {CLASS: {ELEMENT: {ATTRIBUTE: VALUE}}}`",
+        )
+    why = unwritable(path[-1], attribute.value)
+    return None if why is None else (why, "write an attribute of MJCF, and text that XML can hold")
+
+
+def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element | None:
+    """The element of one model that an attribute belongs to."""
+    path = attribute.path
+    kind = path[0]
+    if kind in NAMED:
+        elements = {_slashed(element.attributes["name"]): element for element in _named(kind, model)}
+        return next((elements[name] for name in _names(attribute) if name in elements), None)
+    if kind == "default":
+        classes = _classes(robot, model)
+        owner = next((classes[name] for name in _names(attribute) if name in classes), None)
+        return None if owner is None else _child(owner, path[2], before="default")
+    section = model.find(kind)
+    if section is None:
+        section = Element(tag=kind)
+        place = sum(1 for child in model.children if child.tag in SINGLE[: SINGLE.index(kind)])
+        model.children.insert(place, section)
+    return section if len(path) == 2 else _child(section, _names(attribute)[-1])
+
+
+def _slashed(name: str) -> str:
+    """A name as `link` hands on raw names: a document may write `hand.cap` for `hand/cap`."""
+    return name.replace(".", "/")
+
+
+def _names(attribute: RawAttribute) -> tuple[str, ...]:
+    """What an attribute's name may mean. `link` puts the path of a nested document before every name, but assets, classes
+    and sections do not belong to an occurrence: for those it may also stand alone."""
+    name = _slashed(attribute.path[1])
+    if attribute.path[0] not in (*SINGLE, "default", "mesh", "material", "key"):
+        return (name,)
+    words = name.split("/")
+    return tuple("/".join(words[first:]) for first in range(len(words)))
+
+
+def _child(owner: Element, tag: str, *, before: str | None = None) -> Element:
+    """The child with a tag, made where there is none yet (ahead of children with the tag `before`)."""
+    child = owner.find(tag)
+    if child is None:
+        child = Element(tag=tag)
+        places = [index for index, other in enumerate(owner.children) if other.tag == before]
+        owner.children.insert(places[0] if places else len(owner.children), child)
+    return child
+
+
+def _classes(robot: Robot, model: Element) -> dict[str, Element]:
+    """Default classes by name; the document's own name is the robot's class."""
+    section = model.find("default")
+    elements = section.walk() if section is not None else iter(())
+    classes = {element.attributes["class"]: element for element in elements if "class" in element.attributes}
+    return {robot.assembly.name: classes[class_name(robot)], **classes} if class_name(robot) in classes else classes
+
+
+def _named(kind: str, model: Element) -> Iterable[Element]:
+    where, tags = NAMED[kind]
+    section = model.find(where or "worldbody")
+    if section is None:
+        return ()
+    return (
+        element for element in section.walk()
+        if element is not section and "name" in element.attributes and (tags is None or element.tag in tags)
+    )
+
+
+def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
+    """Whether an element that no model at hand has could stand in another mode's."""
+    kind, name = attribute.path[0], attribute.path[1]
+    owner, _, mount = _slashed(name).rpartition("/")
+    magnet = kind == "actuator" and any(one.path == owner and mount in one.mounts for one in assembly.occurrences)
+    if len(attribute.origin) > 1 and (kind == "key" or magnet or attribute.path[-1] == IN_ORDER):
+        return True  # of a nested document, whose poses and modes are not used
+    if kind == "joint":
+        return name == assembly.free_joint
+    if kind == "actuator":
+        return _slashed(name) in map(_slashed, assembly.drives.values())
+    if kind == "tendon":
+        return _slashed(name) in {tendon.path for tendon in assembly.tendons}
+    if kind == "key":
+        return any(pose.name in _names(attribute) for pose in assembly.poses)
+    return False
+
+
+def _report_unknown(attribute: RawAttribute, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> None:
+    kind, name = attribute.path[0], attribute.path[1]
+    if kind == "default":
+        known, what = {known for robot, model in zip(robots, models, strict=True) for known in _classes(robot, model)}, "class"
+    else:
+        known, what = {element.attributes["name"] for model in models for element in _named(kind, model)}, kind
+    message = f"`{attribute.target}` has no {what} `{name}`"
+    names = "classes" if what == "class" else "bodies" if what == "body" else f"{what}s"
+    report.add(
+        Code.RAW_UNKNOWN, message, attribute.at_key(1), help=did_you_mean(name, known, what=names), path=attribute.dotted,
+    )

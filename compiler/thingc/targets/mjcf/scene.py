@@ -1,0 +1,86 @@
+"""`scene_<mode>.xml`: the robot on a floor under a light, as the scenes of the MuJoCo Menagerie are made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from thingc.base.memo import Memo
+from thingc.base.source import Origin
+from thingc.base.summing import dist
+from thingc.model.robot.types import Robot
+from thingc.targets.extent import Box, bounds, placements
+from thingc.targets.xml import Element, Written, number, numbers, write
+
+FLOOR = "floor"
+
+
+def scene(robot: Robot, file: str, heading: str, model: Written, memo: Memo | None = None, separator: str = "/") -> Written:
+    """The scene of a mode around `file`, which lies beside it; `model` is what that file holds, with `separator` in its paths."""
+    memo, mode = memo or Memo(), robot.mode
+    box = memo(("bounds", mode.name), bounds, *placements(robot))
+    title = f"{robot.assembly.name}_{mode.name} scene"
+    return memo(("scene", mode.name), _scene, title, box, file, floor_name(model), _held(robot, separator), heading, mode.origin)
+
+
+def floored(robot: Robot, model: Written, separator: str) -> str:
+    """The text of a model, which has `separator` in its paths, with the floor of its scene in it, and nothing that is only looked at."""
+    root = Element(tag="mujoco")
+    _lay_floor(root, root.add("worldbody"), floor_name(model), _held(robot, separator), {})
+    sections = write(root, "").text.partition("<mujoco>\n")[2]
+    return model.text.rpartition("</mujoco>")[0] + sections
+
+
+def _held(robot: Robot, separator: str) -> tuple[tuple[str, Origin], ...]:
+    """The bodies that are held where they are, and by what of the documents."""
+    holds = {closure.child: closure.origin for closure in reversed(robot.closures) if closure.hold}
+    return tuple((robot.assembly.links[robot.bodies[body].link].name.replace("/", separator), at) for body, at in holds.items())
+
+
+def _scene(
+    title: str, box: Box | None, file: str, floor: str, held: Sequence[tuple[str, Origin]], heading: str, origin: Origin,
+) -> Written:
+    """The text of a scene.
+
+    What is stated before the `include` a raw attribute may override. The floor is z = 0 of the world, where a mode's root
+    is mated, so on a wall or a ceiling the plane is that wall or ceiling. A link that is held touches it no more than MuJoCo lets
+    a root that stands still; it is a body then, because not every reader finds the world by its name.
+    """
+    root = Element(tag="mujoco", attributes={"model": title}, origin=origin)
+    if box is not None:
+        low, high = box
+        centre = [round((low[k] + high[k]) / 2.0, 3) for k in range(3)]
+        extent = float(f"{max(dist(low, high), 1e-3):.3g}")
+        root.add("statistic", {"center": numbers(centre), "extent": number(extent)})
+    visual = root.add("visual")
+    visual.add("headlight", {"diffuse": "0.6 0.6 0.6", "ambient": "0.3 0.3 0.3", "specular": "0 0 0"})
+    visual.add("rgba", {"haze": "0.15 0.25 0.35 1"})
+    visual.add("global", {"azimuth": "120", "elevation": "-20", "offwidth": "1920", "offheight": "1080"})
+    root.add("include", {"file": file})
+    asset = root.add("asset")
+    asset.add("texture", {
+        "type": "skybox", "builtin": "gradient", "rgb1": "0.3 0.5 0.7", "rgb2": "0 0 0", "width": "128", "height": "768",
+    })
+    asset.add("texture", {
+        "type": "2d", "name": "groundplane", "builtin": "checker", "mark": "edge", "rgb1": "0.2 0.3 0.4", "rgb2": "0.1 0.2 0.3",
+        "markrgb": "0.8 0.8 0.8", "width": "300", "height": "300",
+    })
+    asset.add("material", {
+        "name": "groundplane", "texture": "groundplane", "texuniform": "true", "texrepeat": "5 5", "reflectance": "0.2",
+    })
+    world = root.add("worldbody")
+    world.add("light", {"pos": "0 0 1.5", "dir": "0 0 -1", "directional": "true"})
+    _lay_floor(root, world, floor, held, {"material": "groundplane"})
+    return write(root, heading)
+
+
+def _lay_floor(root: Element, world: Element, floor: str, held: Sequence[tuple[str, Origin]], looks: Mapping[str, str]) -> None:
+    ground = world.add("body", {"name": floor}) if held else world
+    ground.add("geom", {"name": floor, "size": "0 0 0.05", "type": "plane", **looks})
+    for link, at in held:
+        (root.find("contact") or root.add("contact")).add("exclude", {"body1": floor, "body2": link}, at)
+
+
+def floor_name(model: Written) -> str:
+    """`floor`, unless a component has the name: then `scene:floor`, which none can have."""
+    taken = any(f'<{kind} name="{FLOOR}"' in model.text for kind in ("body", "geom"))  # the name is their first attribute
+    return f"scene:{FLOOR}" if taken else FLOOR

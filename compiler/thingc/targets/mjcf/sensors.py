@@ -1,0 +1,165 @@
+"""Sensors in MJCF. Each has the same elements under the same names in every mode in which it can be, so that a controller reads
+one layout: an element for each reading of its kind (`imu:gyro`), and a camera for a camera.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import assert_never
+
+from thingc.base.joints.bases import stays
+from thingc.base.pose import turned_y
+from thingc.base.sensing import SENSORS, ReadingName, SensorType
+from thingc.model.assembly.types import LinkedSensor
+from thingc.model.robot.types import Robot
+from thingc.targets.artifact import How, Loss
+from thingc.targets.capabilities import written
+from thingc.targets.mjcf import joined, tendons
+from thingc.targets.mjcf.capabilities import CAPABILITIES
+from thingc.targets.mjcf.poses import pose_attributes
+from thingc.targets.sensors import body_of, elsewhere, on_free_root
+from thingc.targets.xml import Element, number, numbers
+
+LOOKING = turned_y(math.pi)
+"""A camera of MuJoCo looks along its -z, up its y; ours looks along the mount's z, up the mount's y."""
+
+ELEMENTS: Mapping[SensorType, Mapping[ReadingName, str]] = {
+    "imu": {"accelerometer": "accelerometer", "gyro": "gyro", "quat": "framequat"},
+    "force": {"force": "force", "torque": "torque"},
+    "joint": {"position": "jointpos", "velocity": "jointvel", "effort": "jointactuatorfrc"},
+    "camera": {},
+    "accelerometer": {"accelerometer": "accelerometer"},
+    "gyro": {"gyro": "gyro"},
+    "magnetometer": {"magnetometer": "magnetometer"},
+    "velocimeter": {"velocity": "velocimeter"},
+    "rangefinder": {"distance": "rangefinder"},
+    "touch": {"force": "touch"},
+    "contact": {"contact": "contact"},
+    "pose": {"position": "framepos", "quat": "framequat"},
+    "twist": {"linear": "framelinvel", "angular": "frameangvel"},
+    "centre": {"position": "subtreecom", "velocity": "subtreelinvel", "momentum": "subtreeangmom"},
+    "tendon": {"length": "tendonpos", "velocity": "tendonvel", "effort": "tendonactuatorfrc"},
+    "drive": {"position": "actuatorpos", "velocity": "actuatorvel", "effort": "actuatorfrc"},
+    "clock": {"time": "clock"},
+    "energy": {"potential": "e_potential", "kinetic": "e_kinetic"},
+}
+"""By kind and reading the element."""
+
+
+def cameras(robot: Robot, bodies: Mapping[int, Element]) -> None:
+    """A camera at each mount that has one. `fovy` is the vertical angle of view, in degrees whatever the file's angles are in."""
+    sites = joined.sites(robot)
+    for sensor in robot.assembly.sensors:
+        if written(CAPABILITIES["sensors"][sensor.kind]) == "camera" and (sensor.site or "") in sites and sensor.fovy is not None:
+            site = sites[sensor.site or ""]
+            # MJCF has degrees here whatever the compiler's `angle` says; 60 deg must not come back as 59.99999999999999
+            degrees = float(f"{math.degrees(sensor.fovy):.12g}")
+            attributes = {"name": sensor.path, **pose_attributes(site.pose @ LOOKING), "fovy": number(degrees)}
+            bodies[site.body].add("camera", attributes, sensor.origin)
+
+
+def volumes(robot: Robot, bodies: Mapping[int, Element]) -> None:
+    """A site of the shape of its volume at each mount that feels what touches there."""
+    sites = joined.sites(robot)
+    for sensor in robot.assembly.sensors:
+        if sensor.volume is not None and (sensor.site or "") in sites:
+            site = sites[sensor.site or ""]
+            attributes = {"name": _volume(sensor), "type": sensor.volume.shape, "size": numbers(sensor.volume.size)}
+            bodies[site.body].add("site", attributes | pose_attributes(site.pose), sensor.origin)
+
+
+def _volume(sensor: LinkedSensor) -> str:
+    return f"{sensor.path}:volume"
+
+
+def sensors(robot: Robot, section: Element) -> None:
+    """The section `sensor`, in the order of the documents."""
+    for sensor in robot.assembly.sensors:
+        form = written(CAPABILITIES["sensors"][sensor.kind])
+        match form:
+            case "elements":
+                if not _missing(robot, sensor):
+                    _elements(robot, sensor, section)
+            case "camera" | None:
+                pass  # a camera is on its body
+            case _:
+                assert_never(form)
+
+
+def _elements(robot: Robot, sensor: LinkedSensor, section: Element) -> None:
+    for reading in SENSORS[sensor.kind].readings:
+        attributes = {"name": sensor.part(reading.name), **_objects(robot, sensor, reading.name)}
+        for key, numbers_ in (("noise", sensor.noise), ("cutoff", sensor.cutoff)):
+            if reading.name in numbers_:
+                attributes[key] = number(numbers_[reading.name])
+        section.add(ELEMENTS[sensor.kind][reading.name], attributes, sensor.origin)
+
+
+def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[str, str]:
+    """What a sensor is of, in the attributes of one of its elements."""
+    links, site = robot.assembly.links, {"site": sensor.site or ""}
+    match sensor.kind:
+        case "imu" if reading == "quat":
+            return {"objtype": "site", "objname": sensor.site or ""}
+        case "imu" | "force" | "accelerometer" | "gyro" | "magnetometer" | "velocimeter" | "rangefinder":
+            return site
+        case "touch":
+            return {"site": _volume(sensor)}
+        case "contact":
+            bodies = {f"body{place}": links[link].name for place, link in enumerate(sensor.touching, 1)}
+            return {**bodies, "reduce": "netforce", "data": "found force"}
+        case "pose" | "twist":
+            seen = {} if sensor.seen_from is None else {"reftype": "site", "refname": sensor.seen_from.path}
+            return {"objtype": "site", "objname": sensor.site or "", **seen}
+        case "centre":
+            return {"body": links[robot.bodies[0].link].name}
+        case "joint":
+            return {"joint": sensor.joint or ""}
+        case "tendon":
+            return {"tendon": sensor.tendon or ""}
+        case "drive":
+            return {"actuator": robot.assembly.drives[sensor.joint or sensor.tendon or ""]}
+        case "camera" | "clock" | "energy":
+            return {}
+        case _:
+            assert_never(sensor.kind)
+
+
+def _missing(robot: Robot, sensor: LinkedSensor) -> str:
+    """What a mode has not got that a sensor needs, in the words of its loss; nothing of one that it has."""
+    sites = joined.sites(robot)
+    if any(mount.path not in sites for mount in sensor.mounts):
+        return "MuJoCo has nothing between two joints of a body that it could sit on"
+    if sensor.kind == "force" and on_free_root(robot, sensor):
+        return "nothing carries the root of a free base"
+    bodies = {body.link for body in joined.model_bodies(robot).values()}
+    if not bodies.issuperset(sensor.touching):
+        return "its link is none of MuJoCo's, which only joins two joints of a body"
+    movable = {joint.path for body in robot.bodies for joint in body.joints}
+    if sensor.joint is not None and sensor.joint not in movable:
+        return f"a loop is cut at joint `{sensor.joint}`"
+    there = {one.path for one in tendons.present(robot)}
+    if sensor.tendon is not None and sensor.tendon not in there:
+        return f"the mode has no tendon `{sensor.tendon}`"
+    driven = {*robot.present, *(one.path for one in tendons.pulled(robot))}
+    if sensor.kind == "drive" and (sensor.joint or sensor.tendon) not in driven:
+        return f"the mode has no drive of `{sensor.joint or sensor.tendon}`"
+    return ""
+
+
+def losses(robot: Robot) -> Iterator[Loss]:
+    """Sensors that this mode cannot have, forces that it measures elsewhere than at the mount, and accelerations of what stands
+    still (there MuJoCo's accelerometer reads 0, not the 9.81 m/s^2 of any that rests)."""
+    for sensor in robot.assembly.sensors:
+        missing = _missing(robot, sensor)
+        what = f"it: {missing}" if missing else ""
+        how: How = "omitted"
+        if not missing and sensor.kind in ("imu", "accelerometer") and stays(robot.base) and body_of(robot, sensor) == 0:
+            what, how = "gravity in its accelerometer: MuJoCo gives no acceleration of a body that stands still", "approximated"
+        elif not missing and sensor.kind == "force":
+            place = elsewhere(robot, sensor)
+            if place is not None:
+                what, how = f"the force at its mount: it reads what passes {place}", "approximated"
+        if what:
+            yield Loss.of(sensor.origin, "mjcf", robot.mode.name, sensor.path, what, how)

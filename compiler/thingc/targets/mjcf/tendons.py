@@ -1,0 +1,105 @@
+"""Tendons of documents in MJCF: `fixed` and `spatial` ones, and the drives that pull them.
+
+A tendon over a joint at which a loop is cut is left out of that mode. A drive on one is there in every mode that does not choose its
+actuators.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from thingc.model.assembly.types import LinkedTendon
+from thingc.model.robot import body_poses
+from thingc.model.robot.tendons import course_of
+from thingc.model.robot.types import Robot
+from thingc.targets.artifact import Loss
+from thingc.targets.mjcf import joined
+from thingc.targets.mjcf.drives import drive_attributes, joint_range
+from thingc.targets.mjcf.elements import dynamics_attributes
+from thingc.targets.mjcf.poses import pose_attributes
+from thingc.targets.xml import Element, number, numbers
+
+
+def present(robot: Robot) -> tuple[LinkedTendon, ...]:
+    """Those of a mode: all of whose joints are in its tree, and whose mounts are on its bodies."""
+    there = {joint.path for body in robot.bodies for joint in body.joints}
+    sites = joined.sites(robot)
+    return tuple(
+        one for one in robot.assembly.tendons if there.issuperset(one.moves) and all(mount.path in sites for mount in one.mounts)
+    )
+
+
+def pulled(robot: Robot) -> tuple[LinkedTendon, ...]:
+    """Those of a mode that a drive pulls there."""
+    return tuple(one for one in present(robot) if one.actuator is not None and one.path in robot.pulled)
+
+
+def tendons(robot: Robot, section: Element) -> None:
+    """A `fixed` for each that goes over joints, a `spatial` for each on a path."""
+    for one in present(robot):
+        attributes = {"name": one.path}
+        bounds = joint_range(one.limit)
+        if bounds is not None:
+            attributes["range"] = numbers(bounds)
+        attributes |= dynamics_attributes(one.dynamics)
+        attributes.pop("springref", None)
+        if one.dynamics.stiffness is not None:
+            attributes["springlength"] = number(one.dynamics.rest or 0.0)
+        if one.width is not None:
+            attributes["width"] = number(one.width / 2.0)  # a radius, in spite of its name
+        element = section.add("spatial" if one.steps else "fixed", attributes, one.origin)
+        for path, factor in one.moves.items():
+            element.add("joint", {"joint": path, "coef": number(factor)}, one.origin)
+        for place, step in enumerate(one.steps):
+            if step.divisor is not None:
+                element.add("pulley", {"divisor": number(step.divisor)}, step.origin)
+            elif step.shape is not None:
+                side = {} if step.side is None else {"sidesite": step.side.path}
+                element.add("geom", {"geom": _shape(one, place), **side}, step.origin)
+            elif step.mount is not None:
+                element.add("site", {"site": step.mount.path}, step.origin)
+
+
+def _shape(tendon: LinkedTendon, place: int) -> str:
+    return f"{tendon.path}:around_{place}"
+
+
+def shapes(robot: Robot, bodies: Mapping[int, Element]) -> None:
+    """The spheres and cylinders that tendons go around: geoms that touch nothing, weigh nothing, and are drawn with what touches."""
+    sites = joined.sites(robot)
+    for one in present(robot):
+        for place, step in enumerate(one.steps):
+            if step.mount is not None and step.radius is not None and step.shape is not None:
+                site = sites[step.mount.path]
+                # MuJoCo's cylinder has no ends for a tendon; its length is to look at
+                size = (step.radius,) if step.shape == "sphere" else (step.radius, step.radius)
+                attributes = {"name": _shape(one, place), "type": step.shape, "size": numbers(size), **pose_attributes(site.pose)}
+                attributes |= {"contype": "0", "conaffinity": "0", "group": "3", "mass": "0"}
+                bodies[site.body].add("geom", attributes, step.origin)
+
+
+def drives(robot: Robot, section: Element) -> None:
+    """An actuator for each that is pulled."""
+    for one in pulled(robot):
+        if one.actuator is not None:
+            attributes = {"name": one.actuator.name or one.path, "tendon": one.path, **drive_attributes(one, one.actuator)}
+            section.add(one.actuator.kind, attributes, one.actuator.origin)
+
+
+def controls(robot: Robot, q: Mapping[str, float]) -> Iterator[float]:
+    """The commands that keep the drives of `drives` at `q` [rad or m]: a length, or 0."""
+    for one in pulled(robot):
+        if one.actuator is None or one.actuator.kind != "position":
+            yield 0.0
+        else:
+            yield course_of(robot, one, body_poses(robot, q)).length if one.steps else one.length(q)
+
+
+def losses(robot: Robot) -> Iterator[Loss]:
+    """Those that a mode leaves out."""
+    there = present(robot)
+    for one in robot.assembly.tendons:
+        if one not in there:
+            between = "MuJoCo has nothing between two joints of a body that it could go through"
+            what = f"this tendon: {between if one.steps else 'a loop is cut at one of its joints'}"
+            yield Loss.of(one.origin, "mjcf", robot.mode.name, one.path, what, "omitted")

@@ -1,0 +1,114 @@
+"""Raw attributes of formats whose links and joints have names: what `raw: {urdf: ...}` and `raw: {sdf: ...}` lay over the files.
+
+    urdf: {joint: {crane.swing: {limit: {effort: 20}}}}            a kind of element, its name, elements in it, an attribute
+    sdf: {joint: {crane.swing: {axis: {limit: {effort: 20}}}}}     the same, but what is last is an element, and holds the value
+
+Names are checked here, and that the file stays XML; what a reader makes of the rest nobody asks. Elements on the way that are not there yet
+are made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.typos import did_you_mean
+from thingc.model.assembly.types import Assembly
+from thingc.model.resolve.model import RawAttribute
+from thingc.model.robot.types import Robot
+from thingc.targets.names import safe
+from thingc.targets.xml import NAMESPACES, Element, unwritable
+
+KINDS = ("link", "joint")
+"""Kinds of elements that have names."""
+
+PREFIXES = {"urdf": ("drake",), "sdf": ("drake", "gz")}
+"""With which prefixes readers know elements and attributes of their own."""
+
+
+def lay(
+    assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sdf"], files: Sequence[Element], report: Report,
+) -> None:
+    """Lay the raw attributes of a target over its files, one for each chosen mode. What has no place in any of them is reported where it is
+    written; an element that only some modes have gets its attributes there."""
+    for attribute in assembly.raw:
+        if attribute.target == target:
+            fault = _fault(attribute, robots, files) or _laid(attribute, files)
+            if fault is not None:
+                message, hint, key = fault
+                report.add(Code.RAW_UNKNOWN, message, attribute.at_key(key), help=hint, path=attribute.dotted)
+
+
+Fault = tuple[str, str, int]
+"""What is wrong with an attribute: a message, a hint, and which of its keys is meant."""
+
+
+def _laid(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:
+    prefixes = [step.partition(":")[0] for step in attribute.path[2:] if ":" in step]
+    for file in files:
+        for element in _named(file, attribute):
+            file.attributes |= {f"xmlns:{prefix}": NAMESPACES[prefix] for prefix in prefixes}
+            steps = attribute.path[2:] if attribute.target == "sdf" else attribute.path[2:-1]
+            for number, step in enumerate(steps, start=2):
+                if element.text:
+                    return f"`{element.tag}` holds a value, and no `{step}`", "write its value", number
+                element = element.find(step) or element.add(step, origin=attribute.origin)
+            inside = element.find(attribute.path[-1]) if attribute.target == "urdf" else None
+            if inside is not None:
+                names = ", ".join(f"`{name}`" for name in inside.attributes) or "what it should have"
+                return f"`{inside.tag}` is an element, and no attribute", f"name one of its own: {names}", len(attribute.path) - 1
+            if attribute.target == "urdf":
+                element.lay(attribute.path[-1], attribute)
+            elif element.children:
+                tags = ", ".join(dict.fromkeys(f"`{child.tag}`" for child in element.children))
+                return f"`{element.tag}` holds other elements, and no value", f"name one of {tags}", len(attribute.path) - 1
+            else:
+                element.text = attribute.value
+    return None
+
+
+def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Element]) -> Fault | None:
+    """What is wrong with what a path names."""
+    path, target = attribute.path, attribute.target
+    if path[0] not in KINDS:
+        message = f"raw attributes of `{path[0]}` are not known in `{target}`"
+        return message, did_you_mean(path[0], KINDS, what="kinds of elements"), 0
+    if len(path) < 3:
+        return f"`{attribute.dotted}` should name what is set", f"write `{path[0]}: {{NAME: {{KEY: VALUE}}}}`", 0
+    for number, step in enumerate(path[2:], start=2):
+        why = unwritable(step, "")
+        if why is not None:
+            return why, "write letters, digits, `_`, `-` and `.`, and a letter first", number
+        prefix, colon, _ = step.rpartition(":")
+        if colon and prefix not in PREFIXES[target]:
+            prefixes = ", ".join(f"`{one}:`" for one in PREFIXES[target])
+            return f"`{target}` declares no prefix `{prefix}:`", f"known prefixes: {prefixes}", number
+    why = unwritable(path[-1], attribute.value)
+    if why is not None:
+        return why, "leave it out", len(path)
+    if any(True for file in files for _ in _named(file, attribute)):
+        return None
+    cut = {joint.path for robot in robots for closure in robot.closures for joint in closure.joints}
+    if not files or (path[0] == "joint" and in_files(path[1]) in map(safe, cut)):
+        return None
+    known = {element.attributes["name"] for file in files for element in file.walk() if element.tag == path[0]}
+    return f"`{target}` has no {path[0]} `{path[1]}`", did_you_mean(path[1], known, what=f"{path[0]}s"), 1
+
+
+REFERRING = ("transmission", "ros2_control")
+"""Elements of URDF whose own name joints of the robot by elements that are called as these are."""
+
+
+def _named(file: Element, attribute: RawAttribute) -> list[Element]:
+    name = in_files(attribute.path[1])
+    referring = {id(below) for element in file.walk() if element.tag in REFERRING for below in element.walk() if below is not element}
+    return [
+        element for element in file.walk()
+        if element.tag == attribute.path[0] and in_files(element.attributes.get("name", "")) == name and id(element) not in referring
+    ]
+
+
+def in_files(name: str) -> str:
+    """A name in a document, `hand.cap` or `hand/cap`, as files have it."""
+    return safe(name.replace(".", "/"))

@@ -1,0 +1,199 @@
+"""Frames and joint axes over a picture: lines with arrows in the geometry of its camera, and their names beside them.
+
+They lie over the robot, so that what is inside of a part is seen as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from thingc.base.frozen import dataclass
+from thingc.base.pose import Pose
+from thingc.base.summing import plain_sum
+from thingc.targets.render.camera import Array, Camera
+
+Colour = tuple[int, int, int]
+
+RED, GREEN, BLUE = (206, 32, 41), (22, 138, 52), (28, 84, 214)
+"""x, y and z, as everywhere."""
+JOINT, INK = (214, 98, 0), (24, 28, 36)
+
+LENGTH = 0.075
+"""Of an axis, as a part of the height of what the picture shows."""
+FINER = 3
+"""Lines are drawn so many times larger, and smoothed."""
+ARC = math.radians(280.0)
+"""How far round the arrow of a joint that turns goes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stroke:
+    """An arrow along points (n, 3) [lengths of an axis] in the frame that it belongs to."""
+
+    colour: Colour
+    points: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """The axes x, y, z of a frame at `pose` in the frame of the MuJoCo body `body`, `size` times as long as usual."""
+
+    label: str
+    body: str
+    pose: Pose
+    size: float = 1.0
+
+    @property
+    def strokes(self) -> tuple[Stroke, ...]:
+        """One arrow per axis; z is drawn last."""
+        ends = self.size * np.eye(3)
+        return tuple(Stroke(colour=c, points=np.array([np.zeros(3), end])) for c, end in zip((RED, GREEN, BLUE), ends))
+
+    @property
+    def ink(self) -> Colour:
+        """Of its name."""
+        return INK
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointAxis:
+    """The axis of a joint, z at `pose` in the frame of the MuJoCo body `body`: an arrow the way that it slides, or round the way that
+    it turns, for a growing coordinate."""
+
+    label: str
+    body: str
+    pose: Pose
+    slides: bool
+
+    @property
+    def strokes(self) -> tuple[Stroke, ...]:
+        """The line, and round it the arrow of one that turns."""
+        line = Stroke(colour=JOINT, points=np.array([[0.0, 0.0, -1.2], [0.0, 0.0, 1.6]]))
+        if self.slides:
+            return (line,)
+        angles = np.linspace(0.0, ARC, 48)
+        ring = np.stack([0.5 * np.cos(angles), 0.5 * np.sin(angles), np.full_like(angles, 0.75)], axis=1)
+        return (line, Stroke(colour=JOINT, points=ring))
+
+    @property
+    def ink(self) -> Colour:
+        """Of its name."""
+        return JOINT
+
+
+Mark = Frame | JointAxis
+
+
+def length_of(points: Array, camera: Camera) -> float:
+    """How long an axis is [m] where a camera shows points (n, 3)."""
+    up = points @ camera.axes[1]
+    across = points @ camera.axes[0]
+    return LENGTH * max(float(np.ptp(up)), float(np.ptp(across)) / camera.aspect)
+
+
+def placed(mark: Mark, data: Any, length: float) -> list[Array]:
+    """Its strokes as points (n, 3) [m] in the world."""
+    body = data.body(mark.body)
+    turned = body.xmat.reshape(3, 3)
+    rotation, origin = turned @ np.array(mark.pose.rotation), body.xpos + turned @ np.array(mark.pose.translation)
+    return [origin + (length * stroke.points) @ rotation.T for stroke in mark.strokes]
+
+
+def drawn(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, length: float) -> Any:
+    """The picture (height, width, 3) of bytes with the marks over it, in their order."""
+    height, width = image.shape[:2]
+    scale = FINER * max(1.0, height / 720.0)
+    sheet = Image.new("RGBA", (width * FINER, height * FINER), (255, 255, 255, 0))
+    pen = ImageDraw.Draw(sheet)
+    half = np.array([sheet.width, sheet.height]) / 2.0
+    lines = [
+        [(stroke.colour, half + camera.project(points) * half * (1.0, -1.0)) for stroke, points in zip(mark.strokes, curves)]
+        for mark, curves in ((mark, placed(mark, data, length)) for mark in marks)
+    ]
+    for colour, widening in ((None, 2.0 * scale), (True, 0.0)):
+        for strokes in lines:
+            for own, points in strokes:
+                _arrow(pen, points, own if colour else (255, 255, 255), 2.2 * scale + widening, scale)
+    font = ImageFont.load_default(size=13.0 * scale)
+    taken = [_box(points, 2.0 * scale) for strokes in lines for _, whole in strokes for points in _pieces(whole)]
+    for mark, strokes in zip(marks, lines):
+        origin = strokes[0][1][0] if isinstance(mark, Frame) else strokes[0][1][-1]
+        text = pen.textbbox((0.0, 0.0), mark.label, font=font)
+        box = _free(origin, (text[2] + 4.0 * scale, text[3] + 2.0 * scale), taken, (sheet.width, sheet.height), scale)
+        taken.append(box)
+        middle = np.array([(box[0] + box[2]) / 2.0, (box[1] + box[3]) / 2.0])
+        near = np.clip(origin, box[:2], box[2:])
+        if float(np.linalg.norm(near - origin)) > 9.0 * scale:
+            pen.line([tuple(origin), tuple(near)], fill=(*mark.ink, 150), width=round(0.8 * scale))
+        pen.text(
+            tuple(middle), mark.label, font=font, fill=mark.ink, anchor="mm", stroke_width=round(1.6 * scale), stroke_fill=(255, 255, 255),
+        )
+    small = sheet.resize((width, height), Image.Resampling.BOX)
+    whole = Image.alpha_composite(Image.fromarray(image).convert("RGBA"), small)
+    return np.asarray(whole.convert("RGB"))
+
+
+def _arrow(pen: Any, points: Array, colour: Colour, width: float, scale: float) -> None:
+    """A line with a head; a dot where it points at the camera."""
+    end = points[-1]
+    far = [point for point in points[:-1] if float(np.linalg.norm(point - end)) > 4.0 * scale]
+    if not far:
+        pen.ellipse([*(end - width), *(end + width)], fill=colour)
+        return
+    along = (end - far[-1]) / np.linalg.norm(end - far[-1])
+    across = np.array([-along[1], along[0]])
+    head = 4.0 * scale + width
+    base = end - head * along
+    shaft = [tuple(point) for point in points[:-1]] + [tuple(base)]
+    pen.line(shaft, fill=colour, width=round(width), joint="curve")
+    wide = 0.45 * head * across
+    pen.polygon([tuple(end + 0.3 * head * along), tuple(base + wide), tuple(base - wide)], fill=colour)
+
+
+Box = tuple[float, float, float, float]
+
+
+def _pieces(points: Array) -> Iterator[Array]:
+    """Short pieces of a line, whose boxes hardly hold anything else."""
+    for start, end in zip(points, points[1:]):
+        steps = np.linspace(0.0, 1.0, 7 if len(points) == 2 else 2)[:, None]
+        whole = start + steps * (end - start)
+        yield from (whole[k : k + 2] for k in range(len(whole) - 1))
+
+
+def _box(points: Array, margin: float) -> Box:
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet: tuple[int, int], scale: float) -> Box:
+    """Where a name goes: the nearest place around the origin that nothing has taken yet and that is in the picture; where there is
+    none, the one that covers least."""
+    best: tuple[float, Box] | None = None
+    others = np.array(taken)
+    for ring in range(1, 12):
+        for turn in range(16):
+            angle = math.radians(-30.0 + 22.5 * turn)
+            direction = np.array([math.cos(angle), math.sin(angle)])
+            middle = origin + direction * (10.0 * scale * ring + np.abs(direction) * size / 2.0)
+            box = (*(middle - np.array(size) / 2.0).tolist(), *(middle + np.array(size) / 2.0).tolist())
+            outside = max(0.0, -box[0], -box[1], box[2] - sheet[0], box[3] - sheet[1])
+            covered = _shared(box, others) + 1e3 * outside
+            if covered == 0.0:
+                return box
+            if best is None or covered < best[0]:
+                best = (covered, box)
+    assert best is not None
+    return best[1]
+
+
+def _shared(box: Box, others: Array) -> float:
+    """The area that a box shares with others (n, 4), summed."""
+    across = np.minimum(box[2], others[:, 2]) - np.maximum(box[0], others[:, 0])
+    down = np.minimum(box[3], others[:, 3]) - np.maximum(box[1], others[:, 1])
+    return plain_sum((across * down)[(across > 0.0) & (down > 0.0)].tolist())

@@ -1,0 +1,157 @@
+"""One picture: the model, the pose, the camera, the light, the file."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.frozen import dataclass
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from thingc.targets.render.camera import Array
+    from thingc.targets.render.frames import Mark
+
+ANGLE = 18.0
+"""Of view, vertically [deg]: a long lens, so that parallel edges look parallel."""
+
+MARGIN = 0.12
+"""How much of the half picture stays free around the robot."""
+
+AZIMUTH, ELEVATION = 140.0, -22.0
+"""Where a camera looks unless it is told [deg], on a floor and without gravity."""
+
+WALL_AZIMUTH, CEILING_ELEVATION = 40.0, 16.0
+"""The same where the world's floor is a wall, past which it looks, or a ceiling, at which it looks up."""
+
+
+class NoGraphics(Exception):
+    """This machine cannot draw: `message` says why, `hint` what to do."""
+
+    def __init__(self, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shot:
+    """How to look: `size` (width, height) in pixels, `azimuth` and `elevation` [deg] of the view (None: a good one; azimuth 90
+    looks along y, elevation -90 straight down)."""
+
+    size: tuple[int, int] = (1280, 960)
+    azimuth: float | None = None
+    elevation: float | None = None
+
+
+def ready() -> None:
+    """Prepare drawing without a screen. To be called before anything imports MuJoCo, which chooses how when it is imported.
+
+    `MUJOCO_GL` counts if it is set, else it becomes `egl`. Raises `NoGraphics` where that does not work.
+    """
+    backend = os.environ.setdefault("MUJOCO_GL", "egl")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # GLFW only warns where there is no screen
+            import mujoco
+
+            with mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8):
+                pass
+    except Exception as fault:  # whatever the loaders of OpenGL raise: ImportError, AttributeError, RuntimeError, their own
+        absent = isinstance(fault, (AttributeError, ImportError, OSError))  # PyOpenGL: None where the library should be
+        words = "its library is not there" if absent else " ".join(str(fault).split()).partition(",")[0] or type(fault).__name__
+        raise NoGraphics(f"no picture can be drawn with MUJOCO_GL={backend}: {words}", _hint(backend)) from fault
+
+
+def _hint(backend: str) -> str:
+    if backend == "egl":
+        return "install EGL (Debian, Ubuntu: apt install libegl1); it needs neither a screen nor a graphics card"
+    if backend == "osmesa":
+        return "install OSMesa (Debian, Ubuntu: apt install libosmesa6), or set MUJOCO_GL=egl"
+    return "set MUJOCO_GL=egl, which needs neither a screen nor a graphics card"
+
+
+def picture(
+    xml: str, assets: dict[str, bytes], *, pose: str | None, gravity: tuple[float, float, float], shot: Shot, marks: Sequence[Mark] = (),
+) -> bytes:
+    """A PNG of the MuJoCo model `xml` with its meshes, in the keyframe `pose` (None: every coordinate 0), and the `marks` over it.
+    `gravity` [m/s^2] says which way is up. The same input gives the same picture on the same machine. Call `ready` first."""
+    import mujoco
+    import numpy as np
+
+    from thingc.targets.render import frames, studio
+
+    bare = mujoco.MjModel.from_xml_string(xml, assets)
+    points = points_of(bare, posed(bare, pose))
+    spec = studio.spec_of(xml, assets, shot.size, lowest=float(points[:, 2].min()) if len(points) else 0.0)
+    model = spec.compile()
+    data = posed(model, pose)
+    if not len(points):
+        points = np.array([[-0.1, -0.1, 0.0], [0.1, 0.1, 0.1]])
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    extent = 1.5 * float(np.linalg.norm(points - centre, axis=1).max())
+    camera = camera_of(points, gravity, shot)
+    if not marks:
+        return encoded(studio.photographed(model, data, camera, shot.size, centre, extent))
+    length = frames.length_of(points, camera)
+    strokes = [stroke for mark in marks for stroke in frames.placed(mark, data, length)]
+    camera = camera_of(np.concatenate([points, *strokes]), gravity, shot)
+    image = studio.photographed(model, data, camera, shot.size, centre, extent)
+    return encoded(frames.drawn(image, marks, data, camera, length))
+
+
+def camera_of(points: Array, gravity: tuple[float, float, float], shot: Shot) -> Any:
+    """The `Camera` of a shot at points (n, 3) [m]."""
+    import numpy as np
+
+    from thingc.targets.render.camera import directions, fitted, upright
+
+    frame = upright(np.array(gravity))
+    azimuth = WALL_AZIMUTH if abs(frame[2, 2]) < 0.5 else AZIMUTH
+    elevation = CEILING_ELEVATION if frame[2, 2] < -0.5 else ELEVATION
+    azimuth = azimuth if shot.azimuth is None else shot.azimuth
+    elevation = elevation if shot.elevation is None else shot.elevation
+    axes = directions(np.radians(azimuth), np.radians(elevation), frame)
+    return fitted(points, axes, np.radians(ANGLE), shot.size[0] / shot.size[1], MARGIN)
+
+
+def posed(model: Any, pose: str | None) -> Any:
+    """The `mujoco.MjData` of a model in a keyframe, with everything in its place."""
+    import mujoco
+
+    data = mujoco.MjData(model)
+    if pose is not None:
+        mujoco.mj_resetDataKeyframe(model, data, model.key(pose).id)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def points_of(model: Any, data: Any) -> Array:
+    """Points (n, 3) [m] in the world whose hull is that of everything that is shown: the corners of meshes, and of the boxes
+    around other shapes."""
+    import numpy as np
+
+    points = [np.zeros((0, 3))]
+    for geom in np.flatnonzero(model.geom_group <= 2):
+        mesh = int(model.geom_dataid[geom])
+        if mesh >= 0:
+            start = int(model.mesh_vertadr[mesh])
+            local = model.mesh_vert[start : start + int(model.mesh_vertnum[mesh])].astype(float)
+        else:
+            middle, half = model.geom_aabb[geom][:3], model.geom_aabb[geom][3:]
+            local = middle + half * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        points.append(local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
+    return np.concatenate(points)
+
+
+def encoded(image: Any) -> bytes:
+    """An image (height, width, 3) of bytes as PNG."""
+    import io
+
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(image).save(stream, format="png", optimize=True)
+    return stream.getvalue()

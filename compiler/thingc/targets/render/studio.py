@@ -1,0 +1,174 @@
+"""Light: many pictures, each in the light of one far lamp, averaged.
+
+MuJoCo's renderer knows lamps with hard shadows. A picture in the light of a large soft box and of a bright dome is the mean of
+pictures in the light of single lamps spread over them; moving the picture by parts of a pixel from one to the next smooths the
+edges as well. All of it is linear in light, so colours are made linear first and encoded for screens at the end.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from thingc.base.summing import plain_sum
+from thingc.targets.render.camera import Array, Camera
+
+KEY, DOME = 32, 36
+"""How many lamps make the soft box and the dome. One costs about 50 ms at 1280 x 960 without a graphics card."""
+
+SHADOW = 2048
+"""Side of a lamp's shadow map [px]."""
+
+KEY_ANGLE = math.radians(9.0)
+"""How far from its middle the soft box reaches."""
+
+KEY_AZIMUTH, KEY_ELEVATION = math.radians(-48.0), math.radians(50.0)
+"""Where the soft box is, seen from the camera: to the left behind it, and above the floor."""
+
+KEY_SHARE = 0.52
+"""How much of the light on the floor is the soft box's."""
+
+BOUNCE = 0.2
+"""How bright the floor lights from below, as a part of what a lamp gives."""
+
+FLOOR = 0.78
+"""How bright the lit floor is in the picture (linear, white is 1)."""
+
+VIGNETTE = 0.16
+"""How much darker the corners are."""
+
+HORIZON = 0.15
+"""How high above the floor the dome begins (the sine of the angle)."""
+
+GLOSS = 0.4
+"""How much of a lamp is mirrored by a material's `specular`."""
+
+GAMMA = 2.2
+"""Of the colours in models."""
+
+BEYOND = 0.5
+"""How bright it is beyond the floor's end, in the light of one lamp."""
+
+BACKDROP = "backdrop"
+UNDER, GLASS = 0.5e-3, 0.4
+"""How far [m] a robot may be below the floor before the floor is drawn with this opacity."""
+
+
+def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: float, *, shadow: int = SHADOW) -> Any:
+    """The `mujoco.MjSpec` of a model with the studio around it: two lamps, whose shadows are `shadow` pixels wide, and the floor of its
+    scene at z = 0, which can be seen through if the `lowest` point of the robot [m] is below it."""
+    spec = mujoco.MjSpec.from_string(xml, assets=assets)
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = size
+    spec.visual.quality.shadowsize, spec.visual.quality.offsamples = shadow, 0
+    spec.visual.headlight.active = 0
+    spec.visual.map.shadowclip = 1.0
+    spec.add_texture(
+        name=BACKDROP, type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT, rgb1=[BEYOND] * 3,
+        rgb2=[BEYOND] * 3, width=8, height=8,
+    )
+    spec.add_material(name=BACKDROP, rgba=[1.0, 1.0, 1.0, 1.0 if lowest > -UNDER else GLASS], specular=0.0, shininess=0.0)
+    spec.worldbody.add_geom(
+        name=BACKDROP, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05], material=BACKDROP,
+        contype=0, conaffinity=0,
+    )
+    for down in (-1.0, 1.0):
+        spec.worldbody.add_light(type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=[0.0, 0.0, down], castshadow=down < 0.0)
+    return spec
+
+
+def lamps(camera: Camera, normal: Array, counts: tuple[int, int] = (KEY, DOME)) -> list[tuple[Array, float]]:
+    """Directions (3,) in which the light of each lamp goes, and its weight; together they light a floor across `normal` by 1.
+    `counts` are those of the soft box and of the dome."""
+    key, dome = counts
+    side = camera.axes[0] - (camera.axes[0] @ normal) * normal
+    side /= np.linalg.norm(side)
+    frame = np.array([side, np.cross(normal, side), normal])  # right, away from the camera, up
+    azimuth = KEY_AZIMUTH - math.pi / 2.0
+    middle = np.array([
+        math.cos(KEY_ELEVATION) * math.cos(azimuth), math.cos(KEY_ELEVATION) * math.sin(azimuth), math.sin(KEY_ELEVATION),
+    ]) @ frame
+    across = np.cross(middle, normal)
+    across /= np.linalg.norm(across)
+    box = np.array([across, np.cross(across, middle), middle])
+    toward: list[tuple[Array, float]] = []
+    for number in range(key):
+        radius, turn = math.sqrt((number + 0.5) / key) * math.tan(KEY_ANGLE), _golden(number)
+        direction = np.array([radius * math.cos(turn), radius * math.sin(turn), 1.0]) @ box
+        toward.append((direction / np.linalg.norm(direction), KEY_SHARE))
+    for number in range(dome):
+        height, turn = HORIZON + (1.0 - HORIZON) * (number + 0.5) / dome, _golden(number)
+        flat = math.sqrt(1.0 - height * height)
+        toward.append((np.array([flat * math.cos(turn), flat * math.sin(turn), height]) @ frame, 1.0 - KEY_SHARE))
+    lit = {share: plain_sum(float(to @ normal) for to, own in toward if own == share) for _, share in toward}
+    return [(-to, share / lit[share]) for to, share in toward]
+
+
+def _golden(number: int) -> float:
+    """The angle [rad] of a seed in a sunflower (Vogel, 1979)."""
+    return number * math.pi * (3.0 - math.sqrt(5.0))
+
+
+def photographed(
+    model: Any, data: Any, camera: Camera, size: tuple[int, int], centre: Array, extent: float, *,
+    counts: tuple[int, int] = (KEY, DOME),
+) -> NDArray[np.uint8]:
+    """The picture (height, width, 3) of `data`; shadows reach `extent` [m] around `centre` (3,), and there are as many lamps as
+    `counts` of `lamps` says."""
+    width, height = size
+    normal = np.array([0.0, 0.0, 1.0])
+    model.stat.extent, model.stat.center[:] = extent, centre
+    model.mat_rgba[:, :3] **= GAMMA
+    plain = model.geom_matid < 0  # of the others MuJoCo takes the material's colour as long as their own is untouched
+    model.geom_rgba[plain, :3] **= GAMMA
+    options = mujoco.MjvOption()
+    options.sitegroup[:] = 0
+    total = np.zeros((height, width, 3), dtype=np.float32)
+    with mujoco.Renderer(model, height, width, max_geom=model.ngeom + 100) as renderer:
+        renderer.update_scene(data, scene_option=options)
+        scene = renderer.scene
+        for flag in (mujoco.mjtRndFlag.mjRND_REFLECTION, mujoco.mjtRndFlag.mjRND_HAZE, mujoco.mjtRndFlag.mjRND_FOG):
+            scene.flags[flag] = 0
+        buffer = np.empty((height, width, 3), dtype=np.uint8)
+        for number, (direction, weight) in enumerate(lamps(camera, normal, counts)):
+            _light(scene, direction, normal, centre, extent)
+            _stand(scene, camera, number, size)
+            total += np.float32(weight / 255.0) * renderer.render(out=buffer)
+    return developed(total.astype(np.float64))
+
+
+def developed(light: Array) -> NDArray[np.uint8]:
+    """Light (height, width, 3), where the lit floor is 1, as a picture for screens: darker corners, soft highlights, sRGB."""
+    height, width = light.shape[:2]
+    y, x = np.mgrid[0:height, 0:width]
+    corner = ((2.0 * (x + 0.5) / width - 1.0) ** 2 + (2.0 * (y + 0.5) / height - 1.0) ** 2) / 2.0
+    shown = light * FLOOR * (1.0 - VIGNETTE * corner)[..., None]
+    knee = 0.8  # above it brightness bends towards white instead of being cut off
+    over = np.maximum(shown - knee, 0.0)
+    shown = np.minimum(shown, knee) + (1.0 - knee) * (1.0 - np.exp(-over / (1.0 - knee)))
+    encoded = np.where(shown <= 0.0031308, 12.92 * shown, 1.055 * np.maximum(shown, 0.0031308) ** (1.0 / 2.4) - 0.055)
+    image: NDArray[np.uint8] = np.rint(255.0 * np.clip(encoded, 0.0, 1.0)).astype(np.uint8)
+    return image
+
+
+def _light(scene: Any, direction: Array, normal: Array, centre: Array, extent: float) -> None:
+    for light, to, strength in ((scene.lights[0], direction, 1.0), (scene.lights[1], normal, BOUNCE)):
+        light.dir[:], light.pos[:] = to, centre - extent * to
+        light.ambient[:], light.diffuse[:], light.specular[:] = 0.0, strength, GLOSS * strength
+
+
+def _stand(scene: Any, camera: Camera, number: int, size: tuple[int, int]) -> None:
+    """Put the scene's camera there, moved by a part of a pixel that is another one each time (the R2 sequence)."""
+    x, y = (0.5 + 0.7548776662466927 * number) % 1.0 - 0.5, (0.5 + 0.5698402909980532 * number) % 1.0 - 0.5
+    half = camera.near * camera.tangent
+    pixel = 2.0 * half / size[1]
+    for view in (scene.camera[0], scene.camera[1]):
+        view.pos[:], view.forward[:], view.up[:] = camera.position, -camera.axes[2], camera.axes[1]
+        view.frustum_center = x * pixel
+        view.frustum_bottom, view.frustum_top = -half + y * pixel, half + y * pixel
+        view.frustum_width = half * camera.aspect
+        view.frustum_near, view.frustum_far = camera.near, 1000.0 * camera.near
+        view.orthographic = 0

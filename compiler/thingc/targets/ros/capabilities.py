@@ -1,0 +1,22 @@
+"""What a ROS 2 package can say of a robot: what URDF can, and what stands beside it there."""
+
+from __future__ import annotations
+
+from typing import Literal, Never
+
+from thingc.targets.capabilities import Capabilities, Omits, Says
+from thingc.targets.urdf.capabilities import BALL_DRIVE, JointForm, ShapeForm
+from thingc.targets.urdf.capabilities import CAPABILITIES as URDF
+
+DriveForm = Literal["command interface"]
+
+_CONTROL: Says[DriveForm] = Says("command interface", "ros2_control")
+
+CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
+    **URDF,
+    "drives": {"position": _CONTROL, "velocity": _CONTROL, "motor": _CONTROL, "universal": _CONTROL, "ball": BALL_DRIVE},
+    "modes": {
+        **URDF["modes"], "gravity": Omits(": URDF has none"), "poses": Says(None, "group states of the SRDF"),
+        "exclude": Says(None, "disabled collisions of the SRDF"),
+    },
+}

@@ -1,0 +1,135 @@
+"""ros2_control: the drives of a mode as command interfaces of a mock hardware, and the controllers that command them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from thingc.base.frozen import dataclass
+from thingc.model.assembly import joints_of
+from thingc.model.assembly.types import ActuatorModel
+from thingc.model.robot.types import Robot
+from thingc.targets.ros.joints import Moving, joints, start, values
+from thingc.targets.xml import Element, number
+
+PLUGIN = "mock_components/GenericSystem"
+BROADCASTER = "joint_state_broadcaster"
+
+CONTROLLERS = {
+    "position": ("joint_trajectory_controller", "joint_trajectory_controller/JointTrajectoryController"),
+    "velocity": ("velocity_controller", "forward_command_controller/ForwardCommandController"),
+    "effort": ("effort_controller", "forward_command_controller/ForwardCommandController"),
+}
+"""By interface what commands it: the controller's name and type."""
+
+RATE = 100
+"""How often controllers are updated [Hz]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Controller:
+    """A controller of the joints of one `interface`; `drives` are theirs, by the name of the joint."""
+
+    name: str
+    type: str
+    interface: str
+    drives: dict[str, ActuatorModel]
+
+
+def ros2_control(robot: Robot) -> Element | None:
+    """The `<ros2_control>` block of a mode's URDF; None of a robot in which nothing moves. Every joint has states, those with a drive a
+    command, with its limits; what a drive's gains are, stands beside it for a hardware that closes its own loop."""
+    moving, at = joints(robot), values(robot, start(robot))
+    if not moving:
+        return None
+    block = Element(tag="ros2_control", attributes={"name": robot.assembly.name, "type": "system"}, origin=robot.mode.origin)
+    hardware = block.add("hardware")
+    hardware.say("plugin", PLUGIN)
+    hardware.say("param", "true", {"name": "calculate_dynamics"})
+    for joint in moving:
+        element = block.add("joint", {"name": joint.name}, joint.move.joint.origin)
+        if joint.drive is not None and joint.interface is not None:
+            command = element.add("command_interface", {"name": joint.interface}, joint.drive.origin)
+            for name, bound in zip(("min", "max"), _bounds(joint, joint.interface), strict=True):
+                if bound is not None:
+                    command.say("param", number(bound), {"name": name})
+        element.add("state_interface", {"name": "position"}).say("param", number(at[joint.name]), {"name": "initial_value"})
+        element.add("state_interface", {"name": "velocity"})
+        if joint.interface == "effort":
+            element.add("state_interface", {"name": "effort"})
+        if joint.drive is not None:
+            for name, gain in (("kp", joint.drive.kp), ("kv", joint.drive.kv)):
+                if gain is not None:
+                    element.say("param", number(gain), {"name": name})
+    return block
+
+
+def controllers(robots: Sequence[Robot]) -> dict[str, tuple[Controller, ...]]:
+    """Those of every mode, by its name. Modes whose drives are the same share a controller; of another set of drives it is called by the
+    mode that has it first, too."""
+    known: dict[str, list[Controller]] = {}
+    of_mode: dict[str, tuple[Controller, ...]] = {}
+    for robot in robots:
+        own: list[Controller] = []
+        moving = {joint.move.joint.path: joint for joint in joints(robot) if joint.drive is not None}
+        driven = [moving[joint.path] for joint in joints_of(robot.assembly) if joint.path in moving]
+        for interface, (base, kind) in CONTROLLERS.items():
+            drives = {joint.name: joint.drive for joint in driven if joint.drive is not None and joint.interface == interface}
+            same = next((one for one in known.get(interface, ()) if one.drives == drives), None)
+            if drives and same is None:
+                name = f"{base}_{robot.mode.name}" if interface in known else base
+                same = Controller(name=name, type=kind, interface=interface, drives=drives)
+                known.setdefault(interface, []).append(same)
+            if same is not None:
+                own.append(same)
+        of_mode[robot.mode.name] = tuple(own)
+    return of_mode
+
+
+def controllers_yaml(of_mode: Mapping[str, Sequence[Controller]]) -> str:
+    """The parameters of the controller manager and of all controllers, as ROS reads them: numbers that are no counts have a point."""
+    every = {one.name: one for own in of_mode.values() for one in own}
+    lines = ["controller_manager:", "  ros__parameters:", f"    update_rate: {RATE}", f"    {BROADCASTER}:"]
+    lines.append("      type: joint_state_broadcaster/JointStateBroadcaster")
+    for one in every.values():
+        lines += [f"    {one.name}:", f"      type: {one.type}"]
+    for one in every.values():
+        lines += ["", f"{one.name}:", "  ros__parameters:", *(f"    {line}" for line in _of_controller(one))]
+    return "\n".join(lines) + "\n"
+
+
+def _of_controller(one: Controller) -> Iterator[str]:
+    yield f"joints: [{', '.join(map(_quoted, one.drives))}]"
+    if one.interface != "position":
+        yield f"interface_name: {one.interface}"
+        return
+    yield f"command_interfaces: [{one.interface}]"
+    yield "state_interfaces: [position, velocity]"
+    gains = {
+        name: [f"{word}: {_real(gain)}" for word, gain in (("p", drive.kp), ("d", drive.kv)) if gain is not None]
+        for name, drive in one.drives.items()
+    }
+    if any(gains.values()):
+        yield "gains:  # of the drives [N m/rad, N m s/rad; N/m, N s/m]: read where what is commanded is an effort instead"
+        for name, said in gains.items():
+            if said:
+                yield f"  {_quoted(name)}: {{{', '.join(said)}}}"
+
+
+def _bounds(joint: Moving, interface: str) -> tuple[float | None, float | None]:
+    """Between which values a command may be."""
+    limit = joint.move.joint.limit
+    if interface == "position":
+        return limit.lower, limit.upper
+    bound = limit.velocity if interface == "velocity" else limit.effort
+    return (None, None) if bound is None else (-bound, bound)
+
+
+def _quoted(name: str) -> str:
+    """A name as YAML text, also one that YAML would take for something else (`y`, `null`)."""
+    return f'"{name}"'
+
+
+def _real(value: float) -> str:
+    """A number that every reader of YAML takes for one with a point: `20.0`, `1.0e-05`."""
+    mantissa, e, exponent = repr(float(value)).partition("e")
+    return f"{mantissa}{'' if '.' in mantissa else '.0'}{e}{exponent}"

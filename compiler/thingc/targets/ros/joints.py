@@ -1,0 +1,94 @@
+"""The joints of a mode's URDF that move, and where a pose puts them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from thingc.base.frozen import dataclass
+from thingc.base.joints.twist import moved
+from thingc.base.pose import NO_POSE, Vector, cross, dot, multiply, rpy_of, transpose
+from thingc.geometry.record import DriveType
+from thingc.model.assembly import joints_of, leaders
+from thingc.model.assembly.types import ActuatorModel
+from thingc.model.robot.types import Body, CoreJoint, Robot
+from thingc.targets.capabilities import drive_cell, written
+from thingc.targets.names import safe
+from thingc.targets.ros.capabilities import CAPABILITIES
+from thingc.targets.urdf.chain import Move, moves
+
+INTERFACES: Mapping[DriveType, str] = {"position": "position", "velocity": "velocity", "motor": "effort"}
+"""What ros2_control calls the command that each kind of drive takes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moving:
+    """A joint of URDF's that moves: its `name` there, the `body` (index) that it leads to, what it does, whether it `follows` another, and
+    the `drive` that commands it in this mode. The three turns of a ball have none: the axes of its drives are not theirs."""
+
+    name: str
+    body: int
+    move: Move
+    follows: bool
+    drive: ActuatorModel | None
+
+    @property
+    def interface(self) -> str | None:
+        """What of it is commanded: `position`, `velocity` or `effort`."""
+        return None if self.drive is None else INTERFACES[self.drive.kind]
+
+
+def joints(robot: Robot) -> tuple[Moving, ...]:
+    """Those of a mode, parents before children; those of a base that moves first."""
+    in_tree = {joint.path for body in robot.bodies for joint in body.joints}
+    follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in in_tree)
+    moving: list[Moving] = []
+    for index, body in enumerate(robot.bodies):
+        for move in moves(_lead(robot, body), NO_POSE):
+            path = move.joint.path
+            following = move.follows is not None or follows.get(path, (path,))[0] != path
+            drive = move.joint.actuator if path in robot.present and not following else None
+            if drive is not None and written(CAPABILITIES["drives"][drive_cell(move.joint, drive)]) is None:
+                drive = None
+            moving.append(Moving(name=safe(move.path), body=index, move=move, follows=following, drive=drive))
+    return tuple(moving)
+
+
+def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
+    """Where each joint [rad or m], by its name, is at `q` of the document's, by path; a base that moves is where it starts."""
+    at: dict[str, float] = {}
+    for body in robot.bodies:
+        lead = _lead(robot, body)
+        if lead and lead[0].kind.at_once:
+            turns = _turns(lead, tuple(q.get(joint.path, 0.0) for joint in lead))
+            at |= {safe(joint.path): angle for joint, angle in zip(lead, turns, strict=True)}
+            continue
+        for move in moves(lead, NO_POSE):
+            at[safe(move.path)] = q.get(move.joint.path, 0.0) * (1.0 if move.follows is None else move.follows[1])
+    return at
+
+
+def start(robot: Robot) -> Mapping[str, float]:
+    """q of the document's joints, by path, when the mode starts (0 where it says nothing)."""
+    return robot.start.q if robot.start is not None else {}
+
+
+def _lead(robot: Robot, body: Body) -> tuple[CoreJoint, ...]:
+    """What a body moves by: the root by its base."""
+    return robot.moves if body.parent is None else body.joints
+
+
+def _turns(ball: tuple[CoreJoint, ...], q: tuple[float, ...]) -> Vector:
+    """The angles [rad] of three turns, one after the other about the axes of a ball, that turn as its rotation vector `q` does.
+
+    In the frame U of the axes R = U Rx(a) Ry(b) Rz(c) U', so that U' R' U = Rz(-c) Ry(-b) Rx(-a), whose roll, pitch and yaw are -a, -b and
+    -c. Axes of a ball that is crossed backwards are a left-handed frame: about their opposites the angles are the opposite ones.
+    """
+    x, y, z = (joint.twist.axis for joint in ball)
+    hand = 1.0 if dot(cross(x, y), z) > 0.0 else -1.0
+    U = transpose((_scaled(x, hand), _scaled(y, hand), _scaled(z, hand)))
+    R = moved(tuple(joint.twist for joint in ball), q, at_once=True).rotation
+    return _scaled(rpy_of(multiply(multiply(transpose(U), transpose(R)), U)), -hand)
+
+
+def _scaled(v: Vector, factor: float) -> Vector:
+    return (v[0] * factor, v[1] * factor, v[2] * factor)

@@ -1,0 +1,111 @@
+"""SRDF, what MoveIt wants to know besides the URDF: groups, poses, what is not driven, and which links need not be checked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+
+from thingc.base.diagnostics import Report
+from thingc.base.frozen import dataclass
+from thingc.base.source import Origin
+from thingc.model.robot.tree import BASE
+from thingc.model.robot.types import Robot, Site
+from thingc.targets.names import Names, safe
+from thingc.targets.ros.joints import Moving, joints, values
+from thingc.targets.ros.meeting import Meetings, adjacent, pair_of
+from thingc.targets.urdf.model import WORLD
+from thingc.targets.xml import Element, number
+
+ALWAYS = 0.95
+"""The share of configurations from which on links count as always meeting, as MoveIt's setup assistant has it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Group:
+    """A group of joints by its name; `tip` is the mount that its chain leads to, None of that of all joints."""
+
+    name: str
+    tip: str | None
+    joints: tuple[Moving, ...]
+    origin: Origin
+
+
+def srdf(robot: Robot, touching: frozenset[str], meetings: Meetings | None, report: Report) -> Element:
+    """The `<robot>` of a mode's SRDF. `touching` are the links that have shapes to collide with; without `meetings` nobody knows which of
+    them meet. Names of groups that are equal are reported."""
+    root = Element(tag="robot", attributes={"name": robot.assembly.name}, origin=robot.mode.origin)
+    moving = joints(robot)
+    own = groups(robot, moving, report)
+    base = safe(robot.assembly.links[robot.bodies[0].link].name)
+    for group in own:
+        element = root.add("group", {"name": group.name}, group.origin)
+        if group.tip is not None:
+            element.add("chain", {"base_link": base, "tip_link": group.tip})
+        else:
+            for joint in group.joints:
+                element.add("joint", {"name": joint.name})
+    for frame in robot.keyframes:
+        at = values(robot, frame.q)
+        for group in own:
+            state = root.add("group_state", {"name": frame.name, "group": group.name}, frame.origin)
+            for joint in group.joints:
+                if not joint.follows:
+                    state.add("joint", {"name": joint.name, "value": number(at[joint.name])})
+    if robot.base == "free":
+        root.add("virtual_joint", {"name": BASE, "type": "floating", "parent_frame": WORLD, "child_link": base}, robot.mode.origin)
+    for joint in moving:
+        if joint.drive is None and not joint.follows:
+            root.add("passive_joint", {"name": joint.name}, joint.move.joint.origin)
+    for one, other, reason in _unchecked(robot, touching, meetings):
+        root.add("disable_collisions", {"link1": one, "link2": other, "reason": reason})
+    return root
+
+
+def groups(robot: Robot, moving: tuple[Moving, ...], report: Report) -> list[Group]:
+    """All joints, by the name of the robot (first: of states of one name some readers know the first alone); then a chain from the root
+    to every exported mount that moves against it, of several that are the same frame to the first. The joints of a base that moves are
+    of none."""
+    names = Names("be the group", "SRDF", report)
+    of_body: dict[int, tuple[Moving, ...]] = {}
+    for index, body in enumerate(robot.bodies):
+        before = of_body[body.parent] if body.parent is not None else ()
+        of_body[index] = (*before, *(joint for joint in moving if joint.body == index and body.parent is not None))
+    named: list[Group] = []
+    whole = tuple(joint for joint in moving if robot.bodies[joint.body].parent is not None)
+    if whole:
+        name = names.take(robot.assembly.name, robot.mode.origin, "the group of all joints")
+        named.append(Group(name=name, tip=None, joints=whole, origin=robot.mode.origin))
+    for site in _exported(robot):
+        if any(not joint.follows for joint in of_body[site.body]):
+            named.append(Group(name=names.take(site.path, site.origin), tip=safe(site.path), joints=of_body[site.body], origin=site.origin))
+    return named
+
+
+def _exported(robot: Robot) -> Iterator[Site]:
+    """The exported mounts, those of the document itself first; of several that are the same frame the first."""
+    exported = {mount.path for mount in robot.assembly.exported}
+    known: set[object] = set()
+    for site in sorted((site for site in robot.sites if site.path in exported), key=lambda site: site.path.count("/")):
+        if (site.body, site.pose) not in known:
+            known.add((site.body, site.pose))
+            yield site
+
+
+def _unchecked(robot: Robot, touching: frozenset[str], meetings: Meetings | None) -> Iterator[tuple[str, str, str]]:
+    """Pairs of links in the order of the robot, with the reason why MoveIt need not look at them, in the words of its setup assistant."""
+    names, mode = [safe(link.name) for link in robot.assembly.links], robot.mode
+    neighbours, own = adjacent(robot.assembly), {pair_of(names[one], names[other]) for one, other in mode.exclude}
+    for one, other in combinations([names[body.link] for body in robot.bodies if names[body.link] in touching], 2):
+        pair = pair_of(one, other)
+        if pair in neighbours:
+            yield one, other, "Adjacent"
+        elif pair in own:
+            yield one, other, "User"
+        elif meetings is None:
+            continue
+        elif pair in meetings.at[mode.name]:
+            yield one, other, "Default"
+        elif meetings.counts.get(pair, 0) >= ALWAYS * meetings.samples:
+            yield one, other, "Always"
+        elif pair not in meetings.counts:
+            yield one, other, "Never"

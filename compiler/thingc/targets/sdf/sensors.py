@@ -1,0 +1,108 @@
+"""Sensors that SDF has, on their links; a `force` is a `force_torque` on the joint that carries the link."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import assert_never
+
+from thingc.base.pose import Pose, Vector, rpy_of, shifted
+from thingc.model.assembly.types import LinkedSensor
+from thingc.model.robot.types import Robot, Site
+from thingc.targets.capabilities import written
+from thingc.targets.names import Names
+from thingc.targets.sdf.capabilities import CAPABILITIES, SensorForm
+from thingc.targets.sensors import body_of, on_free_root
+from thingc.targets.xml import Element, number, numbers
+
+LOOKING = Pose(rotation=((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
+"""A camera of SDF looks along its x, up its z; ours looks along the mount's z, up the mount's y."""
+
+WIDTH, HEIGHT = 640, 480
+"""Of a camera's picture [pixels], of which a document says nothing."""
+
+NEAR, FAR = 0.01, 100.0
+"""Between which distances [m] a camera sees."""
+
+RATE = 30.0
+"""How many pictures a camera takes in a second."""
+
+
+def sensors_of_link(robot: Robot, body: int, link: Element, names: Names) -> None:
+    """The sensors on a link, whose collisions are in it already: all but those of forces."""
+    for sensor, site in _on(robot, body):
+        form = written(CAPABILITIES["sensors"][sensor.kind])
+        match form:
+            case "imu" | "magnetometer":
+                _sensor(link, sensor, form, site.pose, names)
+            case "camera":
+                if sensor.fovy is not None:
+                    _camera(_sensor(link, sensor, form, site.pose @ LOOKING, names), sensor.fovy)
+            case "gpu_lidar":
+                _ray(_sensor(link, sensor, form, site.pose @ LOOKING, names), sensor.cutoff.get("distance", math.inf))
+            case "force_torque" | "contact" | None:
+                pass  # in the joint that carries the link; on no mount
+            case _:
+                assert_never(form)
+    collisions = [child.attributes["name"] for child in link.children if child.tag == "collision"]
+    for sensor in robot.assembly.sensors:
+        if written(CAPABILITIES["sensors"][sensor.kind]) == "contact" and sensor.touching[0] == robot.bodies[body].link and collisions:
+            contact = _sensor(link, sensor, "contact", None, names).add("contact")
+            for name in collisions:
+                contact.say("collision", name)
+
+
+def _sensor(parent: Element, sensor: LinkedSensor, form: SensorForm, pose: Pose | None, names: Names) -> Element:
+    element = parent.add("sensor", {"name": names.take(sensor.path, sensor.origin), "type": form}, sensor.origin)
+    if pose is not None:
+        _place(element, pose)
+    element.say("always_on", "true")
+    return element
+
+
+def _camera(element: Element, fovy: float) -> None:
+    """Of the vertical angle of view [rad]."""
+    element.say("update_rate", number(RATE))
+    camera = element.add("camera")
+    camera.say("horizontal_fov", number(2.0 * math.atan(math.tan(fovy / 2.0) * WIDTH / HEIGHT)))
+    image, clip = camera.add("image"), camera.add("clip")
+    image.say("width", number(WIDTH))
+    image.say("height", number(HEIGHT))
+    clip.say("near", number(NEAR))
+    clip.say("far", number(FAR))
+
+
+def _ray(element: Element, reach: float) -> None:
+    """One ray, that sees as far as `reach` [m]."""
+    element.say("update_rate", number(RATE))
+    lidar = element.add("lidar")
+    scan = lidar.add("scan").add("horizontal")
+    scan.say("samples", "1")
+    scan.say("min_angle", "0")
+    scan.say("max_angle", "0")
+    distance = lidar.add("range")
+    distance.say("min", "0")
+    distance.say("max", "inf" if math.isinf(reach) else number(reach))
+
+
+def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names: Names) -> None:
+    """The force sensors on a link, in the joint that carries it, whose origin is `at` in the link's frame [m]. As in MuJoCo it is
+    what the link does to its parent."""
+    for sensor, site in _on(robot, body):
+        if written(CAPABILITIES["sensors"][sensor.kind]) == "force_torque" and not on_free_root(robot, sensor):
+            element = _sensor(joint, sensor, "force_torque", shifted(*at).inverse() @ site.pose, names)
+            measured = element.add("force_torque")
+            measured.say("frame", "sensor")
+            measured.say("measure_direction", "child_to_parent")
+
+
+def _on(robot: Robot, body: int) -> Iterator[tuple[LinkedSensor, Site]]:
+    """The sensors on the mounts of a body."""
+    sites = {site.path: site for site in robot.sites}
+    for sensor in robot.assembly.sensors:
+        if sensor.site is not None and body_of(robot, sensor) == body:
+            yield sensor, sites[sensor.site]
+
+
+def _place(element: Element, pose: Pose) -> None:
+    element.say("pose", numbers((*pose.translation, *rpy_of(pose.rotation))))

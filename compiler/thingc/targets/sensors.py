@@ -1,0 +1,39 @@
+"""Where sensors are in a robot, and what simulators measure there. Of no target."""
+
+from __future__ import annotations
+
+from thingc.model.assembly.types import LinkedSensor
+from thingc.model.robot.types import Robot
+
+
+def body_of(robot: Robot, sensor: LinkedSensor) -> int:
+    """The index of the body that carries a sensor on a mount."""
+    return next(site.body for site in robot.sites if site.path == sensor.site)
+
+
+def on_free_root(robot: Robot, sensor: LinkedSensor) -> bool:
+    """Whether it is on the root of a base that floats, which nothing carries."""
+    return robot.base == "free" and body_of(robot, sensor) == 0
+
+
+def elsewhere(robot: Robot, sensor: LinkedSensor) -> str | None:
+    """Where a force is measured instead of at the mount, in words; None where it is measured there.
+
+    Simulators give what passes between a body and its parent in the tree. That is what passes through the mount where the mount is
+    the root's, or one of the two of the joint to the parent, or where the body hangs on that joint alone, so that nothing but
+    the world outside can act on it.
+    """
+    index = body_of(robot, sensor)
+    body = robot.bodies[index]
+    at = None if sensor.at is None else (sensor.at.occurrence, sensor.at.mount)
+    if not body.joints:
+        root = robot.mode.root
+        if (root.occurrence, root.mount or "origin") == at:
+            return None
+        return f"between its link and the world at `{root.path}`"
+    mate = robot.assembly.mates[body.joints[0].mate]
+    if at in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount)):
+        return None
+    if not any(other.parent == index for other in robot.bodies):
+        return None
+    return f"through joint `{mate.name}`"

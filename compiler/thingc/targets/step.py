@@ -1,0 +1,80 @@
+"""`step/<name>.step`: the whole robot at q = 0 in the base component's frame, for other CAD programs."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from thingc.base.diagnostics import Code
+from thingc.base.frozen import dataclass
+from thingc.base.later import Later
+from thingc.geometry.record import AssemblyFailed, Placed, StoredFile
+from thingc.targets.artifact import Artifacts, Loss, Stored
+from thingc.targets.request import EmitRequest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Begun:
+    """A file that the kernel writes: `file` is waited for. `losses` are what it cannot hold."""
+
+    file: Later[StoredFile] | None
+    losses: tuple[Loss, ...]
+
+
+def begin(request: EmitRequest) -> None:
+    """Let the kernel, in a process of its own, write the file while other targets are made; `emit` waits for it."""
+    request.made["step"] = _begun(request)
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """One STEP file: instances named by occurrence path, coloured, their shape shared per definition.
+
+    The geometry service writes it (that needs the CAD kernel). A part whose geometry has no B-rep (a mesh), and a link, cannot
+    stand in it and is a loss; a robot without any geometry has no file, which is a loss too. What the kernel cannot
+    write is an error of the document.
+    """
+    assembly = request.assembly
+    begun = request.made.get("step")
+    if not isinstance(begun, _Begun):
+        begun = _begun(request)
+    if begun.file is None:
+        what = "nothing in the robot has exact geometry" if begun.losses else "nothing in the robot has geometry"
+        whole = Loss.of(assembly.definition.origin, "step", None, assembly.name, what, "omitted")
+        return Artifacts(files={}, losses=(*begun.losses, whole))
+    try:
+        written = begun.file.result()
+    except AssemblyFailed as fault:
+        request.report.add(
+            Code.STEP_FAILED,
+            f"the STEP file of `{assembly.name}` could not be written: {fault.reason}",
+            assembly.definition.origin,
+            help="name the targets that are wanted with --emit, without `step`",
+            detail=fault.detail,
+        )
+        return Artifacts(files={}, losses=begun.losses)
+    return Artifacts(files={f"step/{assembly.name}.step": Stored(sha256=written.sha256, size=written.size)}, losses=begun.losses)
+
+
+def _begun(request: EmitRequest) -> _Begun:
+    assembly = request.assembly
+    instances: list[Placed] = []
+    losses: list[Loss] = []
+    for occurrence in assembly.occurrences:
+        record = occurrence.record
+        if not occurrence.drawn and not occurrence.touching and (record is None or record.box is None):
+            continue
+        if record is None or record.brep is None:
+            what = f"`{occurrence.definition.label}` {'is a mesh' if record is not None else 'lists shapes,'} without exact surfaces"
+            losses.append(Loss.of(occurrence.origin, "step", None, occurrence.path, what, "omitted"))
+            continue
+        instances.append(
+            Placed(
+                path=occurrence.path,
+                # the kernel's own reader stumbles over a quotation mark in a product's name (OCCT 8.0: "Incorrect Syntax")
+                definition=occurrence.definition.text.replace("'", ""),
+                brep=record.brep,
+                pose=assembly.rest[occurrence.index],
+                color=occurrence.color,
+            )
+        )
+    file = Later(partial(request.geometry.assemble, assembly.name, instances)) if instances else None
+    return _Begun(file=file, losses=tuple(losses))

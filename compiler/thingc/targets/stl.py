@@ -1,0 +1,67 @@
+"""`stl/<definition>.stl`: what a slicer takes. Millimetres, z away from the bed, one file per definition that is not bought."""
+
+from __future__ import annotations
+
+from thingc.base.pose import Vector
+from thingc.geometry.record import PartDefinition
+from thingc.geometry.slices import UPRIGHT
+from thingc.model.assembly.types import Occurrence
+from thingc.targets.artifact import Artifacts, Content, Loss, Stored
+from thingc.targets.bom import make_of
+from thingc.targets.geometry import report_same_file
+from thingc.targets.request import EmitRequest
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """The print mesh of every definition with geometry of which at least one occurrence is not bought, turned as it lies on the printer.
+
+    A mesh that is not closed is written all the same and listed as a loss: a slicer may repair it or refuse it. Two
+    definitions whose names make the same file name (`a/b.step` and `a.b.step`) are an error at the second.
+    """
+    files: dict[str, Content] = {}
+    losses: list[Loss] = []
+    owners: dict[str, Occurrence] = {}
+    for occurrence in request.assembly.occurrences:
+        definition, record = occurrence.component.definition, occurrence.record
+        if not isinstance(definition, PartDefinition) or record is None or make_of(occurrence) == "buy":
+            continue
+        mesh = record.meshes.get("print")
+        if mesh is None:
+            continue
+        path = f"stl/{definition.stem}.stl"
+        owner = owners.setdefault(path.casefold(), occurrence)
+        up = _up(occurrence)
+        if owner.definition != occurrence.definition:
+            report_same_file(occurrence, owner, path, request.report)
+            continue
+        if owner is not occurrence:
+            if up != _up(owner):
+                what = f"`{occurrence.definition.label}` is printed in two orientations, and `{path}` has that of `{owner.path}`"
+                losses.append(Loss.of(occurrence.origin, "stl", None, occurrence.path, what, "omitted"))
+            continue
+        own = Stored(sha256=mesh.sha256, size=mesh.size)
+        files[path] = own if up == UPRIGHT else _turned(request.store.read(mesh.sha256), up)
+        if not mesh.closed:
+            what = f"the surface of `{occurrence.definition.label}` is not closed, so it encloses no volume to print"
+            losses.append(Loss.of(occurrence.origin, "stl", None, occurrence.path, what, "approximated"))
+    return Artifacts(files=dict(sorted(files.items())), losses=tuple(losses))
+
+
+def _up(occurrence: Occurrence) -> Vector:
+    """The direction away from the bed, in the part's frame: as the document says, else as the Thing does."""
+    record = occurrence.record
+    return occurrence.overrides.up or (record.up if record is not None else None) or UPRIGHT
+
+
+def _turned(stl: bytes, up: Vector) -> bytes:
+    """A binary STL file turned about the origin of the part by the smallest angle that takes `up` to z."""
+    import numpy as np
+
+    x, y, z = up
+    # Rodrigues' formula with the axis up x z; upside down, about x
+    rotation = np.diag([1.0, -1.0, -1.0]) if z < -1.0 + 1e-12 else np.array([
+        [1.0 - x * x / (1.0 + z), -x * y / (1.0 + z), -x], [-x * y / (1.0 + z), 1.0 - y * y / (1.0 + z), -y], [x, y, z],
+    ])
+    facets = np.frombuffer(stl, dtype=[("vectors", "<f4", (4, 3)), ("attribute", "<u2")], offset=84).copy()
+    facets["vectors"] = facets["vectors"].astype(float) @ rotation.T + 0.0
+    return stl[:84] + facets.tobytes()

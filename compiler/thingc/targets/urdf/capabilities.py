@@ -1,0 +1,64 @@
+"""What URDF 1.0 can say of a robot."""
+
+from __future__ import annotations
+
+from typing import Literal, Never
+
+from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Loses, Omits, Says, all_sensors
+
+JointForm = Literal["each", "threaded"]
+"""How a joint is written: a turn or a slide for each coordinate, or a turn and a slide that follows it."""
+
+DriveForm = Literal["transmission"]
+
+ShapeForm = Literal["itself", "cylinder and balls"]
+
+_EACH: Says[JointForm] = Says("each")
+_CHAIN: Loses[JointForm] = Loses("each", "approximated", " as one joint's: its coordinates are joints here, with links of 1e-9 kg between")
+_BALL: Loses[JointForm] = Loses(
+    "each", "approximated", " as a ball's: three turns here, one after the other, whose angles are no coordinates of it",
+)
+_LOOP = Omits(", which stays open here: URDF has trees alone")
+_GAINS: Loses[DriveForm] = Loses("transmission", "approximated", ": a transmission without gains")
+_NONE = Omits(": URDF has none")
+_ITSELF: Says[ShapeForm] = Says("itself")
+BALL_DRIVE = Omits(": its axis is none of a joint's here")
+
+CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
+    "joints": {
+        "revolute": _EACH, "continuous": _EACH, "prismatic": _EACH, "cylindrical": _CHAIN, "universal": _CHAIN, "planar": _CHAIN,
+        "screw": Loses("threaded", "approximated", ": a slide mimics the turn, and readers without mimics leave it loose"), "ball": _BALL,
+    },
+    "of_joints": {
+        "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": OMITTED, "mimic": SAYS,
+        "polynomial": Loses(None, "approximated", ": straight, as it is near q = 0 of that one"), "tendon": OMITTED,
+    },
+    "drives": {
+        "position": _GAINS, "velocity": _GAINS, "motor": Says("transmission", "`<transmission>`"), "universal": _GAINS,
+        "ball": BALL_DRIVE,
+    },
+    "loops": {
+        "hold": OMITTED, "weld": _LOOP, "ball": _LOOP, "hinge": _LOOP, "slide": _LOOP, "screw": _LOOP,
+        "universal": _LOOP, "several": _LOOP,
+    },
+    "bases": {
+        "held": Loses(None, "approximated", ": it is fixed here"), "free": Says(None, "no link `world`, `<static>` false"),
+        "start": Omits(": a free base begins wherever a reader puts it"), "planar": Loses(None, _CHAIN.how, _CHAIN.words),
+        "ball": Loses(None, _BALL.how, _BALL.words),
+    },
+    "modes": {
+        "gravity": Loses(None, "carried as custom data", ", which MuJoCo alone reads"), "poses": _NONE, "exclude": OMITTED,
+        "timestep": OMITTED, "simulation": OMITTED,
+    },
+    "links": {
+        "frames": Says(None, "massless links"), "colours": SAYS, "friction": OMITTED, "rolling": OMITTED, "adhesion": OMITTED,
+        "weightless": Loses(None, "approximated", ": what moves weighs 1e-9 kg here"), "weightless_base": SAYS,
+        "point": SAYS, "line": Loses(None, "approximated", ": it has none here, as a point"),
+    },
+    "shapes": {
+        "box": _ITSELF, "cylinder": _ITSELF, "capsule": Says("cylinder and balls", "a cylinder between two balls"), "sphere": _ITSELF,
+        "ellipsoid": Omits(": URDF has none"), "plane": Omits(": URDF has none"), "hull": _ITSELF, "mesh": _ITSELF,
+    },
+    "sensors": all_sensors(_NONE),
+    "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},
+}

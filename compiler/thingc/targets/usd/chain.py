@@ -1,0 +1,141 @@
+"""Joints as UsdPhysics has them: a frame on either body, and what may move between the two.
+
+    X_body1 = X_body0 @ frame0 @ T(trans) @ RotX @ RotY @ RotZ @ inv(frame1)
+
+Turns and slides about and along z of the frame are joints of their own, a ball is one, too; what else has several coordinates is a generic
+joint (D6), which slides first and then turns about x, y as that has turned it, and z. UsdPhysics leaves the order of the turns to
+readers; this is Newton's. What such a joint cannot do is a chain of two, with an almost massless link between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Literal, assert_never
+
+from thingc.base.frozen import dataclass
+from thingc.base.joints import Twist
+from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, along, cross, dot, shifted, transpose
+from thingc.model.assembly.types import JointEdge
+from thingc.model.robot.types import CoreJoint
+from thingc.targets.capabilities import joint_cell
+from thingc.targets.connections import Connection
+from thingc.targets.usd.capabilities import CAPABILITIES
+
+UsdType = Literal["Fixed", "Revolute", "Prismatic", "Spherical", "D6"]
+
+PARALLEL = 1e-9
+"""Axes are parallel, or at right angles, where the cosine is this near to 1, or to 0."""
+
+LETTERS = {1: ("Z",), 2: ("X", "Y"), 3: ("X", "Y", "Z")}
+"""Along which axes of the frame the directions lie in which a joint moves, by how many there are."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Freedom:
+    """What may move: `name` is UsdPhysics's (`angular` and `linear` of a joint with one coordinate, else `rotX` or `transX` ..., of a ball
+    `ball`); it moves by `ratio` [1 or m/rad] of the `joint`'s q."""
+
+    name: str
+    joint: CoreJoint | JointEdge
+    ratio: float = 1.0
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is an angle, in degrees in the file; else it is a length [m]."""
+        return self.name.startswith(("angular", "rot"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UsdJoint:
+    """A joint of UsdPhysics's: `path` names it, `frame` is its frame in the child at q = 0, `freedoms` are its coordinates (of a ball those
+    of the document)."""
+
+    path: str
+    type: UsdType
+    frame: Pose = NO_POSE
+    freedoms: tuple[Freedom, ...] = ()
+
+    @property
+    def single(self) -> CoreJoint | JointEdge | None:
+        """The coordinate of one that only turns or only slides."""
+        return self.freedoms[0].joint if self.type in ("Revolute", "Prismatic") else None
+
+
+def chain(connection: Connection) -> tuple[UsdJoint, ...]:
+    """The joints that connect two bodies, one after the other; with F the frame of one of them, `X_0 @ F` is it on the parent and `X_1 @ F`
+    on the child."""
+    path, joints, twists = connection.path, connection.coordinates, connection.twists
+    if not joints:
+        return (UsdJoint(path=path, type="Spherical" if connection.turns else "Fixed"),)
+    form = CAPABILITIES["joints"][joint_cell(joints[0].kind)].by
+    match form:
+        case "single":
+            return (_single(path, joints[0], twists[0]),)
+        case "generic":
+            return tuple(_generic(path, joints, twists))
+        case "spherical":
+            return (_spherical(path, joints, twists),)
+        case _:
+            assert_never(form)
+
+
+def _spherical(path: str, joints: Sequence[CoreJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
+    """A ball."""
+    backwards = isinstance(joints[0], CoreJoint) and joints[0].reversed
+    # Backwards the tree has the coordinates the other way round, and each of them negated.
+    axes = [(-x, -y, -z) for x, y, z in (twist.angular for twist in reversed(twists))] if backwards else [one.angular for one in twists]
+    ordered = joints[::-1] if backwards else joints
+    frame = Pose(rotation=transpose((axes[0], axes[1], axes[2])), translation=twists[0].anchor)
+    return UsdJoint(path=path, type="Spherical", frame=frame, freedoms=tuple(Freedom(name="ball", joint=one) for one in ordered))
+
+
+def _single(path: str, joint: CoreJoint | JointEdge, twist: Twist) -> UsdJoint:
+    """A turn or a slide."""
+    freedom = Freedom(name="angular" if twist.turns else "linear", joint=joint)
+    return UsdJoint(
+        path=path, type="Revolute" if twist.turns else "Prismatic", frame=along(twist.axis, twist.anchor), freedoms=(freedom,),
+    )
+
+
+def _generic(path: str, joints: Sequence[CoreJoint | JointEdge], twists: Sequence[Twist]) -> Iterator[UsdJoint]:
+    """A generic joint, or several where a slide comes after a turn about another axis."""
+    groups: list[list[int]] = [[]]
+    for k, twist in enumerate(twists):
+        if not twist.turns and any(twists[other].turns and not _parallel(twists[other].axis, twist.axis) for other in groups[-1]):
+            groups.append([])
+        groups[-1].append(k)
+    for group in groups:
+        if len(twists) > 1 and len(group) == 1:
+            yield _single(joints[group[0]].path, joints[group[0]], twists[group[0]])
+        else:
+            yield _several(path, [joints[k] for k in group], [twists[k] for k in group])
+
+
+def _several(path: str, joints: Sequence[CoreJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
+    """One joint with all of the coordinates, whose axes are parallel or at right angles."""
+    anchor = next((twist.anchor for twist in twists if twist.turns), twists[0].anchor)
+    directions: list[Vector] = []
+    for twist in twists:
+        if not any(_parallel(twist.axis, one) for one in directions):
+            directions.append(twist.axis)
+    letters = LETTERS[len(directions)]
+    freedoms = []
+    for joint, twist in zip(joints, twists, strict=True):
+        letter = next(letter for letter, one in zip(letters, directions, strict=True) if _parallel(twist.axis, one))
+        freedoms.append(Freedom(name=f"{'rot' if twist.turns else 'trans'}{letter}", joint=joint))
+        if twist.pitch:
+            freedoms.append(Freedom(name=f"trans{letter}", joint=joint, ratio=twist.pitch))
+    return UsdJoint(path=path, type="D6", frame=_frame(directions, anchor), freedoms=tuple(freedoms))
+
+
+def _frame(directions: Sequence[Vector], anchor: Vector) -> Pose:
+    """The frame whose axes (`LETTERS`) lie in the directions."""
+    if len(directions) == 1:
+        return along(directions[0], anchor)
+    x, y = directions[:2]
+    rows: Matrix = (x, y, cross(x, y))
+    return shifted(*anchor) if rows == IDENTITY else Pose(rotation=transpose(rows), translation=anchor)
+
+
+def _parallel(a: Vector, b: Vector) -> bool:
+    return dot(a, b) > 1.0 - PARALLEL

@@ -1,0 +1,160 @@
+"""Raw attributes of USD: what `raw: {usd: ...}` lays over the prims of links and joints, and over the scene.
+
+    joint: {crane.swing: {"physics:breakForce": 20.0}}            an attribute of a joint; of a link the same
+    scene: {"token physxScene:solverType": TGS}                   of the scene; with its type, where the value does not tell it
+    link: {crane.boom: {apiSchemas: PhysxRigidBodyAPI}}           schemas that are applied besides ours
+
+Names, types and values are checked here; what a reader makes of the rest nobody asks.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Sequence
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.shown import shown
+from thingc.base.typos import did_you_mean
+from thingc.model.assembly.types import Assembly
+from thingc.model.resolve.model import RawAttribute
+from thingc.targets.raw import Fault, in_files
+from thingc.targets.usd.model import JOINTS, SCENE
+from thingc.targets.usd.usda import FLOAT_MAX, Prim, listed, quoted, several
+from thingc.targets.xml import NO_CHARACTER, number
+
+KINDS = ("joint", "link", SCENE)
+"""What attributes may be of; links and joints have names."""
+
+SCHEMAS = "apiSchemas"
+"""The key of the schemas that are applied: no attribute."""
+
+TYPES = ("bool", "int", "float", "double", "string", "token")
+"""Types of attributes; of each there are arrays (`int[]`), of numbers vectors, too (`float3`)."""
+
+_NAME = r"[A-Za-z_]\w*(?::[A-Za-z_]\w*)*"
+_KEY = re.compile(rf"(?:(\S+) )?({_NAME})", re.ASCII)
+_TYPE = re.compile(rf"(?:({'|'.join(TYPES)})(\[\])?|(int|float|double)([234]))")
+_WRITTEN = re.compile(rf"((?:uniform )?\S+) ({_NAME}) = ", re.ASCII)
+_INT_MAX = 2**31 - 1
+
+
+def lay(assembly: Assembly, models: Sequence[Prim], report: Report) -> None:
+    """Lay the raw attributes over the default prims of the chosen modes. What has no place in any of them, or is no value of its type, is
+    reported where it is written."""
+    for attribute in assembly.raw:
+        if attribute.target == "usd":
+            fault = _fault(attribute, models) or next(filter(None, (_laid(attribute, prim) for prim in _prims(attribute, models))), None)
+            if fault is not None:
+                message, hint, key = fault
+                report.add(Code.RAW_UNKNOWN, message, attribute.at_key(key), help=hint, path=attribute.dotted)
+
+
+def _fault(attribute: RawAttribute, models: Sequence[Prim]) -> Fault | None:
+    """What is wrong with what a path names."""
+    path = attribute.path
+    if path[0] not in KINDS:
+        return f"raw attributes of `{path[0]}` are not known in `usd`", did_you_mean(path[0], KINDS, what="kinds of prims"), 0
+    if len(path) != (2 if path[0] == SCENE else 3):
+        form = f"{SCENE}: {{ATTRIBUTE: VALUE}}" if path[0] == SCENE else f"{path[0]}: {{NAME: {{ATTRIBUTE: VALUE}}}}"
+        return f"`{attribute.dotted}` should name one attribute", f"write `{form}`", 0
+    if models and not _prims(attribute, models):
+        known = {prim.name for model in models for prim in _all(path[0], model)}
+        return f"`usd` has no {path[0]} `{path[1]}`", did_you_mean(path[1], known, what=f"{path[0]}s"), 1
+    return None
+
+
+def _prims(attribute: RawAttribute, models: Sequence[Prim]) -> list[Prim]:
+    """The prims that an attribute is of."""
+    kind, name = attribute.path[0], in_files(attribute.path[1])
+    return [prim for model in models for prim in _all(kind, model) if kind == SCENE or prim.name == name]
+
+
+def _all(kind: str, model: Prim) -> list[Prim]:
+    """All prims of a kind."""
+    if kind == "joint":
+        return [joint for holder in model.children if holder.name == JOINTS for joint in holder.children]
+    return [child for child in model.children if (child.name == SCENE if kind == SCENE else "PhysicsRigidBodyAPI" in child.schemas)]
+
+
+def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
+    """Lay an attribute over a prim, or say why not."""
+    key, value, last = attribute.path[-1], json.loads(attribute.value), len(attribute.path)
+    strange = NO_CHARACTER.search("".join(one for one in (value if isinstance(value, list) else [value]) if isinstance(one, str)))
+    if strange is not None:
+        return f"a text of USD has no character `{shown(strange[0])}`", "leave it out", last
+    if key == SCHEMAS:
+        schemas = value if isinstance(value, list) else [value]
+        if not all(isinstance(one, str) and re.fullmatch(_NAME, one, re.ASCII) for one in schemas):
+            return f"`{SCHEMAS}` are names of schemas", "write for example `[PhysxJointAPI]`", last
+        prim.schemas += [one for one in dict.fromkeys(schemas) if one not in prim.schemas]
+        return None
+    if (named := _KEY.fullmatch(key)) is None:
+        hint = "write its name, `physics:breakForce`, or its type and its name, `token physxScene:solverType`"
+        return f"`{key}` cannot be an attribute in USD", hint, last - 1
+    type, name = named.groups()
+    place, written = next(
+        ((place, match[1]) for place, line in enumerate(prim.properties) if (match := _WRITTEN.match(line)) and match[2] == name),
+        (len(prim.properties), None),
+    )
+    if written == "rel":
+        return f"`{name}` names other prims, and is no attribute", "say in the document's own words what it names", last - 1
+    if type is None:
+        type = (written or _type_of(value)).removeprefix("uniform ")
+    elif written is not None and type != written.removeprefix("uniform "):
+        return f"`{name}` is a `{written.removeprefix('uniform ')}`, and no `{type}`", "leave out the type", last - 1
+    elif _TYPE.fullmatch(type) is None:
+        types = ", ".join(f"`{one}`" for one in (*TYPES, "int[]", "float3"))
+        return f"`{type}` is no type of raw attributes", f"write one of {types}", last - 1
+    literal = _literal(type, value)
+    if literal is None:
+        return f"`{shown(attribute.value)}` is no `{type}`", _expected(type), last
+    prim.properties[place : place + 1] = [f"{written or type} {name} = {literal}"]
+    return None
+
+
+def _type_of(value: object) -> str:
+    """The type of an attribute that has this value; of a list the first that fits all of it."""
+    if isinstance(value, list):
+        return next((f"{type}[]" for type in ("bool", "int", "float", "string") if _literal(f"{type}[]", value) is not None), "float[]")
+    return {bool: "bool", int: "int", str: "string"}.get(type(value), "float")
+
+
+def _literal(type: str, value: object) -> str | None:
+    """A value as USD writes it; None where it is none of the type."""
+    scalar, size = type.removesuffix("[]"), None
+    if type == "vector3f":
+        scalar, size = "float", 3
+    elif type[-1] in "234":
+        scalar, size = type[:-1], int(type[-1])
+    if scalar == type:
+        return _scalar(scalar, value)
+    texts = [_scalar(scalar, one) for one in value] if isinstance(value, list) else [None]
+    if not all(text is not None for text in texts) or size not in (None, len(texts)):
+        return None
+    return listed(filter(None, texts)) if size is None else several(value if isinstance(value, list) else ())
+
+
+def _scalar(type: str, value: object) -> str | None:
+    match value:
+        case bool():
+            return str(int(value)) if type == "bool" else None
+        case str():
+            return quoted(value) if type in ("string", "token") else None
+        case int() if type == "int":
+            return str(value) if abs(value) <= _INT_MAX else None
+        case int() | float() if type in ("float", "double"):
+            return number(value) if abs(value) <= (FLOAT_MAX if type == "float" else sys.float_info.max) else None
+    return None
+
+
+def _expected(type: str) -> str:
+    """What to write for a value of a type."""
+    one = {
+        "bool": "true or false", "int": f"a whole number, {_INT_MAX} at most", "string": "text", "token": "text",
+        "double": "a number", "float": f"a number, {FLOAT_MAX:.3g} at most",
+    }
+    if type[-1] in "234" or type == "vector3f":
+        return f"write a list of {3 if type == 'vector3f' else type[-1]} numbers"
+    return f"write a list, each {one[type.removesuffix('[]')]}" if type.endswith("[]") else f"write {one[type]}"

@@ -1,9 +1,0 @@
-"""Running the tests that a document states of its robot: `thingc test`."""
-
-from __future__ import annotations
-
-from thingc.checks.outcome import Outcome
-from thingc.testing.results import Result
-from thingc.testing.running import Selection, run
-
-__all__ = ["Outcome", "Result", "Selection", "run"]

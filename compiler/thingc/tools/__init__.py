@@ -1,0 +1,1 @@
+"""Commands, the language server, importers and reports."""

@@ -1,0 +1,112 @@
+"""`thingc check --fix`: mends in the documents what can only have meant one thing, then says what is left."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from thingc.base.brief import counted
+from thingc.base.diagnostics import Diagnostic, Report, shown_path
+from thingc.base.replacement import replace_files
+from thingc.documents.format.autofix import Looked, TextEdit, autofix
+from thingc.documents.load.paths import DOCUMENT_SUFFIXES
+from thingc.documents.workspace import Workspace
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.driver.pipeline import Compilation
+from thingc.tools.cli import common
+
+ReportOf = Callable[[Environment, Compilation], Report]
+
+
+def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Options, report_of: ReportOf) -> int:
+    """Exit code 0 when nothing is left that is wrong with any of the `documents` (with `--diff`: would be left). `report_of`: what a check
+    says."""
+    try:
+        if not arguments.fix:
+            raise common.WrongCommandLine("--diff belongs to --fix", "write `thingc check --fix --diff`")
+        if arguments.no_code:
+            raise common.WrongCommandLine("--fix and --no-code do not go together", "mend documents that you trust")
+    except common.WrongCommandLine as fault:
+        return _say(arguments, [fault.diagnostic], [])
+    disk = _Disk()
+    texts: dict[str, bytes] = {}
+    mended: list[TextEdit] = []
+    diagnostics: list[Diagnostic] = []
+    for document in common.present(documents, diagnostics):
+        done, texts, left = _autofix(document, replace(options, lock=True), texts, disk, report_of, strict=arguments.strict)
+        mended += done
+        diagnostics.extend(d for d in left if d not in diagnostics)
+    if not arguments.diff:
+        replace_files({file: (disk.known[file], data) for file, data in sorted(texts.items())})
+    elif arguments.format == "text":
+        _print_diff(texts, disk)
+        places = counted(len(mended), "place")
+        common.say(f"{places} would be mended, {counted(len(diagnostics), 'diagnostic')} would be left")
+        return common.exit_code(diagnostics)
+    return _say(arguments, diagnostics, mended)
+
+
+def _autofix(
+    document: str, options: Options, texts: Mapping[str, bytes], disk: _Disk, report_of: ReportOf, *, strict: bool
+) -> tuple[list[TextEdit], dict[str, bytes], Sequence[Diagnostic]]:
+    spaces: list[Workspace] = []
+
+    def look(contents: Mapping[str, bytes]) -> Looked:
+        with Environment(document, replace(options, texts=contents)) as environment:
+            compilation = pipeline.check(environment)
+            report = report_of(environment, compilation)
+        if environment.workspace is not None:
+            spaces.append(environment.workspace)
+        read = () if compilation.documents is None else tuple(compilation.documents.by_path.values())
+        return Looked(found=common.final(report, strict=strict), documents=read)
+
+    def allowed(file: str) -> bool:
+        return file.lower().endswith(DOCUMENT_SUFFIXES) and bool(spaces) and spaces[-1].contains(file)
+
+    return autofix(look, texts, allowed, disk.read)
+
+
+class _Disk:
+    """Files as they were when they were first read."""
+
+    def __init__(self) -> None:
+        self.known: dict[str, bytes | None] = {}
+
+    def read(self, file: str) -> bytes | None:
+        """The bytes of a file, None where it cannot be read."""
+        if file not in self.known:
+            self.known[file] = _bytes(file)
+        return self.known[file]
+
+
+def _bytes(file: str) -> bytes | None:
+    try:
+        with open(file, "rb") as stream:
+            return stream.read()
+    except OSError:
+        return None
+
+
+def _say(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], mended: Sequence[TextEdit]) -> int:
+    rows = [
+        {"file": shown_path(one.file), "line": one.line, "written": one.written, "replacement": one.replacement} for one in mended
+    ]
+    if arguments.format == "text":
+        for one in mended:
+            common.say(f"{shown_path(one.file)}:{one.line}: mended `{one.written}` -> `{one.replacement}`")
+        if not mended and any(d.fixes for d in diagnostics):
+            common.say("nothing is mended: a change is made where it can have meant one thing only and leaves fewer faults")
+        if diagnostics and (mended or any(d.fixes for d in diagnostics)):
+            common.say("")
+    common.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, mended=rows)
+    if arguments.format == "text" and not diagnostics:
+        common.say(f"{counted(len(mended), 'place')} mended, nothing is left")
+    return common.exit_code(diagnostics)
+
+
+def _print_diff(texts: Mapping[str, bytes], disk: _Disk) -> None:
+    for file, data in sorted(texts.items()):
+        common.say_diff(shown_path(file), *(one.decode("utf-8-sig") for one in (disk.read(file) or b"", data)))

@@ -1,0 +1,381 @@
+"""`thingc batch`: every variant of a `variants/1` document, each as `thingc build` would write it."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.brief import counted
+from thingc.base.diagnostics import Diagnostic, shown_path
+from thingc.batch.chunks import CHUNK
+from thingc.batch.folder import FOLDERS, PACKED
+from thingc.batch.pictures import ALL, MANY, MOST
+from thingc.driver.environment import Options
+from thingc.tools.cli import common
+from thingc.tools.cli.interrupts import INTERRUPTED
+
+if TYPE_CHECKING:
+    from thingc.batch.forecast import Forecast
+    from thingc.batch.planning import Plan
+    from thingc.batch.progress import Progress, Summary
+
+EPILOG = """\
+Writes build/NAME/ (or DIR/NAME/): a folder for each variant in variants/, their meshes once in assets/, the tables results.csv and
+results.parquet, and the page index.html. Stopped at any moment, it goes on with --resume. More than 2000 variants are packed: 1024
+of them are a file in chunks/, and --unpack makes a folder of one.
+
+  thingc batch leg_sweep.yaml --dry-run
+  thingc batch leg_sweep.yaml
+  thingc batch leg_sweep.yaml --limit 100 --emit mjcf -o /data/robots
+  thingc batch leg_sweep.yaml --resume
+"""
+VERIFY = {"some": 64, "all": 1, "none": 0}
+"""Of how many models MuJoCo is asked about one, by the words for it."""
+PAUSE = 30.0
+"""How often [s] progress is said where standard error is no terminal."""
+STATUSES = {"built": "built", "kept_out": "kept out", "refused": "refused", "failed": "failed"}
+"""How statuses are spoken."""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `batch`."""
+    parser.epilog = EPILOG
+    parser.add_argument("document", metavar="DOC", help="a document of variants (YAML or TOML)")
+    parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
+    parser.add_argument(
+        "--emit", metavar="T", action="append", default=[], help="only this target (may be repeated; default: those of the document)",
+    )
+    parser.add_argument("--limit", metavar="N", type=common.positive, help="only the first N variants")
+    parser.add_argument("--resume", action="store_true", help="go on with a batch that was stopped")
+    parser.add_argument("--retry", action="store_true", help="with --resume: build variants again that failed")
+    parser.add_argument("--adopt", metavar="ID", help="write what one variant says into the assembly document, and build nothing")
+    parser.add_argument("--unpack", metavar="ID", help="write the folder of one variant of a packed batch, and build nothing")
+    parser.add_argument("--dry-run", action="store_true", help="say what would be built, and write nothing")
+    parser.add_argument(
+        "--layout", choices=(FOLDERS, PACKED),
+        help="a folder for each variant, or many variants in a file (default: that of the document, else packed for more than 2000)",
+    )
+    parser.add_argument("--timeout", metavar="TIME", help="longest time for one variant (default: '10 min')")
+    parser.add_argument(
+        "--cluster", metavar="ADDRESS", help="build on other machines: tcp://HOST:8786 (dask) or slurm:partition=NAME,cpus=8",
+    )
+    parser.add_argument(
+        "--ship", action="store_true", help="with --cluster: its machines share no folder with this one; files go there and back",
+    )
+    parser.add_argument("--pictures", metavar="N", type=_pictures,
+                        help="pictures on the batch's page: so many, `none` or `all` (default: 48, and none of more than 200 variants)")
+    parser.add_argument("--page-only", action="store_true", help="write the page of a batch anew, and build nothing")
+    parser.add_argument(
+        "--verify", choices=tuple(VERIFY), default="some",
+        help="the models that MuJoCo is asked about: all, none, or the first and every 64th of those that differ in numbers only (default)",
+    )
+    common.add_format(parser)
+    common.add_geometry(parser, jobs="variants built at once")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 when every variant was built or kept out by a rule."""
+    from thingc.batch import BatchFault, Interrupted, PlanError
+
+    try:
+        common.require_document(arguments.document)
+        options = replace(common.options_of(arguments), progress=None)
+        if arguments.ship and arguments.cluster is None:
+            raise common.WrongCommandLine("--ship says how files get to other machines, and there are none", "add --cluster tcp://HOST:8786")
+        exclusive = ("--adopt", "--dry-run", "--page-only", "--unpack", "--resume")
+        said = [option for option in exclusive if getattr(arguments, option[2:].replace("-", "_"))]
+        if len(said) > 1:
+            raise common.WrongCommandLine(f"{said[0]} builds nothing, and {said[1]} asks for something else", "leave one of them out")
+        timeout = None if arguments.timeout is None else common.time_of("--timeout", arguments.timeout)
+        targets = _targets(arguments.emit)
+        if arguments.adopt is not None:
+            return _adopt(arguments, options)
+        if arguments.unpack is not None:
+            return _unpack(arguments, options)
+        if arguments.dry_run:
+            return _forecast(arguments, options, targets)
+        if arguments.page_only:
+            return _page(arguments, options)
+        summary = _build(arguments, options, targets, timeout)
+    except PlanError as fault:
+        return _refuse(arguments, fault.diagnostics)
+    except BatchFault as fault:
+        common.say_in_place()
+        return _refuse(arguments, [fault.diagnostic])
+    except Interrupted as fault:
+        common.say_in_place()
+        done = f"{fault.done} of {counted(fault.count, 'variant')} are done"
+        common.say(f"interrupted: {done}; go on with: {_again(arguments)}", stream=sys.stderr)
+        return INTERRUPTED
+    return _answer(arguments, summary)
+
+
+def _again(arguments: argparse.Namespace) -> str:
+    """The command that goes on with a batch: with everything that was said of it."""
+    pictures = {ALL: "all", 0: "none"}.get(arguments.pictures, arguments.pictures)
+    said = {
+        "-o": arguments.output, "--limit": arguments.limit, "--layout": arguments.layout, "--timeout": arguments.timeout,
+        "--cluster": arguments.cluster, "--pictures": pictures, "--verify": arguments.verify if arguments.verify != "some" else None,
+        "--store": arguments.store, "--jobs": arguments.jobs or None, "--part-timeout": arguments.part_timeout,
+    }
+    words = ["thingc", "batch", arguments.document, *(word for target in arguments.emit for word in ("--emit", target))]
+    words += [str(word) for option, value in said.items() if value is not None for word in (option, value)]
+    flags = {"--ship": arguments.ship, "--resume": True, "--retry": arguments.retry}
+    return shlex.join([*words, *(flag for flag, said in flags.items() if said)])
+
+
+def _targets(words: Sequence[str]) -> tuple[str, ...]:
+    """The targets chosen, none where none is named. Raises `WrongCommandLine`."""
+    from thingc.targets import chosen, unknown
+
+    for _, message, hint in unknown(words):
+        raise common.WrongCommandLine(message, hint)
+    return chosen(words) if words else ()
+
+
+def _build(
+    arguments: argparse.Namespace, options: Options, targets: tuple[str, ...], timeout: float | None,
+) -> Summary:
+    import contextlib
+    import os
+
+    from thingc.batch.batch import TIMEOUT, run
+    from thingc.batch.cluster import connect
+
+    with contextlib.ExitStack() as leaving:
+        cluster = None
+        if arguments.cluster is not None:
+            own = os.path.abspath(os.path.join(arguments.output or ".", f".thingc-jobs-{os.getpid()}"))
+            cluster = leaving.enter_context(connect(arguments.cluster, jobs=options.jobs, folder=own))
+        summary = run(
+            arguments.document, output=arguments.output, executor=cluster, jobs=options.jobs, emit=targets, limit=arguments.limit,
+            resume=arguments.resume, timeout=timeout or TIMEOUT, verify=VERIFY[arguments.verify], options=options,
+            on_progress=_Show() if arguments.format == "text" else None, pictures=arguments.pictures,
+            on_picture=_draw if arguments.format == "text" else None, ship=arguments.ship, retry=arguments.retry,
+            layout=arguments.layout,
+        )
+    common.say_in_place()
+    return summary
+
+
+class _Show:
+    """One line that counts, on a terminal; else a line now and then."""
+
+    def __init__(self) -> None:
+        self.said = time.monotonic()
+
+    def __call__(self, progress: Progress) -> None:
+        """Show how far a batch is."""
+        counts = ", ".join(f"{count} {STATUSES[status]}" for status, count in sorted(progress.counts.items())) or "none yet"
+        left = progress.left
+        estimate = f", {_time(left)} left" if left is not None else ""
+        line = f"{progress.done} of {counted(progress.count, 'variant')} ({counts}); {progress.rate:.3g} a second{estimate}"
+        if sys.stderr.isatty():
+            common.say_in_place(line)
+        elif time.monotonic() - self.said >= PAUSE:
+            self.said = time.monotonic()
+            common.say(line, stream=sys.stderr)
+
+
+def _draw(done: int, count: int) -> None:
+    """How many pictures are drawn, on a terminal."""
+    common.say_in_place(f"{done} of {counted(count, 'picture')}")
+
+
+def _page(arguments: argparse.Namespace, options: Options) -> int:
+    from thingc.batch.showing import show_again
+
+    path, warning = show_again(
+        arguments.document, output=arguments.output, pictures=arguments.pictures, jobs=options.jobs, options=options,
+        on_picture=_draw if arguments.format == "text" else None,
+    )
+    common.say_in_place()
+    diagnostics = [warning] if warning is not None else []
+    if arguments.format == "json":
+        common.print_json(diagnostics, page=shown_path(path))
+    else:
+        common.print_text(diagnostics, stream=sys.stderr, debug=False)
+        common.say(shown_path(path), stream=sys.stderr)
+    return 0
+
+
+def _pictures(text: str) -> int:
+    """How many pictures `--pictures` asks for."""
+    if text in ("none", "all"):
+        return 0 if text == "none" else ALL
+    try:
+        return common.positive(text)
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(f"expected a whole number from 1, `none` or `all`, found `{text}`") from None
+
+
+def _time(seconds: float) -> str:
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
+def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
+    code = 1 if summary.statuses.get("refused") or summary.statuses.get("failed") else 0
+    if arguments.format == "json":
+        common.print_json(
+            summary.notes, folder=shown_path(summary.folder), layout=summary.layout, count=summary.count, statuses=summary.statuses,
+            modelled=summary.modelled, duplicates=summary.duplicates, losses=summary.losses,
+        )
+        return code
+    common.print_text(summary.notes, stream=sys.stderr, debug=False)
+    counts = ", ".join(f"{summary.statuses[status]} {spoken}" for status, spoken in STATUSES.items() if status in summary.statuses)
+    earlier = f" ({summary.before} of them before)" if summary.before else ""
+    modelled = f"{counted(summary.modelled, 'part')} modelled"
+    lines = [f"{shown_path(summary.folder)}: {counted(summary.count, 'variant')}{earlier}: {counts}; {modelled}"]
+    lines += [f"{summary.duplicates} more are equal to one of these"] if summary.duplicates else []
+    if summary.lossy:
+        number = counted(sum(summary.losses.values()), "thing")
+        how = common.losses_in_words(summary.losses)
+        lines.append(f"{counted(summary.lossy, 'variant')} with targets that cannot say {number} ({how}): see `losses` in the table")
+    lines += _packed(arguments, summary) + _unpictured(arguments, summary.count)
+    lines += _complaints(summary.folder) if code else []
+    common.say(*lines, stream=sys.stderr)
+    return code
+
+
+def _packed(arguments: argparse.Namespace, summary: Summary) -> list[str]:
+    """What to type for the folder of a variant where there are none."""
+    if summary.layout != PACKED:
+        return []
+    command = f"thingc batch {shlex.quote(arguments.document)}{_where(arguments)} --unpack ID"
+    return [f"the variants are packed, {CHUNK} to a file; the folder of one: {command}"]
+
+
+def _where(arguments: argparse.Namespace) -> str:
+    return f" -o {shlex.quote(arguments.output)}" if arguments.output is not None else ""
+
+
+def _unpictured(arguments: argparse.Namespace, count: int) -> list[str]:
+    """What to type for pictures where there are none because of how many variants there are."""
+    if arguments.pictures is not None or count <= MANY:
+        return []
+    command = f"thingc batch {shlex.quote(arguments.document)}{_where(arguments)} --page-only --pictures {MOST}"
+    return [f"the page of more than {MANY} variants has no pictures unless they are asked for: {command}"]
+
+
+def _complaints(folder: str) -> list[str]:
+    """One line for each code with which variants were refused or failed: how many, and what was said of the first."""
+    from thingc.batch.records import in_order
+
+    first: dict[str, dict[str, Any]] = {}
+    counts: dict[str, int] = {}
+    for line in in_order(folder):
+        if line["status"] in ("refused", "failed"):
+            counts[line["code"]] = counts.get(line["code"], 0) + 1
+            first.setdefault(line["code"], line)
+    return [f"{code} ({counts[code]}), first `{line['name']}`: {line['message']}" for code, line in sorted(first.items())]
+
+
+def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]) -> int:
+    from thingc.batch.forecast import forecast
+    from thingc.batch.reading import plan
+
+    planned = plan(arguments.document, options=options)
+    if targets:
+        planned = replace(planned, emit=targets)
+    foreseen = forecast(planned, options, arguments.limit)
+    if arguments.format == "json":
+        common.print_json(
+            planned.notes, count=foreseen.count, of=planned.count, duplicates=planned.written - planned.count,
+            axes=[{"name": axis.key, "values": len(axis.values) or None} for axis in planned.axes], failing=foreseen.failing,
+            looked_at=foreseen.looked_at, unsound=foreseen.unsound, parts=foreseen.parts, modelled=foreseen.parts - foreseen.known,
+            reused=foreseen.known,
+            first=[{"index": one.index, "id": one.id, "name": one.name, "parameters": one.parameters, "choices": one.choices}
+                   for one in foreseen.first],
+        )
+        return 0
+    common.print_text(list(planned.notes), stream=sys.stderr, debug=False)
+    common.say(*_told(planned, foreseen))
+    return 0
+
+
+def _unpack(arguments: argparse.Namespace, options: Options) -> int:
+    """Write the folder of one variant, and say where it is."""
+    from thingc.batch.folder import begun, in_words, locked
+    from thingc.batch.loading import FamilyError, load
+    from thingc.batch.reading import plan
+
+    planned = plan(arguments.document, options=options)
+    folder = planned.folder_in(arguments.output)
+    begun(planned.relative, folder, "build it first, without --unpack")
+    try:
+        with locked(folder):
+            common.say(shown_path(load(folder)[arguments.unpack].unpack()))
+    except FamilyError as fault:
+        raise common.WrongCommandLine(str(fault), "the identifiers stand in results.csv") from fault
+    except OSError as fault:
+        raise in_words(folder, fault) from fault
+    return 0
+
+
+def _adopt(arguments: argparse.Namespace, options: Options) -> int:
+    """Write the settings of a variant into the document of the assembly, as `thingc set` does."""
+    from thingc.batch.adopting import meant
+    from thingc.batch.reading import plan
+    from thingc.tools.cli.set import write
+
+    planned = plan(arguments.document, options=options)
+    adopted = meant(planned, arguments.adopt, planned.folder_in(arguments.output))
+    if adopted is None:
+        raise common.WrongCommandLine(
+            f"`{planned.name}` has no variant `{arguments.adopt}`",
+            "the identifiers stand in results.csv, and `--dry-run` says the first of them",
+        )
+    variant, rule = adopted
+    if rule is not None:
+        common.say(f"{variant.name} does not keep the rule `{rule}`", stream=sys.stderr)
+    settings = {**variant.parameters, **variant.choices}
+    if not settings:
+        common.say(f"{variant.id} is what {planned.assembly_relative} says")
+        return 0
+    return write(shown_path(planned.assembly), settings, options, arguments)
+
+
+def _told(planned: Plan, forecast: Forecast) -> list[str]:
+    """A forecast for people."""
+    all_of_them = counted(planned.count, "variant")
+    some = f"{forecast.count} of {all_of_them}" if forecast.count != planned.count else all_of_them
+    lines = [f"{planned.name}: {some} of {planned.assembly_relative}; modes {', '.join(planned.modes)}; "
+             f"targets {', '.join(planned.emit)}"]
+    for axis in planned.axes:
+        if axis.range is not None:
+            lines.append(f"  {axis.key}: {axis.range[0]} to {axis.range[1]}{', whole numbers' if axis.whole else ''}")
+        else:
+            shown = ", ".join(str(value).lower() if isinstance(value, bool) else str(value) for value in axis.values[:6])
+            lines.append(f"  {axis.key}: {shown}{f' and {len(axis.values) - 6} more' if len(axis.values) > 6 else ''}")
+    duplicates = planned.written - planned.count
+    if duplicates:
+        lines.append(f"{duplicates} more are equal to one of these")
+    lines.extend(f"{count} fail the rule `{rule}`" for rule, count in forecast.failing.items())
+    if forecast.looked_at < forecast.left:
+        lines.append(f"of {forecast.looked_at}, drawn from the {forecast.left} that are left:")
+    for code, count in sorted(forecast.unsound.items()):
+        name, wrong = forecast.examples[code]
+        lines.append(f"{count} would be refused: {code} ({wrong.code.title}), first `{name}`: {wrong.message}")
+    lines.append(f"models {counted(forecast.parts - forecast.known, 'part')}, reuses {forecast.known}")
+    for one in forecast.first:
+        settings = {**one.parameters, **one.choices}
+        shown = ", ".join(f"{name}={text}" for name, text in settings.items()) or "as the assembly says"
+        lines.append(f"  {one.id} {one.name}: {shown}{' (kept out)' if one.failed else ''}")
+    if forecast.count > len(forecast.first):
+        lines.append("  ...")
+    return lines
+
+
+def _refuse(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic]) -> int:
+    common.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug)
+    return common.exit_code(diagnostics)
+
+
+

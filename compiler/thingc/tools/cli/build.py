@@ -1,0 +1,165 @@
+"""`thingc build`: the whole way, from a document to a folder of artifacts."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import sys
+import textwrap
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from thingc.base.brief import counted
+from thingc.base.diagnostics import Diagnostic, shown_path
+from thingc.base.shown import quoted
+from thingc.driver import building, dependencies, pipeline, stamp
+from thingc.driver.building import Built, Wish
+from thingc.driver.environment import Environment, Options, attempted, store_of
+from thingc.driver.output import OutputError, build_folder, listed, unswept, verify
+from thingc.driver.pipeline import UnknownChoice
+from thingc.geometry.store.local import Store
+from thingc.targets.artifact import CARRIED, counts_of
+from thingc.tools.cli import common
+from thingc.tools.cli.targets import add_building, chosen_targets, in_words
+
+EPILOG = """\
+{about}
+
+  thingc build assemblies/arm.yaml
+  thingc build assemblies/arm.yaml --mode bench --mode drawing --emit mjcf
+  thingc build assemblies/arm.yaml --compat mjx
+  thingc build assemblies/arm.yaml -p 'reach=120 mm' -o variants
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `build`."""
+    about = f"Everything appears at once in build/NAME/ (or DIR/NAME/), or nothing does. {in_words()}"
+    parser.epilog = EPILOG.format(about=textwrap.fill(about, 120))
+    common.add_document(parser)
+    add_building(parser)
+    parser.add_argument(
+        "--twice", action="store_true", help="to debug parts: model each two times, whatever the store has; one that differs is an error"
+    )
+    common.add_format(parser, common.FINDINGS)
+    common.add_compiling(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 when the folder was written, or already holds what it should."""
+    try:
+        common.require_document(arguments.document)
+        options = common.options_of(arguments)
+        targets, diagnostics = chosen_targets(arguments)
+        answer = None
+        if not diagnostics:
+            options = replace(options, ahead=pipeline.modules_of_build(targets))
+            diagnostics, answer = _build(arguments, options, targets)
+    except (UnknownChoice, OutputError, common.WrongCommandLine) as fault:
+        diagnostics, answer = [common.of_exception(fault)], None
+    more: dict[str, list[str]] = {"artifacts": [], "modelled": [], "reused": []}
+    if answer is not None:
+        artifacts = [shown_path(os.path.join(answer["folder"], path)) for path in answer["artifacts"]]
+        more = {"artifacts": artifacts, "modelled": answer["modelled"], "reused": answer["reused"]}
+    common.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug, **more)
+    if answer is not None and arguments.format != "json":
+        tell(answer, arguments)
+    return common.exit_code(diagnostics)
+
+
+def _build(
+    arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]
+) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
+    """What there is to say, and the answer where the build succeeded; from the stamp of an earlier build where nothing has changed.
+    Raises `UnknownChoice` and `OutputError`."""
+    key = stamp.key_of("build", arguments.document, {
+        "parameters": dict(options.parameters), "choices": dict(options.choices), "modes": arguments.mode, "targets": targets,
+        "compat": options.compat, "strict": arguments.strict,
+        "output": os.path.abspath(arguments.output) if arguments.output else None, "deny_loss": arguments.deny_loss,
+    })
+    store = store_of(options)
+    earlier = stamp.load(store, key) if not arguments.twice else None
+    if earlier is not None:
+        said, answer = earlier
+        if _stands(answer, store):
+            parts = sorted({*answer["reused"], *answer["modelled"]})
+            return said, {**answer, "modelled": [], "reused": parts, "unchanged": True}
+    return attempted(arguments.document, options, partial(_built, wish_of(arguments, targets), key))
+
+
+def wish_of(arguments: argparse.Namespace, targets: tuple[str, ...]) -> Wish:
+    """What the command line wishes the build to be."""
+    return Wish(
+        targets=targets, modes=arguments.mode, output=arguments.output, strict=arguments.strict,
+        deny_loss=arguments.deny_loss, force=arguments.force, twice=getattr(arguments, "twice", False),
+    )
+
+
+def _built(wish: Wish, key: str, environment: Environment) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
+    """Build, write, and remember it under `key`."""
+    built = building.build(environment, wish)
+    diagnostics = list(built.diagnostics)
+    if built.files is None:
+        return diagnostics, None
+    before = listed(build_folder(*built.place))
+    folder = building.write(environment, built, wish, common.say_waiting)
+    if wish.targets and (gone := before - built.files.keys()):
+        common.say(f"{shown_path(folder)}: {counted(len(gone), 'file')} of the build before {'is' if len(gone) == 1 else 'are'} gone, "
+                   f"{_some(gone)}: a build holds what its --emit asks for", stream=sys.stderr)
+    answer = {
+        **answer_of(built, folder), "place": built.place, "manifest": stamp.state_of(os.path.join(folder, "manifest.json")),
+    }
+    stamp.save(environment.store, key, dependencies.inputs(environment, built.compilation), diagnostics, answer)
+    return diagnostics, {**answer, "twice": built.twice}
+
+
+def _some(paths: Collection[str]) -> str:
+    """`sdf/, step/, bom.csv and 2 more`: where files lie in a build folder."""
+    return quoted(sorted({path.partition("/")[0] + ("/" if "/" in path else "") for path in paths}), 4)
+
+
+def answer_of(built: Built, folder: str) -> dict[str, Any]:
+    """What there is to tell of a build that was written."""
+    targets = dict.fromkeys(loss.target for loss in built.losses)
+    lost = {target: counts_of(loss for loss in built.losses if loss.target == target) for target in targets}
+    return {
+        "folder": folder, "artifacts": sorted(built.files or ()), "modelled": built.compilation.modelled,
+        "reused": built.compilation.reused, "losses": lost,
+    }
+
+
+def _stands(answer: Mapping[str, Any], store: Store) -> bool:
+    """Whether the folder that an earlier run wrote is still where it was, and what it wrote, with nothing beside it to be swept away."""
+    folder = answer["folder"]
+    if build_folder(*answer["place"]) != folder or unswept(folder):
+        return False
+    return stamp.state_of(os.path.join(folder, "manifest.json")) == answer["manifest"] and verify(folder, store) is not None
+
+
+def unsaid(counts: Mapping[str, int]) -> str:
+    """`3 things it cannot say (1 omitted, 2 approximated), 4 kept in its files as custom data`: nothing acts on those by itself."""
+    lost = {how: count for how, count in counts.items() if how != CARRIED}
+    carried = counts.get(CARRIED, 0)
+    words = [f"{counted(sum(lost.values()), 'thing')} it cannot say ({common.losses_in_words(lost)})"] if lost else []
+    words += [f"{carried if lost else counted(carried, 'thing')} kept in its files as custom data"] if carried else []
+    return ", ".join(words)
+
+
+def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
+    """What happened, for people, on standard error."""
+    if answer.get("twice"):
+        common.say(f"{counted(answer['twice'], 'part')} modelled twice: equal", stream=sys.stderr)
+    folder = shown_path(answer["folder"])
+    count = len(answer["artifacts"])
+    if answer.get("unchanged"):
+        common.say(f"{folder}: nothing changed ({counted(count, 'file')})", stream=sys.stderr)
+    else:
+        modelled, reused = len(answer["modelled"]), len(answer["reused"])
+        common.say(f"{folder}: {counted(count, 'file')}; {counted(modelled, 'part')} modelled, {reused} reused", stream=sys.stderr)
+    words = shlex.join(["thingc", "why", "--losses", arguments.document, *(f"--emit={word}" for word in arguments.emit),
+                        *(f"--compat={word}" for word in arguments.compat)])
+    for target, counts in answer["losses"].items():
+        common.say(f"{target}: {unsaid(counts)}: {words}", stream=sys.stderr)

@@ -1,0 +1,188 @@
+"""`thingc check`: everything that is wrong, in one run."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+
+from thingc.base.brief import counted
+from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, shown_path
+from thingc.driver import dependencies, pipeline, stamp
+from thingc.driver.environment import Environment, Options, attempted, store_of
+from thingc.driver.pipeline import Compilation
+from thingc.tools.cli import common
+
+EPILOG = """\
+Every key, name, unit, reference, limit and mass of the document and of those it uses, for every mode. Parts are looked
+up in the store; those that are not there are modelled first (in a worker of its own).
+
+  thingc check                                           every document below the working folder
+  thingc check assemblies                                every document below a folder
+  thingc check robot.yaml --fix                          mend misspelt names, units and the like
+  thingc check robot.yaml --format json | jq '.diagnostics[].message'
+  thingc check assemblies/*.yaml --format github         annotations of a pull request
+  thingc check assemblies/*.yaml --format sarif > thingc.sarif
+
+`thingc explain CODE` says more about one of the codes.
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `check`."""
+    parser.epilog = EPILOG
+    parser.add_argument(
+        "document", metavar="DOC", nargs="*",
+        help="an assembly, materials or variants document (YAML or TOML), or a folder with all documents below it (default: this one)",
+    )
+    parser.add_argument(
+        "--touched", action="store_true", help="the words are files that have changed: check the documents that they concern"
+    )
+    parser.add_argument(
+        "--no-code", action="store_true", help="run nothing of the workspace: parts are as parts.lock.json says (see `thingc lock`)"
+    )
+    parser.add_argument(
+        "--time-limit", metavar="TIME", default="5 s", help="with --no-code: longest computing for one document (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--fix", action="store_true", help="mend in the documents what can only have meant one thing, then say what is left"
+    )
+    parser.add_argument("--diff", action="store_true", help="with --fix: write nothing, show what would be mended")
+    common.add_format(parser, common.FINDINGS)
+    common.add_compiling(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 when nothing is wrong with any of the documents."""
+    diagnostics: list[Diagnostic] = []
+    try:
+        options = common.options_of(arguments)
+        if not arguments.document and arguments.touched:
+            raise common.WrongCommandLine("missing: files that have changed", "`git diff --name-only main...` names them")
+        arguments.document = arguments.document or ["."]
+        trusted = arguments.touched and not arguments.no_code
+        documents = concerned(arguments.document, arguments.store) if trusted else arguments.document
+        folders = not arguments.touched and any(os.path.isdir(word) for word in arguments.document)
+        if folders:
+            documents = common.expanded(documents)
+    except common.WrongCommandLine as fault:
+        return _answer(arguments, [fault.diagnostic], [])
+    if arguments.fix or arguments.diff:
+        from thingc.tools.cli.autofix import run_fix
+
+        return run_fix(arguments, documents, options, report_of)
+    if arguments.no_code:
+        return _answer(arguments, *_untrusted(arguments, documents, options), of=len(documents) if folders else None)
+    found = {document: check(document, options, strict=arguments.strict) for document in common.present(documents, diagnostics)}
+    return _answer(arguments, *_merged(found, diagnostics), of=len(documents) if folders else None)
+
+
+def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options: Options) -> tuple[list[Diagnostic], list[str]]:
+    """The findings, and the documents without any, of documents that nobody trusts: each is looked at in a process of its own."""
+    from thingc.tools.cli.confined import confined
+
+    diagnostics: list[Diagnostic] = []
+    found: dict[str, list[Diagnostic]] = {}
+    try:
+        common.refuse_modules_of_others()
+        seconds = common.time_of("--time-limit", arguments.time_limit)
+    except common.WrongCommandLine as fault:
+        return [fault.diagnostic], []
+    if arguments.touched:
+        names = confined(partial(_concerned_without_code, documents), seconds)
+        if isinstance(names, Diagnostic):
+            return [names], []
+        documents = names
+    for document in common.present(documents, diagnostics):
+        answer = confined(partial(_packed, document, options, arguments.strict), seconds)
+        unpacked = [replace(answer, path=document)] if isinstance(answer, Diagnostic) else [stamp.unpacked(one) for one in answer]
+        found[document] = unpacked
+    return _merged(found, diagnostics)
+
+
+def _merged(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]) -> tuple[list[Diagnostic], list[str]]:
+    """All findings behind `diagnostics`, and the documents without any. An allowance that one document needs is needed."""
+    needed = {d.span for said in found.values() for d in said if d.code is Code.UNNEEDED and d.severity is Severity.NOTE}
+    good: list[str] = []
+    for document, said in found.items():
+        held = [d for d in said if d.code is not Code.UNNEEDED or d.span not in needed]
+        diagnostics.extend(d for d in held if d not in diagnostics)
+        if all(d.severity is Severity.NOTE for d in held):
+            good.append(document)
+    return diagnostics, good
+
+
+def findings(environment: Environment, compilation: Compilation, *, strict: bool) -> list[Diagnostic]:
+    """What there is to report about one document, and a note for each allowance that it needs (see `_merged`)."""
+    report = report_of(environment, compilation)
+    needed = sorted((one.where for one in report.needed), key=lambda where: (where.file, where.line, where.column))
+    notes = [Diagnostic(code=Code.UNNEEDED, severity=Severity.NOTE, message="is needed", span=where) for where in needed]
+    return [*common.final(report, strict=strict), *notes]
+
+
+def _concerned_without_code(files: Sequence[str]) -> list[str]:
+    from thingc.tools.affected import touched
+
+    return [shown_path(path) for path in touched([os.path.abspath(file) for file in files], os.getcwd(), None).documents]
+
+
+def without_code(document: str, options: Options, *, strict: bool) -> list[Diagnostic]:
+    """What there is to say about one document when nothing of its workspace may run. Bounds are the caller's business."""
+    with Environment(document, replace(options, lock=True, code=False)) as environment:
+        return findings(environment, pipeline.check(environment), strict=strict)
+
+
+def _packed(document: str, options: Options, strict: bool) -> list[dict[str, object]]:
+    return [stamp.packed(d) for d in without_code(document, options, strict=strict)]
+
+
+def concerned(files: Sequence[str], store: str | None) -> list[str]:
+    """The documents below the working folder that depend on the files, as a person here would name them."""
+    from thingc.tools.cli.touched import documents
+
+    return [shown_path(path) for path in documents(files, store=store)]
+
+
+def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: list[str], of: int | None = None) -> int:
+    """Print what was found; `of` is how many documents were found in folders that were named."""
+    common.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug)
+    if arguments.format == "text":
+        for document in good:
+            common.say(f"{document}: ok")
+        if of is not None:
+            common.say(f"{counted(of, 'document')} checked, {'all' if len(good) == of else len(good)} ok")
+    return common.exit_code(diagnostics)
+
+
+def check(document: str, options: Options, *, strict: bool = False) -> list[Diagnostic]:
+    """What there is to say about one document; from the stamp of an earlier run where nothing has changed."""
+    store = store_of(options)
+    key = stamp.key_of("check", document, {
+        "parameters": dict(options.parameters), "choices": dict(options.choices), "strict": strict,
+    })
+    earlier = stamp.load(store, key)
+    if earlier is not None:
+        return earlier[0]
+
+    def work(environment: Environment) -> list[Diagnostic]:
+        compilation = pipeline.check(environment)
+        diagnostics = findings(environment, compilation, strict=strict)
+        if not compilation.report.failed and compilation.documents is not None and compilation.documents.root.kind != "variants":
+            stamp.save(store, key, dependencies.inputs(environment, compilation), diagnostics, {})
+        return diagnostics
+
+    return attempted(document, replace(options, lock=True), work)
+
+
+def report_of(environment: Environment, compilation: Compilation) -> Report:
+    """What is said of a document that was checked, of variants, too."""
+    if compilation.documents is None or compilation.documents.root.kind != "variants":
+        return compilation.report
+    from thingc.batch.reading import read_plan
+
+    report = Report()
+    read_plan(environment.document, environment.options, report)
+    return report

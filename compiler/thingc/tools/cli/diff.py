@@ -1,0 +1,165 @@
+"""`thingc diff`: what a change of documents, or of the code of parts, does to a robot."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from thingc.base.diagnostics import Code, Diagnostic
+from thingc.base.typos import did_you_mean
+from thingc.tools.cli import common
+
+if TYPE_CHECKING:
+    from thingc.driver.environment import Options
+    from thingc.tools.diff import Asked, Both, BrokenSide, Comparison, Differences
+
+EPILOG = """\
+Meaning, not text: components, joints, mates, parameters, modes, poses, materials, tests, and what follows for masses, geometry,
+mounts, the bill of materials and prints, each with its cause. A new layout of the same robot is no change.
+
+  thingc diff HEAD~3                                the working tree with a revision: the documents that the change concerns
+  thingc diff main..HEAD                            two revisions; nothing is checked out
+  thingc diff main -- assemblies/arm.yaml           of one document
+  thingc diff old.yaml new.yaml                     two documents; also build folders, and parts.lock.json
+  thingc diff main..HEAD --format markdown > comment.md
+  thingc diff main..HEAD --html change.html
+  thingc diff main..HEAD --fail-on mass,joints,tests
+"""
+FORMS = ("text", "json", "markdown")
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `diff`."""
+    parser.epilog = EPILOG
+    parser.set_defaults(behind=[])
+    parser.add_argument(
+        "side", metavar="SIDE", nargs="*",
+        help="the old state, and the new one (default: the working tree): documents, build folders, locks, or revisions of git, also "
+        "OLD..NEW; documents that are compared in both follow --",
+    )
+    parser.add_argument(
+        "--fail-on", metavar="WHAT", action="append", default=[],
+        help="exit with 1 where something of this kind changes: mass, joints, tests, ... (separated by commas; may be repeated)",
+    )
+    parser.add_argument("--no-tests", action="store_true", help="leave the tests of the documents out")
+    parser.add_argument(
+        "--no-code", action="store_true", help="run nothing of the workspace: parts are as parts.lock.json says (see `thingc lock`)"
+    )
+    parser.add_argument(
+        "--time-limit", metavar="TIME", default="20 s", help="with --no-code: longest computing for one document (default: %(default)s)"
+    )
+    parser.add_argument("--html", metavar="FILE", help="also write a page with pictures, and a slider from before to after")
+    parser.add_argument("--pictures", metavar="FOLDER", help="also write pictures: before, after, and what changed in colours")
+    common.add_format(parser, FORMS)
+    common.add_geometry(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0, or 1 where something changed that must not; 1 where a side does not compile."""
+    from thingc.targets.render import NoGraphics
+    from thingc.tools.affected import NotARepository
+    from thingc.tools.diff import BrokenSide, UnknownSide, as_json, as_markdown, as_text, asked
+
+    try:
+        watched = fail_on(arguments.fail_on)
+        options = common.options_of(arguments)
+        wanted = asked(arguments.side, arguments.behind)
+        with ExitStack() as stack:
+            answer = _answer(arguments, wanted, options, stack)
+    except UnknownSide as fault:
+        raise common.WrongCommandLine(str(fault), fault.hint) from fault
+    except NotARepository as fault:
+        raise common.WrongCommandLine(f"git cannot say: {fault}", "run this in a repository, or name two documents") from fault
+    except NoGraphics as fault:
+        raise common.WrongCommandLine(fault.message, fault.hint, Code.NO_GRAPHICS) from fault
+    if isinstance(answer, BrokenSide):
+        if arguments.format == "json":
+            common.print_json(answer.diagnostics)
+        else:
+            common.print_text(answer.diagnostics, stream=sys.stdout, debug=arguments.debug, texts=answer.texts)
+        return 1
+    try:
+        pictures = _written(arguments, answer)
+    except OSError as fault:
+        message = f"cannot write `{fault.filename}`: {(fault.strerror or str(fault)).lower()}"
+        raise common.WrongCommandLine(message, "choose another file", Code.OUTPUT) from fault
+    if arguments.format == "json":
+        common.print_data(as_json(answer))
+    elif arguments.format == "markdown":
+        common.hand_on(as_markdown(answer, pictures))
+    else:
+        common.say(*as_text(answer))
+    return 1 if any(change.what in watched for change in answer.changes) else 0
+
+
+def _written(arguments: argparse.Namespace, answer: Differences) -> Callable[[str, str], str] | None:
+    """Write the page and the pictures that were asked for; where each picture is, by document and what it shows. Raises OSError."""
+    from thingc.tools.diff import as_html
+
+    if arguments.html is not None:
+        with open(arguments.html, "w", encoding="utf-8") as page:
+            page.write(as_html(answer))
+    if arguments.pictures is None:
+        return None
+
+    def place(name: str, key: str) -> str:
+        stem = re.sub(r"\W+", "_", os.path.splitext(os.path.relpath(name))[0]).strip("_")
+        return f"{arguments.pictures}/{stem}_{key}.png"
+
+    os.makedirs(arguments.pictures, exist_ok=True)
+    for name, comparison in answer.documents:
+        for key, png in comparison.pictures.items():
+            with open(place(name, key), "wb") as stream:
+                stream.write(png)
+    return place
+
+
+def fail_on(words: Sequence[str]) -> frozenset[str]:
+    """What `--fail-on` names, in the singular of answers. Raises `WrongCommandLine`."""
+    from thingc.tools.diff import WHATS
+
+    known: dict[str, str] = {what: what for what in WHATS}
+    known |= {f"{what}es" if what.endswith("s") else f"{what}s": what for what in WHATS}
+    named: set[str] = set()
+    for word in (one.strip() for text in words for one in text.split(",")):
+        if word not in known:
+            raise common.WrongCommandLine(
+                f"--fail-on: expected what may change, found `{word}`", did_you_mean(word, known if word else WHATS, what="words"),
+            )
+        named.add(known[word])
+    return frozenset(named)
+
+
+def _answer(arguments: argparse.Namespace, wanted: Asked, options: Options, stack: ExitStack) -> Differences | BrokenSide:
+    """Raises `UnknownSide`, `NotARepository`, `NoGraphics`, `WrongCommandLine`."""
+    from thingc.targets.render import ready
+    from thingc.tools.diff import answered, compared, laid_out
+
+    options = replace(options, lock=arguments.no_code, code=not arguments.no_code)
+    names = (wanted.old.name, wanted.new.name)
+    tests, draw = not (arguments.no_tests or arguments.no_code), bool(arguments.html or arguments.pictures)
+    if draw and options.code:
+        ready()  # before the tests import MuJoCo, which decides then how it draws
+    work: Callable[[Both], Comparison | BrokenSide] = partial(compared, options=options, tests=tests, names=names, draw=draw)
+    if arguments.no_code:
+        common.refuse_modules_of_others()
+        work = partial(_apart, work, common.time_of("--time-limit", arguments.time_limit))
+    return answered(*names, laid_out(wanted, stack, code=options.code), work)
+
+
+def _apart(work: Callable[[Both], Comparison | BrokenSide], seconds: float, both: Both) -> Comparison | BrokenSide:
+    """A document compared in a bounded process of its own."""
+    from thingc.tools.cli.confined import confined
+    from thingc.tools.diff import BrokenSide, pack, unpack
+
+    answer = confined(lambda: pack(work(both)), seconds)
+    if isinstance(answer, Diagnostic):
+        return BrokenSide(name=both.name, diagnostics=(replace(answer, path=both.name),), texts={})
+    return unpack(answer)

@@ -1,0 +1,56 @@
+"""`thingc explain`: what a code means, how it is cured, and an example of either side."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from thingc.base.diagnostics import Code
+from thingc.tools.cli import common
+from thingc.tools.reporting.explanations import as_page, explained, find, near, sections
+
+EPILOG = """\
+Without CODE it lists all codes.
+
+  thingc explain TC302
+  thingc explain 302
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `explain`."""
+    parser.epilog = EPILOG
+    parser.add_argument("code", metavar="CODE", nargs="?", help="a code such as TC302, also without the TC (default: all of them)")
+    common.add_format(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 when the code is known, else 2."""
+    if arguments.code is None:
+        _list(arguments.format)
+        return 0
+    code = find(arguments.code)
+    if code is None:
+        diagnostics = [common.WrongCommandLine(f"there is no code `{arguments.code}`", _hint(near(arguments.code))).diagnostic]
+        common.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=False)
+        return common.USAGE
+    if arguments.format == "json":
+        common.print_data(explained(code))
+    else:
+        common.say(*as_page(code).removesuffix("\n").split("\n"))
+    return 0
+
+
+def _hint(codes: list[Code]) -> str:
+    if not codes:
+        return "`thingc explain` lists all codes"
+    return "near it: " + ", ".join(f"`{code.code}` ({code.title})" for code in codes)
+
+
+def _list(form: str) -> None:
+    if form == "json":
+        listed = [{"code": code.code, "title": code.title, "cure": code.cure} for _, codes in sections() for code in codes]
+        common.print_data({"codes": listed})
+        return
+    for title, codes in sections():
+        common.say(title, *(f"  {code.code}  {code.title}" for code in codes), "")

@@ -1,0 +1,141 @@
+"""`thingc fmt`: documents in canonical layout."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import os
+import sys
+from collections.abc import Iterator
+
+from thingc.base.brief import counted
+from thingc.base.diagnostics import Code, Report, shown_path
+from thingc.base.replacement import ReplacementRefused, replace_files
+from thingc.documents.format import format_document
+from thingc.documents.format.formatting import schema_path
+from thingc.documents.load import documents_in, is_document
+from thingc.documents.workspace import OWN_FILE, Workspace
+from thingc.tools.cli import common
+
+EPILOG = """\
+Keys in the order of the language reference (names that you choose stay in your order), two spaces for each level, one
+empty line between top-level blocks, one space where one belongs; comments stay where they are. What a document says is
+never changed.
+
+  thingc fmt assemblies                  every document in a folder
+  thingc fmt --check --diff assemblies   what would change, for CI: exit code 1
+  thingc fmt - < robot.yaml              from standard input to standard output, for editors
+"""
+
+STANDARD_INPUT = "-"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `fmt`."""
+    parser.epilog = EPILOG
+    parser.add_argument("document", metavar="DOC", nargs="+", help="a document, a folder of documents, or - for standard input")
+    parser.add_argument("--check", action="store_true", help="write nothing, name what would change: exit code 1 if anything would")
+    parser.add_argument("--diff", action="store_true", help="write nothing, show what would change")
+    parser.add_argument(
+        "--modeline", action="store_true", help="name the document's own schema in its first line, for editors without settings"
+    )
+    parser.add_argument(
+        "--touched", action="store_true", help="the words are files that have changed: those that are no documents are passed over"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0; 1 where a document is not well-formed, or with `--check` where one would change."""
+    if arguments.document == [STANDARD_INPUT]:
+        return _standard_input(arguments)
+    report = Report()
+    changed = count = 0
+    try:
+        paths = list(_documents(arguments))
+    except common.WrongCommandLine as fault:
+        common.print_text([fault.diagnostic], stream=sys.stdout, debug=False)
+        return common.USAGE
+    for path in paths:
+        count += 1
+        changed += _one(path, arguments, report)
+    common.print_text(report.ordered(), stream=sys.stdout, debug=False)
+    code = common.exit_code(report.diagnostics)
+    if not arguments.diff:
+        would = " would be" if arguments.check else ""
+        common.say(f"{changed} of {counted(count, 'document')}{would} changed")
+    return code or int(arguments.check and changed > 0)
+
+
+def _documents(arguments: argparse.Namespace) -> Iterator[str]:
+    """The documents that the command line names, each once. Raises `WrongCommandLine`."""
+    seen: set[str] = set()
+    for word in arguments.document:
+        if os.path.isdir(word) and not arguments.touched:
+            own = os.path.join(word, OWN_FILE)
+            paths = [*([own] if os.path.isfile(own) else []), *(shown_path(path) for path in documents_in(word))]
+        elif arguments.touched:
+            paths = [word] if is_document(word) or os.path.basename(word) == OWN_FILE and os.path.isfile(word) else []
+        else:
+            if word == STANDARD_INPUT:
+                raise common.WrongCommandLine("`-` stands alone", "name documents, or only `-` for standard input")
+            common.require_document(word)
+            paths = [word]
+        for path in paths:
+            if os.path.realpath(path) not in seen:
+                seen.add(os.path.realpath(path))
+                yield path
+
+
+def _one(path: str, arguments: argparse.Namespace, report: Report) -> bool:
+    """Format one document; whether it changes."""
+    try:
+        with open(path, "rb") as stream:
+            data = stream.read(10_000_001)
+    except OSError as fault:
+        report.add(Code.UNREADABLE, f"cannot read `{path}`: {(fault.strerror or 'it cannot be read').lower()}", None)
+        return False
+    own = Report()
+    schema = None
+    if arguments.modeline:
+        workspace = Workspace.find(path, own)
+        schema = schema_path(workspace.relative(path)) if workspace is not None else None
+    formatted = format_document(os.path.abspath(path), data, own, schema=schema)
+    report.diagnostics.extend(own.diagnostics)
+    if formatted is None or formatted == data:
+        return False
+    if arguments.diff:
+        _print_diff(path, data, formatted)
+    elif arguments.check:
+        common.say(f"{path}: would be changed")
+    else:
+        try:
+            replace_files({path: (data, formatted)})
+        except ReplacementRefused as fault:
+            report.say(fault.diagnostic)
+            return False
+        common.say(f"{path}: changed")
+    return True
+
+
+def _print_diff(path: str, before: bytes, after: bytes) -> None:
+    old, new = (data.decode("utf-8-sig").splitlines(keepends=True) for data in (before, after))
+    common.say_lines_of_documents(line.rstrip("\r\n") for line in difflib.unified_diff(old, new, path, path))
+
+
+def _standard_input(arguments: argparse.Namespace) -> int:
+    data = sys.stdin.buffer.read(10_000_001)
+    report = Report()
+    # which format it is stands in its first key: `thingc:` or `thingc =`
+    toml = any(line.replace(b" ", b"").startswith(b"thingc=") for line in data.splitlines())
+    name = "<stdin>.toml" if toml else "<stdin>"
+    formatted = format_document(name, data, report)
+    if formatted is None:
+        texts = {name: data.decode("utf-8-sig", errors="replace")}
+        common.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)
+        return common.exit_code(report.diagnostics)
+    changed = formatted != data
+    if arguments.diff:
+        _print_diff("<stdin>", data, formatted)
+    elif not arguments.check:
+        common.hand_on(formatted)
+    return int(arguments.check and changed)

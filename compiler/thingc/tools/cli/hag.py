@@ -1,0 +1,47 @@
+"""`thingc hag`: the assembly graph on standard output."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from thingc.driver.environment import attempted
+from thingc.driver.pipeline import compile
+from thingc.tools.cli import common
+
+EPILOG = """\
+Nodes are definitions (a part with its parameters, a document with its parameters): what is used twice is one node. Edges say
+"is a subcomponent of", with the mounts that meet and the joint, if one moves.
+
+  thingc hag assemblies/arm.yaml
+  thingc hag assemblies/arm.yaml --format mermaid >> README.md
+  thingc hag assemblies/arm.yaml --format svg > arm.svg
+  thingc hag assemblies/arm.yaml --format graphml > arm.graphml
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `hag`."""
+    parser.epilog = EPILOG
+    common.add_document(parser)
+    common.add_format(parser, ("text", "dot", "mermaid", "svg", "graphml", "json"))
+    common.add_compiling(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Prints the graph; diagnostics go to standard error."""
+    try:
+        common.require_document(arguments.document)
+        options = common.options_of(arguments)
+    except common.WrongCommandLine as fault:
+        common.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
+        return common.USAGE
+    compilation = attempted(arguments.document, options, compile)
+    diagnostics = common.final(compilation.report, strict=arguments.strict)
+    common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    code = common.exit_code(diagnostics)
+    if code == 0 and compilation.assembly is not None:
+        from thingc.targets.hag import target as hag
+
+        common.say(*getattr(hag, arguments.format)(compilation.assembly.hag).rstrip("\n").split("\n"))
+    return code

@@ -1,0 +1,230 @@
+"""`thingc import`: a robot of another format as a workspace."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import sys
+from typing import TYPE_CHECKING
+
+from thingc.base.brief import counted
+from thingc.base.diagnostics import Diagnostic, Report, Severity, shown_path
+from thingc.base.replacement import provisional
+from thingc.base.shown import quoted
+from thingc.base.source import dotted
+from thingc.driver.output import OutputError, write_new
+from thingc.tools.cli import common, interrupts
+
+if TYPE_CHECKING:
+    from thingc.tools.importing import Earlier, Imported, Update
+
+MOST_SAID = 20
+"""Changes that are printed; `git diff` shows all."""
+EPILOG = """\
+Writes a document of the robot, which is yours from then on, and `import.json`: what everything was called, and what a document cannot say
+of it, with the line of the source.
+
+  thingc import robot.urdf                       into a folder of the robot's name
+  thingc import robot.urdf -o robots/arm
+  thingc import robot.urdf --repair inertia=nearest
+  thingc import robot.urdf --root left_sole      with a mode that is rooted at that link
+  thingc import robot.urdf --update              again: takes over what the file has changed, and leaves what you have
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `import`."""
+    parser.epilog = EPILOG
+    parser.add_argument("file", metavar="FILE", help="a robot: .urdf, .xacro, .sdf, .xml (MJCF)")
+    parser.add_argument("-o", "--output", metavar="DIR", help="the folder that is made (default: called like the robot)")
+    parser.add_argument(
+        "--package", metavar="NAME=DIR", action="append", default=[],
+        help="where `package://NAME/...` is (may be repeated; else folders above the file, ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
+    )
+    parser.add_argument(
+        "--mesh-root", metavar="DIR", action="append", default=[],
+        help="a folder outside the robot's own whose files may be copied, found by the end of their path (may be repeated)",
+    )
+    parser.add_argument(
+        "--arg", metavar="NAME=VALUE", action="append", default=[], help="of a xacro file: an argument, `$(arg NAME)` (may be repeated)",
+    )
+    parser.add_argument("--no-meshes", action="store_true", help="leave meshes out, each of which is listed then")
+    parser.add_argument("--check", action="store_true", help="write nothing: say what would be kept, repaired and lost")
+    parser.add_argument(
+        "--repair", metavar="inertia=HOW", type=_repair,
+        help="change links that cannot move: inertia=nearest (to the nearest inertia that a solid has), or inertia=shapes",
+    )
+    parser.add_argument(
+        "--root", metavar="LINK", action="append", default=[], help="a link that gets a mode of its own, rooted at it (may be repeated)",
+    )
+    parser.add_argument(
+        "--update", action="store_true",
+        help="merge into what the last import wrote: what you have changed stays (exit code 1 where the file has changed it, too)",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 where the document is written, 1 where the file is at fault, 2 for a wrong command line."""
+    from thingc.tools.importing import earlier_import, import_robot
+
+    report = Report()
+    packages = dict(_package(word) for word in arguments.package)
+    given = dict(_argument(word) for word in arguments.arg)
+    imported = import_robot(
+        arguments.file, report, roots=arguments.root, repair=arguments.repair, packages=packages, arguments=given,
+        meshes=not arguments.no_meshes, mesh_roots=[_folder(word) for word in arguments.mesh_root],
+        earlier=lambda name: earlier_import(arguments.output or name), update=arguments.update,
+    )
+    texts: dict[str, str] = {}
+    if imported is not None:
+        try:
+            if imported.earlier is not None:
+                texts = _again(arguments, imported, imported.earlier, report)
+            elif arguments.check:
+                common.say(*_would(arguments, imported))
+            else:
+                with interrupts.held():
+                    folder = write_new(arguments.output or imported.name, imported.files)
+                common.say(*_told(arguments, imported, folder, []))
+        except OutputError as fault:
+            fault.diagnose(report)
+    common.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)
+    return common.exit_code(report.diagnostics)
+
+
+def _again(arguments: argparse.Namespace, imported: Imported, earlier: Earlier, report: Report) -> dict[str, str]:
+    """Import into a folder that has an import already; the text of the document that is spoken of. Raises `OutputError`."""
+    from thingc.tools.importing import update
+
+    if earlier.source != os.path.basename(arguments.file) and not arguments.update:
+        message = f"`{shown_path(earlier.folder)}` has been imported from another file, `{earlier.source}` with the robot `{earlier.robot}`"
+        raise OutputError(message, "choose another folder with -o; if it is the same robot, `--update` merges the two")
+    edited = [shown_path(os.path.join(earlier.folder, name)) for name in earlier.edited()]
+    if edited and not arguments.update and not arguments.check:
+        message = f"what was imported has been changed since, and is left as it is: {quoted(edited, 6)}"
+        raise OutputError(message, "`--update` merges the two; or choose another folder with -o")
+    now = update(earlier, imported.document, imported.files, report)
+    if now is None:
+        return {}
+    document = os.path.join(earlier.folder, earlier.document)
+    texts = {document: now.merged.text}
+    if arguments.check:
+        common.say(*_would(arguments, imported), *_merged(now, disputed=report.failed))
+        return texts
+    fresh = {path: change for path, change in now.changes.items() if change[0] is None}
+    with provisional(fresh) as keep:
+        faults = _faults(document, now.merged.text) if edited else []
+        if faults:
+            for fault in faults:
+                report.say(fault)
+            return texts
+        with interrupts.held():
+            keep({path: change for path, change in now.changes.items() if path not in fresh})
+    common.say(*_told(arguments, imported, earlier.folder, _merged(now, disputed=report.failed)))
+    return texts
+
+
+def _faults(document: str, text: str) -> list[Diagnostic]:
+    """What would be wrong with a document of that text."""
+    from thingc.driver.environment import Options
+    from thingc.driver.writing import checked
+
+    return [one for one in checked(document, Options(texts={document: text.encode()}))[1] if one.severity is Severity.ERROR]
+
+
+def _merged(now: Update, *, disputed: bool) -> list[str]:
+    """What the source has changed, and what a person has, value by value; `disputed` where it has changed what a person has as well."""
+    taken = [f"  {dotted(path)}: {_became(old, new)}" for path, old, new in now.merged.taken]
+    kept = [f"  {name}" for name in (*map(dotted, now.merged.kept), *now.kept)]
+    said = [f"taken over: {counted(len(taken), 'change')} of the source", *_some(taken)] if taken else []
+    if not taken and not disputed:
+        said = ["the source has changed nothing"]
+    return said + ([f"yours, and left as they are: {len(kept)}", *_some(kept)] if kept else [])
+
+
+def _became(old: str, new: str) -> str:
+    """What stands at a place of the document now, and what stood there."""
+    from thingc.tools.importing.merging import NOTHING
+
+    if new == NOTHING:
+        return f"taken out, was {old}"
+    return f"new, {new}" if old == NOTHING else f"{old} -> {new}"
+
+
+def _some(lines: list[str]) -> list[str]:
+    return lines[:MOST_SAID] + ([f"  and {len(lines) - MOST_SAID} more"] if len(lines) > MOST_SAID else [])
+
+
+def _repair(text: str) -> str:
+    """How inertias are repaired, as argparse wants it checked."""
+    what, _, how = text.partition("=")
+    if what != "inertia" or how not in ("nearest", "shapes"):
+        raise argparse.ArgumentTypeError(f"expected `inertia=nearest` or `inertia=shapes`, found `{text}`")
+    return how
+
+
+def _package(word: str) -> tuple[str, str]:
+    """`NAME=DIR`. Raises `WrongCommandLine`."""
+    name, _, folder = word.partition("=")
+    if not name or not os.path.isdir(folder):
+        raise common.WrongCommandLine(f"--package: expected NAME=DIR with a folder, found `{word}`", "write --package my_robot=../my_robot")
+    return name, folder
+
+
+def _folder(word: str) -> str:
+    """The absolute path of a folder. Raises `WrongCommandLine`."""
+    if not os.path.isdir(word):
+        raise common.WrongCommandLine(f"--mesh-root: expected a folder, found `{word}`", "write --mesh-root ../meshes")
+    return os.path.abspath(word)
+
+
+def _argument(word: str) -> tuple[str, str]:
+    """`NAME=VALUE`. Raises `WrongCommandLine`."""
+    name, equals, value = word.partition("=")
+    if not name or not equals:
+        raise common.WrongCommandLine(f"--arg: expected NAME=VALUE, found `{word}`", "write --arg prefix=left_")
+    return name, value
+
+
+def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:
+    """What would become of the robot: what is kept, what was repaired, and every loss at its line."""
+    source = os.path.basename(arguments.file)
+    said = [f"{_read(arguments, imported)} would be kept"]
+    said += [f"{source}:{one.link.where.line}: repaired: the weight of link `{one.link.name}` ({one.how})" for one in imported.repaired]
+    return said + [f"{source}:{one.where.line}: lost: {one.what}: {one.why}" for one in imported.losses]
+
+
+def _read(arguments: argparse.Namespace, imported: Imported) -> str:
+    robot = imported.robot
+    joints = [joint for one in robot.hangings for joint in one.joints]
+    meshes = len([name for name in imported.files if name.startswith("meshes/")])
+    things = [counted(len(robot.links), "link"), counted(len(joints), "joint")]
+    if meshes:
+        things.append(f"{meshes} {'mesh' if meshes == 1 else 'meshes'}")
+    return f"{', '.join(things[:-1])} and {things[-1]} of {os.path.basename(arguments.file)}"
+
+
+def _told(arguments: argparse.Namespace, imported: Imported, folder: str, changes: list[str]) -> list[str]:
+    """What was read, what became of it, and what to type next."""
+    robot, here = imported.robot, shown_path(folder)
+    said = [f"{here}: {_read(arguments, imported)}", *changes]
+    if imported.renamed:
+        are = "is another" if len(imported.renamed) == 1 else "are others"
+        said.append(f"{counted(len(imported.renamed), 'name')} {are} now: see import.json")
+    if imported.repaired:
+        said.append(f"repaired: {quoted([one.link.name for one in imported.repaired], 6)}; old and new numbers are in import.json")
+    if imported.losses:
+        said.append(f"not in the document: {len(imported.losses)}, listed in {os.path.join(here, 'import.json')}")
+        said += [f"  {one.what}: {one.why}" for one in imported.losses if one.what.startswith("the indices of")]
+    document = shlex.quote(os.path.join(here, imported.document))
+    steps = [
+        (f"thingc check {document}", "is it right?"), (f"thingc view {document}", "the robot in your browser; it follows every save"),
+        (f"thingc build {document} --emit mjcf,urdf", "models of every mode"),
+    ]
+    if not arguments.root:
+        end = next((link.name for link in reversed(robot.links) if link.name != robot.root), None)
+        if end is not None:
+            said.append("another root: `--root LINK`, or a line under `modes:` in the document")
+    width = max(len(command) for command, _ in steps)
+    return [*said, "", *(f"  {command:{width}}   {what}" for command, what in steps)]

@@ -1,0 +1,197 @@
+"""`thingc info`: what a robot consists of, what it weighs, and where each number comes from."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+from thingc.base.brief import counted
+from thingc.base.summing import plain_sum
+from thingc.driver.environment import attempted
+from thingc.driver.pipeline import compile
+from thingc.model.assembly.types import Assembly, Occurrence
+from thingc.model.robot.types import Robot
+from thingc.tools.cli import common
+from thingc.tools.cli.tables import axes, millimetres, table
+
+if TYPE_CHECKING:
+    from thingc.targets.graphs import Loop
+
+EPILOG = """\
+Masses are exact integrals over the geometry times density, or what the document or the part states; every one says which
+(`derived`, `estimated (layers)` for prints with an infill, `measured`, `vendor`, `stated`).
+
+  thingc info assemblies/arm.yaml
+  thingc info assemblies/arm.yaml --mates                 which mount meets which, and which axes lie along which
+  thingc info assemblies/arm.yaml -p 'reach=120 mm' --format json | jq .mass
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `info`."""
+    parser.epilog = EPILOG
+    common.add_document(parser)
+    parser.add_argument("--mates", action="store_true", help="also print how mounts meet: which child axis lies along which parent axis")
+    common.add_format(parser)
+    common.add_compiling(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Prints the answer; in text, diagnostics go to standard error."""
+    common.require_document(arguments.document)
+    compilation = attempted(arguments.document, common.options_of(arguments), compile)
+    diagnostics = common.final(compilation.report, strict=arguments.strict)
+    code = common.exit_code(diagnostics)
+    assembly = compilation.assembly if code == 0 else None
+    if arguments.format == "json":
+        common.print_json(diagnostics, **(as_data(assembly, compilation.robots) if assembly is not None else {}))
+        return code
+    common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    if assembly is not None:
+        common.say(*as_text(assembly, compilation.robots))
+        if arguments.mates:
+            common.say("", *mates_text(assembly))
+    return code
+
+
+def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
+    """The JSON answer: whole robot at q = 0 in the base component's frame, SI."""
+    whole = assembly.properties
+    return {
+        "name": assembly.name,
+        "mass": whole.mass,
+        "centre": list(whole.centre),
+        "inertia": [list(row) for row in whole.inertia],
+        "occurrences": [
+            {
+                "path": o.path,
+                "definition": o.definition.text,
+                "mass": o.properties.mass,
+                "mass_source": o.mass_source,
+                "link": assembly.links[assembly.link_of[o.index]].name,
+            }
+            for o in assembly.occurrences
+        ],
+        "modes": {robot.mode.name: mode_data(robot) for robot in robots},
+    }
+
+
+def mode_data(robot: Robot) -> dict[str, object]:
+    """Of one mode: root, base, where it puts the root link, and the names of its links and joints, root first."""
+    return {
+        "root": robot.mode.root.path,
+        "base": robot.base,
+        "X_world_root": [list(row) for row in robot.bodies[0].X_PL.rows()],
+        "links": [robot.assembly.links[body.link].name for body in robot.bodies],
+        "joints": [joint.path for body in robot.bodies for joint in body.joints],
+        "loops": [{"cut": loop.cut, "through": loop.through} for loop in _cut(robot)],
+    }
+
+
+def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
+    """The same for people, line by line: grams and millimetres."""
+    whole = assembly.properties
+    lines = [
+        f"{assembly.name}: {_grams(whole.mass)} in {counted(len(assembly.occurrences), 'occurrence')}, "
+        f"{counted(len(assembly.links), 'link')}, {counted(sum(1 for mate in assembly.mates if mate.joints), 'joint')}",
+        "centre of mass  " + "  ".join(f"{1000.0 * x:z.3f}" for x in whole.centre) + "  mm, in the frame of "
+        f"`{assembly.occurrences[assembly.base].path}` at q = 0",
+        "inertia         "
+        + "  ".join(
+            f"{name} {1e6 * whole.inertia[i][j]:z.2f}"
+            for name, i, j in (("ixx", 0, 0), ("iyy", 1, 1), ("izz", 2, 2), ("ixy", 0, 1), ("ixz", 0, 2), ("iyz", 1, 2))
+        )
+        + "  kg mm^2, about the centre",
+        "mass by source  " + _shares(assembly),
+        "",
+    ]
+    rows = [("occurrence", "definition", "mass", "from", "link")]
+    rows += [
+        (o.path, o.definition.label, _grams(o.properties.mass), _source(o) if o.properties.mass else "-",
+         assembly.links[assembly.link_of[o.index]].name)
+        for o in assembly.occurrences
+    ]
+    lines += table(rows, right=(2,))
+    for robot in robots:
+        data = mode_data(robot)
+        lines.append("")
+        stands = f", on the floor with its root at {millimetres(robot.mode.at.translation)} mm" if robot.mode.on_floor else ""
+        lines.append(f"mode {robot.mode.name}: root {data['root']}, base {robot.base}{stands}")
+        for body in robot.bodies:
+            name = assembly.links[body.link].name
+            if not body.joints or body.parent is None:
+                lines.append(f"  {name}")
+                continue
+            parent = assembly.links[robot.bodies[body.parent].link].name
+            crossed = ", crossed from child to parent" if body.joints[0].reversed else ""
+            by = " ".join(joint.path for joint in body.joints)
+            how = "ball" if body.at_once else ", ".join(joint.twist.core for joint in body.joints)
+            lines.append(f"  {name}  <- {by} ({how}{crossed}) on {parent}")
+        lines += _loops(robot)
+    return lines
+
+
+def _source(occurrence: Occurrence) -> str:
+    """Where a mass is from, and for one with an infill how it was estimated: `estimated (layers)`."""
+    return occurrence.mass_source + (f" ({occurrence.estimate})" if occurrence.estimate is not None else "")
+
+
+def _loops(robot: Robot) -> list[str]:
+    """What a mode stands on, its loops, and how well they close in its poses."""
+    names = [robot.assembly.links[body.link].name for body in robot.bodies]
+    lines = [f"  stands on {foot.mount.path} (friction {foot.friction:g})" for foot in robot.mode.feet]
+    loops = _cut(robot)
+    for closure in robot.closures:
+        if closure.parent is None:
+            turns = ", about which it may turn" if closure.kind == "ball" else ""
+            lines.append(f"  {names[closure.child]} is held at {closure.path}{turns}")
+        else:
+            lines.append(f"  {closure.path} ({closure.kind}) closes a loop of {names[closure.parent]} and {names[closure.child]}")
+            lines += [line for loop in loops if loop.cut == closure.path for line in _why_cut(loop, robot)]
+    for frame in robot.keyframes:
+        if frame.residual is not None:
+            lines.append(f"  pose {frame.name} closes to {frame.residual[0]:.1e} m and {frame.residual[1]:.1e} rad")
+    lines += [f"  pose {one.name} does not close: no keyframe" for one in robot.unclosed]
+    return lines
+
+
+def _cut(robot: Robot) -> tuple[Loop, ...]:
+    if all(closure.hold for closure in robot.closures):
+        return ()
+    from thingc.targets.graphs import loops_of
+
+    return loops_of(robot)
+
+
+def _why_cut(loop: Loop, robot: Robot) -> list[str]:
+    """Which joints a loop goes through, and why it is cut where it is."""
+    if any(one.joint == loop.cut for one in robot.mode.cut):
+        return [f"    through {', '.join(loop.through)}: cut where the mode says"]
+    return [f"    through {path}, which {reason}" if reason else f"    through {path}" for path, reason in loop.through.items()]
+
+
+def _shares(assembly: Assembly) -> str:
+    mass: dict[str, float] = {}
+    for o in assembly.occurrences:
+        mass[o.mass_source] = mass.get(o.mass_source, 0.0) + o.properties.mass
+    whole = plain_sum(mass.values()) or 1.0
+    return ", ".join(f"{source} {_grams(m)} ({100.0 * m / whole:.1f} %)" for source, m in sorted(mass.items()) if m)
+
+
+def mates_text(assembly: Assembly) -> list[str]:
+    """Line by line, how mounts meet, and which axis of the child lies along which axis of the parent at q = 0."""
+    rows = [("child", "mount", "on", "mount", "by", "child x, y, z along parent")]
+    for mate in assembly.mates:
+        parent, child = assembly.occurrences[mate.parent], assembly.occurrences[mate.child]
+        rotation = (assembly.rest[mate.parent].inverse() @ assembly.rest[mate.child]).rotation
+        by = mate.name or "rigid"
+        rows.append((child.path, mate.child_mount, parent.path, mate.parent_mount, by, axes(rotation)))
+    return table(rows)
+
+
+def _grams(mass: float) -> str:
+    """To a hundredth of a gram; what is lighter, to two digits: it is not nothing."""
+    if 0.0 < mass < 1e-5:
+        return f"{1000.0 * mass:.2g} g"
+    return f"{1000.0 * mass:.2f} g" if mass < 1.0 else f"{mass:.4f} kg"

@@ -1,0 +1,168 @@
+"""`thingc lock`: what the parts of a workspace take and are, written down, so that documents can be checked without their code."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from thingc.base.brief import counted
+from thingc.base.diagnostics import Code, Report, shown_path
+from thingc.base.shown import json_text
+from thingc.base.source import Span, line_of
+from thingc.driver.environment import Environment, Options, geometry_of
+from thingc.driver.pipeline import read
+from thingc.geometry.lock.lock import LOCK_FILE, MAX_BYTES, REMAKE, lock_path, read_lock, top_of
+from thingc.geometry.record import PartDefinition, PartFailure
+from thingc.tools.cli import common
+
+if TYPE_CHECKING:
+    from thingc.documents.workspace import Workspace
+    from thingc.geometry.service import GeometryService
+    from thingc.geometry.slices import Slicing
+
+EPILOG = """\
+Writes parts.lock.json at the root of the workspace: parameters with units, defaults and bounds, mounts, volumes, masses and a hash of
+the code, of every Thing in the part folders and of every part that a document uses. Keep it with the documents. It runs the
+code of the parts (in a worker of its own); `thingc check --no-code` then needs none of it, and no CAD kernel.
+
+  thingc lock
+  thingc lock --check          is it current? for a pipeline that trusts the code
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `lock`."""
+    parser.epilog = EPILOG
+    parser.add_argument("folder", metavar="FOLDER", nargs="?", default=".", help="the workspace of this folder (default: the current one)")
+    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 where the lock is not what would be written")
+    common.add_format(parser, common.FINDINGS)
+    common.add_geometry(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 when the lock was written, or, with --check, when it is current."""
+    report = Report()
+    written = None
+    try:
+        options = common.options_of(arguments)
+        if not os.path.isdir(arguments.folder):
+            raise common.WrongCommandLine(f"`{arguments.folder}` is no folder", "name the folder of a workspace")
+        written = _lock(arguments.folder, options, report, check=arguments.check)
+        diagnostics = report.ordered()
+    except common.WrongCommandLine as fault:
+        diagnostics = [fault.diagnostic]
+    common.print_found(diagnostics, arguments.format, stream=sys.stdout if arguments.check else sys.stderr, debug=arguments.debug)
+    if written is not None and arguments.format == "text":
+        common.say(written)
+    return common.exit_code(diagnostics)
+
+
+def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str | None:
+    """Write the lock, or compare it; the closing words, None where something is wrong (reported)."""
+    from thingc.documents.workspace import Workspace
+    from thingc.geometry.lock.locking import differences, lock_text, locked
+
+    workspace = Workspace.find(os.path.join(folder, "thingc.toml"), report)
+    if workspace is None:
+        return None
+    with geometry_of(workspace, options) as geometry:
+        references, definitions, slicings = _used(workspace, geometry, options, report)
+        made = locked(geometry, references, definitions, slicings)
+    labels = {definition.text: definition.label for definition in definitions}
+    for failure in made.failures:
+        _say(failure, labels.get(failure.subject, failure.subject), report)
+    if report.failed:
+        return None
+    text = lock_text(made.values)
+    path = lock_path(workspace)
+    shown = shown_path(path)
+    count = len(made.values["things"]) + len(made.values["files"])
+    if not check:
+        if len(text.encode()) > MAX_BYTES:
+            report.add(Code.TOO_LARGE, f"`{LOCK_FILE}` would have more than {MAX_BYTES} bytes", None, help="split the workspace")
+            return None
+        _write(path, text)
+        return f"{shown}: {counted(count, 'part')}"
+    if not os.path.lexists(path):
+        report.add(Code.NO_LOCK, f"there is no `{LOCK_FILE}` in the folder of the workspace", workspace.origin, help=REMAKE)
+        return None
+    if read_lock(workspace, report) is None:
+        return None
+    with open(path, encoding="utf-8") as stream:
+        held = stream.read()
+    lines = held.split("\n")
+    for key, words in differences(json.loads(held), made.values):
+        report.add(Code.LOCK_STALE, f"`{LOCK_FILE}` is stale: {words}", _line(path, lines, key), help="run `thingc lock`")
+    return None if report.failed else f"{shown}: current"
+
+
+def _used(
+    workspace: Workspace, geometry: GeometryService, options: Options, report: Report,
+) -> tuple[list[str], list[PartDefinition], dict[str, set[Slicing]]]:
+    """What the assembly documents of a workspace use: `module:Class`, definitions, and how these are sliced, by their text."""
+    from thingc.documents.load import documents_in
+    from thingc.model.assembly import slicings_of
+    from thingc.model.resolve import Settings, part_definitions, resolve
+
+    references: dict[str, None] = {}
+    definitions: dict[str, PartDefinition] = {}
+    slicings: dict[str, set[Slicing]] = {}
+    for document in documents_in(workspace.root, workspace):
+        environment = Environment(document, options, lambda *_: geometry)
+        sources = read(environment, kinds=("assembly", "materials", "variants"), modelling=True)
+        own = Report()
+        if sources is not None and sources.documents.root.kind == "assembly":
+            model = resolve(sources, Settings(), own)
+            references.update(dict.fromkeys(sources.schemas))
+            if model is not None:
+                used = {definition.text: definition for definition in part_definitions(model)}
+                definitions = {**used, **definitions}
+                for text, ways in slicings_of(model, geometry.realize(list(used.values()))).items():
+                    slicings.setdefault(text, set()).update(ways)
+        if environment.report.failed or own.failed:
+            report.warn(
+                Code.LOCK_DOCUMENT, f"`{shown_path(document)}` has errors: what it uses may be missing from `{LOCK_FILE}`",
+                line_of(document), help=f"run `thingc check {shown_path(document)}`",
+            )
+    # A part that is not there is the fault of the document, which has been said.
+    known = {reference for reference, answer in geometry.describe(list(references)).items() if not isinstance(answer, PartFailure)}
+    return sorted(known), list(definitions.values()), slicings
+
+
+def _say(failure: PartFailure, called: str, report: Report) -> None:
+    span = None if failure.file is None else line_of(failure.file, failure.line or 1)
+    report.add(
+        Code.PART_UNREADABLE, f"`{called}` cannot be locked: {failure.message}", span, path=failure.subject,
+        help="mend the part file", detail=failure.detail,
+    )
+
+
+def _write(path: str, text: str) -> None:
+    """Whole or not at all; what is there already is not touched."""
+    try:
+        with open(path, encoding="utf-8") as stream:
+            if stream.read() == text:
+                return
+    except (OSError, ValueError):
+        pass
+    beside = f"{path}.{os.getpid()}.tmp"
+    try:
+        with open(beside, "w", encoding="utf-8", newline="\n") as stream:
+            stream.write(text)
+        os.replace(beside, path)
+    finally:
+        if os.path.lexists(beside):
+            os.remove(beside)
+
+
+def _line(path: str, lines: list[str], key: str) -> Span:
+    """The line of the lock on which a key stands; its first where it does not."""
+    word = json_text(json.dumps(key, ensure_ascii=False))
+    for number, line in enumerate(lines, 1):
+        if line.lstrip().startswith(word + ":"):
+            column = len(line) - len(line.lstrip()) + 1
+            return Span(file=path, line=number, column=column, end_line=number, end_column=column + len(word))
+    return top_of(path)

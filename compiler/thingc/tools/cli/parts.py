@@ -1,0 +1,213 @@
+"""`thingc parts`: every Thing in reach, what it takes and where it can be held."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
+from thingc.base.source import line_of
+from thingc.base.typos import did_you_mean
+from thingc.geometry.key.catalogue import classes_installed, installed_modules
+from thingc.geometry.record import NO_PARTS, MountRecord, ParameterSchema, PartFailure, PartRecord, PartSchema
+from thingc.tools.cli import common
+from thingc.tools.cli.tables import axes, millimetres, table
+
+if TYPE_CHECKING:
+    from thingc.geometry.service import GeometryService
+
+EPILOG = """\
+The Things of the workspace of this folder: of its part folders, and of the packages that it allows. Of those that are named, the
+frames of their mounts, too, for the default parameters: x, y and z of a mount lie along these axes of the part. Named can be whatever a
+document may name, also shapes and functions, and the classes of packages that are merely installed.
+
+  thingc parts
+  thingc parts thingc_stock bd_warehouse.fastener:SocketHeadCapScrew
+  thingc parts arm:RotorBrace
+  thingc parts --format json | jq '.parts[].reference'
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `parts`."""
+    parser.epilog = EPILOG
+    parser.add_argument("part", metavar="PART", nargs="*", help="only these, as module:Class, module or package")
+    parser.add_argument("-C", "--workspace", metavar="DIR", default=".", help="the workspace of this folder (default: the current one)")
+    common.add_format(parser)
+    common.add_geometry(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Prints the list; a part that cannot be described is a diagnostic, and the others are listed all the same."""
+    from thingc.documents.workspace import Workspace
+    from thingc.driver.environment import geometry_of
+
+    report = Report()
+    listed: list[tuple[PartSchema, PartRecord | None]] = []
+    try:
+        options = common.options_of(arguments)
+        if not os.path.isdir(arguments.workspace):
+            raise common.WrongCommandLine(f"`{arguments.workspace}` is no folder", "name the folder of a workspace")
+        workspace = Workspace.find(os.path.join(arguments.workspace, "thingc.toml"), report)
+        if workspace is not None:
+            with geometry_of(workspace, options) as geometry:
+                listed = _listed(geometry, arguments.part, report)
+        diagnostics = report.ordered()
+    except common.WrongCommandLine as fault:
+        diagnostics = [fault.diagnostic]
+    if arguments.format == "json":
+        common.print_json(diagnostics, parts=[_as_data(schema, record) for schema, record in listed])
+    else:
+        common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+        if listed:
+            whole = bool(arguments.part)
+            common.say(*[line for schema, record in listed for line in ("", *_as_text(schema, record, whole=whole))][1:])
+        elif not diagnostics:
+            common.say("no parts in reach; they are looked for in the `parts` folders of the workspace", stream=sys.stderr)
+    return common.exit_code(diagnostics)
+
+
+def _listed(
+    geometry: GeometryService, wanted: list[str], report: Report
+) -> list[tuple[PartSchema, PartRecord | None]]:
+    references = _named(geometry, wanted) if wanted else geometry.catalogue()
+    if not wanted:
+        report.diagnostics.extend(_failed(failure.subject, failure) for failure in geometry.not_python())
+    from thingc.geometry.answers import report_hidden
+
+    report_hidden(geometry, ((reference, None) for reference in references), report)
+    schemas: list[PartSchema] = []
+    answers = geometry.describe(references)
+    for reference in references:  # answers are in the order in which they came
+        answer = answers[reference]
+        if isinstance(answer, PartSchema):
+            if answer.kind == "thing" or wanted:
+                schemas.append(answer)
+        elif answer.kind not in NO_PARTS or reference in wanted:
+            report.diagnostics.append(_failed(reference, answer))
+    definitions = {schema.reference: schema.default for schema in schemas}
+    records = geometry.realize([definition for definition in definitions.values() if definition is not None])
+    listed: list[tuple[PartSchema, PartRecord | None]] = []
+    for schema in schemas:
+        record = records.get(schema.reference)
+        listed.append((schema, record if isinstance(record, PartRecord) else None))
+    return listed
+
+
+def _named(geometry: GeometryService, words: list[str]) -> list[str]:
+    """The parts that are called so, that are in a module called so, or in a module of a package called so: whatever a document may name.
+    Raises `WrongCommandLine` for a word that calls none."""
+    references = geometry.catalogue()
+    installed = installed_modules(geometry.part_code.sources, geometry.workspace.packages)
+    for module in {word.partition(":")[0] for word in words} & installed.keys():
+        references += classes_installed(module, installed[module])
+    chosen: dict[str, None] = {}
+    for word in words:
+        named = [one for one in references if word in (one, one.partition(":")[0]) or one.startswith(f"{word}.")]
+        if not named and ":" in word and not isinstance(geometry.part_code.code(word), PartFailure):
+            named = [word]  # a function, or what an installed package takes from elsewhere
+        modules = [module for module in installed if module.startswith(f"{word}.")]
+        if not named and modules:
+            raise common.WrongCommandLine(
+                f"`{word}` is a package of {len(modules)} modules, more than is listed at once",
+                f"name modules of it, or classes in them: {', '.join(f'`{module}`' for module in modules)}",
+            )
+        if not named:
+            known = {*references, *(one.partition(":")[0] for one in references), *installed}
+            raise common.WrongCommandLine(f"there is no part `{word}` in reach", did_you_mean(word, known, what="parts"))
+        chosen.update(dict.fromkeys(named))
+    return sorted(chosen)
+
+
+def _failed(reference: str, failure: PartFailure) -> Diagnostic:
+    span = None if failure.file is None else line_of(failure.file, failure.line or 1)
+    return Diagnostic(
+        code=Code.PART_UNREADABLE, severity=Severity.ERROR, message=f"`{reference}` cannot be described: {failure.message}",
+        span=span, path=reference, help="mend the part file", detail=failure.detail,
+    )
+
+
+def _as_data(schema: PartSchema, record: PartRecord | None) -> dict[str, object]:
+    return {
+        "reference": schema.reference,
+        "doc": schema.doc,
+        "material": schema.material,
+        "actuator": schema.actuator,
+        "parameters": [
+            {
+                "name": p.name, "kind": p.kind, "required": p.required, "default": p.default, "minimum": p.minimum,
+                "maximum": p.maximum, "choices": list(p.choices), "doc": p.doc,
+            }
+            for p in schema.parameters
+        ],
+        "mounts": None if record is None else {
+            name: {"pose": [list(row) for row in mount.pose.rows()], "interface": mount.interface}
+            for name, mount in sorted(record.mounts.items())
+        },
+    }
+
+
+def _as_text(schema: PartSchema, record: PartRecord | None, *, whole: bool) -> list[str]:
+    """A part for people, its mounts by name alone or, with `whole`, each with its frame."""
+    lines = [schema.reference]
+    first = schema.doc.strip().partition("\n")[0]
+    if first:
+        lines.append(f"  {first}")
+    for p in schema.parameters:
+        lines.append(f"  {p.name}: {_kind(p)}{_range(p)}" + (f"  {p.doc}" if p.doc else ""))
+    if schema.material:
+        lines.append(f"  material: {schema.material} unless the document says otherwise")
+    if schema.actuator:
+        lines.append("  has an actuator: a joint's `drive` may name it")
+    if record is None:
+        lines.append("  mounts: not known for its default parameters")
+    elif record.mounts and whole:
+        lines += [f"  {line}" for line in _mounts(record.mounts)]
+    elif record.mounts:
+        lines.append(f"  mounts: {', '.join(_runs(record.mounts))}")
+    return lines
+
+
+def _mounts(mounts: Mapping[str, MountRecord]) -> list[str]:
+    """A table of mounts by name: where they are, which way they look, and their interfaces, if any has one."""
+    rows = [("mount", "at [mm]", "x, y, z along", "interface")]
+    rows += [
+        (name, millimetres(mount.pose.translation), axes(mount.pose.rotation), mount.interface or "")
+        for name, mount in sorted(mounts.items(), key=lambda entry: _in_order(entry[0]))
+    ]
+    return table(rows if any(row[3] for row in rows[1:]) else [row[:3] for row in rows])
+
+
+def _in_order(name: str) -> tuple[str, int]:
+    """`hole_10` comes after `hole_9`."""
+    stem, _, index = name.rpartition("_")
+    return (stem, int(index)) if stem and index.isdecimal() else (name, -1)
+
+
+def _kind(p: ParameterSchema) -> str:
+    kind = " | ".join(str(c) for c in p.choices) if p.choices else p.kind
+    return f"{kind}, required" if p.default is None else f"{kind} = {p.shown(p.default)}"
+
+
+def _range(p: ParameterSchema) -> str:
+    if p.minimum is None and p.maximum is None:
+        return ""
+    low = "" if p.minimum is None else f"from {p.shown(p.minimum)}"
+    high = "" if p.maximum is None else f"to {p.shown(p.maximum)}"
+    return f" ({' '.join(word for word in (low, high) if word)})"
+
+
+def _runs(names: Iterable[str]) -> list[str]:
+    """Mount names, with the members of a list (`hip_0`, `hip_1`, ...) as one."""
+    lists: dict[str, int] = {}
+    plain: list[str] = []
+    for name in names:
+        stem, _, index = name.rpartition("_")
+        if stem and index.isdigit():
+            lists[stem] = lists.get(stem, 0) + 1
+        else:
+            plain.append(name)
+    return sorted([*plain, *(f"{stem}_0 ... {stem}_{count - 1}" if count > 1 else f"{stem}_0" for stem, count in lists.items())])

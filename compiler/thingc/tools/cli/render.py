@@ -1,0 +1,188 @@
+"""`thingc render`: a picture of a robot, in a mode and a pose, without a screen."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import re
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
+from thingc.base.typos import did_you_mean
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, attempted
+from thingc.driver.pipeline import UnknownChoice
+from thingc.model.robot.types import Robot
+from thingc.targets.render import NoGraphics, Shot, picture, ready
+from thingc.tools.cli import common
+
+if TYPE_CHECKING:
+    from thingc.targets.render.frames import Mark
+
+EPILOG = """\
+The robot stands on a bright floor (z = 0 of its world; upright on the wall where its mode has gravity along the floor) and fills the
+picture. It is drawn by MuJoCo with EGL, which needs neither a screen nor a graphics card.
+
+  thingc render assemblies/arm.yaml                                   the first mode in its own pose: arm_bench_home.png
+  thingc render assemblies/arm.yaml --mode drawing --pose writing -o writing.png
+  thingc render assemblies/arm.yaml --joints --root                   with the axes of its joints, and the frame of its root
+  thingc render assemblies/arm.yaml --mounts-of hand                  where the mounts of its hand are: x red, y green, z blue
+  thingc render assemblies/arm.yaml --azimuth 90 --elevation -10 --size 1920x1080
+"""
+
+LARGEST = 8192
+"""Pixels along a side."""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `render`."""
+    parser.epilog = EPILOG
+    common.add_document(parser)
+    parser.add_argument("--mode", metavar="M", help="in this mode (default: the first)")
+    parser.add_argument("--pose", metavar="P", help="in this pose (default: the mode's own)")
+    parser.add_argument("-o", "--output", metavar="PNG", help="the file to write (default: NAME_MODE_POSE.png in this folder)")
+    parser.add_argument("--size", metavar="WxH", type=_size, default=Shot().size, help="in pixels (default: 1280x960)")
+    parser.add_argument(
+        "--azimuth", metavar="DEG", type=_degrees(360.0),
+        help="look along this direction: 0 along x, 90 along y; on a wall 0 looks at it (default: 140; on a wall 40)",
+    )
+    parser.add_argument(
+        "--elevation", metavar="DEG", type=_degrees(90.0), help="look up by this, down if negative (default: -22; at a ceiling 16)"
+    )
+    parser.add_argument("--mounts", action="store_true", help="draw the mounts that something sits on, or that the document shows or adds")
+    parser.add_argument(
+        "--mounts-of", metavar="COMPONENT", action="append", default=[], help="draw all mounts of this component, such as hand.cap",
+    )
+    parser.add_argument("--joints", action="store_true", help="draw the axes of the joints, with arrows the way that coordinates grow")
+    parser.add_argument("--root", action="store_true", help="draw the frame of the mode's root")
+    common.add_compiling(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 when the picture was written; diagnostics go to standard error."""
+    common.require_document(arguments.document)
+    options = replace(common.options_of(arguments), compat=())  # a picture is of MuJoCo's own model
+    _check_output(arguments.output)
+    try:
+        diagnostics = attempted(arguments.document, options, partial(_render, arguments))
+    except NoGraphics as fault:
+        diagnostics = [Diagnostic(code=Code.NO_GRAPHICS, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
+    common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    return common.exit_code(diagnostics)
+
+
+def _check_output(path: str | None) -> None:
+    """Raises `WrongCommandLine` for a file that is no picture's, or whose folder is not there."""
+    if path is None:
+        return
+    if not path.lower().endswith(".png"):
+        raise common.WrongCommandLine(f"-o: expected the name of a .png file, found `{path}`", "write for example -o arm.png")
+    folder = os.path.dirname(path) or "."
+    if not os.path.isdir(folder):
+        raise common.WrongCommandLine(f"-o: there is no folder `{folder}`", "make the folder, or choose another one", Code.OUTPUT)
+
+
+def _render(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
+    """What there is to say; the picture is written where that is no error. Raises `UnknownChoice` and `NoGraphics`."""
+    compilation = pipeline.compile(environment, [arguments.mode] if arguments.mode is not None else [])
+    diagnostics = common.final(compilation.report, strict=arguments.strict)
+    if common.exit_code(diagnostics):
+        return diagnostics
+    robot = compilation.robots[0]
+    assembly = robot.assembly
+    pose = _pose(robot, arguments.pose, environment.document)
+    marks = _marks(robot, arguments, next((frame.q for frame in robot.keyframes if frame.name == pose), {}))
+    ready()
+    artifacts = pipeline.build(environment, replace(compilation, robots=(robot,)), ["mjcf"])["mjcf"]
+    diagnostics = common.final(compilation.report, strict=arguments.strict)
+    if common.exit_code(diagnostics):
+        return diagnostics
+    read = {
+        path: content if isinstance(content, bytes) else environment.store.read(content.sha256)
+        for path, content in artifacts.files.items()
+    }
+    prefix = "mjcf/assets/"
+    png = picture(
+        read[f"mjcf/{robot.name}_{robot.mode.name}.xml"].decode(),
+        {path.removeprefix(prefix): data for path, data in read.items() if path.startswith(prefix)},
+        pose=pose if assembly.names is None or pose is None else assembly.names.poses.get(pose, pose),
+        gravity=robot.gravity,
+        shot=Shot(size=arguments.size, azimuth=arguments.azimuth, elevation=arguments.elevation),
+        marks=marks,
+    )
+    named = "_".join(word for word in (robot.name, robot.mode.name, pose) if word is not None)
+    path = arguments.output if arguments.output is not None else f"{named}.png"
+    _write(path, png)
+    posed = f", pose {pose}" if pose is not None else ""
+    common.say(f"{shown_path(os.path.abspath(path))}: mode {robot.mode.name}{posed}", stream=sys.stderr)
+    return diagnostics
+
+
+def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) -> list[Mark]:
+    """What is to be drawn over the picture at `q`, each thing once. Raises `UnknownChoice`."""
+    if not (arguments.mounts or arguments.mounts_of or arguments.joints or arguments.root):
+        return []
+    from thingc.tools.cli import marks
+
+    drawn = [
+        *(marks.root(robot) if arguments.root else ()), *(marks.joints(robot, q) if arguments.joints else ()),
+        *(marks.mounts(robot, q) if arguments.mounts else ()), *marks.mounts_of(robot, q, arguments.mounts_of),
+    ]
+    return list(dict.fromkeys(drawn))
+
+
+def _pose(robot: Robot, wanted: str | None, document: str) -> str | None:
+    """The keyframe to show: the one asked for, else the mode's own, else the first; None where the mode has none. Raises
+    `UnknownChoice`."""
+    known = [frame.name for frame in robot.keyframes]
+    if wanted is None:
+        return known[0] if known else None
+    if wanted not in known:
+        raise UnknownChoice(
+            f"mode `{robot.mode.name}` of `{shown_path(document)}` has no pose `{wanted}`", did_you_mean(wanted, known, what="poses")
+        )
+    return wanted
+
+
+def _write(path: str, data: bytes) -> None:
+    """The file as a whole or not at all: written beside, then renamed. Raises `WrongCommandLine` where the system refuses."""
+    aside = os.path.join(os.path.dirname(path), f".{os.path.basename(path)}.{os.getpid()}")
+    try:
+        with open(aside, "xb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(aside, path)
+    except OSError as fault:
+        if os.path.exists(aside):
+            os.unlink(aside)
+        raise common.WrongCommandLine(
+            f"cannot write `{path}`: {(fault.strerror or str(fault)).lower()}", "choose another file with -o", Code.OUTPUT
+        ) from fault
+
+
+def _size(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"([0-9]{1,5})x([0-9]{1,5})", text)
+    width, height = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not (16 <= width <= LARGEST and 16 <= height <= LARGEST):
+        raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT from 16x16 to {LARGEST}x{LARGEST}, found `{text}`")
+    return width, height
+
+
+def _degrees(bound: float) -> Callable[[str], float]:
+    """The type of an option that takes degrees up to `bound` either way."""
+    def degrees(text: str) -> float:
+        try:
+            value = float(text.removesuffix("deg").strip())
+        except ValueError:
+            value = math.nan
+        if not abs(value) <= bound:
+            raise argparse.ArgumentTypeError(f"expected degrees from {-bound:g} to {bound:g}, found `{text}`")
+        return value
+
+    return degrees

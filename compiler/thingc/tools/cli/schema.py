@@ -1,0 +1,103 @@
+"""`thingc schema`: for editors, a JSON Schema per document that knows its parts, mounts, joints and names."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from thingc.base.brief import counted
+from thingc.base.diagnostics import Code, Report, shown_path
+from thingc.tools.cli import common
+
+if TYPE_CHECKING:
+    from thingc.documents.workspace import Workspace
+    from thingc.driver.environment import Options
+    from thingc.tools.editor.refresh import RefreshOutcome
+
+EPILOG = """\
+Writes .thingc/schema/<document>.json for every document of the workspace. To use one without `thingc lsp`, name it in the first line of the
+document, relative to it:
+
+  # yaml-language-server: $schema=.thingc/schema/arm.yaml.json     YAML
+  #:schema .thingc/schema/arm.toml.json                            TOML
+
+  thingc schema                         the workspace of this folder
+  thingc schema assemblies/arm.yaml     only this document
+"""
+REMOVED = "`thingc lsp` keeps up with every save; without it, run `thingc schema` again and name the schemas in the documents (see --help)"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `schema`."""
+    parser.epilog = EPILOG
+    parser.add_argument(
+        "place", metavar="FOLDER|DOC", nargs="*", default=["."],
+        help="every document of the workspace of this folder, or only this document (default: the current folder)",
+    )
+    for removed in ("--watch", "--no-wire"):
+        parser.add_argument(removed, action="append_const", dest="removed", const=removed, help=argparse.SUPPRESS)
+    parser.add_argument("--no-model", action="store_true", help="do not start the CAD kernel: use only what is known about parts")
+    common.add_geometry(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the schemas. Wrong documents get the schema of their sound rest."""
+    for option in arguments.removed or ():
+        raise common.WrongCommandLine(f"`{option}` was removed", REMOVED)
+    report = Report()
+    options = common.options_of(arguments)
+    for workspace, only in _workspaces(arguments.place, report):
+        _write(workspace, only, arguments.no_model, options)
+    diagnostics = report.ordered()
+    common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    return common.exit_code(diagnostics)
+
+
+def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list[str] | None]]:
+    """Each workspace that is named, with the documents that are named of it (None: all). Raises `WrongCommandLine`."""
+    from thingc.documents.load import is_document
+    from thingc.documents.workspace import OWN_FILE, Workspace
+
+    by_root: dict[str, tuple[Workspace, list[str] | None]] = {}
+    for place in places:
+        if not os.path.isdir(place):
+            common.require_document(place)
+            if not is_document(place):
+                raise common.WrongCommandLine(
+                    f"`{place}` does not begin as a document does", "its first line is for example `thingc: assembly/1`",
+                    Code.NO_DOCUMENT,
+                )
+        workspace = Workspace.find(os.path.join(place, OWN_FILE) if os.path.isdir(place) else place, report)
+        if workspace is None:
+            continue
+        _, only = by_root.get(workspace.root, (workspace, []))
+        everything = os.path.isdir(place) or only is None
+        by_root[workspace.root] = (workspace, None if everything else [*(only or []), os.path.abspath(place)])
+    return list(by_root.values())
+
+
+def _write(workspace: Workspace, only: list[str] | None, no_model: bool, options: Options) -> None:
+    from thingc.driver.environment import geometry_of
+    from thingc.geometry import NoWorkers, read_lock
+    from thingc.tools.editor import Schemas
+
+    quiet = replace(options, progress=None if no_model else options.progress, printed=None)
+    workers = NoWorkers() if no_model else None
+    with geometry_of(workspace, quiet, lock=lambda: read_lock(workspace, Report()), workers=workers) as geometry:
+        _print_outcome(workspace, Schemas(workspace, geometry).write(only))
+
+
+def _print_outcome(workspace: Workspace, outcome: RefreshOutcome) -> None:
+    from thingc.tools.editor.folder import SCHEMAS
+
+    folder = shown_path(os.path.join(workspace.root, SCHEMAS))
+    same = len(outcome.documents) - len(outcome.written) - len(outcome.kept)
+    said = [f"{len(outcome.written)} written", f"{same} as they were"]
+    said += [f"{len(outcome.removed)} removed"] if outcome.removed else []
+    common.say(f"{folder}: schemas of {counted(len(outcome.documents), 'document')}: {', '.join(said)}")
+    for name in outcome.kept:
+        document = shown_path(os.path.join(workspace.root, name))
+        common.say(f"{document}: not well-formed just now; it keeps its last schema")

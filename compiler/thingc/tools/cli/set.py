@@ -1,0 +1,99 @@
+"""`thingc set`: writes values into a document, at their paths; its comments and layout stay."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from thingc.base.diagnostics import Diagnostic, Severity, shown_path
+from thingc.base.printing import OPTIONS
+from thingc.driver.environment import Options
+from thingc.driver.writing import named, write_values
+from thingc.tools.cli import common
+
+EPILOG = """\
+A value is named as by --set of the other commands, by its path; a parameter of the document by its name, or as parameters.NAME.
+Nothing is written unless all of the document would be right with all of the values.
+
+  thingc set assemblies/arm.yaml 'joints.elbow.limit.upper=90 deg' 'reach=120 mm'
+  thingc set robot.yaml components.foot.part=feet:Wide
+  thingc set robot.yaml 'components.plate.mass=82 g' --diff      show it, and write nothing
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `set`."""
+    parser.epilog = EPILOG
+    parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
+    parser.add_argument("value", metavar="PATH=VALUE", nargs="+", help="a path, or the name of a parameter, and what shall stand there")
+    parser.add_argument("--diff", action="store_true", help="write nothing, show what would change")
+    common.add_format(parser)
+    parser.add_argument("--strict", action="store_true", help="warnings are errors")
+    common.add_geometry(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 where the values are written (with `--diff`: could be)."""
+    try:
+        common.require_document(arguments.document)
+        options = common.options_of(arguments)
+        given = settings(arguments.value)
+    except common.WrongCommandLine as fault:
+        common.print_found([fault.diagnostic], arguments.format, stream=sys.stdout, debug=False)
+        return common.USAGE
+    return write(arguments.document, given, options, arguments, diff=arguments.diff)
+
+
+def settings(words: Sequence[str]) -> dict[str, str]:
+    """`PATH=VALUE` words to a mapping. Raises `WrongCommandLine`."""
+    values: dict[str, str] = {}
+    for word in words:
+        path, equals, value = (piece.strip() for piece in word.partition("="))
+        if not equals or not path or not value:
+            raise common.WrongCommandLine(f"expected PATH=VALUE, found `{word}`", "write for example 'joints.elbow.limit.upper=90 deg'")
+        if named(path) in map(named, values):
+            raise common.WrongCommandLine(f"`{path}` is set twice", "keep one of them")
+        values[path] = value
+    return values
+
+
+def write(document: str, given: Mapping[str, str], options: Options, arguments: argparse.Namespace, *, diff: bool = False) -> int:
+    """Write values (paths or names of parameters to texts) into a document, unless something would be wrong with it then; says what.
+    Of the `arguments` only `format` and `debug`, and `strict` if it is there, are looked at. The exit code."""
+    typed = {named(path): f"{path}={text}" for path, text in given.items()}
+    outcome = write_values(document, given, options, strict=getattr(arguments, "strict", False), dry=diff)
+    root, text = outcome.root, outcome.text
+    if root is None or text is None:
+        return _say(arguments, [_as_typed(one, typed) for one in outcome.found])
+    wrong = any(d.severity is Severity.ERROR for d in outcome.found)
+    if diff and not wrong:
+        common.say_diff(shown_path(root.path), root.text, text)
+        return common.exit_code(outcome.found)
+    return _say(arguments, outcome.found, done=outcome.done, texts={root.path: text} if wrong else None)
+
+
+def _as_typed(diagnostic: Diagnostic, typed: Mapping[str, str]) -> Diagnostic:
+    """What is said of a value as of an option of other commands (`-p`, `--set`), said of the words that were typed here."""
+    option = next((option for option in OPTIONS if diagnostic.path is not None and diagnostic.path.startswith(option)), None)
+    if option is None or diagnostic.path is None:
+        return diagnostic
+    path = diagnostic.path.removeprefix(option).partition("=")[0]
+    return replace(diagnostic, path=f"set {typed.get(path, path)}")
+
+
+def _say(
+    arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], *, done: Sequence[tuple[str, str | None, str]] = (),
+    texts: Mapping[str, str] | None = None,
+) -> int:
+    """Print what was found and done; `texts` are those of documents as they would be."""
+    if arguments.format == "text":
+        for path, old, new in done:
+            common.say(f"{path}: {'' if old is None else old + ' -> '}{new}")
+        if done and diagnostics:
+            common.say("")
+        common.print_text(diagnostics, stream=sys.stdout, debug=arguments.debug, texts=texts)
+    else:
+        common.print_json(diagnostics, set=[{"path": path, "before": old, "after": new} for path, old, new in done])
+    return common.exit_code(diagnostics)

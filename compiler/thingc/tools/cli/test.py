@@ -1,0 +1,142 @@
+"""`thingc test`: run the tests that a document states of its robot."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+from thingc.base.brief import counted
+from thingc.base.diagnostics import Diagnostic, Severity, Stage, shown_path
+from thingc.base.typos import did_you_mean
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, attempted
+from thingc.driver.pipeline import UnknownChoice
+from thingc.tools.cli import common
+
+if TYPE_CHECKING:
+    from thingc.driver.testing import Result, Selection
+    from thingc.model.assembly.types import Assembly
+
+EPILOG = """\
+The tests of the document named, not those of the documents nested in it. Each failure is an error at the value that it
+contradicts. The exit code is 0 when every test passed.
+
+  thingc test assemblies/arm.yaml
+  thingc test assemblies/arm.yaml --only weight --only 'holds_*'
+  thingc test assemblies/arm.yaml --mode bench -p 'reach=120 mm'
+  thingc test assemblies/arm.yaml --format junit > arm.xml
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `test`."""
+    parser.epilog = EPILOG
+    common.add_document(parser)
+    parser.add_argument(
+        "--only", metavar="NAME", action="append", default=[], help="only tests of this name, patterns allowed (may be repeated)",
+    )
+    parser.add_argument(
+        "--mode", metavar="M", action="append", default=[],
+        help="of tests that run in modes only these (may be repeated; default: the modes of each test)",
+    )
+    common.add_format(parser, ("text", "json", "junit"))
+    common.add_compiling(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 when every test that was meant has passed."""
+    results: list[Result] = []
+    name = "thingc"
+    try:
+        common.require_document(arguments.document)
+        diagnostics, name = attempted(arguments.document, common.options_of(arguments), partial(_run, arguments, results))
+    except (UnknownChoice, common.WrongCommandLine) as fault:
+        diagnostics = [common.of_exception(fault)]
+    _tell(arguments, name, results, diagnostics)
+    return common.exit_code(diagnostics)
+
+
+def _run(arguments: argparse.Namespace, results: list[Result], environment: Environment) -> tuple[list[Diagnostic], str]:
+    """Compile and run; what there is to say, and the robot's name. Raises `UnknownChoice`."""
+    results.clear()
+    compilation = pipeline.compile(environment)
+    diagnostics = common.final(compilation.report, strict=arguments.strict)
+    assembly = compilation.assembly
+    if common.exit_code(diagnostics) or assembly is None:
+        return diagnostics, "thingc"
+    from thingc.driver.testing import run as run_tests
+
+    selection = _selection(arguments, assembly)
+    width = max((len(linked.test.name) for linked in assembly.tests if selection.takes(linked)), default=0)
+
+    def on_result(result: Result) -> None:
+        results.append(result)
+        if arguments.format == "text":
+            common.say(_line(result, width))
+
+    run_tests(pipeline.request_of(environment, compilation), selection, on_result)
+    if not selection.only and not selection.modes:
+        pipeline.say_unneeded(compilation, [Stage.CHECK, Stage.TEST])
+    return common.final(compilation.report, strict=arguments.strict), assembly.name
+
+
+def _selection(arguments: argparse.Namespace, assembly: Assembly) -> Selection:
+    """What the command line asks for. Raises `UnknownChoice` where that is nothing."""
+    from thingc.driver.testing import Selection
+
+    selection = Selection(only=tuple(arguments.only), modes=tuple(arguments.mode))
+    names, modes = [linked.test.name for linked in assembly.tests], [mode.name for mode in assembly.modes]
+    document = shown_path(arguments.document)
+    for text in selection.only:
+        if not any(Selection(only=(text,)).takes(linked) for linked in assembly.tests):
+            raise UnknownChoice(f"`{document}` has no test `{text}`", did_you_mean(text, names, what="tests"))
+    for mode in selection.modes:
+        if mode not in modes:
+            raise UnknownChoice(f"`{document}` has no mode `{mode}`", did_you_mean(mode, modes, what="modes"))
+    return selection
+
+
+def _line(result: Result, width: int) -> str:
+    """One result for people."""
+    where = f"[{result.where}] " if result.where else ""
+    verdict = "passed" if result.passed else "FAILED"
+    return f"{verdict}  {result.name.ljust(width)}  {where}{result.outcome.said}  {result.seconds:.2f} s"
+
+
+def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], diagnostics: Sequence[Diagnostic]) -> None:
+    """The answer in the form that was asked for, apart from the lines that were printed on the way."""
+    if arguments.format == "json":
+        common.print_json(diagnostics, tests=[_data(result) for result in results])
+        return
+    if arguments.format == "junit":
+        from thingc.driver.testing.junit import as_junit
+
+        common.hand_on(as_junit(name, results, _beside(results, diagnostics)))
+        return
+    if results:
+        common.say("")
+    common.print_text(diagnostics, stream=sys.stdout, debug=arguments.debug)
+    passed = sum(1 for result in results if result.passed)
+    if results:
+        common.say(f"{counted(len(results), 'test')}: {passed} passed, {len(results) - passed} failed")
+    elif not common.exit_code(list(diagnostics)):
+        chosen = " that run in the modes chosen" if arguments.mode else ""
+        common.say(f"{shown_path(arguments.document)}: no tests{chosen}")
+
+
+def _beside(results: Sequence[Result], diagnostics: Sequence[Diagnostic]) -> list[Diagnostic]:
+    """The errors that are the failure of no test."""
+    failures = [result.diagnostic for result in results]
+    return [d for d in diagnostics if d.severity is Severity.ERROR and d not in failures]
+
+
+def _data(result: Result) -> dict[str, object]:
+    """One result of the JSON answer; numbers in SI."""
+    return {
+        "name": result.name, "kind": result.kind, "mode": result.mode, "pose": result.pose, "passed": result.passed,
+        "measured": dict(result.outcome.measured), "expected": dict(result.outcome.expected), "said": result.outcome.said,
+        "seconds": round(result.seconds, 3),
+    }

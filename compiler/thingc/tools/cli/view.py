@@ -1,0 +1,241 @@
+"""`thingc view`: a robot in the browser, as its document stands after every save."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import secrets
+import sys
+import threading
+import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from urllib.parse import quote
+
+from thingc.base.diagnostics import Code, Diagnostic, shown_path
+from thingc.base.typos import did_you_mean
+from thingc.driver import pipeline
+from thingc.driver.building import Wish
+from thingc.driver.environment import Environment, Options, attempted
+from thingc.targets import Page, page_of
+from thingc.targets.artifact import MANIFEST
+from thingc.tools.cli import common
+from thingc.tools.cli.watch import Lines, hopeless, until_interrupted
+from thingc.tools.live import Live, Round, Server, findings_of
+
+EDITOR = "vscode://file{file}:{line}"
+
+KEY = 32
+"""Bytes of the key that gives a document the same address again."""
+
+OF_DOCUMENTS = {
+    "mode": "--mode", "against": "--against", "port": "--port", "editor": "--editor", "parameter": "-p", "choice": "--set",
+    "strict": "--strict", "store": "--store", "jobs": "--jobs", "part_timeout": "--part-timeout",
+}
+"""What does nothing to a build that is opened as it is."""
+
+EPILOG = """\
+Serves the page on this machine alone, under an address that nobody can guess, and shows it in a browser; every save is shown there in its
+turn, with what `thingc check` says on top. Nothing is written. A build folder with a page, or a page, is opened as it is.
+
+  thingc view assemblies/arm.yaml
+  thingc view assemblies/arm.yaml --mode bench --no-open
+  thingc view assemblies/arm.yaml --against assemblies/arm.yaml      what an edit changes
+  thingc view build/arm
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `view`."""
+    parser.epilog = EPILOG
+    common.add_document(parser, what="an assembly document (YAML or TOML), a build folder with html/, or its page", metavar="DOC|BUILD")
+    parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
+    parser.add_argument("--against", metavar="DOC", help="a second document, or this one as it is now, to be seen through the robot")
+    parser.add_argument("--port", metavar="N", type=_port, default=0, help="the port to listen on (default: a free one)")
+    parser.add_argument("--no-open", action="store_true", help="only print the address")
+    parser.add_argument(
+        "--editor", metavar="URL", default=EDITOR,
+        help="what links to documents and part files open, with {file} and {line} (default: %(default)s)",
+    )
+    common.add_compiling(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 after Ctrl-C, or when a build is opened; 2 where there is nothing to show."""
+    if os.path.isdir(arguments.document) or _is_page(arguments.document):
+        return _open_build(arguments)
+    common.require_document(arguments.document)
+    options = common.options_of(arguments)
+    before, beside, turn = None, None, threading.Lock()
+    if arguments.against is not None:
+        common.require_document(arguments.against)
+        plain = replace(options, parameters={}, choices={})
+        if not os.path.samefile(arguments.against, arguments.document):
+            beside = _Beside(arguments, plain, turn)
+        else:
+            before, diagnostics = attempted(arguments.against, plain, _page)
+            if before is None:
+                common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+                return common.exit_code(diagnostics)
+    live = Live(arguments.document, options, partial(_wish, arguments), common.of_exception, writes=False, turn=turn)
+    server = _server(arguments)
+    if before is not None:
+        server.tell_against(before)
+    lines = Lines(arguments, "showing")
+
+    def hear(made: Round) -> None:
+        with turn:
+            made, page, diagnostics = _shown(live, made)
+        server.tell(page, made.seconds, diagnostics, kernel=made.kernel)
+        lines.say(made)
+        if made.number == 1 and not hopeless(made):
+            common.say(server.address)
+            if not arguments.no_open and not webbrowser.open(server.address):
+                common.say("no browser could be started: open that address in one", stream=sys.stderr)
+
+    with server, nullcontext() if beside is None else beside.followed(server):
+        return until_interrupted(live, hear)
+
+
+def _wish(arguments: argparse.Namespace) -> Wish:
+    return Wish(targets=(), modes=arguments.mode, strict=arguments.strict)
+
+
+def _shown(live: Live, made: Round) -> tuple[Round, Page | None, list[dict[str, object]]]:
+    """A round, its page (None where it has errors), and what the page takes of what is said."""
+    environment = live.environment
+    assert environment is not None
+    page = None
+    if made.good and made.built is not None:
+        try:
+            page = page_of(pipeline.request_of(environment, made.built.compilation))
+        except Exception as fault:  # the next save may mend it
+            made = replace(made, good=False, diagnostics=(*made.diagnostics, common.of_exception(fault)))
+    return made, page, findings_of(made.diagnostics, environment.workspace)
+
+
+class _Beside:
+    """The document whose robot is seen through the one that is shown, in all its modes; followed in a thread of its own, in which it is
+    compiled while it has its `turn`."""
+
+    def __init__(self, arguments: argparse.Namespace, options: Options, turn: threading.Lock) -> None:
+        self._turn = turn
+        wish = Wish(targets=(), strict=arguments.strict)
+        self._live = Live(arguments.against, options, lambda: wish, common.of_exception, writes=False, turn=turn)
+        self._lines = Lines(arguments, of=shown_path(arguments.against))
+        self._stop = threading.Event()
+
+    @contextmanager
+    def followed(self, server: Server) -> Iterator[None]:
+        """Meanwhile a server is told of every round."""
+        thread = threading.Thread(target=self._follow, args=(server,), daemon=True)
+        with self._live:
+            thread.start()
+            try:
+                yield
+            finally:
+                self._stop.set()
+        thread.join(1.0)
+
+    def _follow(self, server: Server) -> None:
+        for made in self._live.rounds(self._stop):
+            if self._stop.is_set():
+                return
+            with self._turn:
+                made, page, diagnostics = _shown(self._live, made)
+            server.tell_against(page, diagnostics)
+            self._lines.say(made)
+
+
+def _page(environment: Environment) -> tuple[Page | None, list[Diagnostic]]:
+    """The page of a document as it stands, None where it has errors; and what is said of it."""
+    compilation = pipeline.compile(environment)
+    diagnostics = common.final(compilation.report, strict=False)
+    return None if compilation.report.failed else page_of(pipeline.request_of(environment, compilation)), diagnostics
+
+
+def _server(arguments: argparse.Namespace) -> Server:
+    from thingc.base.diagnostics import Report
+    from thingc.documents.workspace import Workspace
+
+    workspace = Workspace.find(arguments.document, Report())
+    root = workspace.root if workspace is not None else os.path.dirname(os.path.abspath(arguments.document))
+    editor = arguments.editor.replace("{file}", f"{quote(root)}/{{file}}")
+    try:
+        return Server(arguments.port, editor, arguments.document, _key())
+    except OSError as fault:
+        reason = fault.strerror or str(fault)
+        raise common.WrongCommandLine(f"port {arguments.port} cannot be had: {reason}", "leave --port out: a free one is taken") from fault
+
+
+def _key() -> bytes | None:
+    """Random bytes that this user alone can read, the same every time; None where they cannot be kept so."""
+    from thingc.geometry.store.local import cache_root
+
+    path = os.path.join(cache_root(), "view.key")
+    try:
+        os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
+        with suppress(FileExistsError), open(path, "xb", opener=lambda name, flags: os.open(name, flags, 0o600)) as stream:
+            stream.write(secrets.token_bytes(KEY))
+        with open(path, "rb") as stream:
+            state = os.fstat(stream.fileno())
+            key = stream.read(KEY)
+    except OSError:
+        return None
+    others = os.name == "posix" and (state.st_uid != os.getuid() or state.st_mode & 0o077)
+    return key if len(key) == KEY and not others else None
+
+
+def _open_build(arguments: argparse.Namespace) -> int:
+    """Show the page of a finished build, or of the only one in a folder. Raises `WrongCommandLine` where there is none, and for options of
+    documents."""
+    folder = Path(arguments.document) if _is_page(arguments.document) else _build_meant(arguments.document)
+    pages = [folder] if folder.is_file() else sorted(folder.glob("html/*.html"))
+    if not pages:
+        raise common.WrongCommandLine(
+            f"the build `{shown_path(str(folder))}` has no page", "build it with `--emit html`, or name its document", Code.NO_DOCUMENT
+        )
+    given = [name for key, name in OF_DOCUMENTS.items() if getattr(arguments, key) not in ([], 0, None, False, EDITOR)]
+    if given:
+        raise common.WrongCommandLine(
+            f"{given[0]} is about documents, and `{shown_path(str(folder))}` is a build", "name its document, or leave the option out"
+        )
+    for page in pages:
+        common.say(shown_path(str(page)))
+        if not arguments.no_open:
+            webbrowser.open(page.resolve().as_uri())
+    return 0
+
+
+def _is_page(name: str) -> bool:
+    """Whether it is the page of a build, which may have gone elsewhere by mail."""
+    return name.lower().endswith(".html") and os.path.isfile(name)
+
+
+def _build_meant(name: str) -> Path:
+    """The build that a folder is, or the only one that it holds. Raises `WrongCommandLine` with what to type."""
+    from thingc.documents.load import documents_near, is_document
+
+    folder = Path(name)
+    if (folder / MANIFEST).is_file():
+        return folder
+    builds = [path.parent for path in sorted(folder.glob(f"*/{MANIFEST}"))]
+    builds = [one for one in builds if any(one.glob("html/*.html"))] or builds
+    if len(builds) == 1:
+        return builds[0]
+    if builds:
+        hint = did_you_mean("", [shown_path(str(one)) for one in builds], what="builds")
+        raise common.WrongCommandLine(f"`{name}` holds {len(builds)} builds", f"name one of them: {hint}", Code.NO_DOCUMENT)
+    robots = [shown_path(path) for path in documents_near(name, None) if is_document(path, "assembly/")]
+    hint = did_you_mean("", robots, what="robots") if robots else "name a document, or a build with html/"
+    raise common.WrongCommandLine(f"`{name}` is a folder without a build", hint, Code.NO_DOCUMENT)
+
+
+def _port(text: str) -> int:
+    """A port, as argparse wants it checked."""
+    if not text.isdigit() or not 0 < int(text) < 65536:
+        raise argparse.ArgumentTypeError(f"expected a port from 1 to 65535, found `{text}`")
+    return int(text)

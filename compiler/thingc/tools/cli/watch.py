@@ -1,0 +1,154 @@
+"""`thingc watch`: builds a document again after every save, until Ctrl-C."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from thingc.base.brief import counted
+from thingc.base.diagnostics import Diagnostic, shown_path
+from thingc.base.printing import as_json
+from thingc.base.shown import json_text
+from thingc.driver import pipeline
+from thingc.driver.building import Wish
+from thingc.tools.cli import common, interrupts
+from thingc.tools.cli.build import answer_of, tell, wish_of
+from thingc.tools.cli.targets import add_building, chosen_targets
+from thingc.tools.live import Live, Round
+
+EPILOG = """\
+Whatever the build depends on is watched: documents, part modules and the files that they read, materials, thingc.toml. A save with errors
+shows them, and the last good build stays. The CAD kernel is loaded once.
+
+  thingc watch assemblies/arm.yaml
+  thingc watch assemblies/arm.yaml --mode bench --emit mjcf
+  thingc watch assemblies/arm.yaml --format json      a line of JSON for each build
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `watch`."""
+    parser.epilog = EPILOG
+    common.add_document(parser)
+    add_building(parser)
+    common.add_format(parser)
+    common.add_compiling(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 after Ctrl-C; 2 where there is nothing to watch."""
+    try:
+        live = live_of(arguments)
+    except common.WrongCommandLine as fault:
+        if arguments.format == "json":
+            _say_line({"diagnostics": as_json([fault.diagnostic])})
+        else:
+            common.print_text([fault.diagnostic], stream=sys.stderr, debug=arguments.debug)
+        return common.USAGE
+    return until_interrupted(live, Lines(arguments).say if arguments.format == "text" else say_json)
+
+
+def live_of(arguments: argparse.Namespace) -> Live:
+    """What the command line wants built after every save. Raises `WrongCommandLine`."""
+    common.require_document(arguments.document)
+    options = common.options_of(arguments)
+    targets, _ = chosen_targets(arguments)
+    options = replace(options, ahead=pipeline.modules_of_build(targets))
+
+    def wish() -> Wish | Sequence[Diagnostic]:
+        targets, wrong = chosen_targets(arguments)
+        return wrong or wish_of(arguments, targets)
+
+    return Live(arguments.document, options, wish, common.of_exception, common.say_waiting)
+
+
+def until_interrupted(live: Live, hear: Callable[[Round], None]) -> int:
+    """Go through the rounds until Ctrl-C or SIGTERM; nothing of them is alive then."""
+    interrupts.heed(ignored=True)
+    with contextlib.suppress(KeyboardInterrupt), live:
+        for made in live.rounds(threading.Event()):
+            hear(made)
+            if hopeless(made):
+                return common.USAGE
+    common.say_in_place()
+    return 0
+
+
+def hopeless(made: Round) -> bool:
+    """Whether nothing is followed after this round: the first one, where the command line is to blame, and no save mends that."""
+    return made.number == 1 and common.exit_code(made.diagnostics) == common.USAGE
+
+
+def say_json(made: Round) -> None:
+    """A round as one line of JSON on standard output: what `thingc build --format json` says, and what is of a round alone."""
+    folder = made.folder or ""
+    _say_line({
+        "diagnostics": as_json(made.diagnostics),
+        "artifacts": [shown_path(os.path.join(folder, path)) for path in sorted(made.built.files or ())] if made.built and folder else [],
+        "modelled": sorted(made.modelled),
+        "reused": [text for text in made.built.compilation.reused if text not in made.modelled] if made.built else [],
+        "round": made.number, "good": made.good, "saved": [shown_path(path) for path in made.saved],
+        "changed": [shown_path(os.path.join(folder, path)) for path in made.changed],
+        "seconds": round(made.seconds, 4), "kernel": round(made.kernel, 4),
+    })
+
+
+def _say_line(value: Mapping[str, object]) -> None:
+    import json
+
+    common.hand_on(json_text(json.dumps(value, ensure_ascii=False)) + "\n")
+    sys.stdout.flush()
+
+
+class Lines:
+    """What is said of rounds, on standard error: what is wrong as `thingc build` says it, unless it has just been said, then one line.
+    `of` is the document that they are of, where it is not the one that the command is about."""
+
+    def __init__(self, arguments: argparse.Namespace, doing: str = "watching", of: str | None = None) -> None:
+        self._doing = doing
+        self._of = of
+        self._arguments = arguments
+        self._said: tuple[Diagnostic, ...] = ()
+        self._built = False
+
+    def say(self, made: Round) -> None:
+        """Say what came of a save."""
+        common.say_in_place()
+        known = made.good and made.diagnostics == self._said
+        if not known:
+            common.print_text(made.diagnostics, stream=sys.stderr, debug=self._arguments.debug)
+        self._said = made.diagnostics
+        if made.number > 1:
+            saved = _enumerated([shown_path(path) for path in made.saved])
+            outcome = _outcome(made) if self._built or not made.good else f"built in {made.seconds:.2f} s"
+            stand = f"; {counted(len(made.diagnostics), 'warning')} as before" if known and made.diagnostics else ""
+            of = f"{self._of}, " if self._of is not None else ""
+            common.say(f"{time.strftime('%H:%M:%S')} {saved}: {of}{outcome}{stand}", stream=sys.stderr)
+        if made.built is not None and made.folder is not None and not self._built:
+            tell(answer_of(made.built, made.folder), self._arguments)
+        self._built = self._built or made.good
+        if made.number == 1 and self._of is None and not hopeless(made):
+            common.say(f"{'' if made.good else 'nothing is built yet; '}{self._doing}; Ctrl-C ends it", stream=sys.stderr)
+
+
+def _outcome(made: Round) -> str:
+    """What a save has changed, in words."""
+    if made.built is None or not made.good:
+        return f"not built ({made.seconds:.2f} s); {'the last good build stays' if made.kept else 'there is no good build yet'}"
+    modelled = sorted(made.modelled.values())
+    said = ["right again"] if made.mended else []
+    said += [f"modelled {_enumerated(modelled)}"] if modelled else []
+    if made.folder is not None:
+        changed = f"{counted(len(made.changed), 'file')} changed ({_enumerated(made.changed)})"
+        said.append(changed if made.changed else "no file changed")
+    return f"{'; '.join(said) or 'compiled'} in {made.seconds:.2f} s"
+
+
+def _enumerated(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) <= 3 else f"{', '.join(names[:2])} and {len(names) - 2} more"

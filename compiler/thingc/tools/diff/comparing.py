@@ -1,0 +1,34 @@
+"""Two portraits -> all that changed, and what follows from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field
+
+from thingc.base.brief import Brief
+from thingc.base.frozen import dataclass
+from thingc.tools.diff.change import Change
+from thingc.tools.diff.following import Farthest, compare_following
+from thingc.tools.diff.pairing import Pairing
+from thingc.tools.diff.portrait import Portrait
+from thingc.tools.diff.stated import compare_stated
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison(Brief):
+    """What changed of one robot: what somebody changed first, then what follows; `unknown` says what could not be compared. `pictures` are
+    PNG files, `before`, `after` and `overlay`, where they were asked for."""
+
+    name: str
+    changes: tuple[Change, ...]
+    unknown: tuple[str, ...] = ()
+    pictures: Mapping[str, bytes] = field(default_factory=dict)
+
+
+def compare(old: Portrait, new: Portrait, farthest: Farthest = lambda old, new: None) -> Comparison:
+    """What changed from one portrait to another. `farthest` measures how far surfaces are apart; without it nothing says so."""
+    pairing = Pairing(old, new)
+    changes = compare_stated(pairing)
+    compare_following(pairing, changes, farthest)
+    ordered = sorted(changes.found, key=lambda change: change.caused)
+    return Comparison(name=new.name, changes=tuple(ordered), unknown=tuple(sorted(old.lacks | new.lacks)))

@@ -1,0 +1,97 @@
+"""A linked assembly -> what a portrait holds of it: mates, occurrences, links and the rows of its bill of materials."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from thingc.base.pose import Pose
+from thingc.base.source import line_of
+from thingc.geometry.record import PartDefinition, PartRecord
+from thingc.model.assembly.types import Assembly, Mate, Occurrence
+from thingc.targets import with_pieces
+from thingc.tools.diff.portrait import Edge, LinkOf, OccurrenceOf, PartShape, Row
+
+
+def edges_of(assembly: Assembly) -> Iterator[Edge]:
+    """Its mates, by the paths and mounts of their ends."""
+    paths = [occurrence.path for occurrence in assembly.occurrences]
+    for mate in assembly.mates:
+        kind = mate.joints[0].kind.name if mate.joints else "fixed" if mate.name is not None else ""
+        yield Edge(
+            parent=paths[mate.parent], child=paths[mate.child], mounts=(mate.parent_mount, mate.child_mount), joint=kind,
+        )
+
+
+def occurrences_of(assembly: Assembly, whole: bool) -> Iterator[OccurrenceOf]:
+    """Its occurrences, in document order; `whole`: everything is known of all parts, else geometry and mass properties are left out."""
+    placed = {mate.child: mate for mate in _placing(assembly)}
+    for occurrence in assembly.occurrences:
+        mate = placed.get(occurrence.index)
+        yield OccurrenceOf(
+            path=occurrence.path, definition=occurrence.definition.text,
+            properties=occurrence.properties if whole else None, mass=occurrence.properties.mass, source=occurrence.mass_source,
+            shape=_shape(occurrence.record) if whole else None,
+            mounts=_mounts(occurrence) if whole else {},
+            place=assembly.rest[occurrence.index] if whole else None,
+            parent=None if mate is None else assembly.occurrences[mate.parent].path, joint=None if mate is None else mate.name,
+            material=None if occurrence.material is None else occurrence.material.name,
+        )
+
+
+def _placing(assembly: Assembly) -> Iterator[Mate]:
+    """The mates without those that close loops, each turned so that its parent is nearer to the base."""
+    beside: dict[int, list[tuple[int, Mate]]] = {}
+    for mate in assembly.mates:
+        if mate.loop is None:
+            beside.setdefault(mate.parent, []).append((mate.child, mate))
+            beside.setdefault(mate.child, []).append((mate.parent, mate))
+    waiting, met = [assembly.base], {assembly.base}
+    while waiting:
+        index = waiting.pop()
+        for other, mate in beside.get(index, []):
+            if other not in met:
+                met.add(other)
+                waiting.append(other)
+                yield replace(mate, parent=index, child=other)
+
+
+def _shape(record: PartRecord | None) -> PartShape | None:
+    if record is None or record.box is None:
+        return None
+    drawn = record.meshes.get("visual")
+    code = record.code
+    return PartShape(
+        volume=record.volume, area=record.area, centre=record.centre, inertia=record.inertia, box=record.box,
+        mesh=None if drawn is None else drawn.sha256,
+        made=None if code is None else line_of(code[0], code[1]),
+    )
+
+
+def _mounts(occurrence: Occurrence) -> dict[str, Pose]:
+    """Those of its part; what the document adds is a thing of its own."""
+    added = occurrence.component.mounts
+    return {name: mount.pose for name, mount in occurrence.mounts.items() if name not in added and name != "origin"}
+
+
+def links_of(assembly: Assembly) -> Iterator[LinkOf]:
+    """Its links, with the paths of their members."""
+    paths = [occurrence.path for occurrence in assembly.occurrences]
+    for link in assembly.links:
+        yield LinkOf(
+            name=link.name, frame=paths[link.frame], members=tuple(paths[index] for index in link.members), properties=link.properties,
+        )
+
+
+def rows_of(assembly: Assembly) -> Iterator[Row]:
+    """The rows of its bill of materials, with the paths of the pieces."""
+    for row, pieces in with_pieces(assembly):
+        stem = None
+        for occurrence in pieces:
+            definition, record = occurrence.component.definition, occurrence.record
+            if isinstance(definition, PartDefinition) and record is not None and "print" in record.meshes and row.make != "buy":
+                stem = definition.stem
+        yield Row(
+            definition=row.definition, number=row.number, quantity=row.quantity, make=row.make, material=row.material,
+            members=tuple(occurrence.path for occurrence in pieces), stem=stem,
+        )

@@ -1,0 +1,271 @@
+"""Which component of the old robot is which of the new one.
+
+Equal names are anchors. Who is left is known by what it is and whom it meets: a component that is alone in meeting known ones in its
+way is known, too, and so on from there; then by colours, refined by those of the neighbours until nothing splits any more
+(B. Weisfeiler and A. Leman, 1968). Components of one colour are told apart by an isomorphism of what is left, where that is
+small, else by their place; both is said with "perhaps", as far as the robot cannot be turned into itself by exchanging them.
+
+The answer does not depend on which robot is the old one: both are put into an order of their own first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import Any
+
+from thingc.base.frozen import dataclass
+from thingc.base.summing import dist
+from thingc.tools.diff.portrait import ComponentNode, Portrait
+
+RESIDUE = 30
+"""Components that may be left for an isomorphism to be looked for."""
+ROUNDS = 64
+"""How often colours are refined at most."""
+SAME_PLACE = 1e-3
+"""How near [m] to each other two components are in the same place."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Match:
+    """A component of the old robot in the new one, by path; by what it was known, and whether that leaves room for doubt."""
+
+    old: str
+    new: str
+    reason: str
+    perhaps: bool = False
+
+
+def match(old: Portrait, new: Portrait) -> dict[str, Match]:
+    """The components that are in both, by their old path."""
+    if _order(new) < _order(old):
+        return {
+            pair.new: Match(old=pair.new, new=pair.old, reason=pair.reason, perhaps=pair.perhaps)
+            for pair in _Matching(new, old).found.values()
+        }
+    return _Matching(old, new).found
+
+
+def _order(portrait: Portrait) -> list[str]:
+    return sorted(node.path for node in portrait.nodes)
+
+
+class _Side:
+    """One robot as a graph: its components by path, and whom each meets and how."""
+
+    def __init__(self, portrait: Portrait) -> None:
+        self.nodes = {node.path: node for node in portrait.nodes}
+        self.left = dict.fromkeys(self.nodes)
+        self.beside: dict[str, list[tuple[tuple[str, ...], str]]] = defaultdict(list)
+        for edge in portrait.edges:
+            self._join(edge.parent, edge.child, ("mate", edge.joint, *edge.mounts))
+        for node in portrait.nodes:
+            if node.parent:
+                self._join(node.parent, node.path, ("holds",))
+
+    def _join(self, above: str, below: str, how: tuple[str, ...]) -> None:
+        self.beside[above].append((("down", *how), below))
+        self.beside[below].append((("up", *how), above))
+
+
+class _Matching:
+    """What has been found so far, and the ways to find more, from the surest to the least."""
+
+    def __init__(self, old: Portrait, new: Portrait) -> None:
+        self.old, self.new = _Side(old), _Side(new)
+        self.found: dict[str, Match] = {}
+        self._back: dict[str, str] = {}
+        for path in list(self.old.nodes):
+            if path in self.new.nodes:
+                self._take(path, path, "the same name")
+        self._around()
+        for what, words in ((_definition, "the same definition"), (_class, "the same class")):
+            for exact in (True, False):
+                while self._known_neighbours(what, words, exact) or self._around():
+                    pass
+            while self._colours(what, words) or self._around():
+                pass
+
+    def _take(self, old: str, new: str, reason: str, perhaps: bool = False) -> None:
+        self.found[old] = Match(old=old, new=new, reason=reason, perhaps=perhaps)
+        self._back[new] = old
+        del self.old.left[old], self.new.left[new]
+
+    def _around(self) -> bool:
+        """An assembly is the one that holds what it held; and in one that is called otherwise now, those of the same name are the same."""
+        before = len(self.found)
+        for path in [one for one in self.old.left if self.old.nodes[one].kind == "assembly"]:
+            held = (self.found[inner].new for how, inner in self.old.beside[path] if how == ("down", "holds") and inner in self.found)
+            within = {self.new.nodes[inner].parent for inner in held}
+            if len(within) == 1 and (there := within.pop()) in self.new.left:
+                self._take(path, there, "what it holds")
+        for path in list(self.old.left):
+            above, _, name = path.rpartition("/")
+            known = self.found.get(above)
+            if known is not None and known.new != above and (there := f"{known.new}/{name}") in self.new.left:
+                self._take(path, there, f"the same name in `{known.new}`", known.perhaps)
+        return len(self.found) > before
+
+    # --- neighbours --------------------------------------------------------------------------------------------------
+
+    def _known_neighbours(self, what: Callable[[ComponentNode], Hashable], words: str, exact: bool) -> bool:
+        """Who alone is what it is and meets known components as it does; with `exact` by the same mounts."""
+        before = len(self.found)
+        sides = (self._signed(self.old, what, self._old_name, exact), self._signed(self.new, what, self._back.get, exact))
+        for signature, ones in sides[0].items():
+            others = sides[1].get(signature, [])
+            if len(ones) == len(others) == 1 and (exact or self._in_one_place(ones[0], others[0])):
+                met = min(known for _, known in signature[1])
+                how = f"and it meets `{met}` as before" if exact else f"beside `{met}`"
+                self._take(ones[0], others[0], f"{words}, {how}", perhaps=not (exact and what is _definition))
+        return len(self.found) > before
+
+    def _signed(
+        self, side: _Side, what: Callable[[ComponentNode], Hashable], known: Callable[[str], str | None], exact: bool,
+    ) -> dict[tuple[Hashable, tuple[tuple[tuple[str, ...], str], ...]], list[str]]:
+        """Those that are left, by what they are and whom they meet of those that are known; who meets nobody known is not there."""
+        signed: dict[Any, list[str]] = defaultdict(list)
+        for path in side.left:
+            met = [
+                (how if exact else how[:1], one) for how, other in side.beside[path]
+                if how[1] == "mate" and (one := known(other)) is not None
+            ]
+            if met:
+                signed[what(side.nodes[path]), tuple(sorted(met))].append(path)
+        return signed
+
+    def _old_name(self, path: str) -> str | None:
+        return path if path in self.found else None
+
+    def _in_one_place(self, old: str, new: str) -> bool:
+        """Whether two components stand in the same assembly."""
+        above, there = self.old.nodes[old].parent, self.new.nodes[new].parent
+        known = self.found.get(above)
+        return (above == "" and there == "") or known is not None and known.new == there
+
+    # --- colours -----------------------------------------------------------------------------------------------------
+
+    def _colours(self, what: Callable[[ComponentNode], Hashable], words: str) -> bool:
+        """One round: who is alone of a colour in both robots; else one colour of several, told apart by isomorphism or by place."""
+        if not self.old.left or not self.new.left:
+            return False
+        colours = self._refined(what)
+        classes: dict[Hashable, tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
+        for number, side in enumerate((self.old, self.new)):
+            for path in side.left:
+                classes[colours[number, path]][number].append(path)
+        alone = [(ones[0], others[0]) for ones, others in classes.values() if len(ones) == len(others) == 1]
+        if alone:
+            # Who meets nobody that is known may as well be gone, and another one new.
+            for one, other in alone:
+                self._take(one, other, f"{words} and mates", perhaps=not self._met(one))
+            return True
+        shared = [(ones, others) for ones, others in classes.values() if ones and others]
+        if shared:
+            ones, others = min(shared, key=lambda pair: (len(pair[0]) + len(pair[1]), min(pair[0])))
+            if len(ones) == len(others) and self._isomorphic(colours):
+                return True
+            self._by_place(ones, others, f"{words} and mates, of {len(ones)} alike the nearest place")
+            return True
+        return self._by_definition(what, words)
+
+    def _by_definition(self, what: Callable[[ComponentNode], Hashable], words: str) -> bool:
+        """Colours that no neighbour refines, where nothing else is in common any more."""
+        groups: dict[Hashable, tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
+        for number, side in enumerate((self.old, self.new)):
+            for path in side.left:
+                groups[what(side.nodes[path])][number].append(path)
+        shared = [(ones, others) for ones, others in groups.values() if ones and others]
+        if not shared:
+            return False
+        before = len(self.found)
+        for ones, others in shared:
+            if len(ones) == len(others) == 1 and self._in_one_place(ones[0], others[0]):
+                self._take(ones[0], others[0], f"{words}, which nothing else here has", perhaps=True)
+            else:
+                self._by_place(ones, others, f"{words} in the same place", within=SAME_PLACE)
+        return len(self.found) > before
+
+    def _met(self, path: str) -> bool:
+        """Whether a component of the old robot meets one that is known."""
+        return any(other in self.found for how, other in self.old.beside[path] if how[1] == "mate")
+
+    def _refined(self, what: Callable[[ComponentNode], Hashable]) -> dict[tuple[int, str], int]:
+        """The colours of those that are left, of both robots at once."""
+        numbers: dict[Hashable, int] = {}
+
+        def colour(of: Hashable) -> int:
+            return numbers.setdefault(of, len(numbers))
+
+        sides = (self.old, self.new)
+        names: tuple[Callable[[str], str | None], ...] = (self._old_name, self._back.get)
+        now = {(k, path): colour(what(side.nodes[path])) for k, side in enumerate(sides) for path in side.left}
+        parts = len(set(now.values()))
+        for round_ in range(ROUNDS):
+            after: dict[tuple[int, str], int] = {}
+            for k, side in enumerate(sides):
+                for path in side.left:
+                    around = sorted((how, names[k](other) or f"#{now[k, other]}") for how, other in side.beside[path])
+                    after[k, path] = colour((round_, now[k, path], tuple(around)))
+            now = after
+            if (split := len(set(now.values()))) == parts:
+                break
+            parts = split
+        return now
+
+    def _isomorphic(self, colours: Mapping[tuple[int, str], int]) -> bool:
+        """An isomorphism of all that is left, where it is the same in both robots and small enough: what exchanges with what in it does
+        so by an automorphism of the new robot, so that none of it is wrong."""
+        if not len(self.old.left) == len(self.new.left) <= RESIDUE:
+            return False
+        if Counter(colours[0, path] for path in self.old.left) != Counter(colours[1, path] for path in self.new.left):
+            return False
+        from networkx import MultiDiGraph
+        from networkx.algorithms.isomorphism import MultiDiGraphMatcher
+
+        graphs = []
+        for k, side in enumerate((self.old, self.new)):
+            graph = MultiDiGraph()
+            for path in sorted(side.left):
+                place = side.nodes[path].place
+                at = None if place is None else tuple(round(x, 6) + 0.0 for x in place.translation)
+                graph.add_node(path, colour=colours[k, path], at=at)
+            for path in side.left:
+                for how, other in side.beside[path]:
+                    if other in side.left and how[0] == "down":
+                        graph.add_edge(path, other, how=how)
+            graphs.append(graph)
+
+        def alike(ones: Mapping[int, Any], others: Mapping[int, Any]) -> bool:
+            return sorted(repr(one["how"]) for one in ones.values()) == sorted(repr(one["how"]) for one in others.values())
+
+        for keys in (("colour", "at"), ("colour",)):
+            def same(one: Mapping[str, Any], other: Mapping[str, Any], keys: tuple[str, ...] = keys) -> bool:
+                return all(one[key] == other[key] for key in keys)
+
+            matcher = MultiDiGraphMatcher(graphs[0], graphs[1], node_match=same, edge_match=alike)
+            if matcher.is_isomorphic():
+                reason = "the same definition and mates" + (", and the same place" if "at" in keys else ", by an isomorphism")
+                for one, other in sorted(matcher.mapping.items()):
+                    self._take(one, other, reason, perhaps=True)
+                return True
+        return False
+
+    def _by_place(self, ones: Sequence[str], others: Sequence[str], reason: str, within: float = math.inf) -> None:
+        """Pairs, the nearest first; one whose place nobody knows counts as far away. With doubt, always."""
+        for distance, one, other in sorted((self._distance(one, other), one, other) for one in ones for other in others):
+            if distance <= within and one in self.old.left and other in self.new.left:
+                self._take(one, other, reason, perhaps=True)
+
+    def _distance(self, old: str, new: str) -> float:
+        a, b = self.old.nodes[old].place, self.new.nodes[new].place
+        return dist(a.translation, b.translation) if a is not None and b is not None else math.inf
+
+
+def _definition(node: ComponentNode) -> Hashable:
+    return node.kind, node.text
+
+
+def _class(node: ComponentNode) -> Hashable:
+    return node.kind, node.reference

@@ -1,0 +1,89 @@
+"""Pictures of what changed, by one camera: before, after, and after with what changed in colours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from xml.etree import ElementTree
+
+from thingc.targets.render import body_poses, extent, small_picture
+from thingc.tools.diff.change import Change
+
+SIZE = (960, 720)
+"""Width and height [px]."""
+NEW, OTHER, MOVED, SAME, GONE = "0.2 0.65 0.3 1", "0.9 0.45 0.1 1", "0.25 0.45 0.9 1", "0.86 0.86 0.88 1", "0.85 0.1 0.15 0.45"
+"""Colours of what is new, what is another now, what only stands elsewhere, of the rest, and of what is gone."""
+Model = tuple[str, dict[str, bytes]]
+
+
+def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, bytes]:
+    """PNG files `before`, `after` and `overlay` of MuJoCo models with their meshes; none where nothing is to be seen. Call
+    `ready` of `render` first, before MuJoCo is imported."""
+    seen = [extent(xml, assets, None) for xml, assets in (old, new)]
+    points = [point for corners, _ in seen for point in corners]
+    if not points:
+        return {}
+    changes = list(changes)
+    overlay = with_removed((coloured(new[0], colours(changes)), new[1]), old, changes)
+    drawn = {"before": old, "after": new, "overlay": overlay}
+    return {name: small_picture(xml, assets, None, points, seen[1][1], SIZE) for name, (xml, assets) in drawn.items()}
+
+
+def colours(changes: Iterable[Change]) -> dict[str, str]:
+    """The colour of each part of the new robot that is not as it was, by path; what is inside of a new assembly is named itself."""
+    by_path: dict[str, str] = {}
+    for change in changes:
+        path = change.new_path or change.path
+        if change.what == "component" and change.change == "added":
+            by_path[path] = NEW
+        elif change.what in ("geometry", "component") and change.change == "changed" or change.what == "geometry":
+            by_path.setdefault(path, OTHER)
+    for change in changes:
+        if change.what == "component" and change.change == "moved":
+            by_path.setdefault(change.new_path or change.path, MOVED)
+    return by_path
+
+
+def coloured(xml: str, colours: Mapping[str, str]) -> str:
+    """A model whose drawn parts have these colours, and the rest a pale one."""
+    root = ElementTree.fromstring(xml)
+    for geom in root.iter("geom"):
+        if geom.get("class") == "visual" and (name := geom.get("name")) is not None:
+            geom.set("rgba", colours.get(name, SAME))
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def with_removed(new: Model, old: Model, changes: Iterable[Change]) -> Model:
+    """The new model, and in it, where they were, the drawn parts of the old one that are gone."""
+    gone = {change.path for change in changes if change.what == "component" and change.change == "removed"}
+    before, root = ElementTree.fromstring(old[0]), ElementTree.fromstring(new[0])
+    meshes = {mesh.get("name"): mesh for mesh in before.iter("mesh")}
+    world, asset = root.find("worldbody"), root.find("asset")
+    removed = [
+        (body, geom) for body in before.iter("body") for geom in body.findall("geom")
+        if geom.get("class") == "visual" and _parts_of(geom.get("name", "")) & gone
+    ]
+    if not removed or world is None:
+        return new
+    if asset is None:
+        asset = ElementTree.SubElement(root, "asset")
+    poses, files = body_poses(*old, None), dict(new[1])
+    for body, geom in removed:
+        (x, y, z), (a, b, c, d) = poses[body.get("name", "")]
+        place = ElementTree.SubElement(world, "body", {"pos": f"{x} {y} {z}", "quat": f"{a} {b} {c} {d}"})
+        attributes = {key: value for key, value in geom.attrib.items() if key not in ("name", "material")} | {"rgba": GONE}
+        mesh = meshes.get(geom.get("mesh"))
+        if mesh is not None:
+            name, file = f"gone:{mesh.get('name')}", mesh.get("file", "")
+            where = f"gone_{file.replace('/', '_')}"  # MuJoCo knows files by their names without folders
+            if where not in files:
+                ElementTree.SubElement(asset, "mesh", {**mesh.attrib, "name": name, "file": where})
+                files[where] = old[1][file]
+            attributes["mesh"] = name
+        ElementTree.SubElement(place, "geom", attributes)
+    return ElementTree.tostring(root, encoding="unicode"), files
+
+
+def _parts_of(path: str) -> set[str]:
+    """A path and those of the assemblies that it stands in."""
+    words = path.split("/")
+    return {"/".join(words[:k]) for k in range(1, len(words) + 1)}

@@ -1,0 +1,407 @@
+"""A compilation -> its portrait: what its documents state, place by place, and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.pose import Pose, rpy_of
+from thingc.base.source import Origin, Span
+from thingc.geometry.record import PartDefinition
+from thingc.model.assembly.types import Assembly, JointEdge
+from thingc.model.resolve import assemblies_of
+from thingc.model.resolve.model import (
+    AssemblyDefinition,
+    At,
+    Attach,
+    Component,
+    Joint,
+    JointRange,
+    Mode,
+    Overrides,
+    Process,
+    Reference,
+    StatedValue,
+)
+from thingc.tools.diff.change import What
+from thingc.tools.diff.linked import edges_of, links_of, occurrences_of, rows_of
+from thingc.tools.diff.portrait import (
+    ComponentNode,
+    Fact,
+    Named,
+    Portrait,
+    StatedThing,
+    TestOutcome,
+    Value,
+)
+from thingc.tools.diff.sensors import sensor_values
+from thingc.tools.diff.tendons import tendon_facts
+from thingc.tools.diff.written import DocumentTrees
+
+if TYPE_CHECKING:
+    from thingc.driver.pipeline import Compilation
+
+PROCESS = ("kind", "walls", "line_width", "layer", "top", "bottom", "infill", "overlap", "bridge_flow", "estimate")
+LIMITS = ("lower", "upper", "cone", "effort", "velocity")
+DYNAMICS = ("damping", "friction", "armature", "stiffness", "rest")
+DRIVE = ("kind", "kp", "kv", "effort", "velocity", "axis")
+BOM = ("number", "supplier", "cost", "make")
+KEYS = {"minimum": "min", "maximum": "max", "base": "from"}
+"""Keys of tests, where what is read of them is called otherwise."""
+
+
+def portrait(compilation: Compilation, outcomes: Sequence[TestOutcome] | None = None) -> Portrait:
+    """The portrait of a compilation without errors, with the outcomes of its tests where they were run."""
+    assembly, documents = compilation.assembly, compilation.documents
+    assert assembly is not None and documents is not None, "the compilation failed"
+    reader = _Reader(assembly, DocumentTrees(documents))
+    reader.assembly_at("", assembly.definition)
+    reader.top()
+    whole = all(occurrence.record is None or occurrence.record.exact for occurrence in assembly.occurrences)
+    return Portrait(
+        name=assembly.name,
+        nodes=tuple(reader.nodes),
+        edges=tuple(edges_of(assembly)),
+        things={(thing.what, thing.path): thing for thing in reader.things},
+        occurrences={one.path: one for one in occurrences_of(assembly, whole)},
+        links=tuple(links_of(assembly)) if whole else (),
+        whole=assembly.properties if whole else None,
+        rows=tuple(rows_of(assembly)) if whole else (),
+        coordinates={
+            robot.mode.name: tuple(joint.path for body in robot.bodies for joint in body.joints) for robot in compilation.robots
+        },
+        outcomes=tuple(outcomes) if outcomes is not None else None,
+        lacks=frozenset() if whole else frozenset({"masses and geometry"}),
+    )
+
+
+class _Reader:
+    """Walks a definition and the assemblies nested in it, and notes all that they state."""
+
+    def __init__(self, assembly: Assembly, written: DocumentTrees) -> None:
+        self.assembly = assembly
+        self.written = written
+        self.things: list[StatedThing] = []
+        self.nodes: list[ComponentNode] = []
+        self._occurrences = {occurrence.path: occurrence for occurrence in assembly.occurrences}
+        self._edges = {joint.path: joint for mate in assembly.mates for joint in mate.joints}
+
+    # --- assemblies ----------------------------------------------------------------------------------------------
+
+    def assembly_at(self, prefix: str, definition: AssemblyDefinition) -> None:
+        """All that stands in a document, as it is placed at `prefix` (`hand/`), and below."""
+        place = prefix.rstrip("/")
+        self._parameters(prefix, definition)
+        for component in definition.components:
+            if component.definition is None and not component.frame:
+                continue
+            self._component(prefix, definition, component)
+        for name, coordinates in groupby(definition.joints, key=lambda joint: joint.name.joint):
+            self._joint(prefix, definition, prefix + name.replace(".", "/"), list(coordinates))
+        for name, reference in definition.mounts.items():
+            self._add(
+                "mount", prefix + name, {"of": Fact(value=_occurrence(definition, prefix, reference))}, of=place, span=reference.origin[0],
+            )
+        for component in definition.components:
+            if isinstance(component.definition, AssemblyDefinition):
+                self.assembly_at(f"{prefix}{component.name}/", component.definition)
+
+    def _add(
+        self, what: What, path: str, facts: Mapping[str, Fact], *, of: str = "", label: str | None = None, span: Span | None = None,
+    ) -> None:
+        self.things.append(StatedThing(what=what, path=path, facts=facts, label=label, of=of, span=span))
+
+    def _parameters(self, prefix: str, definition: AssemblyDefinition) -> None:
+        """The parameters of a document where it is placed: what they come to there, and their bounds."""
+        given = self.written.component(prefix)
+        for name, value in definition.parameters:
+            fact = self.written.fact(value, given, ("parameters", name), scope=prefix.rstrip("/").rpartition("/")[0])
+            own = self.written.parameter(definition.document, name)
+            if fact.written is None:
+                text, span = own.get("value", (None, None))
+                fact = Fact(value=value, written=text, scope=prefix.rstrip("/"), span=span)
+            facts = {"value": fact}
+            for bound in ("min", "max"):
+                if bound in own:
+                    text, span = own[bound]
+                    facts[bound] = Fact(value=self.written.number(text), written=text, span=span)
+            self._add("parameter", prefix + name, facts, of=prefix.rstrip("/"), span=fact.span)
+
+    # --- components ----------------------------------------------------------------------------------------------
+
+    def _component(self, prefix: str, definition: AssemblyDefinition, component: Component) -> None:
+        path = prefix + component.name
+        made, occurrence = component.definition, self._occurrences.get(path)
+        place = None if occurrence is None else self.assembly.rest[occurrence.index]
+        if isinstance(made, PartDefinition):
+            kind, reference, text = "part" if made.kind == "code" else "file", made.reference, made.text
+        elif isinstance(made, AssemblyDefinition):
+            kind, reference, text = "assembly", made.document, made.text
+        elif made is not None:
+            kind, reference, text = "link", "link", made.text
+        else:
+            kind, reference, text = "frame", "frame", "frame"
+        self.nodes.append(ComponentNode(path=path, kind=kind, reference=reference, text=text, place=place))
+        node = self.written.note_component(path, definition.document, component)
+        scope = prefix.rstrip("/")
+
+        def fact(value: Value, *keys: str) -> Fact:
+            return self.written.fact(value, node, keys, scope=scope, otherwise=component.origin[0])
+
+        facts = {kind: fact(reference if kind not in ("link", "frame") else True, kind)}
+        facts["mirror"] = fact(made.mirror if made is not None else None, "mirror")
+        material = occurrence.material if occurrence is not None else None
+        facts["material"] = fact(Named(what="material", path=material.name) if material is not None else None, "material")
+        facts |= {key: fact(value, *key.split(".")) for key, value in _overrides(component.overrides)}
+        facts |= {f"bom.{key}": fact(getattr(component.bom, key), "bom", key) for key in BOM}
+        if isinstance(made, PartDefinition):
+            inner = ("params",) if made.kind == "code" else ()
+            facts |= {".".join((*inner, name)): fact(value, *inner, name) for name, value in made.parameters}
+            for (name, _), words in zip(made.parameters, made.words, strict=False):
+                key = ".".join((*inner, name))
+                facts[key] = replace(facts[key], words=words)
+        self._add("component", path, facts, of=path, label=component.label, span=component.origin[0])
+        self._placement(prefix, definition, component, path, fact)
+        for name, mount in component.mounts.items():
+            self._add("mount", f"{path}/{name}", {
+                **{key: fact(value, "mounts", name, key) for key, value in _pose(mount.pose)},
+                "interface": fact(mount.interface, "mounts", name, "interface"),
+            }, of=path, span=mount.origin[0])
+
+    def _placement(self, prefix: str, definition: AssemblyDefinition, component: Component, path: str, fact: Any) -> None:
+        """The mate that places a component, where it is not a joint."""
+        placement = component.placement
+        if isinstance(placement, Attach):
+            self._add("mate", path, {
+                "mount": fact(_occurrence(definition, prefix, placement.mount), "attach", "mount"),
+                "to": fact(_occurrence(definition, prefix, placement.to), "attach", "to"),
+                "turn": fact(placement.turn, "attach", "turn"), "gap": fact(placement.gap, "attach", "gap"),
+            }, of=path, span=placement.origin[0])
+        elif isinstance(placement, At):
+            self._add("mate", path, {
+                "in": fact(_occurrence(definition, prefix, placement.to), "at", "in"),
+                **{key: fact(value, "at", key) for key, value in _pose(placement.pose)},
+            }, of=path, span=placement.origin[0])
+
+    # --- joints --------------------------------------------------------------------------------------------------
+
+    def _joint(self, prefix: str, definition: AssemblyDefinition, path: str, coordinates: list[Joint]) -> None:
+        first, scope = coordinates[0], prefix.rstrip("/")
+
+        def fact(joint: Joint, key: str, value: Value) -> Fact:
+            return Fact(value=value, written=joint.written.get(key), scope=scope, span=joint.spans.get(key, joint.origin[0]))
+
+        facts = {
+            "type": fact(first, "type", first.kind.name),
+            "parent": fact(first, "parent", _occurrence(definition, prefix, first.parent)),
+            "child": fact(first, "child", _occurrence(definition, prefix, first.child)),
+            "axis": fact(first, "axis", first.axis), "turn": fact(first, "turn", first.turn), "gap": fact(first, "gap", first.gap),
+            "loop": fact(first, "loop", first.loop),
+        }
+        if first.twist is not None and first.kind.leads:
+            facts["lead"] = fact(first, "lead", first.twist.pitch)
+        several = len(coordinates) > 1
+        if several:
+            self._add("joint", path, facts, label=first.kind.name, of=scope, span=first.origin[0])
+            facts = {}
+        for joint in coordinates:
+            own = dict(facts) | {key: fact(joint, key, value) for key, value in self._moving(prefix, definition, joint)}
+            self._add(
+                "joint", prefix + joint.path.replace(".", "/"), own, label=joint.kind.name, of=scope, span=joint.origin[0],
+            )
+
+    def _moving(self, prefix: str, definition: AssemblyDefinition, joint: Joint) -> Iterator[tuple[str, Value]]:
+        """What one coordinate has of its own, with the defaults of its drive."""
+        edge: JointEdge | None = self._edges.get(prefix + joint.path.replace(".", "/"))
+        limit, dynamics = (edge.limit, edge.dynamics) if edge is not None else (joint.limit, joint.dynamics)
+        yield "offset", joint.offset
+        yield from ((f"limit.{key}", getattr(limit, key)) for key in LIMITS)
+        yield from ((f"dynamics.{key}", getattr(dynamics, key)) for key in DYNAMICS)
+        drive, actuator = joint.drive, edge.actuator if edge is not None else None
+        component = drive.component if drive is not None else None
+        yield "drive", _occurrence(definition, prefix, component) if component is not None else None
+        for key in DRIVE:
+            yield f"drive.{key}", getattr(actuator, key) if actuator is not None else None
+        mimic = joint.mimic
+        yield "mimic.joint", Named(what="joint", path=prefix + mimic.joint.path) if mimic is not None else None
+        yield "mimic.multiplier", mimic.multiplier if mimic is not None else None
+        yield "mimic.offset", mimic.offset if mimic is not None else None
+        yield "mimic.polynomial", mimic.polynomial if mimic is not None and mimic.higher else None
+
+    # --- the top -------------------------------------------------------------------------------------------------
+
+    def top(self) -> None:
+        """What only the document of the whole robot says."""
+        assembly, definition = self.assembly, self.assembly.definition
+        raw = {one.dotted: Fact(value=one.value, span=one.origin[0]) for one in assembly.raw}
+        raw |= tendon_facts(assembly)
+        raw |= {one.dotted: Fact(value=one.text, span=one.origin[0]) for one in assembly.added}
+        self._add("component", "", {"name": Fact(value=definition.name), **raw}, span=definition.origin[0] if definition.origin else None)
+        for mode in definition.modes:
+            if mode.stated:
+                self._mode(definition, mode)
+        for pose in assembly.poses:
+            self._add("pose", pose.name, {
+                path: self._placed(value, pose.origins.get(path, ())) for path, value in pose.values.items()
+            }, span=pose.origin[0])
+        for sensor in assembly.sensors:
+            section = self.written.section(definition.document, "sensors", sensor.path)
+            self._add("sensor", sensor.path, {
+                ".".join(keys): self.written.fact(value, section, keys, otherwise=sensor.origin[0])
+                for keys, value in sensor_values(assembly, sensor)
+            }, span=sensor.origin[0])
+        for linked in assembly.tests:
+            test = linked.test
+            all_of_it = self.written.fact(None, self.written.section(definition.document, "tests", test.name), ()).written
+            modes = tuple(Named(what="mode", path=name) for name in test.modes)
+            poses = tuple(Named(what="pose", path=name) if name is not None else None for name in test.poses)
+            facts = {"kind": Fact(value=test.kind)}
+            for key, value in (*self._check(definition, test.check), ("mode", modes), ("pose", "all" if test.every_pose else poses)):
+                span = test.spans.get(key)
+                written = self.written.words_at(span) or all_of_it
+                facts[f"{test.kind}.{key}"] = Fact(value=value, written=written, span=span or test.origin[0])
+            self._add("test", test.name, facts, span=test.origin[0])
+        self._materials(definition)
+
+    def _placed(self, value: Value, origin: Origin) -> Fact:
+        """A value of the top document that stands at the first place of an origin."""
+        span = origin[0] if origin else None
+        return Fact(value=value, written=self.written.words_at(span), span=span)
+
+    def _check(self, definition: AssemblyDefinition, check: object, within: str = "") -> Iterator[tuple[str, Value]]:
+        """What a test says, by key: data of data is written with dots."""
+        assert is_dataclass(check)
+        for one in fields(check):
+            value, key = getattr(check, one.name), within + KEYS.get(one.name, one.name)
+            if is_dataclass(value) and not isinstance(value, (Reference, JointRange, Pose)):
+                yield from self._check(definition, value, f"{key}.")
+            else:
+                yield key, self._plain(definition, value)
+
+    def _plain(self, definition: AssemblyDefinition, value: Any) -> Value:
+        if isinstance(value, Reference):
+            return _occurrence(definition, "", value)
+        if isinstance(value, JointRange):
+            return (Named(what="joint", path=value.joint), value.lower, value.upper)
+        if isinstance(value, Pose):
+            return tuple(part for _, part in _pose(value))
+        if isinstance(value, Mapping):
+            return tuple((str(key), self._plain(definition, one)) for key, one in sorted(value.items()))
+        if isinstance(value, (tuple, list)):
+            return tuple(self._plain(definition, one) for one in value)
+        if isinstance(value, str) and value in self._edges:
+            return Named(what="joint", path=value)
+        if is_dataclass(value):
+            return tuple(
+                (one.name, self._plain(definition, getattr(value, one.name)))
+                for one in fields(value) if one.name not in ("origin", "origins", "spans", "span")
+            )
+        return value if isinstance(value, (bool, int, float, str)) else None
+
+    def _mode(self, definition: AssemblyDefinition, mode: Mode) -> None:
+        node = self.written.section(definition.document, "modes", mode.name)
+
+        def component(reference: Reference) -> Named:
+            return _occurrence(definition, "", reference)
+
+        def fact(value: Value, *keys: str) -> Fact:
+            return self.written.fact(value, node, keys, otherwise=mode.origin[0])
+
+        standing = mode.standing
+        facts: dict[str, Fact] = {
+            "root": fact(component(mode.root), "root"), "base": fact(mode.base, "base"),
+            **{f"at.{key}": fact(value, "at", key) for key, value in _pose(mode.at)},
+            "at.on": fact("floor" if mode.on_floor else None, "at", "on"),
+            "gravity": fact(tuple(mode.gravity), "gravity"),
+            "pose": fact(None if mode.pose is None else Named(what="pose", path=mode.pose), "pose"),
+            "poses": fact(_sorted(Named(what="pose", path=name) for name in mode.poses), "poses"),
+            "actuators": fact(
+                None if mode.actuators is None else _sorted(Named(what="joint", path=path) for path in mode.actuators), "actuators",
+            ),
+            "exclude": fact(tuple(sorted((_sorted(component(one) for one in pair) for pair in mode.exclude), key=repr)), "exclude"),
+            "cut": fact(_sorted(Named(what="joint", path=cut.joint) for cut in mode.cut), "cut"),
+            "standing_on": fact(None if standing is None else _sorted(component(mount) for mount in standing.mounts), "standing_on"),
+            "standing_on.friction": fact(None if standing is None else standing.friction, "standing_on", "friction"),
+        }
+        for hold in mode.holds:
+            value = (*(part for _, part in _pose(hold.pose)),) if hold.pose is not None else "here"
+            facts[f"hold.{component(hold.mount).text}"] = fact((value, "force" if hold.turns else "all"), "hold")
+        for mount, force in mode.adhesion:
+            facts[f"adhesion.{component(mount).text}"] = fact(force, "adhesion")
+        for key, one in {**definition.simulation, **mode.simulation}.items():
+            facts[f"simulation.{key}"] = fact(one, "simulation", key)
+        self._add("mode", mode.name, facts, span=mode.origin[0])
+
+    def _materials(self, top: AssemblyDefinition) -> None:
+        """The materials in scope of all documents, by name; one of that name in another document, with another content, by both."""
+        known: dict[str, Mapping[str, Fact]] = {}
+        for definition in assemblies_of(top):
+            for name, material in definition.materials.items():
+                facts = {
+                    "density": Fact(value=material.density, span=material.density_origin[0] if material.density_origin else None),
+                    "color": Fact(value=material.color), "friction.slide": Fact(value=material.slide),
+                    "friction.torsion": Fact(value=material.torsion), "friction.roll": Fact(value=material.roll),
+                    **dict(_process(material.process)),
+                }
+                same = known.get(name)
+                if same is not None and {k: f.value for k, f in same.items()} == {k: f.value for k, f in facts.items()}:
+                    continue
+                called = name if same is None else f"{name} [{definition.name}]"
+                if called not in known:
+                    known[called] = facts
+                    self._add("material", called, facts, span=material.origin[0] if material.origin else None)
+
+
+def _occurrence(definition: AssemblyDefinition, prefix: str, reference: Reference) -> Named:
+    """The part or frame, and its own mount, that a reference of a document at `prefix` means in the end."""
+    current, at, mount = definition, prefix.rstrip("/"), reference.mount
+    names = list(reference.path)
+    while names:
+        name = names.pop(0)
+        component = next((one for one in current.components if one.name == name), None)
+        at = f"{at}/{name}" if at else name
+        inner = component.definition if component is not None else None
+        if isinstance(inner, AssemblyDefinition):
+            current = inner
+            if not names and mount is not None and (further := inner.mounts.get(mount)) is not None:
+                names, mount = list(further.path), further.mount
+    if not reference.path and mount is not None and (further := definition.mounts.get(mount)) is not None and further.path:
+        return _occurrence(definition, prefix, further)
+    return Named(what="component", path=at, mount=mount)
+
+
+def _overrides(overrides: Overrides) -> Iterator[tuple[str, Value]]:
+    def stated(key: str, value: StatedValue | None) -> Iterator[tuple[str, Value]]:
+        number = None if value is None else value.value[0] if len(value.value) == 1 else tuple(value.value)
+        yield f"{key}.value", number
+        yield f"{key}.source", None if value is None else value.source
+
+    yield from stated("mass", overrides.mass)
+    yield from stated("com", overrides.com)
+    yield from stated("inertia", overrides.inertia)
+    yield "collision", overrides.collision
+    yield "visual", overrides.visual
+    yield "print.up", overrides.up
+    for key in PROCESS:
+        yield f"process.{key}", getattr(overrides.process, key) if overrides.process is not None else None
+
+
+def _process(process: Process | None) -> Iterator[tuple[str, Fact]]:
+    for key in PROCESS:
+        origin: Origin = process.origins.get(key, ()) if process is not None else ()
+        yield f"process.{key}", Fact(
+            value=getattr(process, key) if process is not None else None, span=origin[0] if origin else None,
+        )
+
+
+def _pose(pose: Pose) -> Iterator[tuple[str, Value]]:
+    yield "xyz", tuple(pose.translation)
+    # without rounding, which at half turns, and of pitch at quarter turns, has one rotation written in two ways come to other angles
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (tuple(round(part, 14) + 0.0 for part in row) for row in pose.rotation)
+    yield "rpy", tuple(rpy_of(((xx, xy, xz), (yx, yy, yz), (zx, zy, zz))))
+
+
+def _sorted(names: Iterator[Named]) -> tuple[Named, ...]:
+    return tuple(sorted(names, key=lambda one: one.text))

@@ -1,0 +1,203 @@
+"""Revisions of a git repository, laid out in folders of their own: the checkout and its index are not touched.
+
+Of a revision only what a document needs is laid out: the settings of its workspace, the documents and files that it names, and those
+that these name, and the folders of parts. Where that is not enough (a part reads something else), `everything` lays out the rest.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import posixpath
+import re
+import tempfile
+import tomllib
+from collections.abc import Collection, Iterable, Iterator, Mapping
+
+from thingc.base.brief import Brief
+from thingc.base.files import BadPath, check_tree, write_tree
+from thingc.base.frozen import dataclass
+from thingc.documents.workspace import DEFAULT_PARTS, OWN_FILE, SHARED_FILE
+from thingc.tools.affected import NotARepository, git, run_git
+
+LOCK_FILE = "parts.lock.json"
+DOCUMENTS = (".yaml", ".yml", ".toml")
+_NAMED = re.compile(rb"[^\s\"'\[\]{},:]+\.(?:ya?ml|toml|step|stp|brep|brp|stl|3mf|obj)\b", re.IGNORECASE)
+"""What may be the name of a file in a document: more is laid out than is needed, never less."""
+_LINK = "120000"
+
+
+class UnknownRevision(Exception):
+    """There is no such revision. `names` are branches and tags that there are."""
+
+    def __init__(self, name: str, names: tuple[str, ...]) -> None:
+        super().__init__(name)
+        self.names = names
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repository(Brief):
+    """The repository that a folder is in; `top` is the absolute path of its checkout. The filters of its own configuration run only if
+    it is `trusted`."""
+
+    top: str
+    trusted: bool = False
+
+    @staticmethod
+    def of(folder: str, *, trusted: bool = False) -> Repository:
+        """Raises `NotARepository`."""
+        return Repository(top=os.path.realpath(git(folder, "rev-parse", "--show-toplevel").rstrip("\n")), trusted=trusted)
+
+    def commit(self, name: str) -> str:
+        """The hash of the commit that a revision is. Raises `UnknownRevision`."""
+        try:
+            return git(self.top, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}").strip()
+        except NotARepository:
+            names = git(self.top, "for-each-ref", "--format=%(refname:short)", "refs/heads", "refs/remotes", "refs/tags").split("\n")
+            raise UnknownRevision(name, tuple(one for one in names if one)) from None
+
+    def common(self, old: str, new: str) -> str:
+        """The commit where two revisions parted. Raises `UnknownRevision`, and `NotARepository` where they have nothing in common."""
+        return git(self.top, "merge-base", self.commit(old), self.commit(new)).strip()
+
+    def path(self, file: str) -> str:
+        """The path in the repository, with `/`, of a file that is or was in the checkout."""
+        folder, name = os.path.split(os.path.abspath(file))
+        return os.path.relpath(os.path.join(os.path.realpath(folder), name), self.top).replace(os.sep, "/")
+
+
+class Revision:
+    """A commit, laid out file by file in a temporary folder. A context manager: leaving it removes the folder."""
+
+    def __init__(self, repository: Repository, name: str, commit: str) -> None:
+        self.repository, self.name, self.commit = repository, name, commit
+        self._files = _listed(repository.top, commit)
+        self._there: set[str] = set()
+        self._folder = tempfile.TemporaryDirectory(prefix="thingc-diff-")
+        self.root = os.path.realpath(self._folder.name)
+
+    def __enter__(self) -> Revision:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._folder.cleanup()
+
+    def has(self, path: str) -> bool:
+        """Whether the revision has a file of this path in the repository."""
+        return path in self._files
+
+    def documents(self, folder: str) -> list[str]:
+        """Paths of the files below a folder (its path in the repository) that may be documents."""
+        above = "" if folder == "." else f"{folder}/"
+        return [path for path in self._files if path.startswith(above) and path.lower().endswith(DOCUMENTS)]
+
+    def file(self, path: str) -> str:
+        """The absolute path at which a file of the repository is laid out."""
+        return os.path.join(self.root, *path.split("/"))
+
+    def lay_out(self, documents: Collection[str]) -> None:
+        """What documents (their paths in the repository) need."""
+        waiting = [path for path in documents if path in self._files]
+        settings = {
+            posixpath.join(folder, name) for path in documents for folder in _above(path) for name in (OWN_FILE, SHARED_FILE, LOCK_FILE)
+        }
+        contents = self._bring(settings)
+        self._bring(read for path, data in contents.items() if path.endswith(LOCK_FILE) for read in _reads(path, data))
+        folders = {folder for path, data in contents.items() for folder in _parts(path, data)}
+        folders |= {posixpath.join(folder, name) for path in documents for folder in _above(path) for name in DEFAULT_PARTS}
+        self._bring(path for path in self._files if any(path.startswith(f"{folder}/") for folder in folders))
+        while waiting:
+            contents = self._bring(waiting)
+            waiting = [
+                named for path, data in contents.items() if path.lower().endswith(DOCUMENTS) for named in _names(path, data)
+                if named in self._files and named not in self._there
+            ]
+
+    def everything(self) -> bool:
+        """All files; whether there were any more."""
+        return bool(self._bring(self._files))
+
+    def _bring(self, paths: Iterable[str]) -> dict[str, bytes]:
+        """Lay files out that are not there yet; their contents."""
+        wanted = [path for path in dict.fromkeys(paths) if path in self._files and path not in self._there]
+        self._there.update(wanted)
+        contents = dict(self._contents(wanted))
+        links = {path: data for path, data in contents.items() if self._files[path][0] == _LINK}
+        targets = {path: os.fsdecode(data) for path, data in links.items() if data and b"\0" not in data}  # no system has others
+        write_tree(self.root, {path: data for path, data in contents.items() if path not in links}, targets)
+        return contents
+
+    def _contents(self, paths: list[str]) -> Iterator[tuple[str, bytes]]:
+        """Contents as a checkout would have them (line ends, large files kept elsewhere)."""
+        if not paths:
+            return
+        asked = b"".join(self._files[path][1].encode() + b" " + os.fsencode(path) + b"\n" for path in paths)
+        data, at = run_git(
+            self.repository.top, "cat-file", "--batch", "--filters", given=asked, trusted=self.repository.trusted,
+        ), 0
+        for path in paths:
+            end = data.find(b"\n", at)
+            words = data[at:end].split()
+            if end < 0 or len(words) != 3 or not words[2].isdigit():
+                raise NotARepository(f"git cannot read `{path}` of {self.name}")
+            size = int(words[2])
+            yield path, data[end + 1 : end + 1 + size]
+            at = end + 2 + size
+
+
+def _listed(top: str, commit: str) -> Mapping[str, tuple[str, str]]:
+    """The files of a commit: mode and hash by path. Submodules are left out, and names that no checkout could have.
+
+    Raises `NotARepository` if a path is both a file and a folder.
+    """
+    files: dict[str, tuple[str, str]] = {}
+    for line in git(top, "ls-tree", "-r", "-z", "--full-tree", commit).split("\0"):
+        about, tab, path = line.partition("\t")
+        if tab and "\n" not in path and not {"", ".", "..", ".git"} & set(path.lower().split("/")):
+            mode, kind, sha = about.split()
+            if kind == "blob":
+                files[path] = (mode, sha)
+    try:
+        check_tree(files)
+    except BadPath as fault:
+        raise NotARepository(f"the tree of {commit[:12]} cannot be written to a folder: {fault}") from fault
+    return files
+
+
+def _above(path: str) -> Iterator[str]:
+    """The folders that a file is in, the nearest first; of the repository's own folder an empty path."""
+    folder = posixpath.dirname(path)
+    while folder:
+        yield folder
+        folder = posixpath.dirname(folder)
+    yield ""
+
+
+def _parts(path: str, data: bytes) -> Iterator[str]:
+    """The folders of parts that a file of settings names."""
+    try:
+        table = tomllib.loads(data.decode("utf-8-sig")) if path.endswith(".toml") else {}
+    except (ValueError, RecursionError):
+        return
+    if posixpath.basename(path) == SHARED_FILE:
+        table = table.get("tool", {}).get("thingc", {}) if isinstance(table.get("tool"), dict) else {}
+    named = table.get("parts", []) if isinstance(table, dict) else []
+    for folder in named if isinstance(named, list) else []:
+        if isinstance(folder, str):
+            yield posixpath.normpath(posixpath.join(posixpath.dirname(path), folder))
+
+
+def _reads(path: str, data: bytes) -> Iterator[str]:
+    """The files that parts of a lock have read: whether they are as they were is asked without their code."""
+    try:
+        for thing in json.loads(data)["things"].values():
+            for read in thing["reads"]:
+                yield posixpath.normpath(posixpath.join(posixpath.dirname(path), read))
+    except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
+        return  # who reads the lock says what is wrong with it
+
+
+def _names(path: str, data: bytes) -> Iterator[str]:
+    """Paths in the repository of the files that a document may name."""
+    for match in _NAMED.finditer(data):
+        yield posixpath.normpath(posixpath.join(posixpath.dirname(path), os.fsdecode(match[0])))

@@ -1,0 +1,81 @@
+"""How far two surfaces are apart, by the meshes that are drawn of them."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING
+
+from thingc.geometry import BlobMissing, Store, StoreUnusable, arrays
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+AT_ONCE = 400_000
+"""Pairs of a point and a triangle that are looked at at once."""
+MOST = 60_000_000
+"""Pairs that are looked at altogether: beyond it nothing is said."""
+
+
+class Surfaces:
+    """Distances of meshes in a store. Each is worked out once, and kept there."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._known: dict[tuple[str, str], float | None] = {}
+
+    def farthest(self, old: str, new: str) -> float | None:
+        """The largest distance [m] of a corner of either mesh (SHA-256 of OBJ files) from the other's surface: the Hausdorff distance, as
+        far as it is reached at a corner. None where a mesh is not there or both are too fine."""
+        pair = (min(old, new), max(old, new))
+        if pair not in self._known:
+            key = " ".join(pair)
+            kept = self._store.get_json("diff-surfaces", key)
+            self._known[pair] = float(kept) if isinstance(kept, (int, float)) else self._measured(*pair, key)
+        return self._known[pair]
+
+    def _measured(self, old: str, new: str, key: str) -> float | None:
+        try:
+            (points, faces), (others, between) = (arrays(self._store.read(sha256)) for sha256 in (old, new))
+        except BlobMissing:
+            return None
+        if len(points) * len(between) + len(others) * len(faces) > MOST or not len(faces) or not len(between):
+            return None
+        distance = max(_from_surface(points, others[between]), _from_surface(others, points[faces]))
+        with contextlib.suppress(StoreUnusable):
+            self._store.put_json("diff-surfaces", key, distance)
+        return distance
+
+
+def _from_surface(points: Array, triangles: Array) -> float:
+    """The largest distance [m] of points (n x 3) from triangles (m x 3 x 3)."""
+    import numpy as np
+
+    step = max(1, AT_ONCE // len(triangles))
+    return max(float(np.sqrt(_squared(points[at : at + step], triangles).max())) for at in range(0, len(points), step))
+
+
+def _squared(points: Array, triangles: Array) -> Array:
+    """The squared distance of each point (n x 3) from the nearest of the triangles (m x 3 x 3): to its plane where the point lies
+    over it, else to the nearest of its edges."""
+    import numpy as np
+
+    corners = [triangles[:, k] for k in range(3)]
+    nearest = np.full((len(points), len(triangles)), np.inf)
+    inside = np.ones((len(points), len(triangles)), dtype=bool)
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    length = np.linalg.norm(normal, axis=1)
+    for k in range(3):
+        along = corners[(k + 1) % 3] - corners[k]
+        to = points[:, None, :] - corners[k][None]
+        squared = np.maximum((along * along).sum(1), 1e-300)
+        part = np.clip((to * along[None]).sum(2) / squared, 0.0, 1.0)
+        off = to - part[:, :, None] * along[None]
+        nearest = np.minimum(nearest, (off * off).sum(2))
+        inside &= (np.cross(normal, along)[None] * to).sum(2) >= 0.0
+    height = ((points[:, None, :] - corners[0][None]) * normal[None]).sum(2) / np.maximum(length, 1e-300)
+    over = inside & (length > 1e-18)
+    result: Array = np.where(over, height * height, nearest).min(axis=1)
+    return result

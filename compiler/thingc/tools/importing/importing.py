@@ -1,0 +1,166 @@
+"""A file of a robot -> the files of a workspace, and what is wrong with it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.files import beginning
+from thingc.base.frozen import dataclass
+from thingc.base.inertia import MassProperties
+from thingc.base.shown import shown
+from thingc.base.typos import did_you_mean
+from thingc.tools.importing.bounds import refuse_endless
+from thingc.tools.importing.document import Draft, document_of
+from thingc.tools.importing.expanding import expanded
+from thingc.tools.importing.inertias import Repair, Repaired, repaired, warn_of_mirror_pairs
+from thingc.tools.importing.meshes import gathered, matter_of, warn_of_units
+from thingc.tools.importing.mjcf import read_mjcf
+from thingc.tools.importing.model import SourceLoss, SourceRobot
+from thingc.tools.importing.naming import plain_name
+from thingc.tools.importing.packages import Packages
+from thingc.tools.importing.sdf import read_sdf
+from thingc.tools.importing.tree import warn_of_depth
+from thingc.tools.importing.updating import RECORD, Earlier
+from thingc.tools.importing.urdf import read_urdf
+from thingc.tools.importing.xml_source import MOST_BYTES, read_xml
+
+ENDINGS = (".urdf", ".xml", ".sdf", ".xacro")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Imported:
+    """A robot that was read, and the `files` of its workspace by their path in it; `document` is one of them. `earlier` is what an import
+    wrote before."""
+
+    name: str
+    document: str
+    robot: SourceRobot
+    files: Mapping[str, bytes]
+    losses: tuple[SourceLoss, ...]
+    renamed: Mapping[str, str]
+    repaired: tuple[Repaired, ...]
+    earlier: Earlier | None = None
+
+
+def import_robot(
+    path: str, report: Report, *, roots: Sequence[str] = (), repair: Repair | None = None, packages: Mapping[str, str] | None = None,
+    arguments: Mapping[str, str] | None = None, meshes: bool = True, earlier: Callable[[str], Earlier | None] = lambda _: None,
+    update: bool = False, mesh_roots: Sequence[str] = (),
+) -> Imported | None:
+    """Read the file at `path`, and write down what it says; `roots` are links of it, each of which gets a mode, and `repair` says what to
+    do about links that cannot move. `packages` are folders of packages by name, `arguments` those of a xacro file; without `meshes` these
+    are left out. `mesh_roots` are further folders of meshes. `earlier` finds what an import of a robot of that name wrote before: its names
+    stay, and for an `update` what was asked for holds again. None where it cannot be, which has been reported."""
+    data = _content(path, report)
+    path = os.path.abspath(path)
+    places = Packages(path, packages or {}, os.environ, mesh_roots)
+    robot = None if data is None else _read(path, data, arguments or {}, places, report, meshes=meshes)
+    if data is None or robot is None:
+        return None
+    refuse_endless(robot, report)
+    before = earlier(plain_name(robot.name, "robot"))
+    links = [link.name for link in robot.links]
+    _check_roots(roots, links, report)
+    if update and before is not None:
+        roots, repair = [*(name for name in before.roots if name in links), *roots], repair or before.repair
+        meshes = meshes and before.with_meshes
+    elif update:
+        report.add(
+            Code.COMMAND_LINE, "--update: there is no import in that folder, or its `import.json` is not as it was written", None,
+            help="name the folder with -o, or import without --update",
+        )
+    if report.failed:
+        return None
+    roots = list(dict.fromkeys(roots))
+    places = Packages(path, packages or {}, os.environ, mesh_roots, robot.mesh_folder)
+    robot, mended = repaired(robot, roots, repair, report, matter_of(places)) if meshes else repaired(robot, roots, repair, report)
+    if report.failed:
+        return None
+    warn_of_mirror_pairs(robot, report)
+    warn_of_depth(robot, report)
+    placed_meshes, files, left_out = gathered(robot, places if meshes else None, report)
+    warn_of_units(robot, files, placed_meshes, report)
+    if report.failed:
+        return None
+    written = document_of(robot, roots, shown(os.path.basename(path)), {one.link.name: one.how for one in mended}, placed_meshes, before)
+    document = f"{written.name}.yaml" if before is None else before.document
+    renamed = {name: word for kind in ("links", "frames", "joints") for name, word in written.names[kind].items() if name != word}
+    imported = Imported(
+        name=written.name, document=document, robot=robot, files={**files, document: written.text.encode()},
+        losses=(*robot.losses, *left_out), renamed=renamed, repaired=mended, earlier=before,
+    )
+    asked = {"roots": roots, "repair": repair, "meshes": meshes}
+    return replace(imported, files={**imported.files, RECORD: _record(imported, written, asked, path, data)})
+
+
+def _check_roots(roots: Sequence[str], links: Sequence[str], report: Report) -> None:
+    """Say of each root that is asked for and is no link that there is none."""
+    for name in roots:
+        if name not in links:
+            report.add(Code.COMMAND_LINE, f"--root {name}: there is no such link", None, help=did_you_mean(name, links, what="links"))
+
+
+def _content(path: str, report: Report) -> bytes | None:
+    """The bytes of a file of a kind that is read."""
+    if not path.lower().endswith(ENDINGS):
+        known = ", ".join(f"`{one}`" for one in ENDINGS)
+        what = "a folder, and a robot is a file" if os.path.isdir(path) else "of no kind that is read"
+        report.add(Code.COMMAND_LINE, f"`{os.path.basename(os.path.abspath(path))}` is {what}: {known}", None)
+        return None
+    try:
+        return beginning(path, MOST_BYTES + 1)
+    except OSError as fault:
+        report.add(Code.COMMAND_LINE, f"cannot read `{path}`: {(fault.strerror or str(fault)).lower()}", None)
+        return None
+
+
+def _read(
+    path: str, data: bytes, arguments: Mapping[str, str], packages: Packages, report: Report, *, meshes: bool,
+) -> SourceRobot | None:
+    """What a file says, by what is in it: `.xml` is MJCF, or URDF."""
+    if path.lower().endswith(".xacro"):
+        made = expanded(path, arguments, packages.given, report)
+        return None if made is None else read_urdf(path, made[0], report, files=made[1])
+    if path.lower().endswith(".xml"):
+        root = read_xml(path, data, report)
+        if root is None or root.tag == "mujoco":
+            return None if root is None else read_mjcf(root, packages, report, meshes=meshes)
+    if path.lower().endswith(".sdf"):
+        return read_sdf(path, data, packages, report)
+    return read_urdf(path, data, report)
+
+
+def _record(imported: Imported, written: Draft, asked: Mapping[str, object], path: str, data: bytes) -> bytes:
+    """`import.json`: what was read, what everything is called now, and what is not in the document, with its line in the source; and the
+    document as it is written, with which the next import compares it."""
+    losses = [
+        {"what": one.what, "why": one.why, "file": os.path.basename(one.where.file), "line": one.where.line} for one in imported.losses
+    ]
+    said = {
+        "import": 1,
+        "source": {"file": os.path.basename(path), "sha256": hashlib.sha256(data).hexdigest(), "robot": imported.robot.name},
+        "asked": asked,
+        "meshes": {name: hashlib.sha256(content).hexdigest() for name, content in imported.files.items() if name != imported.document},
+        "names": written.names,
+        "repaired": [
+            {
+                "link": one.link.name, "how": one.how, "old": _weight(one.link.weight.properties if one.link.weight is not None else None),
+                "new": _weight(one.new), "file": os.path.basename(path), "line": one.link.where.line,
+            }
+            for one in imported.repaired
+        ],
+        "losses": losses,
+        "document": {
+            "file": imported.document, "sha256": hashlib.sha256(written.text.encode()).hexdigest(), "lines": written.text.splitlines(),
+        },
+    }
+    return (json.dumps(said, indent=2, ensure_ascii=False) + "\n").encode()
+
+
+def _weight(of: MassProperties | None) -> dict[str, object] | None:
+    return None if of is None else {"mass": of.mass, "com": of.centre, "inertia": of.inertia}

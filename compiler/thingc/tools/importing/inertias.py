@@ -1,0 +1,225 @@
+"""Whether the links of a robot that was read can move, and what is done about those that cannot.
+
+Judged is what moves: links that joints do not separate are one body, whose inertias add up. What no solid has is refused, or repaired by
+name, link by link: `nearest` is the nearest inertia that a solid of that mass has, `shapes` that of the link's shapes.
+
+Nearest: of the pseudo-inertia about the centre of mass, `diag(S, m)` with `S = tr(I)/2 1 - I`, the second moments of mass, negative
+principal values are raised to a floor; that is the nearest in Frobenius' norm (Wensing, Kim and Slotine, "Linear Matrix Inequalities for
+Physically-Consistent Inertial Parameter Identification", 2018, equation 17).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Literal
+
+from thingc.base.diagnostics import Code, Note, Report
+from thingc.base.frozen import dataclass
+from thingc.base.inertia import (
+    LEAST_MASS,
+    LEAST_MOMENT,
+    ZERO,
+    MassProperties,
+    moments_fault,
+    physical_fault,
+    principal_axes,
+    principal_moments,
+    total,
+)
+from thingc.base.pose import NO_POSE, Matrix, Pose, multiply, transpose
+from thingc.base.primitives import Primitive
+from thingc.tools.importing.model import SourceLink, SourceRobot, SourceShape, Weight
+from thingc.tools.importing.tree import by_parent
+
+Repair = Literal["nearest", "shapes"]
+Matter = Callable[[SourceShape], MassProperties | None]
+"""Of the shape of a mesh, what it holds at density 1, in its own frame; None where its surface is open, or the mesh cannot be read."""
+LEAST = 1e-6
+"""Mass [kg] that is given to what weighs nothing, and the square [m^2] of the least radius of gyration: 1 mm."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repaired:
+    """A link whose weight was changed: what it was (None: nothing), what it is, and how."""
+
+    link: SourceLink
+    new: MassProperties
+    how: Repair
+
+
+def repaired(
+    robot: SourceRobot, roots: Sequence[str], how: Repair | None, report: Report, matter: Matter = lambda _: None,
+) -> tuple[SourceRobot, tuple[Repaired, ...]]:
+    """The robot with every link that moves as a solid can, in the mode `source` and rooted at each of `roots`, and no other inertia that no
+    solid has; what could not be, or was not asked for, is reported at its line. `matter` is what a mesh holds."""
+    between = _between(robot)
+    bodies, done = _bodies(robot), dict[str, Repaired]()
+    head = {link.name: body for body, members in bodies.items() for link, _ in members}
+    still = {None if robot.base == "free" else robot.root, *(head[name] for name in roots)}
+    for body, members in bodies.items():
+        if body in between:
+            continue
+        judged = _misstated if still == {body} else _fault
+        fault = judged(members)
+        if fault is None:
+            continue
+        worst = [link for link, _ in members if link.weight is not None and physical_fault(link.weight.properties.inertia) is not None]
+        worst = worst or [members[0][0]]
+        changed = [one for link in worst if (one := _mended(link, how, matter)) is not None]
+        new = {one.link.name: _with(one) for one in changed}
+        if how is not None and judged([(new.get(link.name, link), pose) for link, pose in members]) is None:
+            done.update((one.link.name, one) for one in changed)
+        else:
+            moves = "stands still, but" if still == {body} else "moves, and cannot:"
+            _refuse(f"link `{body}` {moves} {fault}", worst, [link for link, _ in members], how, report)
+    links = tuple(_with(done[link.name]) if link.name in done else link for link in robot.links)
+    return replace(robot, links=links), tuple(done.values())
+
+
+def _bodies(robot: SourceRobot) -> Mapping[str, list[tuple[SourceLink, Pose]]]:
+    """What joints separate, by the name of its first link: its links, each with its pose in the first one."""
+    links, below = {link.name: link for link in robot.links}, by_parent(robot.hangings)
+    bodies: dict[str, list[tuple[SourceLink, Pose]]] = {robot.root: [(links[robot.root], NO_POSE)]}
+    waiting = [(robot.root, robot.root, NO_POSE)]
+    while waiting:
+        body, name, pose = waiting.pop()
+        for one in below.get(name, ()):
+            first, place = (one.child, NO_POSE) if one.joints else (body, pose @ one.pose)
+            bodies.setdefault(first, []).append((links[one.child], place))
+            waiting.append((first, one.child, place))
+    return bodies
+
+
+def _between(robot: SourceRobot) -> set[str]:
+    """Links that stand between two joints and are nothing else: with those, what is behind them hangs by several."""
+    links, below = {link.name: link for link in robot.links}, by_parent(robot.hangings)
+    return {
+        one.child for one in robot.hangings
+        if one.joints and links[one.child].is_bare and [bool(other.joints) for other in below.get(one.child, ())] == [True]
+    }
+
+
+def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
+    """Why a body cannot move, in words."""
+    whole = _whole(members)
+    if whole.mass <= LEAST_MASS:
+        return "it weighs nothing"
+    moments = principal_moments(whole.inertia)
+    if moments[0] <= 0.0 and max(map(abs, moments)) == 0.0:
+        return "it has no inertia"
+    fault = moments_fault(*moments)
+    if fault is None and moments[0] < LEAST_MOMENT:
+        return f"its smallest moment of inertia is {moments[0]:.3g} kg m^2, and simulators want {LEAST_MOMENT:g}"
+    return fault
+
+
+def _misstated(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
+    """Why a body that never moves, which may weigh nothing, has an inertia that is none, in words; that of a document is asked alike."""
+    stated = [link.weight.properties.inertia for link, _ in members if link.weight is not None]
+    if all(one == ZERO or physical_fault(one) is None for one in stated):
+        return None
+    return physical_fault(_whole(members).inertia)
+
+
+def _whole(members: Sequence[tuple[SourceLink, Pose]]) -> MassProperties:
+    return total([link.weight.properties.seen_from(pose) for link, pose in members if link.weight is not None])
+
+
+def _refuse(said: str, worst: Sequence[SourceLink], members: Sequence[SourceLink], how: Repair | None, report: Report) -> None:
+    first = worst[0]
+    where = first.where if first.weight is None else first.weight.where
+    help = {
+        None: "correct it, or repair it with `--repair inertia=nearest` (the nearest that a solid has) or `inertia=shapes`",
+        "shapes": "it has no closed shapes to compute it from: use `--repair inertia=nearest`",
+        "nearest": "write the mass and the inertia of these links into the file",
+    }[how]
+    notes = [
+        Note(message=f"`{link.name}` is fixed to it{', and has none that a solid has either' if link in worst else ''}", span=link.where)
+        for link in members if link is not first and link.weight is not None
+    ][:5]
+    report.add(Code.SOURCE_INERTIA, said, where, help=help, notes=notes)
+
+
+def _with(one: Repaired) -> SourceLink:
+    where = one.link.where if one.link.weight is None else one.link.weight.where
+    return replace(one.link, weight=Weight(properties=one.new, where=where))
+
+
+def _mended(link: SourceLink, how: Repair | None, matter: Matter) -> Repaired | None:
+    """A link that a solid of its mass can be; None where nothing says how."""
+    old = MassProperties(mass=0.0) if link.weight is None else link.weight.properties
+    if how is None:
+        return None
+    if how == "shapes":
+        solid = _solid(link.shapes, matter)
+        return None if solid is None or old.mass <= 0.0 else Repaired(link=link, new=solid.with_mass(old.mass), how=how)
+    mass = old.mass if old.mass > LEAST_MASS else LEAST
+    return Repaired(link=link, new=replace(old, mass=mass, inertia=nearest(old.inertia, mass)), how=how)
+
+
+def nearest(inertia: Matrix, mass: float) -> Matrix:
+    """The nearest inertia [kg m^2] about the centre that a solid of that mass [kg] has, with a radius of gyration of 1 mm at least, and
+    moments that simulators accept."""
+    moments, axes = principal_axes(inertia)
+    half = (moments[0] + moments[1] + moments[2]) / 2.0
+    second = [max(half - moment, mass * LEAST, LEAST_MOMENT) for moment in moments]
+    whole = math.fsum(second)
+    a, b, c = (whole - one for one in second)
+    return multiply(multiply(axes, ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))), transpose(axes))
+
+
+def _solid(shapes: Sequence[SourceShape], matter: Matter) -> MassProperties | None:
+    """Of shapes of density 1, those that touch if there are any; None without shapes whose volume is known."""
+    chosen = [shape for shape in shapes if shape.use == "collision"] or list(shapes)
+    bodies = [one for shape in chosen if (one := _volume(shape) if shape.kind != "mesh" else _held(shape, matter)) is not None]
+    return total(bodies) if bodies and len(bodies) == len(chosen) else None
+
+
+def _held(shape: SourceShape, matter: Matter) -> MassProperties | None:
+    """What a mesh holds, in the frame of its link."""
+    held = matter(shape)
+    return None if held is None else held.seen_from(shape.pose)
+
+
+def _volume(shape: SourceShape) -> MassProperties:
+    """A primitive of density 1, in the frame of its link."""
+    assert shape.kind != "mesh"
+    match shape.kind:
+        case "sphere" | "ellipsoid":
+            size: tuple[float, ...] = shape.size
+        case "cylinder" | "capsule":
+            size = (shape.size[0], shape.size[-1] / 2.0)
+        case _:
+            size = tuple(one / 2.0 for one in shape.size)
+    return Primitive(shape=shape.kind, size=size, pose=shape.pose).matter
+
+
+_MIRRORED = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"))
+_ALIKE = 0.01
+
+
+def warn_of_mirror_pairs(robot: SourceRobot, report: Report) -> None:
+    """A warning for each two links that are called left and right, and differ by more than 1 % in mass or moments of inertia."""
+    links = {link.name: link for link in robot.links}
+    for link in robot.links:
+        for left, right in _MIRRORED:
+            other = links.get(link.name.replace(left, right)) if left in link.name else None
+            if other is None or link.weight is None or other.weight is None:
+                continue
+            ours, theirs = link.weight.properties, other.weight.properties
+            what = "masses" if _differ([ours.mass], [theirs.mass]) else "moments of inertia" if _differ(
+                principal_moments(ours.inertia), principal_moments(theirs.inertia),
+            ) else None
+            if what is not None:
+                report.warn(
+                    Code.SOURCE_DOUBT, f"`{link.name}` and `{other.name}` have different {what}", other.weight.where,
+                    notes=[Note(message=f"`{link.name}` is here", span=link.weight.where)],
+                    help="mend one of them, if they are mirror images",
+                )
+
+
+def _differ(ours: Sequence[float], theirs: Sequence[float]) -> bool:
+    scale = max(map(abs, [*ours, *theirs]))
+    return any(abs(a - b) > _ALIKE * scale for a, b in zip(ours, theirs, strict=True))

@@ -1,0 +1,294 @@
+"""Two texts of one document that both come from a third, made one: key by key, each as it is written.
+
+`base` is what an import wrote, `new` what it would write now, `ours` what a person has made of `base`. What only the source has changed is
+taken over, what the person has changed stays, and where both have, differently, that is a conflict, and the person's stays. Mappings
+are gone into, and lists of as many mappings in all three; everything else is one value. Layout and comments of `ours` stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from thingc.base.diagnostics import Report
+from thingc.base.frozen import dataclass
+from thingc.base.source import MappingNode, Node, Path, Plain, ScalarNode, SequenceNode, Span, dotted, node_at
+from thingc.documents.load import read_tree
+from thingc.documents.load.text import Source
+
+MISSING: Any = object()
+NOTHING = "nothing"
+"""What stands, for people, where a document says nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Text:
+    """A document as it is written."""
+
+    source: Source
+    tree: MappingNode
+
+    def at(self, path: Path) -> Plain:
+        """What it says there; `MISSING` where that is nothing."""
+        node = node_at(self.tree, path)
+        return MISSING if node is None else node.plain()
+
+    def written(self, path: Path) -> str:
+        """The same on one line, for people."""
+        node = node_at(self.tree, path)
+        return NOTHING if node is None else shortened(inline(self, node))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conflict:
+    """Both have changed what stands at `path`: what the person wrote, and what the source says now, on one line each."""
+
+    path: Path
+    ours: str
+    new: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Merged:
+    """`text` is all of it; `taken` are the paths at which the source has changed something, each with what stood there and what does
+    now, `kept` those at which the person has."""
+
+    text: str
+    taken: tuple[tuple[Path, str, str], ...]
+    kept: tuple[Path, ...]
+    conflicts: tuple[Conflict, ...]
+
+
+class Unmergeable(Exception):
+    """A document that is written so that the changes cannot be put into it; the message says where."""
+
+
+def read_text(path: str, text: str, report: Report) -> Text | None:
+    """None where it is no mapping, or not well-formed, which has been reported."""
+    tree = read_tree(path, text.encode(), report)
+    return Text(source=Source(path, text), tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
+
+
+def merged(base: Text, new: Text, ours: Text) -> Merged:
+    """The one text. Raises `Unmergeable`."""
+    return _Merging(base, new, ours).merged()
+
+
+def shortened(text: str) -> str:
+    """At most eighty characters of a value."""
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+class _Merging:
+    def __init__(self, base: Text, new: Text, ours: Text) -> None:
+        self.base, self.new, self.ours = base, new, ours
+        self.edits: list[tuple[int, int, str]] = []
+        self.taken: list[tuple[Path, str, str]] = []
+        self.kept: list[Path] = []
+        self.conflicts: list[Conflict] = []
+
+    def merged(self) -> Merged:
+        expected = self._whole((), self.base.tree.plain(), self.new.tree.plain(), self.ours.tree.plain())
+        text = self.ours.source.text
+        parts, at, line_end = list[str](), 0, "\r\n" if "\r\n" in text else "\n"
+        for start, end, replacement in sorted(self.edits, key=lambda edit: edit[:2]):  # what is added, before what goes there
+            parts += [text[at:start], replacement.replace("\n", line_end)]
+            at = end
+        whole = "".join([*parts, text[at:]])
+        after = read_text(self.ours.source.file, whole, Report())
+        wrong = [] if after is None else [*_changed((), expected, after.tree.plain())] if after.tree.plain() != expected else None
+        if wrong is not None:
+            place = dotted(wrong[0]) if wrong else "the document"
+            raise Unmergeable(f"`{place}` would not be what it should, for something is used twice there, or written in a way of its own")
+        return Merged(text=whole, taken=tuple(self.taken), kept=tuple(self.kept), conflicts=tuple(self.conflicts))
+
+    def _whole(self, path: Path, base: Any, new: Any, ours: Any) -> Any:
+        """What stands at a path afterwards, told and done as far as it is not `ours`. Each may be `MISSING`."""
+        if _alike(new, base) or _alike(new, ours):
+            if not _alike(ours, base) and not _alike(new, ours):
+                self.kept += _changed(path, base, ours)
+            return ours
+        inner = _keys(base, new, ours)
+        if inner is not None:
+            return self._inside(path, base, new, ours, inner)
+        if _alike(ours, base):
+            self.taken.append((path, self.ours.written(path), self.new.written(path)))
+            return new
+        self.conflicts.append(Conflict(path=path, ours=self.ours.written(path), new=self.new.written(path)))
+        return ours
+
+    def _inside(self, path: Path, base: Any, new: Any, ours: Any, keys: Sequence[Any]) -> Any:
+        """The same of what all three have mappings (or lists) at."""
+        of = {key: tuple(_get(one, key) for one in (base, new, ours)) for key in keys}
+        after = {key: self._whole((*path, key), *three) for key, three in of.items()}
+        changed = [key for key in keys if not _alike(after[key], of[key][2]) and _keys(*of[key]) is None]
+        node = node_at(self.ours.tree, path)
+        assert node is not None
+        shape_stays = all(after[key] is not MISSING and of[key][2] is not MISSING for key in changed)
+        if changed and not shape_stays and _is_flow(self.ours, node):
+            self._rewrite(path, node, [key for key in keys if after[key] is not MISSING], changed)
+        else:
+            for key in changed:
+                self._change(path, key, after[key])
+        if isinstance(ours, list):
+            return [after[key] for key in keys]
+        return {key: value for key, value in after.items() if value is not MISSING}
+
+    def _rewrite(self, path: Path, node: Node, keys: Sequence[Any], changed: Sequence[Any]) -> None:
+        """A mapping in braces, anew: values that stay as they are written."""
+        whole, inner = _place(self.ours, node), []
+        for key in keys:
+            of = self.new if key in changed else self.ours
+            one = node_at(of.tree, (*path, key))
+            assert one is not None
+            start, end = _place(of, one)
+            text = of.source.text[start:end] if of is self.ours else inline(of, one)
+            if of is self.ours:  # with what has been changed further inside
+                edits = [edit for edit in self.edits if start <= edit[0] and edit[1] <= end]
+                for edit in sorted(edits, reverse=True):
+                    self.edits.remove(edit)
+                    text = text[: edit[0] - start] + edit[2] + text[edit[1] - start :]
+            inner.append(f"{key}: {text}")
+        self.edits.append((*whole, "{" + ", ".join(inner) + "}"))
+
+    def _change(self, path: Path, key: Any, after: Any) -> None:
+        """An edit that sets, adds or takes out one entry of a mapping, or sets an item."""
+        mine, theirs = node_at(self.ours.tree, (*path, key)), node_at(self.new.tree, (*path, key))
+        parent = node_at(self.ours.tree, path)
+        assert parent is not None
+        if after is MISSING:
+            first, last = _lines(self.ours, parent, key)
+            above = _leading(self.base, path, key)
+            while above and first and self.ours.source.line(first - 1).strip() == above[-1].strip():
+                above, first = above[:-1], first - 1
+            self.edits.append((self._start(first), self._start(last + 1), ""))
+        elif mine is None:
+            self._add(path, parent, key)
+        elif isinstance(parent, SequenceNode) or _is_flow(self.ours, parent) or not (
+            _is_block(self.ours, parent, key) or _is_block(self.new, node_at(self.new.tree, path), key)
+        ):
+            assert theirs is not None
+            start, end = _place(self.ours, mine)
+            plain = self.new.source.text[slice(*_place(self.new, theirs))]
+            self.edits.append((start, end, plain if "\n" not in plain else inline(self.new, theirs)))
+        else:
+            first, last = _lines(self.ours, parent, key)
+            text = "".join(f"{line}\n" for line in self._entry(path, parent, key)[len(_leading(self.new, path, key)) :])
+            self.edits.append((self._start(first), self._start(last + 1), text))
+
+    def _add(self, path: Path, parent: Node, key: Any) -> None:
+        """A new entry, behind the one behind which it stands in `new`, or before the first that follows there."""
+        wanted = node_at(self.new.tree, path)
+        assert isinstance(parent, MappingNode) and isinstance(wanted, MappingNode)
+        order = list(wanted.entries)
+        before = [one for one in order[: order.index(key)] if one in parent.entries]
+        line = _lines(self.ours, parent, before[-1])[1] + 1 if before else _lines(self.ours, parent, next(iter(parent.entries)))[0]
+        text = "".join(f"{line}\n" for line in self._entry(path, parent, key))
+        start = self._start(line)
+        ended = start == 0 or self.ours.source.text[start - 1] == "\n"
+        self.edits.append((start, start, text if ended else f"\n{text}"))
+
+    def _entry(self, path: Path, parent: Node, key: Any) -> list[str]:
+        """The lines of an entry of `new`, with the comments above it, as far to the right as entries of `parent` are."""
+        wanted = node_at(self.new.tree, path)
+        assert isinstance(parent, MappingNode) and isinstance(wanted, MappingNode)
+        column = next(iter(parent.keys.values())).column
+        if _is_flow(self.new, wanted):
+            return [f"{' ' * (column - 1)}{key}: {inline(self.new, wanted.entries[key])}"]
+        first, last = _lines(self.new, wanted, key)
+        deep = column - wanted.keys[key].column
+        lines = [*_leading(self.new, path, key), *(self.new.source.line(number) for number in range(first, last + 1))]
+        return [line if not line.strip() else " " * deep + line if deep >= 0 else line[-deep:] for line in lines]
+
+    def _start(self, line: int) -> int:
+        starts = self.ours.source.starts
+        return starts[line] if line < len(starts) else len(self.ours.source.text)
+
+
+def inline(text: Text, node: Node) -> str:
+    """A value on one line, its scalars as they are written."""
+    match node:
+        case ScalarNode():
+            return text.source.text[slice(*_place(text, node))]
+        case SequenceNode():
+            return f"[{', '.join(inline(text, one) for one in node.items)}]"
+        case MappingNode():
+            return "{" + ", ".join(f"{key}: {inline(text, one)}" for key, one in node.entries.items()) + "}"
+
+
+def _alike(one: Any, other: Any) -> bool:
+    """Whether two values are the same; True and 1 are not."""
+    if one is MISSING or other is MISSING:
+        return one is other
+    return bool(one == other) and (type(one) is type(other) or not {bool} & {type(one), type(other)})
+
+
+def _keys(base: Any, new: Any, ours: Any) -> list[Any] | None:
+    """What to go into where all three have mappings, or as many of them in a list: keys in the order of `ours`, new ones last. A list of
+    numbers is one value: half of an axis and half of another are no axis."""
+    if all(isinstance(one, dict) for one in (base, new, ours)):
+        return [*dict.fromkeys([*ours, *new, *base])]
+    lists = [one for one in (base, new, ours) if isinstance(one, list) and all(isinstance(item, dict) for item in one)]
+    if len(lists) == 3 and len({*map(len, lists)}) == 1:
+        return [*range(len(ours))]
+    return None
+
+
+def _get(values: Any, key: Any) -> Any:
+    return values[key] if isinstance(values, list) else values.get(key, MISSING)
+
+
+def _changed(path: Path, base: Any, ours: Any) -> Iterator[Path]:
+    """Where two values differ, as deep as both have something to go into."""
+    keys = _keys(base, base, ours)
+    if keys is None:
+        yield path
+        return
+    for key in keys:
+        one, other = _get(base, key), _get(ours, key)
+        if not _alike(one, other):
+            yield from _changed((*path, key), one, other)
+
+
+def _place(text: Text, node: Node) -> tuple[int, int]:
+    span, starts = node.span, text.source.starts
+    return starts[span.line - 1] + span.column - 1, starts[span.end_line - 1] + span.end_column - 1
+
+
+def _is_flow(text: Text, node: Node) -> bool:
+    return not isinstance(node, ScalarNode) and text.source.text[_place(text, node)[0]] in "{["
+
+
+def _is_block(text: Text, parent: Node | None, key: Any) -> bool:
+    """Whether the value of a key stands on lines of its own."""
+    assert isinstance(parent, MappingNode)
+    node = parent.entries[key]
+    return not isinstance(node, ScalarNode) and not _is_flow(text, node)
+
+
+def _last_line(text: Text, node: Node) -> int:
+    """The line, from 0, on which a value ends."""
+    if isinstance(node, ScalarNode) or _is_flow(text, node):
+        start, end = _place(text, node)
+        return text.source.line_at(start + len(text.source.text[start:end].rstrip()))
+    inner = node.entries.values() if isinstance(node, MappingNode) else node.items
+    return max(_last_line(text, one) for one in inner)
+
+
+def _lines(text: Text, parent: Node, key: Any) -> tuple[int, int]:
+    """The first and last line, from 0, of an entry."""
+    assert isinstance(parent, MappingNode)
+    where: Span = parent.keys[key]
+    return where.line - 1, max(where.line - 1, _last_line(text, parent.entries[key]))
+
+
+def _leading(text: Text, path: Path, key: Any) -> list[str]:
+    """The lines between an entry and the one before it: comments and blank lines; none of the first."""
+    parent = node_at(text.tree, path)
+    assert isinstance(parent, MappingNode)
+    order = list(parent.entries)
+    at = order.index(key)
+    if at == 0 or _is_flow(text, parent):
+        return []
+    first, last = _lines(text, parent, order[at - 1])[1] + 1, parent.keys[key].line - 1
+    return [text.source.line(number) for number in range(first, last)]

@@ -1,0 +1,137 @@
+"""Meshes of a robot, gathered into `meshes/`: one file for each content, called as it was."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import math
+import os
+import re
+import struct
+from collections.abc import Callable, Mapping
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.files import beginning
+from thingc.base.inertia import MassProperties
+from thingc.base.summing import dist
+from thingc.documents.load.paths import libraries
+from thingc.geometry.meshes import BadMesh, bounded, measured, mesh_file
+from thingc.tools.importing.losses import Losses
+from thingc.tools.importing.model import SourceLoss, SourceRobot, SourceShape
+from thingc.tools.importing.naming import distinct
+from thingc.tools.importing.packages import MOST_BYTES, NotFound, Packages
+
+READ = (".stl", ".obj", ".dae", ".ply", ".glb")
+FOLDER = "meshes"
+SUSPECT, LARGE = 100.0, 5.0
+"""How many times further than its joints a mesh may reach, and how far [m] in any case."""
+SAMPLE = 1000
+"""Triangles that are looked at for that."""
+
+
+def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | None]:
+    """What meshes hold at density 1, in their own frames [m], by their shapes; None of those that are open, or cannot be read. What is read
+    is in the store then, where the first build finds it."""
+
+    def matter(shape: SourceShape) -> MassProperties | None:
+        from thingc.geometry.store.shared import opened
+
+        try:
+            path, (x, y, z) = packages.find(shape.mesh or ""), shape.size if len(shape.size) == 3 else (1.0, 1.0, 1.0)
+            record = measured(mesh_file(path, f"{FOLDER}/{os.path.basename(path)}", (x, y, z)), opened(None))
+        except (NotFound, OSError, BadMesh):
+            return None
+        return None if record is None else record.matter
+
+    return matter
+
+
+def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping[str, str], report: Report) -> None:
+    """A warning for the first mesh that is so much larger than every step from a joint to the next that its numbers will be millimetres.
+    `files` are the meshes by their paths, and `paths` these by what the source calls them."""
+    reach = max((dist(one.pose.translation, (0.0, 0.0, 0.0)) for one in robot.hangings), default=0.0)
+    for shape in (shape for link in robot.links for shape in link.shapes if shape.mesh in paths):
+        size = _corner(files.get(paths[shape.mesh or ""], b""), paths[shape.mesh or ""]) * max(map(abs, shape.size))
+        if size > LARGE and size > SUSPECT * reach > 0.0:
+            report.warn(
+                Code.SOURCE_DOUBT, f"`{shape.mesh}` reaches {size:.3g} m, and no joint is more than {reach:.3g} m from the one before it",
+                shape.where, help='its numbers are probably millimetres: write scale="0.001 0.001 0.001"',
+            )
+            return
+
+
+def _corner(data: bytes, path: str) -> float:
+    """The largest coordinate of the first corners of an STL or OBJ file; 0 of others."""
+    numbers: list[float] = []
+    if path.endswith(".stl") and not data[:SAMPLE].lstrip().startswith(b"solid"):
+        whole = (len(data) - 84) // 50
+        numbers = [abs(one) for k in range(min(whole, SAMPLE)) for one in struct.unpack_from("<9f", data, 84 + 50 * k + 12)]
+    elif path.endswith((".stl", ".obj")):
+        corners = re.findall(rb"^\s*(?:v|vertex)\s+(\S+)\s+(\S+)\s+(\S+)", data[: 100 * SAMPLE], re.MULTILINE)
+        with contextlib.suppress(ValueError):
+            numbers = [abs(float(one)) for corner in corners for one in corner]
+    return max((one for one in numbers if math.isfinite(one)), default=0.0)
+
+
+def _stem(uri: str) -> str:
+    """What a mesh is called, without what models of ours add to that: `meshes.trunk-5fb32a19.stl.obj` in them is `meshes/trunk.stl` at
+    some scale."""
+    stem = os.path.splitext(os.path.basename(uri))[0]
+    while os.path.splitext(stem)[1].lower() in READ:
+        stem = os.path.splitext(stem)[0]
+    own = stem.removeprefix(f"{FOLDER}.")
+    return own if own == stem else re.sub(r"-[0-9a-f]{8}$", "", own)
+
+
+def gathered(
+    robot: SourceRobot, packages: Packages | None, report: Report,
+) -> tuple[Mapping[str, str], dict[str, bytes], tuple[SourceLoss, ...]]:
+    """The path in the workspace of every mesh that shapes of the robot name, and the files by it. What cannot be found is reported at its
+    first place; without `packages` all meshes are losses."""
+    named = [(shape.mesh, shape) for link in robot.links for shape in link.shapes if shape.mesh is not None]
+    lost = Losses()
+    if packages is None:
+        for uri, shape in named:
+            lost.note(f"mesh `{uri}`", "meshes are left out", shape.where)
+        return {}, {}, lost.all()
+    contents: dict[str, bytes] = {}
+    first_places = dict(reversed(named))
+    for uri in dict.fromkeys(uri for uri, _ in named):
+        shape = first_places[uri]
+        if uri in robot.files:
+            contents[uri] = robot.files[uri]
+            continue
+        try:
+            if os.path.splitext(uri)[1].lower() not in READ:
+                raise NotFound(f"`{uri}` is no mesh that is read: {', '.join(f'`{one}`' for one in READ)}", "`--no-meshes` leaves it out")
+            contents[uri] = packages.read(uri)[1]
+            bounded(os.path.splitext(uri)[1].lower(), contents[uri])
+        except BadMesh as fault:
+            report.add(Code.SOURCE_FILE, f"`{uri}` {fault}", shape.where, help="export it anew, or leave all meshes out with `--no-meshes`")
+        except NotFound as fault:
+            report.add(Code.SOURCE_FILE, str(fault), shape.where, help=fault.help)
+    digests = {uri: hashlib.sha256(content).hexdigest() for uri, content in contents.items()}
+    first = {digest: uri for uri, digest in reversed(digests.items())}
+    uris = list(dict.fromkeys(first[digest] for digest in digests.values()))
+    names: dict[str, str] = {}
+    for uri in uris:  # meshes of one name, in two folders, are two
+        stem, taken = _stem(uri), [os.path.splitext(name)[0] for name in names.values()]
+        names[uri] = f"{distinct([stem], 'mesh', taken)[stem]}{os.path.splitext(uri)[1].lower()}"
+    paths = {uri: f"{FOLDER}/{names[first[digest]]}" for uri, digest in digests.items()}
+    files = {paths[uri]: contents[uri] for uri in uris}
+    for uri in (uri for uri in uris if uri not in robot.files):
+        _copy_libraries(uri, first_places[uri], packages, files, lost)
+    return paths, files, lost.all()
+
+
+def _copy_libraries(uri: str, shape: SourceShape, packages: Packages, files: dict[str, bytes], lost: Losses) -> None:
+    """Add the `.mtl` files of an OBJ mesh to `files`, under the names that the mesh has for them. Those that cannot be added are `lost`."""
+    for name in libraries(packages.find(uri)):
+        path = f"{FOLDER}/{name}"
+        try:
+            content = beginning(packages.find(f"{uri[: -len(os.path.basename(uri))]}{name}"), MOST_BYTES)
+        except (NotFound, OSError):
+            lost.note(f"the colours of mesh `{uri}`", f"`{name}` cannot be read", shape.where)
+            continue
+        if files.setdefault(path, content) != content:
+            lost.note(f"the colours of mesh `{uri}`", f"another mesh has a different `{name}`", shape.where)

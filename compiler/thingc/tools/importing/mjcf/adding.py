@@ -1,0 +1,126 @@
+"""Contact pairs, equalities, actuators and sensors that the language has no words for, as elements that are added to MuJoCo's model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence, Set
+from typing import Literal
+
+from thingc.tools.importing.mjcf.original import SOLIMP, SOLREF, Original, differing, floats, numbers
+from thingc.tools.importing.mjcf.tendons import Tendons
+from thingc.tools.importing.model import SourceAdded, SourceTarget
+
+AT_JOINT, AT_PARENT, AT_CRANK, AT_TENDON, AT_SITE = 0, 1, 2, 3, 4
+OF_TENDONS = 3
+DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle")
+GAINS, BIASES = ("fixed", "affine", "muscle"), ("none", "affine", "muscle")
+Kind = Literal["body", "joint", "geom", "site", "tendon", "actuator"]
+OBJECTS: dict[int, Kind] = {1: "body", 2: "body", 3: "joint", 5: "geom", 6: "site", 18: "tendon", 19: "actuator"}
+"""What sensors are of, by MuJoCo's numbers."""
+REFERRING = ("site", "joint", "tendon", "actuator", "body", "geom", "subtree", "objname", "refname")
+"""Attributes of sensors that name an element, some with a 1 or a 2 behind them."""
+INERTIAL, OF_AXES = 1, ("framequat", "framexaxis", "frameyaxis", "framezaxis")
+"""A body's inertial frame, whose axes MuJoCo works out again, and the sensors that read axes."""
+
+
+class Added:
+    """`elements` in the order in which they are added. `kept` are the numbers of joints, sites, geoms and actuators that are kept,
+    `tendons` the tendons that are kept, `heads` for each body the first body of the link that it belongs to."""
+
+    def __init__(self, original: Original, kept: Mapping[str, Set[int]], tendons: Tendons, heads: Mapping[int, int]) -> None:
+        self.original, self.model, self.tendons = original, original.model, tendons.of
+        masses = [heads[body] for body in heads if self.model.body_mass[body] > 0.0]
+        whole = {head for head in heads.values() if masses.count(head) < 2}  # of others the inertial frame is another one
+        self.kept: dict[str, Set[int]] = {**kept, "tendon": tendons.of.keys(), "body": whole}
+        self.elements: list[SourceAdded] = []
+
+    def _target(self, kind: Kind, number: int) -> SourceTarget | None:
+        """The element of that number; None if it is not kept."""
+        of = self.original
+        names = {
+            "body": of.bodies, "joint": of.joints, "geom": of.geoms, "site": of.sites, "tendon": of.tendons, "actuator": of.actuators,
+        }
+        return SourceTarget(kind=kind, name=names[kind][number]) if number in self.kept[kind] else None
+
+    def _add(
+        self, section: Literal["contact", "equality", "actuator", "sensor"], tag: str, number: int,
+        attributes: Sequence[tuple[str, str | SourceTarget | None]],
+    ) -> bool:
+        """Add an element, unless one of its targets is not kept. Returns whether it was added."""
+        said = tuple((key, value) for key, value in attributes if value is not None)
+        if len(said) < len(attributes):
+            return False
+        original = self.original
+        names = {"equality": original.equalities, "actuator": original.actuators, "sensor": original.sensors}
+        pair = original.spec.pairs[number] if section == "contact" else None
+        self.elements.append(SourceAdded(
+            section=section, tag=tag, name=names[section][number] if pair is None else pair.name, attributes=said,
+            where=original.where(section, number) if pair is None else original.flat.place(pair.info),
+        ))
+        return True
+
+    def actuator(self, number: int) -> bool:
+        """Add an actuator if possible. Returns whether it was added."""
+        model, acts_on = self.model, self._acts_on(number)
+        words = [
+            names[at] if (at := int(getattr(model, f"actuator_{word}type")[number])) < len(names) else ""
+            for word, names in (("dyn", DYNAMICS), ("gain", GAINS), ("bias", BIASES))
+        ]
+        if not acts_on or not all(words) or model.actuator_plugin[number] >= 0:
+            return False
+        wanted = [*zip(("dyntype", "gaintype", "biastype"), words, strict=True)]
+        wanted += [(f"{word}prm", numbers(getattr(model, f"actuator_{word}prm")[number])) for word in ("dyn", "gain", "bias")]
+        wanted += [("gear", numbers(model.actuator_gear[number]))]
+        for word in ("ctrl", "force", "act"):
+            if (bounds := self.original.bounds(f"actuator_{word}", number)) is not None:
+                wanted.append((f"{word}range", numbers(bounds)))
+        if any(floats(model.actuator_lengthrange[number])):
+            wanted.append(("lengthrange", numbers(model.actuator_lengthrange[number])))
+        if int(model.actuator_trntype[number]) == AT_CRANK:
+            wanted.append(("cranklength", numbers([model.actuator_cranklength[number]])))
+        usual = {"dyntype": "none", "gaintype": "fixed", "biastype": "none", "gear": "1 0 0 0 0 0"}
+        return self._add("actuator", "general", number, (*acts_on, *differing(wanted, usual)))
+
+    def _acts_on(self, number: int) -> Sequence[tuple[str, SourceTarget | None]]:
+        """What an actuator acts on, by the attributes that name it; nothing of other kinds."""
+        kind, ends = int(self.model.actuator_trntype[number]), [int(one) for one in self.model.actuator_trnid[number]]
+        if kind == AT_TENDON:
+            return [("tendon", self._target("tendon", ends[0]))]
+        if kind in (AT_JOINT, AT_PARENT) and int(self.model.jnt_type[ends[0]]) > 1:
+            return [("joint", self._target("joint", ends[0]))]
+        keys = {AT_SITE: ("site", "refsite"), AT_CRANK: ("cranksite", "slidersite")}.get(kind, ())
+        return [(key, self._target("site", site)) for key, site in zip(keys, ends, strict=True) if site >= 0] if keys else []
+
+    def equality(self, number: int) -> bool:
+        """Add an equality of tendons if possible. It is of lengths beyond those at the reference, which is q = 0 in a document. Returns
+        whether it was added."""
+        model = self.model
+        ends = [at for at in (int(model.eq_obj1id[number]), int(model.eq_obj2id[number])) if at >= 0]
+        referred = any(model.qpos0[model.jnt_qposadr[joint]] for joint in self.kept["joint"] if int(model.jnt_type[joint]) > 1)
+        if referred or int(model.eq_type[number]) != OF_TENDONS:
+            return False
+        said = [("polycoef", numbers(model.eq_data[number][:5])), ("solref", numbers(model.eq_solref[number]))]
+        said.append(("solimp", numbers(model.eq_solimp[number])))
+        tied = [(f"tendon{k}", self._target("tendon", at)) for k, at in enumerate(ends, 1)]
+        return self._add("equality", "tendon", number, (*tied, *differing(said, {"solref": SOLREF, "solimp": SOLIMP})))
+
+    def pair(self, number: int) -> bool:
+        """Add a contact pair if both geoms are kept, with all that it is of its own or of its geoms. Returns whether it was added."""
+        model, place = self.model, int(self.original.spec.pairs[number].id)
+        ends = [(f"geom{k}", self._target("geom", int(getattr(model, f"pair_geom{k}")[place]))) for k in (1, 2)]
+        said = [(word, floats(getattr(model, f"pair_{word}")[place])) for word in ("friction", "solref", "solreffriction", "solimp")]
+        said += [(word, (float(getattr(model, f"pair_{word}")[place]),)) for word in ("margin", "gap")]
+        values = [(word, numbers(value)) for word, value in said if word != "solreffriction" or any(value)]
+        return self._add("contact", "pair", number, (*ends, ("condim", numbers([model.pair_dim[place]])), *values))
+
+    def sensor(self, number: int) -> bool:
+        """Add a sensor as it is written, if everything that it names is kept. Returns whether it was added."""
+        model, element, attributes = self.model, self.original.element("sensor", number), list[tuple[str, str | SourceTarget | None]]()
+        for name, value in element.attributes.items():
+            if name.rstrip("12") in REFERRING:
+                second = name == "refname" or name.endswith("2") or name == "site" and "objname" in element.attributes
+                of, thing = (int(getattr(model, f"sensor_{'ref' if second else 'obj'}{what}")[number]) for what in ("type", "id"))
+                turned = of == INERTIAL and (second or element.tag in OF_AXES)
+                attributes.append((name, None if turned or of not in OBJECTS else self._target(OBJECTS[of], thing)))
+            elif name != "name":
+                attributes.append((name, value))
+        return element.tag != "plugin" and self._add("sensor", element.tag, number, attributes)

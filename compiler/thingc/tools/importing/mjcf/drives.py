@@ -1,0 +1,171 @@
+"""Actuators of the source: drives of joints and tendons, and adhesions of bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from thingc.base.frozen import dataclass
+from thingc.base.pose import Pose
+from thingc.tools.importing.mjcf.adding import Added
+from thingc.tools.importing.mjcf.original import Original, differing, floats, numbers
+from thingc.tools.importing.mjcf.tendons import Tendons
+from thingc.tools.importing.model import SourceAdhesion, SourceDrive, SourceTarget
+
+AT_JOINT, AT_PARENT, AT_TENDON, AT_BODY = 0, 1, 3, 5
+FIXED_GAIN, NO_BIAS, AFFINE = 0, 0, 1
+NOT_DYNAMIC, EXACT = 0, 3
+HINGE, SLIDE = 3, 2
+UNSAID = ("actlimited", "actearly", "armature", "delay")
+"""What of actuators a document does not say, and is 0 of most."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Length:
+    """What is driven, a coordinate or a tendon: its ends [rad or m], and what acts on it at most [N m or N]; None where there are none."""
+
+    ends: tuple[float, float] | None
+    most: tuple[float, float] | None
+
+    def effort(self, force: tuple[float, float] | None) -> float | None:
+        """The largest effort of a drive, from its own range of forces, else from that of all that acts here."""
+        bounds = self.most if force is None else force
+        return None if bounds is None else max(map(abs, bounds))
+
+
+class Actuators:
+    """`of_joint` by the number of the joint, `of_tendon` by that of the tendon, `driven` what they drive by that of the actuator;
+    `adhesions`; others are `added`, or losses; `kept` are the numbers of all but losses. `joints` and `tendons` are those that are kept,
+    `on` is the link of each body that is kept, with the body's pose in it."""
+
+    def __init__(
+        self, original: Original, joints: set[int], tendons: Tendons, on: Mapping[int, tuple[int, Pose]], added: Added,
+    ) -> None:
+        self.original, self.model = original, original.model
+        self.of_joint: dict[int, SourceDrive] = {}
+        self.of_tendon: dict[int, SourceDrive] = {}
+        self.driven: dict[int, SourceTarget] = {}
+        self.kept: set[int] = set()
+        added.kept["actuator"] = self.kept
+        adhesions = []
+        for number in range(self.model.nu):
+            transmission, target = int(self.model.actuator_trntype[number]), int(self.model.actuator_trnid[number][0])
+            what, where = f"actuator `{original.actuators[number]}`", original.where("actuator", number)
+            why = ""
+            if transmission == AT_BODY and target in on:
+                adhesions.append(self._adhesion(number, original.bodies[on[target][0]]))
+            elif transmission == AT_TENDON:
+                one = tendons.of.get(target)
+                if one is None:
+                    why = "its tendon is left out"
+                else:
+                    lower, upper = one.ends.lower, one.ends.upper
+                    ends = None if lower is None or upper is None else (lower, upper)
+                    length = _Length(ends, original.bounds("tendon_actfrc", target))
+                    why = self._driving(number, SourceTarget(kind="tendon", name=one.name), target, self.of_tendon, length)
+            elif transmission not in (AT_JOINT, AT_PARENT) or int(self.model.jnt_type[target]) not in (HINGE, SLIDE):
+                why = "a document drives tendons, and joints that turn about, or slide along, an axis"
+            elif target not in joints:
+                why = "its joint is left out"
+            else:
+                length = _Length(original.bounds("jnt_", target), original.bounds("jnt_actfrc", target))
+                why = self._driving(number, SourceTarget(kind="joint", name=original.joints[target]), target, self.of_joint, length)
+            if why and not added.actuator(number):
+                original.losses.note(what, why, where)
+            else:
+                self.kept.add(number)
+                self._unsaid(number, what)
+        self.adhesions = tuple(adhesions)
+
+    def _driving(self, number: int, what: SourceTarget, target: int, drives: dict[int, SourceDrive], length: _Length) -> str:
+        """Why an actuator is no drive of a document; empty where it is one, which is among the `drives` by number from now on."""
+        if target in drives:
+            return f"`{what.name}` is driven by `{drives[target].name}`, and a {what.kind} of a document has one drive"
+        drive = self._drive(number, length)
+        if drive is None:
+            return "a drive of a document is a motor, or of position or velocity with a gain"
+        drives[target] = drive
+        self.driven[number] = what
+        return ""
+
+    def _unsaid(self, number: int, what: str) -> None:
+        for name in UNSAID:
+            values = getattr(self.model, f"actuator_{name}", None)
+            if values is not None and float(values[number]):
+                self.original.losses.note(f"`{name}` of {what}", "a document does not say it", self.original.where("actuator", number))
+
+    def _drive(self, number: int, length: _Length) -> SourceDrive | None:
+        """A drive as it is at what it drives; None of a kind that the language has not."""
+        model = self.model
+        gain, *gains = floats(model.actuator_gainprm[number])
+        constant, position, velocity, *others = floats(model.actuator_biasprm[number])
+        affine, dynamic = int(model.actuator_biastype[number]) == AFFINE, int(model.actuator_dyntype[number])
+        if int(model.actuator_gaintype[number]) != FIXED_GAIN or any(gains) or gain == 0.0 or model.actuator_plugin[number] >= 0:
+            return None
+        gear = floats(model.actuator_gear[number])[0]
+        if gear == 0.0:
+            return None
+        control, force = self.original.bounds("actuator_ctrl", number), self.original.bounds("actuator_force", number)
+        if not affine and int(model.actuator_biastype[number]) == NO_BIAS and dynamic == NOT_DYNAMIC:
+            return self._motor(number, gain, gear, control, force, length)
+        kv = -velocity
+        if not affine or constant or any(others) or kv < 0.0 or gain < 0.0:
+            return None
+        effort = length.effort(None if force is None else (force[0] * abs(gear), force[1] * abs(gear)))
+        wanted = [("gear", numbers([gear])), ("kv", numbers([kv])), *_written("ctrl", control).items(), *_written("force", force).items()]
+        otherwise = {"gear": "1", "kv": numbers([kv * gear * gear]), **_written("force", None if effort is None else (-effort, effort))}
+        where, name = self.original.where("actuator", number), self.original.actuators[number]
+        if position == -gain and dynamic in (NOT_DYNAMIC, EXACT):
+            wanted.append(("kp", numbers([gain])))
+            if dynamic == EXACT:
+                wanted.append(("timeconst", numbers([model.actuator_dynprm[number][0]])))
+            otherwise |= {"kp": numbers([gain * gear * gear]), **_written("ctrl", length.ends)}
+            return SourceDrive(
+                name=name, kind="position", where=where, kp=gain * gear * gear, kv=kv * gear * gear or None, effort=effort,
+                raw=differing(wanted, otherwise),
+            )
+        if position == 0.0 and kv == gain and dynamic == NOT_DYNAMIC:
+            fastest = None if control is None else max(map(abs, control)) / abs(gear)
+            otherwise |= _written("ctrl", None if fastest is None else (-fastest, fastest))
+            return SourceDrive(
+                name=name, kind="velocity", where=where, kv=kv * gear * gear, effort=effort, velocity=fastest,
+                raw=differing(wanted, otherwise),
+            )
+        return None
+
+    def _motor(
+        self, number: int, gain: float, gear: float, control: tuple[float, float] | None, force: tuple[float, float] | None,
+        length: _Length,
+    ) -> SourceDrive:
+        """One whose gain, which a motor has not, is in its gear; what it is controlled by stays as it is."""
+        original, ends = self.original, force
+        if gain != 1.0:
+            ends = None if force is None else (force[0] / gain, force[1] / gain)
+            original.losses.note(
+                f"the gain of motor `{original.actuators[number]}`, {gain:g}", "it is in its gear: the same torque for the same control",
+                original.where("actuator", number),
+            )
+        bounds = [max(map(abs, one)) for one in (control, ends) if one is not None]
+        effort = None if not bounds else min(bounds) * abs(gear * gain)
+        effort = length.effort(None if effort is None else (-effort, effort))
+        wanted = [("gear", numbers([gear * gain])), *_written("ctrl", control).items(), *_written("force", ends).items()]
+        otherwise = {"gear": "1", "forcelimited": "false", **_written("ctrl", None if effort is None else (-effort, effort))}
+        return SourceDrive(
+            name=original.actuators[number], kind="motor", where=original.where("actuator", number), effort=effort,
+            raw=differing(wanted, otherwise),
+        )
+
+    def _adhesion(self, number: int, link: str) -> SourceAdhesion:
+        gain, control = floats(self.model.actuator_gainprm[number])[0], self.original.bounds("actuator_ctrl", number) or (0.0, 1.0)
+        force = gain * control[1]
+        why = "contacts of what adheres are harder in a document, so that they hold"
+        self.original.losses.note(f"how soft contacts of `{link}` are", why, self.original.where("actuator", number))
+        wanted = [("gain", numbers([gain])), ("ctrlrange", numbers(control))]
+        return SourceAdhesion(
+            name=self.original.actuators[number], link=link, force=force, where=self.original.where("actuator", number),
+            raw=differing(wanted, {"gain": "1", "ctrlrange": numbers([0.0, force])}),
+        )
+
+
+def _written(kind: str, bounds: tuple[float, float] | None) -> dict[str, str]:
+    """The attributes that state the range of `ctrl` or `force`, or that it has none."""
+    return {f"{kind}limited": "false"} if bounds is None else {f"{kind}range": numbers(bounds)}

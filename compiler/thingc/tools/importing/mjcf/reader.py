@@ -1,0 +1,297 @@
+"""MJCF: the bodies that MuJoCo makes of a file, what hangs on what, and what they weigh and show."""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from collections.abc import Iterator, Sequence
+from itertools import accumulate
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.heading import mode_of
+from thingc.base.inertia import MassProperties, symmetric
+from thingc.base.pose import NO_POSE, Pose, multiply, transpose
+from thingc.tools.importing.mjcf.adding import Added
+from thingc.tools.importing.mjcf.couplings import Couplings
+from thingc.tools.importing.mjcf.drives import Actuators
+from thingc.tools.importing.mjcf.flat import ABSENT, Flat, flattened
+from thingc.tools.importing.mjcf.joints import free_joint, joint_of
+from thingc.tools.importing.mjcf.original import WORLD, Original, floats, numbers, pose_of
+from thingc.tools.importing.mjcf.sensing import sensors
+from thingc.tools.importing.mjcf.settings import options, poses, simulation, touching
+from thingc.tools.importing.mjcf.shapes import Geoms
+from thingc.tools.importing.mjcf.tendons import Tendons
+from thingc.tools.importing.model import SOURCE_MODE, Hanging, SourceBase, SourceLink, SourceRobot, SourceSite, Weight
+from thingc.tools.importing.packages import Packages
+from thingc.tools.importing.tree import MOST_LINKS, downwards
+from thingc.tools.importing.xml_source import SourceElement
+
+FREE, PLANE = 0, 0
+_ALIKE = 1e-9
+
+
+def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes: bool = True) -> SourceRobot | None:
+    """The robot of a file whose root is `<mujoco>`; None if MuJoCo cannot read it, which is reported. Without `meshes`, those
+    that cannot be read weigh nothing."""
+    flat = flattened(root, packages, report, meshes=meshes)
+    original = None if flat is None else _compiled(flat, report)
+    return None if original is None else _Reader(original, report).robot()
+
+
+def _compiled(flat: Flat, report: Report) -> Original | None:
+    """What MuJoCo makes of a file; what it says of a wrong one is reported at the line that it names."""
+    import mujoco
+
+    try:
+        spec = mujoco.MjSpec.from_string(flat.text, include=dict(flat.models), assets=dict(flat.files))
+        spec.compiler.fusestatic = spec.compiler.discardvisual = False
+        spec.compiler.alignfree = False
+        absent = [geom for geom in spec.geoms if geom.meshname and ABSENT in spec.mesh(geom.meshname).file]
+        for geom in absent:
+            geom.mass = 0.0
+        for joint in spec.joints:
+            joint.align = mujoco.mjtAlignFree.mjALIGNFREE_FALSE
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of inertias that are nearly singular, which are judged by link
+            model = spec.compile()
+    except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as fault:
+        text = str(fault)
+        for word, uri in flat.meshes.items():
+            text = text.replace(word, uri)
+        said = re.sub(r"^(XML )?Error: |Error: |Schema violation: ", "", text.split("\nElement")[0]).strip()
+        attribute = re.search(r"attribute:? '(\w+)'", said)
+        where = flat.place(text, None if attribute is None else attribute[1])
+        report.add(Code.SOURCE_VALUE, f"MuJoCo does not read this: {said}", where, help="mend the place shown")
+        return None
+    original = Original(flat, spec, model)
+    for geom in (one for one in absent if not one.parent.explicitinertial):
+        original.losses.note(f"the mass of mesh `{geom.meshname}`", "its file cannot be read", flat.place(geom.info))
+    return original
+
+
+class _Reader:
+    def __init__(self, original: Original, report: Report) -> None:
+        self.original, self.model, self.report = original, original.model, report
+        self.parents = [int(one) for one in self.model.body_parentid]
+        self.joints: list[list[int]] = [[] for _ in self.parents]
+        for joint, body in enumerate(self.model.jnt_bodyid):
+            self.joints[int(body)].append(joint)
+        self.free = {body for body, joints in enumerate(self.joints) for joint in joints if self.model.jnt_type[joint] == FREE}
+        self.mocap = {body for body in range(len(self.parents)) if self.model.body_mocapid[body] >= 0}
+        self.shapes = Geoms(original)
+        self.link_names = {*original.bodies.values()}
+
+    def robot(self) -> SourceRobot | None:
+        """The robot: the bodies that hang on the world, or the largest one that floats."""
+        if len(self.parents) > MOST_LINKS:
+            message = f"the robot has {len(self.parents):,} bodies, and {MOST_LINKS:,} are read at most"
+            self.report.add(Code.SOURCE_TREE, message, self.original.flat.root.where)
+            return None
+        kept = self._kept()
+        if kept == {WORLD}:
+            self.report.add(Code.SOURCE_TREE, "the robot has no body", self.original.flat.root.where)
+            return None
+        root = min(kept)
+        on = self._carriers(kept, root)
+        for body in (body for body in sorted(kept) if self.model.body_mass[body] <= 0.0 and any(floats(self.model.body_inertia[body]))):
+            what = f"the inertia of body `{self.original.bodies[body]}`"
+            self.original.losses.note(what, "the body has no mass", self.original.where("body", body))
+        links = [body for body in sorted(kept) if on[body][0] == body or body in self._mounts]
+        joints = {joint for body in kept for joint in self.joints[body]}
+        sites = {site for site in range(self.model.nsite) if int(self.model.site_bodyid[site]) in kept}
+        heads = self._heads(on, root)
+        tendons = Tendons(self.original, joints, sites, on, heads)
+        whole = [self._link(body, on) for body in links]
+        added = Added(self.original, {"joint": joints, "site": sites, "geom": self.shapes.shown}, tendons, heads)
+        drives = Actuators(self.original, joints, tendons, on, added)
+        couplings = Couplings(self.original, drives, on, added)
+        between: list[SourceLink] = []
+        hangings = [
+            one for body in links if body != root for one in self._hangings(body, on, between, drives, couplings)
+        ]
+        base: SourceBase = "free" if root in self.free else "held" if root in self.mocap else "fixed"
+        sensed = sensors(self.original, on, kept, added, drives.driven, root)
+        excluded = touching(self.original, on, heads, None if base == "free" else root, added)
+        gravity = floats(self.model.opt.gravity)
+        states = poses(self.original, on, root, base, {joint.name: joint for one in hangings for joint in one.joints})
+        simulated, set_up = simulation(self.original), options(self.original)
+        free = self.joints[root][0] if base == "free" else -1
+        set_up += tuple((("joint", "root", name), value) for name, value in (free_joint(self.original, free) if base == "free" else ()))
+        self._lose_layout(root, hangings, bool(states), {name for one in sensed for name, _ in one.parts}, added)
+        named = self.original.flat.named(self.original.element("body", min(body for body in kept if body != WORLD)))
+        return SourceRobot(
+            name=_name(named), where=named.place("model"), root=self.original.bodies[root], links=(*whole, *between),
+            hangings=tuple(hangings), base=base, pose=NO_POSE if root == WORLD else self._pose(root),
+            losses=self.original.losses.all(), loops=couplings.loops, adhesions=drives.adhesions,
+            tendons=tendons.driven(drives.of_tendon), sensors=sensed, poses=states, excluded=excluded,
+            added=tuple(added.elements),
+            free_joint=self.original.written["joint"][free].name if base == "free" else "",
+            order={"actuator": [*self.original.actuators.values()], "sensor": [*self.original.sensors.values()]},
+            gravity=None if gravity == (0.0, 0.0, -9.81) else (gravity[0], gravity[1], gravity[2]),
+            simulation=simulated, options=set_up, files=self.shapes.files,
+        )
+
+    def _lose_layout(self, root: int, hangings: Sequence[Hanging], posed: bool, sensed: set[str], added: Added) -> None:
+        """Note what of the arrays of `MjData` is elsewhere in models of the document, and unless there are poses what starts elsewhere."""
+        for joint in (joint for one in hangings for joint in one.joints if not posed and joint.follows is None):
+            if joint.begin is not None and abs(joint.begin - joint.start) > _ALIKE:
+                what = f"where joint `{joint.name}` starts, {joint.start:g}"
+                self.original.losses.note(what, f"it is beyond its limits, and starts at the nearest, {joint.begin:g}", joint.where)
+        sensed |= {one.name for one in added.elements if one.section == "sensor"}
+        self._lose_indices("data.ctrl", [1] * self.model.nu, sorted(added.kept["actuator"]))
+        self._lose_indices("data.sensordata", self.model.sensor_dim, [k for k, name in self.original.sensors.items() if name in sensed])
+        order = self._joint_order(root, hangings)
+        for array, sizes in (("data.qpos", {FREE: 7, 1: 4}), ("data.qvel", {FREE: 6, 1: 3})):
+            self._lose_indices(array, [sizes.get(int(one), 1) for one in self.model.jnt_type], order)
+
+    def _joint_order(self, root: int, hangings: Sequence[Hanging]) -> list[int]:
+        """The numbers of the joints in the order of a model of the document."""
+        numbers_of = {name: number for number, name in self.original.joints.items()}
+        tree = downwards(self.original.bodies[root], hangings)
+        return [*self.joints[root][: root in self.free], *(numbers_of[joint.name] for one in tree for joint in one.joints)]
+
+    def _lose_indices(self, array: str, sizes: Sequence[int], kept: Sequence[int]) -> None:
+        """Note which entries of an array have other indices in a model of the document, where the `kept` elements are, of these sizes."""
+        starts, runs, here = [0, *accumulate(map(int, sizes))], list[list[int]](), 0
+        for there, size in ((starts[number], int(sizes[number])) for number in kept):
+            if runs and runs[-1][0] + runs[-1][2] == there:
+                runs[-1][2] += size
+            else:
+                runs.append([there, here, size])
+            here += size
+        moved = [f"[{there}:{there + size}] is [{here}:{here + size}]" for there, here, size in runs if there != here]
+        if moved:
+            why = f"not everything is in the document in that order: {', '.join(moved)} in its models"
+            self.original.losses.note(f"the indices of `{array}`", why, self.original.flat.root.where)
+
+    def _hangings(
+        self, body: int, on: dict[int, tuple[int, Pose]], between: list[SourceLink], drives: Actuators, couplings: Couplings,
+    ) -> Iterator[Hanging]:
+        """How a body hangs on its parent: by joints one after the other, with a link `between` each two that weighs nothing."""
+        original, (parent, pose) = self.original, on[self.parents[body]]
+        name, above, place, where = original.bodies[body], original.bodies[parent], pose @ self._pose(body), original.where("body", body)
+        *inner, last = self.joints[body] or [-1]
+        for joint in inner:
+            word = f"{name} {original.joints[joint]}"
+            while word in self.link_names:
+                word += "_"
+            self.link_names.add(word)
+            between.append(SourceLink(name=word, where=original.where("joint", joint)))
+            yield Hanging(
+                name=word, parent=above, child=word, pose=place, where=original.where("joint", joint),
+                joints=(joint_of(original, joint, drives, couplings),),
+            )
+            above, place = word, NO_POSE
+        joints = () if last < 0 else (joint_of(original, last, drives, couplings),)
+        yield Hanging(name=name, parent=above, child=name, pose=place, where=where, joints=joints)
+
+    def _pose(self, body: int) -> Pose:
+        return pose_of(self.model.body_pos[body], self.model.body_quat[body])
+
+    def _kept(self) -> set[int]:
+        """The bodies of the robot: of what hangs on the world together, and of each body that floats, whatever has most joints. All else is
+        a loss, and so is what lies on the world where that is no part of it."""
+        tops = [body for body, parent in enumerate(self.parents) if parent == WORLD and body != WORLD]
+        groups: dict[int, set[int]] = {WORLD: {WORLD}} | {body: set() for body in tops if body in self.free or body in self.mocap}
+        group = {WORLD: WORLD}
+        for body in range(1, len(self.parents)):
+            group[body] = body if body in groups else group[self.parents[body]]
+            groups[group[body]].add(body)
+        chosen = max(groups, key=lambda one: (sum(len(self.joints[body]) for body in groups[one]), len(groups[one]), -one))
+        for body in tops:
+            if group[body] != chosen:
+                self._lose_body(body, "it is no part of the robot, and a document has one")
+        on_world = self._on_world(planes=False)
+        if chosen == WORLD:
+            first = [body for body in tops if group[body] == WORLD]
+            alone = len(first) == 1 and not self.joints[first[0]] and not on_world
+            kept = groups[WORLD] - {WORLD} if alone else groups[WORLD]
+        else:
+            kept = groups[chosen]
+        for kind, number in [*self._on_world(planes=True), *([] if WORLD in kept else on_world)]:
+            is_plane = (kind, number) not in on_world
+            why = "a floor belongs to a scene" if is_plane else "it is fixed to the world, and no part of the robot"
+            self.original.losses.note(f"a {kind} of the world", why, self.original.where(kind, number))
+        return kept
+
+    def _on_world(self, *, planes: bool) -> list[tuple[str, int]]:
+        """What is fixed to the world itself, by kind and number: its planes, or all the rest."""
+        model = self.model
+        geoms = [("geom", k) for k in range(model.ngeom) if model.geom_bodyid[k] == WORLD and (model.geom_type[k] == PLANE) == planes]
+        sites = [] if planes else [("site", k) for k in range(model.nsite) if model.site_bodyid[k] == WORLD]
+        return geoms + sites
+
+    def _lose_body(self, body: int, why: str) -> None:
+        self.original.losses.note(f"body `{self.original.bodies[body]}`, with all that is on it", why, self.original.where("body", body))
+
+    def _carriers(self, kept: set[int], root: int) -> dict[int, tuple[int, Pose]]:
+        """For each body of the robot the link that it is, or lies on, with its pose in it. What weighs nothing, shows nothing, cannot move
+        and carries nothing that is otherwise is a mount of what it is fixed to."""
+        bare = {
+            body for body in kept if body != root and not self.joints[body] and self.model.body_mass[body] <= 0.0
+            and not self.model.body_geomnum[body]
+        }
+        for body in sorted(kept, reverse=True):
+            if body not in bare and body != root:
+                bare.discard(self.parents[body])
+        self._mounts = bare
+        self._carried: dict[int, list[int]] = {}
+        on: dict[int, tuple[int, Pose]] = {}
+        for body in sorted(kept):
+            link, pose = on[self.parents[body]] if body in bare else (body, NO_POSE)
+            on[body] = (link, pose @ self._pose(body)) if body in bare else (body, NO_POSE)
+            self._carried.setdefault(link, []).append(body)
+        return on
+
+    def _heads(self, on: dict[int, tuple[int, Pose]], root: int) -> dict[int, int]:
+        """For each body the first of those that it is fixed to."""
+        heads = {root: root}
+        for body in sorted(on):
+            if body != root:
+                heads[body] = body if self.joints[body] else heads[self.parents[body]]
+        return heads
+
+    def _link(self, body: int, on: dict[int, tuple[int, Pose]]) -> SourceLink:
+        original, where = self.original, self.original.flat.root.where if body == WORLD else self.original.where("body", body)
+        if body in self._mounts:
+            return SourceLink(name=original.bodies[body], where=where)
+        sites = tuple(
+            SourceSite(
+                name=original.sites[site], pose=on[of][1] @ pose_of(self.model.site_pos[site], self.model.site_quat[site]),
+                where=original.where("site", site), others=tuple(original.second_names.get(original.sites[site], ())),
+            )
+            for of in self._carried[body] for site in original.sites_of[of]
+        )
+        frames = tuple(original.sites[site] for site in original.frames_of[body])
+        gravcomp = float(self.model.body_gravcomp[body])
+        return SourceLink(
+            name=original.bodies[body], where=where, weight=self._weight(body), shapes=self.shapes.of(body), sites=sites,
+            frames=frames, raw=(("gravcomp", numbers([gravcomp])),) if gravcomp else (),
+        )
+
+    def _weight(self, body: int) -> Weight | None:
+        mass = float(self.model.body_mass[body])
+        if body == WORLD or mass <= 0.0:
+            return None
+        written, element = self.original.written["body"][body], self.original.element("body", body)
+        (x, y, z), moments = floats(self.model.body_ipos[body]), floats(self.model.body_inertia[body])
+        turn = pose_of((x, y, z), self.model.body_iquat[body]).rotation
+        rows = ((moments[0], 0.0, 0.0), (0.0, moments[1], 0.0), (0.0, 0.0, moments[2]))
+        inertia = symmetric(multiply(multiply(turn, rows), transpose(turn)))
+        full = floats(written.fullinertia)
+        if all(map(math.isfinite, full)):  # as it is written, unless it was changed: MuJoCo's own has been turned there and back
+            a, b, c, d, e, f = full
+            said = ((a, d, e), (d, b, f), (e, f, c))
+            largest = max(map(abs, full))
+            if all(abs(said[i][j] - inertia[i][j]) <= _ALIKE * largest for i in range(3) for j in range(3)):
+                inertia = said
+        properties = MassProperties(mass=mass, centre=(x, y, z), inertia=inertia)
+        return Weight(properties=properties, where=next(element.all("inertial"), element).where)
+
+
+def _name(root: SourceElement) -> str:
+    """What the model is called; one that we have written of an imported robot is called after its mode, too."""
+    name = root.attributes.get("model", "").strip()
+    ours = mode_of(root.source[: root.start]) == SOURCE_MODE
+    return (name.removesuffix(f"_{SOURCE_MODE}") if ours else name) or "robot"

@@ -1,0 +1,164 @@
+"""Sensors and cameras of the source."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from thingc.base.frozen import dataclass
+from thingc.base.pose import Pose, turned_y
+from thingc.base.sensing import ReadingName, SensorType
+from thingc.tools.importing.mjcf.adding import Added
+from thingc.tools.importing.mjcf.original import Original, pose_of
+from thingc.tools.importing.mjcf.shapes import KINDS, sizes_of
+from thingc.tools.importing.model import ShapeKind, Sizes, SourceSensor, SourceTarget
+
+SITE = 6
+AT_SITE: dict[str, tuple[SensorType, ReadingName]] = {
+    "force": ("force", "force"), "torque": ("force", "torque"),
+    "accelerometer": ("accelerometer", "accelerometer"), "gyro": ("gyro", "gyro"), "magnetometer": ("magnetometer", "magnetometer"),
+    "velocimeter": ("velocimeter", "velocity"), "rangefinder": ("rangefinder", "distance"), "touch": ("touch", "force"),
+    "framepos": ("pose", "position"), "framequat": ("pose", "quat"),
+    "framelinvel": ("twist", "linear"), "frameangvel": ("twist", "angular"),
+}
+AT_JOINT: dict[str, ReadingName] = {"jointpos": "position", "jointvel": "velocity", "jointactfrc": "effort"}
+OF_TENDON: dict[str, ReadingName] = {"tendonpos": "length", "tendonvel": "velocity", "tendonactfrc": "effort"}
+OF_DRIVE: dict[str, ReadingName] = {"actuatorpos": "position", "actuatorvel": "velocity", "actuatorfrc": "effort"}
+OF_ALL: dict[str, tuple[SensorType, ReadingName]] = {
+    "clock": ("clock", "time"), "e_potential": ("energy", "potential"), "e_kinetic": ("energy", "kinetic"),
+}
+OF_ROOT: dict[str, ReadingName] = {"subtreecom": "position", "subtreelinvel": "velocity", "subtreeangmom": "momentum"}
+IMU: frozenset[SensorType] = frozenset({"accelerometer", "gyro"})
+LOOKING = turned_y(math.pi)
+"""A camera of MuJoCo looks along its -z, up its y; a document's along the mount's z, up the mount's y."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Place:
+    """What a sensor is and where: a document's kind, and the names of a site, of the one that it is seen from, of a joint, of
+    a tendon."""
+
+    kind: SensorType
+    site: str | None = None
+    seen_from: str | None = None
+    joint: str | None = None
+    tendon: str | None = None
+
+
+class _Sensing:
+    """`kept` are the bodies that are kept, `driven` what is driven by the number of the actuator, `root` the root body."""
+
+    def __init__(self, original: Original, kept: set[int], added: Added, driven: Mapping[int, SourceTarget], root: int) -> None:
+        import mujoco
+
+        self.original, self.model, self.kept, self.driven, self.root = original, original.model, kept, driven, root
+        self.added, self.tendons = added, added.tendons
+        types = mujoco.mjtSensor.__members__.items()
+        self.kinds: dict[int, str] = {int(value): name.removeprefix("mjSENS_").lower() for name, value in types}
+
+    def all(self) -> tuple[SourceSensor, ...]:
+        """Those of kinds that the language has, several that are of one together; all others, and second ones, are added, or losses."""
+        read: list[tuple[int, _Place, ReadingName]] = []
+        placed_before: set[tuple[_Place, ReadingName] | None] = {None}
+        for number in range(self.model.nsensor):
+            placed = self._place(number)
+            if placed is None or placed in placed_before:
+                if self.added.sensor(number):
+                    continue
+                name, kind = self.original.sensors[number], self._kind(number)
+                where = self.original.where("sensor", number)
+                self.original.losses.note(f"sensor `{name}` of kind `{kind}`", "a document has no such sensor", where)
+            else:
+                placed_before.add(placed)
+                read.append((number, *placed))
+        at = {(place.kind, place.site) for _, place, _ in read}
+        imus = {site for _, site in at if {kind for kind, other in at if other == site} >= IMU}
+        made: dict[_Place, list[tuple[int, ReadingName]]] = {}
+        for number, place, reading in read:
+            of_imu = place.kind in IMU or (place.kind, reading, place.seen_from) == ("pose", "quat", None)
+            if of_imu and place.site in imus:
+                place = _Place(kind="imu", site=place.site)
+            made.setdefault(place, []).append((number, reading))
+        return tuple(self._sensor(place, readings) for place, readings in made.items())
+
+    def _kind(self, number: int) -> str:
+        return self.kinds.get(int(self.model.sensor_type[number]), "sensor")
+
+    def _place(self, number: int) -> tuple[_Place, ReadingName] | None:
+        model, original, kind = self.model, self.original, self._kind(number)
+        thing, of = int(model.sensor_objid[number]), int(model.sensor_objtype[number])
+        if kind in AT_SITE and of == SITE and int(model.site_bodyid[thing]) in self.kept and int(model.sensor_dim[number]) <= 4:
+            sensor, reading = AT_SITE[kind]
+            reference, reference_type = int(model.sensor_refid[number]), int(model.sensor_reftype[number])
+            if reference >= 0 and (reference_type != SITE or int(model.site_bodyid[reference]) not in self.kept):
+                return None
+            if sensor == "touch" and int(model.site_type[thing]) not in KINDS:
+                return None
+            seen_from = original.sites[reference] if reference >= 0 else None
+            return _Place(kind=sensor, site=original.sites[thing], seen_from=seen_from), reading
+        if kind in AT_JOINT and int(model.jnt_bodyid[thing]) in self.kept:
+            return _Place(kind="joint", joint=original.joints[thing]), AT_JOINT[kind]
+        if kind in OF_DRIVE and thing in self.driven:
+            what = self.driven[thing]
+            place = _Place(kind="drive", tendon=what.name) if what.kind == "tendon" else _Place(kind="drive", joint=what.name)
+            return place, OF_DRIVE[kind]
+        if kind in OF_TENDON and thing in self.tendons:
+            return _Place(kind="tendon", tendon=self.tendons[thing].name), OF_TENDON[kind]
+        if kind in OF_ROOT and thing == self.root:
+            return _Place(kind="centre"), OF_ROOT[kind]
+        if kind in OF_ALL:
+            sensor, reading = OF_ALL[kind]
+            return _Place(kind=sensor), reading
+        return None
+
+    def _sensor(self, place: _Place, readings: list[tuple[int, ReadingName]]) -> SourceSensor:
+        """One of a document, of these sensors of the source."""
+        model, original = self.model, self.original
+        numbers: dict[str, dict[str, float]] = {"noise": {}, "cutoff": {}}
+        for number, reading in readings:
+            for key, said in numbers.items():
+                value = float(getattr(model, f"sensor_{key}")[number])
+                if value and reading in ("quat", "magnetometer", "momentum", "time"):
+                    what = f"{key} of sensor `{original.sensors[number]}`"
+                    original.losses.note(what, f"a document says none of a `{reading}`", original.where("sensor", number))
+                elif value:
+                    said[reading] = value
+        volume: tuple[ShapeKind, Sizes] | None = None
+        if place.kind == "touch":
+            site = int(model.sensor_objid[readings[0][0]])
+            shape = KINDS[int(model.site_type[site])]
+            volume = shape, sizes_of(shape, model.site_size[site])
+        words = {original.sensors[number].removesuffix(f":{reading}") for number, reading in readings}
+        own = all(original.sensors[number].endswith(f":{reading}") for number, reading in readings) and len(words) == 1
+        return SourceSensor(
+            kind=place.kind, name=words.pop() if own else place.site or place.joint or place.tendon or place.kind,
+            where=original.where("sensor", readings[0][0]), site=place.site,
+            seen_from=place.seen_from, joint=place.joint, tendon=place.tendon, volume=volume, noise=numbers["noise"],
+            cutoff=numbers["cutoff"],
+            parts=tuple((original.sensors[number], reading) for number, reading in readings),
+        )
+
+
+def sensors(
+    original: Original, on: Mapping[int, tuple[int, Pose]], kept: set[int], added: Added, driven: Mapping[int, SourceTarget],
+    root: int,
+) -> tuple[SourceSensor, ...]:
+    """Those of kinds that the language has, and cameras; all others are added, or losses. `driven` is what is driven by the number of the
+    actuator, `root` the root body."""
+    return (*_Sensing(original, kept, added, driven, root).all(), *_cameras(original, on))
+
+
+def _cameras(original: Original, on: Mapping[int, tuple[int, Pose]]) -> list[SourceSensor]:
+    model, cameras = original.model, []
+    for number in range(model.ncam):
+        body, where = int(model.cam_bodyid[number]), original.where("camera", number)
+        why = "it follows what it looks at" if int(model.cam_mode[number]) else "" if body in on else "it is on no link of the robot"
+        if why:
+            original.losses.note(f"camera `{original.cameras[number]}`", why, where)
+            continue
+        link, pose = on[body]
+        cameras.append(SourceSensor(
+            kind="camera", name=original.cameras[number], where=where, link=original.bodies[link],
+            pose=pose @ pose_of(model.cam_pos[number], model.cam_quat[number]) @ LOOKING, fovy=math.radians(model.cam_fovy[number]),
+        ))
+    return cameras

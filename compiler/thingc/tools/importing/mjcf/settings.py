@@ -1,0 +1,218 @@
+"""What is said of the whole: options, which links touch, and keyframes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Set
+from typing import Any
+
+from thingc.base.pose import Pose, Quaternion
+from thingc.base.summing import hypot
+from thingc.tools.importing.mjcf.adding import Added
+from thingc.tools.importing.mjcf.original import Original, floats, numbers, pose_of
+from thingc.tools.importing.model import SourceBase, SourceJoint, SourcePose
+
+INTEGRATORS = ("euler", "rk4", "implicit", "implicitfast")
+CONES = ("pyramidal", "elliptic")
+WORDS = {"solver": ("PGS", "CG", "Newton"), "jacobian": ("dense", "sparse", "auto")}
+OPTIONS = (
+    "density", "viscosity", "wind", "magnetic", "solver", "jacobian", "tolerance", "ls_tolerance", "noslip_tolerance", "ccd_tolerance",
+    "iterations", "ls_iterations", "noslip_iterations", "ccd_iterations", "sdf_iterations", "sdf_initpoints", "o_margin", "o_solref",
+    "o_solimp", "o_friction",
+)
+_ALIKE = 1e-9
+_OPEN = 1e-4
+"""How far [m] a loop may be open in a keyframe without a loss."""
+
+
+def simulation(original: Original) -> tuple[tuple[str, float | str], ...]:
+    """What the language has: `timestep` [s], `integrator`, `cone` and `impratio`, each where it is not MuJoCo's own."""
+    option = original.model.opt
+    said: list[tuple[str, float | str]] = [
+        ("timestep", float(option.timestep)), ("integrator", INTEGRATORS[int(option.integrator)]), ("cone", CONES[int(option.cone)]),
+        ("impratio", float(option.impratio)),
+    ]
+    usual: dict[str, float | str] = {"timestep": 0.002, "integrator": "euler", "cone": "pyramidal", "impratio": 1.0}
+    for name, value in said:
+        if isinstance(value, float) and value <= 0.0:
+            original.losses.note(f"a `{name}` of {value:g}", "that of a document is above 0", original.flat.root.where)
+            usual[name] = value
+    return tuple((name, value) for name, value in said if value != usual[name])
+
+
+def options(original: Original) -> tuple[tuple[tuple[str, ...], str], ...]:
+    """What it has not, by path: `("option", "flag", "contact")`."""
+    import mujoco
+
+    ours, usual = original.model.opt, mujoco.MjSpec().option
+    entries: list[tuple[tuple[str, ...], str]] = []
+    for name in OPTIONS:
+        value, other = (getattr(one, name, None) for one in (ours, usual))
+        if value is not None and _text(name, value) != _text(name, other):
+            entries.append((("option", name), _text(name, value)))
+    for enum, field, prefix, word in (
+        (mujoco.mjtDisableBit, "disableflags", "mjDSBL_", "disable"), (mujoco.mjtEnableBit, "enableflags", "mjENBL_", "enable"),
+    ):
+        for name, bit in enum.__members__.items():
+            if name.startswith(prefix) and int(getattr(ours, field)) & int(bit):
+                entries.append((("option", "flag", name.removeprefix(prefix).lower()), word))
+    if int(ours.disableactuator):
+        original.losses.note("groups of actuators that are off", "a document has none: see `actuators` of modes", original.flat.root.where)
+    return tuple(entries)
+
+
+def _text(name: str, value: Any) -> str:
+    return WORDS[name][int(value)] if name in WORDS else numbers(value if getattr(value, "shape", ()) else [value])
+
+
+def touching(
+    original: Original, on: Mapping[int, tuple[int, Pose]], heads: Mapping[int, int], still: int | None, added: Added,
+) -> tuple[tuple[str, str], ...]:
+    """The links that never touch, beside those that a joint connects. Of these a document lets none touch, MuJoCo those with what stands
+    `still` (the number of its first body), or all: a loss where their shapes would."""
+    import mujoco
+
+    model = original.model
+    for pair in (pair for number, pair in enumerate(original.spec.pairs) if not added.pair(number)):
+        what = f"a contact pair, `{pair.geomname1}` and `{pair.geomname2}`"
+        original.losses.note(what, "one of the two is not in the document", original.flat.place(pair.info))
+    parents = {
+        head: heads[parent] for head in set(heads.values()) if (parent := int(model.body_parentid[head])) in heads and parent != head
+    }
+    excluded = list(_excluded(original, on))
+    written = {_pair(first, second) for first, second in excluded}
+    apart = {_pair(heads[first], heads[second]): (first, second) for first, second in excluded if heads[first] != heads[second]}
+    filtered = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
+    members: dict[int, list[int]] = {}
+    for body, head in heads.items():
+        members.setdefault(head, []).append(body)
+    masks = {body: _masks(original, body) for body in heads}
+
+    def meet(head: int, other: int) -> bool:
+        """Whether bodies of two links, of which nothing is said, have shapes that would touch."""
+        pairs = ((one, two) for one in members[head] for two in members[other] if _pair(one, two) not in written)
+        return any(_meet(masks[one], masks[two]) for one, two in pairs)
+
+    near = {_pair(head, parent) for head, parent in parents.items()}
+    for head, parent in sorted(parents.items()):
+        if (parent == still or not filtered) and meet(head, parent):
+            what = f"contacts of `{original.bodies[head]}` with `{original.bodies[parent]}`"
+            original.losses.note(what, "links of a document that a joint connects never touch", original.where("body", head))
+    for head, other in sorted(apart.keys() - near):
+        if meet(head, other):
+            what = f"contacts of `{original.bodies[other]}` with `{original.bodies[head]}`"
+            why = "two bodies of theirs never touch, and bodies that are fixed to one another are one link"
+            original.losses.note(what, why, original.where("body", other))
+    touch = {head for head, bodies in members.items() if head != still and any(any(masks[body]) for body in bodies)}
+    _lose_parts(original, members, touch)
+    named = ((original.bodies[on[body][0]] for body in bodies) for pair, bodies in apart.items() if pair not in near)
+    return tuple((first, second) for first, second in named)
+
+
+def _excluded(original: Original, on: Mapping[int, tuple[int, Pose]]) -> Iterator[tuple[int, int]]:
+    """The pairs of bodies `on` links that the file says never touch; a loss where one is on none."""
+    numbers_of = {name: number for number, name in original.bodies.items()}
+    for one in original.spec.excludes:
+        first, second = (numbers_of[name] for name in (one.bodyname1, one.bodyname2))
+        if one.name:
+            what = f"the name of exclude `{one.name}`"
+            original.losses.note(what, "a document excludes pairs without names", original.flat.place(one.info))
+        if first in on and second in on:
+            yield first, second
+        else:
+            original.losses.note(f"that `{one.bodyname1}` and `{one.bodyname2}` never touch", "one of the two is no part of the robot",
+                          original.flat.place(one.info))
+
+
+def _lose_parts(original: Original, members: Mapping[int, list[int]], touch: Set[int]) -> None:
+    """What MuJoCo works out body by body, where several are one link; `touch` are the links that move and touch, by their first body."""
+    model = original.model
+    fluid = bool(model.opt.density or model.opt.viscosity)
+    for body in sorted(body for bodies in members.values() for body in bodies) if fluid else ():
+        for geom in (geom for geom in original.geoms_of[body] if model.geom_fluid[geom][0]):
+            what = f"drag of a geom of `{original.bodies[body]}` as an ellipsoid"
+            original.losses.note(what, "a document has the drag of links", original.where("geom", geom))
+    for head, bodies in sorted(members.items()):
+        if sum(model.body_mass[body] > 0.0 for body in bodies) < 2:
+            continue
+        if fluid:
+            what = f"drag of `{original.bodies[head]}`, part by part"
+            original.losses.note(what, "bodies that are fixed to one another are one link", original.where("body", head))
+        if head in touch:
+            why = "MuJoCo takes it from a body's inverse mass, and bodies that are fixed to one another are one"
+            original.losses.note(f"how soft contacts of `{original.bodies[head]}` are", why, original.where("body", head))
+
+
+def _pair(one: int, other: int) -> tuple[int, int]:
+    return min(one, other), max(one, other)
+
+
+def _masks(original: Original, body: int) -> tuple[int, int]:
+    """All bits of `contype`, and of `conaffinity`, of the geoms of a body; planes of the world are none."""
+    model, kinds, affinities = original.model, 0, 0
+    for geom in original.geoms_of[body]:
+        if body or model.geom_type[geom]:
+            kinds, affinities = kinds | int(model.geom_contype[geom]), affinities | int(model.geom_conaffinity[geom])
+    return kinds, affinities
+
+
+def _meet(ours: tuple[int, int], theirs: tuple[int, int]) -> bool:
+    return bool(ours[0] & theirs[1] or theirs[0] & ours[1])
+
+
+def poses(
+    original: Original, on: Mapping[int, tuple[int, Pose]], root: int, base: SourceBase, joints: Mapping[str, SourceJoint],
+) -> tuple[SourcePose, ...]:
+    """Keyframes, within the limits of the joints. Speeds and activations are losses."""
+    model, poses = original.model, []
+    places = [one.where for one in original.flat.lines if one.tag == "key"][::2]
+    following = {joint.name: joint.follows for joint in joints.values() if joint.follows is not None}
+    for number, key in enumerate(original.spec.keys):
+        name, where = key.name or f"key_{number}", places[number] if number < len(places) else original.flat.root.where
+        q: dict[str, float | Quaternion] = {}
+        for joint in range(model.njnt):
+            at, kind = int(model.jnt_qposadr[joint]), int(model.jnt_type[joint])
+            if int(model.jnt_bodyid[joint]) in on and kind == 1:
+                w, x, y, z = floats(model.key_qpos[number][at : at + 4])
+                q[original.joints[joint]] = (w, x, y, z)
+            elif int(model.jnt_bodyid[joint]) in on and kind > 1:
+                name_of, value = original.joints[joint], float(model.key_qpos[number][at])
+                q[name_of] = joints[name_of].ends.nearest(value)
+                if abs(value - joints[name_of].ends.nearest(value)) > _ALIKE:
+                    what = f"of keyframe `{name}` joint `{name_of}` at {value:g}"
+                    original.losses.note(what, "it is beyond its limit, and laid onto it", where)
+        for name_of, follows in following.items():
+            was, leader = q.pop(name_of), q[follows.joint]
+            if isinstance(was, float) and isinstance(leader, float) and abs(was - follows.at(leader)) > 1e-6:
+                original.losses.note(f"of keyframe `{name}` joint `{name_of}` at {was:g}", f"it follows `{follows.joint}`", where)
+        first = int(model.jnt_qposadr[model.body_jntadr[root]]) if base == "free" else 0
+        here, usual = (floats(qpos[first : first + 7]) for qpos in (model.key_qpos[number], model.qpos0))
+        moved = base == "free" and any(abs(a - b) > _ALIKE for a, b in zip(here, usual, strict=True))
+        for loop, gap in _open_loops(original, number):
+            what = f"of keyframe `{name}` the values: loop `{loop}` is open by {gap:.2g} m"
+            original.losses.note(what, "a build takes the nearest values that close it", where)
+        lost = [
+            (any(floats(model.key_qvel[number])), "its speeds", "a pose of a document is at rest"),
+            (any(floats(model.key_act[number])), "its activations", "a pose of a document has none"),
+        ]
+        for is_lost, what, why in lost:
+            if is_lost:
+                original.losses.note(f"of keyframe `{name}` {what}", why, where)
+        controls = floats(model.key_ctrl[number])
+        poses.append(SourcePose(name=name, q=q, controls={original.actuators[k]: controls[k] for k in range(len(controls))}, where=where,
+                                at=pose_of(here[:3], here[3:]) if moved else None))
+    return tuple(poses)
+
+
+def _open_loops(original: Original, key: int) -> Iterator[tuple[str, float]]:
+    """The equalities between bodies that a keyframe violates by more than `_OPEN`, by name, with the distance [m]."""
+    import mujoco
+
+    model, data = original.model, mujoco.MjData(original.model)
+    mujoco.mj_resetDataKeyframe(model, data, key)
+    mujoco.mj_fwdPosition(model, data)
+    between = {int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)}
+    for number in (number for number in range(model.neq) if int(model.eq_type[number]) in between):
+        rows = [k for k in range(data.ne) if data.efc_id[k] == number]  # equalities come first, the distance before the rotation
+        gap = hypot(*floats(data.efc_pos[rows[:3]]))
+        if gap > _OPEN:
+            yield original.equalities[number], gap

@@ -1,0 +1,142 @@
+"""Geoms: what is drawn, what touches, and how."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from typing import Any
+
+from thingc.base.pose import IDENTITY, Pose, Vector, rotate, transpose
+from thingc.tools.importing.meshes import READ
+from thingc.tools.importing.mjcf.original import SOLIMP, SOLREF, Original, differing, floats, numbers, pose_of
+from thingc.tools.importing.model import Raw, ShapeKind, Sizes, SourceShape
+
+KINDS: dict[int, ShapeKind] = {
+    0: "plane", 2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh",
+}
+HIDDEN = 3
+"""The first group of geoms that MuJoCo does not show unless asked."""
+FRICTION = (1.0, 0.005, 0.0001)
+USUAL = {
+    "solref": SOLREF, "solimp": SOLIMP, "margin": "0", "gap": "0", "solmix": "1", "contype": "1", "conaffinity": "1",
+    "friction": numbers(FRICTION), "condim": "3", "priority": "0",
+}
+"""What geoms have that say nothing."""
+SPHERE, CYLINDER = 4, 5
+"""Steps of tendons, which go around such geoms: one that is hidden is there for nothing else."""
+GREY = (0.5, 0.5, 0.5, 1.0)
+
+
+class Geoms:
+    """The shapes of bodies; `files` are the meshes among them that are written anew, by name, `shown` the numbers of their geoms."""
+
+    def __init__(self, original: Original) -> None:
+        self.original, self.model = original, original.model
+        self.files: dict[str, bytes] = {}
+        self.shown: set[int] = set()
+        wraps = zip(self.model.wrap_type, self.model.wrap_objid, strict=True)
+        self.wrapped = {int(geom) for kind, geom in wraps if int(kind) in (SPHERE, CYLINDER)}
+
+    def of(self, body: int) -> tuple[SourceShape, ...]:
+        """Of a body, in the order of the source, planes of the world left out."""
+        shapes: list[SourceShape] = []
+        for geom in self.original.geoms_of[body]:
+            if body or self.model.geom_type[geom]:
+                shapes += self._shapes(geom)
+        return tuple(shapes)
+
+    def _shapes(self, geom: int) -> list[SourceShape]:
+        """A geom that is drawn and touches is two."""
+        model, where = self.model, self.original.where("geom", geom)
+        kind = KINDS.get(int(model.geom_type[geom]))
+        if kind is None:
+            self.original.losses.note("a geom that is a field of distances", "a document has meshes and simple shapes", where)
+            return []
+        touches = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
+        color = self._color(geom)
+        drawn = (model.geom_group[geom] < HIDDEN or not touches and geom not in self.wrapped) and (color is None or color[3] > 0.0)
+        size, pose, mesh = self._form(geom, kind)
+        friction = self._friction(geom) if touches else ()
+        name = self.original.geoms[geom] if self.original.written["geom"][geom].name else None
+        visual = SourceShape(kind=kind, use="visual", size=size, pose=pose, where=where, mesh=mesh, color=color, name=name)
+        touching = replace(visual, use="collision", color=None, friction=friction, raw=self._raw(geom, friction))
+        self.shown |= {geom} if drawn or touches else set()
+        return [one for one, there in ((visual, drawn), (touching, touches)) if there]
+
+    def _color(self, geom: int) -> tuple[float, float, float, float] | None:
+        """Of the material, where it has one; None of one that has none of its own."""
+        material = int(self.model.geom_matid[geom])
+        r, g, b, a = floats(self.model.geom_rgba[geom])
+        if (r, g, b, a) == GREY and material >= 0:
+            r, g, b, a = floats(self.model.mat_rgba[material])
+        return None if (r, g, b, a) == GREY else (r, g, b, a)
+
+    def _form(self, geom: int, kind: ShapeKind) -> tuple[Sizes, Pose, str | None]:
+        """Its size as shapes have it, pose in the body, and mesh."""
+        model = self.model
+        pose = pose_of(model.geom_pos[geom], model.geom_quat[geom])
+        return self._mesh(geom, pose) if kind == "mesh" else (sizes_of(kind, model.geom_size[geom]), pose, None)
+
+    def _mesh(self, geom: int, centred: Pose) -> tuple[Vector, Pose, str]:
+        """MuJoCo lays a mesh into its principal axes; in the source it is where its file has it, `scale R^T (v - p)` with its own pose."""
+        written = self.original.written["geom"][geom]
+        mesh = self.original.spec.mesh(written.meshname)
+        uri = self.original.flat.meshes.get(mesh.file, "")
+        (x, y, z), scale = floats(mesh.scale), floats(mesh.scale)
+        p, turn = floats(mesh.refpos), transpose(pose_of(mesh.refpos, mesh.refquat).rotation)
+        alike = x == y == z
+        if os.path.splitext(uri)[1].lower() not in READ or turn != IDENTITY and not alike:
+            return (1.0, 1.0, 1.0), centred, self._anew(int(self.model.geom_dataid[geom]), mesh.name or "mesh", geom)
+        u, v, w = rotate(turn, (p[0], p[1], p[2]))
+        at = Pose(rotation=turn, translation=(-scale[0] * u, -scale[1] * v, -scale[2] * w))
+        return (x, y, z), self.original.frame(written) @ at, uri
+
+    def _anew(self, mesh: int, name: str, geom: int) -> str:
+        """The name of a file with the mesh as MuJoCo has it, which no file of the source has."""
+        file = f"mujoco://{name}.obj"
+        if file not in self.files:
+            model = self.model
+            first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+            faces, number = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+            lines = ["v {:.9g} {:.9g} {:.9g}".format(*row) for row in model.mesh_vert[first : first + count].tolist()]
+            lines += ["f {} {} {}".format(*(1 + one for one in row)) for row in model.mesh_face[faces : faces + number].tolist()]
+            self.files[file] = "\n".join([*lines, ""]).encode()
+            why = "it is of no kind that is read, and written anew from MuJoCo's, in single precision"
+            self.original.losses.note(f"mesh `{name}` as it is", why, self.original.where("geom", geom, "mesh"))
+        return file
+
+    def _friction(self, geom: int) -> tuple[float, ...]:
+        """What of its friction says something: torsion and rolling where contacts have them, and nothing where they have none."""
+        slide, torsion, roll = floats(self.model.geom_friction[geom])
+        dimensions = int(self.model.geom_condim[geom])
+        said = (slide, torsion, roll) if dimensions == 6 else (slide, torsion) if dimensions == 4 else (slide,)
+        return () if said == (FRICTION[0],) or dimensions == 1 else said
+
+    def _raw(self, geom: int, friction: tuple[float, ...]) -> Raw:
+        """What is left of how it touches. With a friction a geom is written with a priority, so that it counts on any floor."""
+        model = self.model
+        wanted = [(name, numbers(values if getattr(values, "shape", ()) else [values])) for name in USUAL
+                  for values in [getattr(model, f"geom_{name}")[geom]]]
+        otherwise = dict(USUAL)
+        if friction:
+            otherwise |= {
+                "friction": numbers((*friction, *FRICTION[len(friction) :])), "condim": {1: "3", 2: "4", 3: "6"}[len(friction)],
+                "priority": "1",
+            }
+        return differing(wanted, otherwise)
+
+
+def sizes_of(kind: ShapeKind, sizes: Any) -> Sizes:
+    """The size of a primitive as `SourceShape` has it, of MuJoCo's three numbers."""
+    a, b, c = floats(sizes)
+    match kind:
+        case "sphere":
+            return (a,)
+        case "cylinder" | "capsule":
+            return (a, 2.0 * b)
+        case "ellipsoid":
+            return (a, b, c)
+        case "plane":
+            return (2.0 * a, 2.0 * b)
+        case _:
+            return (2.0 * a, 2.0 * b, 2.0 * c)

@@ -1,0 +1,154 @@
+"""Tendons of the source: over joints, and on paths."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from thingc.base.pose import Pose
+from thingc.base.summing import hypot
+from thingc.tools.importing.mjcf.original import SOLIMP, SOLREF, Original, differing, floats, numbers, pose_of
+from thingc.tools.importing.mjcf.shapes import GREY
+from thingc.tools.importing.model import Ends, Raw, SourceAround, SourceDrive, SourceStep, SourceTendon
+
+JOINT, PULLEY, SITE, SPHERE, CYLINDER = 1, 2, 3, 4, 5
+HINGE = 3
+WIDTH = 0.003
+USUAL = {
+    "stiffness": "0", "damping": "0", "frictionloss": "0", "armature": "0", "margin": "0", "group": "0", "width": numbers([WIDTH]),
+    "rgba": "0.5 0.5 0.5 1", "solreflimit": SOLREF, "solimplimit": SOLIMP, "solreffriction": SOLREF, "solimpfriction": SOLIMP,
+}
+"""What tendons have that say nothing."""
+
+
+class Tendons:
+    """By number, as far as a document can say them; others are losses. `joints` and `sites` are the numbers of those that are kept, `on` is
+    the link of each body that is kept, with the body's pose in it, `heads` the first of the bodies that it is fixed to."""
+
+    def __init__(
+        self, original: Original, joints: set[int], sites: set[int], on: Mapping[int, tuple[int, Pose]], heads: Mapping[int, int],
+    ) -> None:
+        self.original, self.model, self.joints, self.sites, self.on, self.heads = original, original.model, joints, sites, on, heads
+        self.of: dict[int, SourceTendon] = {}
+        for number in range(self.model.ntendon):
+            first, count = int(self.model.tendon_adr[number]), int(self.model.tendon_num[number])
+            wraps = range(first, first + count)
+            why = next(filter(None, map(self._unsaid, wraps)), "")
+            if why:
+                original.losses.note(f"tendon `{original.tendons[number]}`", why, original.where("tendon", number))
+            else:
+                self.of[number] = self._tendon(number, wraps)
+
+    def driven(self, drives: Mapping[int, SourceDrive]) -> tuple[SourceTendon, ...]:
+        """All of them, with these drives by number."""
+        return tuple(replace(one, drive=drives.get(number)) for number, one in self.of.items())
+
+    def _unsaid(self, wrap: int) -> str:
+        """Why a document has no such step; empty where it has."""
+        model = self.model
+        kind, thing, side = (int(one[wrap]) for one in (model.wrap_type, model.wrap_objid, model.wrap_prm))
+        gone = "it goes over what is left out"
+        if kind == JOINT:
+            return "" if thing in self.joints else gone
+        if kind == SITE:
+            return "" if thing in self.sites else gone
+        if kind == PULLEY:
+            begins = any(wrap == int(first) for first in model.tendon_adr)
+            return "it begins with a pulley" if begins else "" if model.wrap_prm[wrap] > 0.0 else "it has a pulley of divisor 0"
+        body = int(model.geom_bodyid[thing])
+        if body not in self.on or side >= 0 and side not in self.sites:
+            return gone
+        if side < 0:
+            return ""
+        on, place = int(model.site_bodyid[side]), pose_of(model.site_pos[side], model.site_quat[side])
+        if self.heads[on] != self.heads[body]:
+            return "its side site is on another link than what it goes around"
+        shape = self._fixed(body) @ pose_of(model.geom_pos[thing], model.geom_quat[thing])
+        x, y, z = (shape.inverse() @ self._fixed(on) @ place).translation
+        inside = hypot(x, y, z if kind == SPHERE else 0.0) <= float(model.geom_size[thing][0])
+        return "it goes through a shape on the inside, and that of a document goes around it" if inside else ""
+
+    def _fixed(self, body: int) -> Pose:
+        """Where a body is in the first of those that it is fixed to."""
+        pose = pose_of(self.model.body_pos[body], self.model.body_quat[body])
+        return pose if self.heads[body] == body else self._fixed(int(self.model.body_parentid[body])) @ pose
+
+    def _tendon(self, number: int, wraps: range) -> SourceTendon:
+        model, original = self.model, self.original
+        moves: dict[str, float] = {}
+        turns = True
+        for wrap in wraps:
+            if int(model.wrap_type[wrap]) == JOINT:
+                joint = int(model.wrap_objid[wrap])
+                moves[original.joints[joint]] = moves.get(original.joints[joint], 0.0) + float(model.wrap_prm[wrap])
+                turns = turns and int(model.jnt_type[joint]) == HINGE
+        limited, (lower, upper) = bool(model.tendon_limited[number]), floats(model.tendon_range[number])
+        if not moves:
+            lower = max(lower, 0.0)  # a path is never shorter
+        ends = Ends(lower=lower, upper=upper) if limited and lower < upper else Ends()
+        damping, friction, armature, stiffness = (
+            max(float(getattr(model, f"tendon_{word}")[number]), 0.0) for word in ("damping", "frictionloss", "armature", "stiffness")
+        )
+        rest = float(model.tendon_lengthspring[number][0]) if stiffness else 0.0
+        for what in ("stiffnesspoly", "dampingpoly"):
+            polynomial = getattr(model, f"tendon_{what}", None)
+            if polynomial is not None and any(floats(polynomial[number])):
+                why = "damping and stiffness of a document are numbers"
+                original.losses.note(f"what of tendon `{original.tendons[number]}` is not linear", why, original.where("tendon", number))
+        made = SourceTendon(
+            name=original.tendons[number], where=original.where("tendon", number), moves=tuple(moves.items()), turns=bool(moves) and turns,
+            steps=() if moves else tuple(map(self._step, wraps)), ends=ends, damping=damping, friction=friction, armature=armature,
+            stiffness=stiffness, rest=rest if moves else max(rest, 0.0),
+            width=2.0 * float(model.tendon_width[number]) if not moves and model.tendon_width[number] != WIDTH else None,
+        )
+        return replace(made, raw=self._raw(number, made))
+
+    def _step(self, wrap: int) -> SourceStep:
+        model = self.model
+        kind, thing = int(model.wrap_type[wrap]), int(model.wrap_objid[wrap])
+        if kind == PULLEY:
+            return SourceStep(divisor=float(model.wrap_prm[wrap]))
+        if kind == SITE:
+            return SourceStep(site=self.original.sites[thing])
+        link, pose = self.on[int(model.geom_bodyid[thing])]
+        side = int(model.wrap_prm[wrap])
+        return SourceStep(around=SourceAround(
+            name=self.original.geoms[thing], link=self.original.bodies[link], kind="sphere" if kind == SPHERE else "cylinder",
+            pose=pose @ pose_of(model.geom_pos[thing], model.geom_quat[thing]), radius=float(model.geom_size[thing][0]),
+            side=self.original.sites[side] if side >= 0 else None,
+        ))
+
+    def _raw(self, number: int, made: SourceTendon) -> Raw:
+        """What the document says otherwise, or not at all."""
+        model = self.model
+        plain = ("stiffness", "damping", "frictionloss", "armature", "margin", "group", *(() if made.moves else ("width",)))
+        wanted = [(word, numbers([getattr(model, f"tendon_{word}")[number]])) for word in plain]
+        otherwise = USUAL | {
+            "stiffness": numbers([made.stiffness]), "damping": numbers([made.damping]), "frictionloss": numbers([made.friction]),
+            "armature": numbers([made.armature]),
+        }
+        if made.width:
+            otherwise["width"] = numbers([made.width / 2.0])
+        if model.tendon_stiffness[number]:
+            spring = floats(model.tendon_lengthspring[number])
+            wanted.append(("springlength", numbers(spring if spring[0] != spring[1] else spring[:1])))
+            otherwise |= {"springlength": numbers([made.rest])} if made.stiffness else {}
+        if model.tendon_limited[number]:
+            wanted.append(("range", numbers(model.tendon_range[number])))
+            if made.ends.lower is not None and made.ends.upper is not None:
+                otherwise["range"] = numbers([made.ends.lower, made.ends.upper])
+        if model.tendon_actfrclimited[number]:
+            wanted.append(("actuatorfrcrange", numbers(model.tendon_actfrcrange[number])))
+        if not made.moves:
+            material = int(model.tendon_matid[number])
+            color = floats(model.tendon_rgba[number])
+            if color == GREY and material >= 0:
+                color = floats(model.mat_rgba[material])
+            wanted.append(("rgba", numbers([round(one, 6) for one in color])))
+        wanted += self._solvers(number)
+        return differing(wanted, otherwise)
+
+    def _solvers(self, number: int) -> Iterator[tuple[str, str]]:
+        for word, short in (("limit", "lim"), ("friction", "fri")):
+            for kind in ("solref", "solimp"):
+                yield f"{kind}{word}", numbers(getattr(self.model, f"tendon_{kind}_{short}")[number])

@@ -1,0 +1,153 @@
+"""How the robot of a document is used, as lines: poses, modes, what is simulated, sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from thingc.base.pose import MATE, NO_POSE
+from thingc.base.sensing import SENSORS
+from thingc.base.units import ACCELERATION, ANGLE, ANGULAR_VELOCITY, FORCE, LENGTH, TORQUE, VELOCITY, Dimension
+from thingc.tools.importing.model import SOURCE_MODE, SourcePose, SourceSensor
+from thingc.tools.importing.naming import distinct
+from thingc.tools.importing.quantities import TURNS, angle, length, pose_words, quantity, quaternion_words, shape_words, was
+from thingc.tools.importing.words import Words
+
+
+def _start(words: Words) -> tuple[dict[str, str], str | None]:
+    """Where the joints start that do not start at 0; and the first pose of the source in which all joints are within their limits that are
+    not where the source starts, if there are any."""
+    moving = [joint for one in words.order for joint in one.joints if joint.follows is None]
+    outside = {
+        joint: (joint.ends.lower, joint.ends.upper) for joint in moving
+        if joint.ends.lower is not None and joint.ends.upper is not None and not joint.ends.lower <= joint.start <= joint.ends.upper
+    }
+
+    def fits(state: SourcePose) -> bool:
+        values = ((state.q.get(joint.name, 0.0), *ends) for joint, ends in outside.items())
+        return all(isinstance(value, float) and lower <= value <= upper for value, lower, upper in values)
+
+    begins = {joint: joint.start for joint in moving if joint.start}
+    begins |= {
+        joint: round((lower + upper) / 2.0, 6) if joint.begin is None else joint.begin for joint, (lower, upper) in outside.items()
+    }
+    stated = (words.poses[state.name] for state in words.robot.poses if begins and fits(state))
+    return {words.joints[one.name]: (angle if one.kind in TURNS else length)(value) for one, value in begins.items()}, next(stated, None)
+
+
+def mode_lines(words: Words, roots: Sequence[str]) -> Iterator[str]:
+    """Poses, the mode `source`, one for each of `roots`, and what is said of their simulation."""
+    start, stated = _start(words)
+    word = stated or distinct(["start"], "pose", taken=words.poses.values())["start"]
+    if start or words.poses:
+        yield "poses:"
+        for state in words.robot.poses:
+            values = ", ".join(f"{joint}: {value}" for joint, value in _state(words, state).items())
+            yield f"  {words.poses[state.name]}: {{{values}}}{was(words.poses[state.name], state.name)}"
+        if start and stated is None:
+            yield f"  {word}: {{{', '.join(f'{joint}: {value}' for joint, value in start.items())}}}  # from the source"
+        yield ""
+    yield "modes:"
+    at, begin, shared = pose_words(words.robot.pose), f", pose: {word}" if start else "", _shared(words)
+    place, more = (f", at: {{{at}}}" if at else ""), "".join(f", {key}: {value}" for key, value in shared.items())
+    moved = {words.poses[state.name]: pose_words(state.at) or "xyz: 0 0 0" for state in words.robot.poses if state.at is not None}
+    place += f", at_in: {{{', '.join(f'{name}: {{{said}}}' for name, said in moved.items())}}}" if moved else ""
+    yield f"  {SOURCE_MODE}: {{root: {words.links[words.robot.root]}, base: {words.robot.base}{place}{begin}{more}}}"
+    # A robot that is held elsewhere would stand in the floor of its scene; how high it stands is worked out where something touches.
+    floor = any(shape.use == "collision" for link in words.robot.links for shape in link.shapes)
+    taken = [SOURCE_MODE]
+    for name in roots:
+        mode = distinct([name], "link", taken)[name]
+        taken.append(mode)
+        # A component is laid with its frame onto the world's; a mount would be mated to it, z against z.
+        stands = NO_POSE if name in words.links else MATE
+        turned = pose_words(stands)
+        if shared:  # of the mode that it extends, place and turn are there unless it says its own
+            if "quat:" in at:
+                turned = f"quat: {quaternion_words(stands)}"
+            elif "rpy:" in at and not turned:
+                turned = "rpy: 0 0 0"
+            turned = ", ".join([*(["xyz: 0 0 0"] if "xyz:" in at else []), *([turned] if turned else [])])
+        elif floor:
+            turned = f"on: floor, {turned}" if turned else "on: floor"
+        where = f", at: {{{turned}}}" if turned else ""
+        extends = f"extends: source, {'at_in: {}, ' if moved else ''}" if shared else ""
+        yield f"  {mode}: {{{extends}root: {(words.links | words.frames)[name]}, base: held{where}{'' if shared else begin}}}"
+    if words.robot.simulation:
+        yield ""
+        said = {key: quantity(value, "s" if key == "timestep" else "") if isinstance(value, float) else value
+                for key, value in words.robot.simulation}
+        yield f"simulation: {{{', '.join(f'{key}: {value}' for key, value in said.items())}}}"
+
+
+def _state(words: Words, state: SourcePose) -> dict[str, str]:
+    """The values of a pose. Zeros are left out if the robot has no loops: a joint without a value may move to close a loop."""
+    kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
+    said: dict[str, str] = {}
+    for name, value in state.q.items():
+        if isinstance(value, tuple):
+            if words.loops or value != (1.0, 0.0, 0.0, 0.0):
+                said[words.joints[name]] = f"{{quat: [{', '.join(quantity(one, '') for one in value)}]}}"
+        elif value or words.loops:
+            said[words.joints[name]] = (angle if kinds[name] in TURNS else length)(value)
+    return said
+
+
+def _shared(words: Words) -> dict[str, str]:
+    """What modes have in common that the language does not take for granted."""
+    robot, contacts = words.robot, []
+    if robot.excluded:
+        pairs = ", ".join(f"[{words.links[one]}, {words.links[other]}]" for one, other in robot.excluded)
+        contacts.append(f"exclude: [{pairs}]")
+    if robot.adhesions:
+        pulls = (f"{words.links[one.link]}.{words.magnets[one.name]}: {quantity(one.force, 'N')}" for one in robot.adhesions)
+        contacts.append(f"adhesion: {{{', '.join(pulls)}}}")
+    said = {} if robot.gravity is None else {"gravity": f"[{', '.join(quantity(one, 'm/s^2') for one in robot.gravity)}]"}
+    said |= {"cut": f"[{', '.join(words.loops.values())}]"} if words.loops else {}
+    return said | ({"contacts": f"{{{', '.join(contacts)}}}"} if contacts else {})
+
+
+def sensor_lines(words: Words) -> Iterator[str]:
+    """The section `sensors`, where there are any."""
+    if words.robot.sensors:
+        yield from ("", "sensors:")
+    turning = {joint.name for hanging in words.order for joint in hanging.joints if joint.kind in TURNS}
+    winding = {tendon.name for tendon in words.robot.tendons if tendon.turns}
+    for one, word in zip(words.robot.sensors, words.sensors, strict=True):
+        said: dict[str, str] = {"type": one.kind}
+        if one.joint is not None and (one.kind != "joint" or words.joints[one.joint] != word):
+            said["joint"] = words.joints[one.joint]
+        if one.tendon is not None:
+            said["tendon"] = words.tendons[one.tendon]
+        if one.kind == "camera":
+            said |= {"at": f"{words.links[one.link or '']}.{words.cameras[one.name]}", "fovy": angle(one.fovy)}
+        frames = words.frames | words.sites
+        said |= {key: frames[site] for key, site in (("at", one.site), ("in", one.seen_from)) if site is not None}
+        if one.volume is not None:
+            said["volume"] = f"{{{shape_words(*one.volume)}}}"
+        turns = one.joint in turning or one.tendon in winding
+        if one.kind == "rangefinder" and one.cutoff:
+            said["range"] = length(one.cutoff["distance"])
+        said |= {
+            key: _readings(one, numbers, turns) for key, numbers in (("noise", one.noise), ("cutoff", one.cutoff))
+            if numbers and "range" not in said
+        }
+        yield f"  {word}: {{{', '.join(f'{key}: {value}' for key, value in said.items())}}}"
+
+
+def _readings(one: SourceSensor, numbers: Mapping[str, float], turns: bool) -> str:
+    """Noise or cutoff, by reading where there are several."""
+    units: dict[str, Dimension | str] = {reading.name: reading.unit for reading in SENSORS[one.kind].readings if reading.unit is not None}
+    said = {}
+    for name, value in numbers.items():
+        unit = units[name]
+        if isinstance(unit, str):
+            unit = (TURN if turns else SLIDE)[unit]
+        said[name] = length(value) if unit == LENGTH else angle(value) if unit == ANGLE else quantity(value, UNITS[unit])
+    return next(iter(said.values())) if len(units) == 1 else f"{{{', '.join(f'{name}: {value}' for name, value in said.items())}}}"
+
+
+TURN = {"lower": ANGLE, "velocity": ANGULAR_VELOCITY, "effort": TORQUE}
+SLIDE = {"lower": LENGTH, "velocity": VELOCITY, "effort": FORCE}
+"""What readings of coordinates are in."""
+UNITS = {ACCELERATION: "m/s^2", ANGULAR_VELOCITY: "rad/s", VELOCITY: "m/s", FORCE: "N", TORQUE: "N*m"}
+"""In which noise and cutoffs are written."""

@@ -1,0 +1,164 @@
+"""Find the files that a robot's file names: `package://NAME/...`, `model://NAME/...`, `file://...`, or a path relative to it."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from collections.abc import Iterator, Mapping, Sequence
+from glob import escape, glob
+from urllib.parse import unquote
+
+from thingc.base.diagnostics import shown_path
+from thingc.base.files import beginning
+
+MOST_BYTES = 200_000_000
+MANIFEST = "package.xml"
+VARIABLES = (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share"), ("GZ_SIM_RESOURCE_PATH", ""), ("GAZEBO_MODEL_PATH", ""))
+"""Environment variables with folders of packages, and where in each of these the packages are."""
+SUBFOLDERS = ("cfg", "mjcf", "robots", "sdf", "urdf", "xacro", "xml")
+"""Names of folders inside a robot's own folder: meshes are beside them."""
+_NAME_OF = re.compile(rb"<name>\s*([^<\s]+)\s*</name>")
+
+
+class NotFound(Exception):
+    """A file that is not there, or may not be read: why, and what to do, in words."""
+
+    def __init__(self, message: str, help: str | None = None) -> None:
+        super().__init__(message)
+        self.help = help
+
+
+class Packages:
+    """Finds files for the robot's file at `source`, an absolute path.
+
+    `given` maps names of packages to folders, which go before all others. A file that is not where it is named is looked for below `given`,
+    `roots` and `meshes` (a folder relative to that of the source) by the end of its path. With symbolic links resolved, every file must be
+    below the robot's own folder, a known package, or one of `given` and `roots`.
+    """
+
+    def __init__(
+        self, source: str, given: Mapping[str, str], environment: Mapping[str, str], roots: Sequence[str] = (), meshes: str | None = None,
+    ) -> None:
+        self.folder, self.given = os.path.dirname(source), {name: os.path.abspath(folder) for name, folder in given.items()}
+        self.searched = [*roots] if meshes is None else [*roots, os.path.join(self.folder, meshes)]
+        self.shared = [
+            os.path.join(folder, below) for name, below in VARIABLES for folder in environment.get(name, "").split(os.pathsep) if folder
+        ]
+        above = os.path.dirname(self.folder)
+        inner = os.path.basename(self.folder).lower() in SUBFOLDERS and os.path.dirname(above) != os.path.dirname(os.path.dirname(above))
+        self.home = next(filter(_is_package, self._above()), above if inner else self.folder)
+        self.allowed = (self.home, *self.given.values(), *roots, *self.shared)
+
+    def find(self, uri: str) -> str:
+        """Return the absolute path of the file that `uri` names. Raises `NotFound`."""
+        scheme, _, rest = uri.rpartition("://")
+        if scheme not in ("", "file", "package", "model"):
+            raise NotFound(f"`{uri}` is not a file of this machine", "write `package://NAME/...`, or a path relative to the robot's file")
+        name, _, inside = rest.lstrip("/").partition("/")  # some files have three slashes
+        places: list[str] = []
+        if scheme in ("package", "model") and inside and name != "..":
+            places = self._folders(name)
+            fault = self._unknown(name) if not places else NotFound(
+                f"the package `{name}` has no `{inside}`; looked in {_shown(places)}", f"specify its folder: `--package {name}=DIR`",
+            )
+            named = [os.path.join(place, inside) for place in places]
+        else:
+            rest = unquote(rest) if scheme == "file" else rest.lstrip("/") if scheme else rest
+            named = [os.path.join(self.folder, rest)]
+            fault = NotFound(f"there is no file `{uri}`; looked for {_shown(named)}", "specify a folder that has it: `--mesh-root DIR`")
+        words = [word for word in rest.split("/") if word not in ("", ".", "..")]
+        named += [os.path.join(self.given[word], *words[k:]) for k, word in enumerate(words[:-1], 1) if word in self.given]
+        named += [os.path.join(root, *words[k:]) for root in self.searched for k in range(len(words))]
+        for path in map(os.path.normpath, named):
+            if os.path.lexists(path):
+                if any(within(path, folder) for folder in (*self.allowed, *filter(_is_package, places))):
+                    return _file(path, uri)
+                fault = NotFound(
+                    f"`{uri}` leads out of the robot's folder, `{shown_path(self.home)}`, and is in no known package",
+                    "if you trust the file, specify a folder that contains it: `--mesh-root DIR`, or `--package NAME=DIR`",
+                )
+        slashed = uri.replace("\\", "/")
+        raise fault if slashed == uri else NotFound(str(fault), f"write `/` between folders: `{slashed}`")
+
+    def read(self, uri: str) -> tuple[str, bytes]:
+        """Return that path, and what is in the file. Raises `NotFound`, also for a file that cannot be read."""
+        path = self.find(uri)
+        try:
+            return path, beginning(path, MOST_BYTES)
+        except OSError as fault:
+            raise NotFound(f"cannot read `{uri}`: {(fault.strerror or str(fault)).lower()}") from None
+
+    def package(self, name: str) -> str:
+        """The absolute path of a package. Raises `NotFound`."""
+        for place in self._folders(name):
+            return place
+        raise self._unknown(name)
+
+    def _unknown(self, name: str) -> NotFound:
+        looked = _shown([*dict.fromkeys(self._places(name))])
+        return NotFound(f"there is no package `{name}`; looked for {looked}", f"specify its folder: `--package {name}=DIR`")
+
+    def _folders(self, name: str) -> list[str]:
+        """The folders that may be the package of that name, the best first."""
+        return [place for place in dict.fromkeys(self._places(name)) if os.path.isdir(place)]
+
+    def _above(self) -> Iterator[str]:
+        """The folder of the file, and those above it."""
+        folder, parent = self.folder, os.path.dirname(self.folder)
+        yield folder
+        while parent != folder:
+            folder, parent = parent, os.path.dirname(parent)
+            yield folder
+
+    def readable(self) -> list[str]:
+        """The folders that expressions in the file may read: its own, known packages, and packages beside it or a folder above it."""
+        beside = (found for folder in self._above() for found in glob(os.path.join(escape(folder), "*", MANIFEST)))
+        return [*self.allowed, *map(os.path.dirname, beside)]
+
+    def _places(self, name: str) -> Iterator[str]:
+        """Where a package may be, the best first."""
+        if name in self.given:
+            yield self.given[name]
+            return
+        for folder in self._above():
+            if os.path.basename(folder) == name or _called(folder) == name:
+                yield folder
+            yield os.path.join(folder, name)
+        yield from (os.path.join(folder, name) for folder in self.shared)
+
+
+def _is_package(folder: str) -> bool:
+    """Whether a folder is a package of ROS or a model of Gazebo."""
+    return any(os.path.isfile(os.path.join(folder, manifest)) for manifest in (MANIFEST, "model.config"))
+
+
+def _shown(paths: Sequence[str]) -> str:
+    return ", ".join(f"`{shown_path(path)}`" for path in paths[:6])
+
+
+def _called(folder: str) -> str | None:
+    """The name of the package whose manifest lies in a folder."""
+    try:
+        with open(os.path.join(folder, MANIFEST), "rb") as stream:
+            match = _NAME_OF.search(stream.read(100_000))
+    except OSError:
+        return None
+    return None if match is None else match[1].decode("utf-8", "replace")
+
+
+def within(path: str, folder: str) -> bool:
+    """Whether a path, with symbolic links resolved, is below a folder."""
+    return os.path.realpath(path).startswith(os.path.join(os.path.realpath(folder), ""))
+
+
+def _file(path: str, uri: str) -> str:
+    try:
+        state = os.stat(path)
+    except (OSError, ValueError):
+        raise NotFound(f"there is no file `{uri}`; looked for `{shown_path(path)}`") from None
+    if not stat.S_ISREG(state.st_mode):
+        raise NotFound(f"`{uri}` is no file")
+    if state.st_size > MOST_BYTES:
+        raise NotFound(f"`{uri}` has {state.st_size:,} bytes, and {MOST_BYTES:,} are read at most", "use a mesh with fewer facets")
+    return path

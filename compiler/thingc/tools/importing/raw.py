@@ -1,0 +1,155 @@
+"""Attributes that only MuJoCo has, by the names that its model has for what they are of, and as lines of a document."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from thingc.documents.load.scalars import core_value
+from thingc.tools.importing.model import Raw, SourceAdded, SourceJoint, SourceLink, SourcePose, SourceShape, SourceTarget, SourceTendon
+from thingc.tools.importing.quantities import quantity
+from thingc.tools.importing.words import Words
+
+
+def raw_of(words: Words) -> dict[tuple[str, ...], str]:
+    """What is laid over MuJoCo's model, by path. What all shapes that touch have in common is said of their class."""
+    robot, by_path = words.robot, dict[tuple[str, ...], str]()
+
+    def lay(kind: str, name: str, raw: Raw) -> None:
+        by_path.update(((kind, name, key), value) for key, value in raw)
+
+    for path, value in robot.options:
+        by_path[path] = value
+    shapes = [one for name in words.links for one in _touching(words, words.link_of[name])]
+    common: set[tuple[str, str]] = set()
+    for key in sorted({key for _, shape in shapes for key, _ in shape.raw}):
+        values = [dict(shape.raw).get(key) for _, shape in shapes if not _says(shape, key)]
+        if len(values) > 1 and len(set(values)) == 1 and values[0] is not None:
+            common.add((key, values[0]))
+            by_path["default", "collision", "geom", key] = values[0]
+    for name in words.links:
+        lay("body", words.links[name], words.link_of[name].raw)
+    for joint in (joint for one in words.order for joint in one.joints):
+        word = words.joints[joint.name]
+        lay("joint", word, joint.raw)
+        if joint.drive is not None:
+            lay("actuator", word, joint.drive.raw)
+        if joint.follows is not None:
+            lay("equality", f"{word}:mimic", joint.follows.raw)
+    for tendon in robot.tendons:
+        lay("tendon", words.tendons[tendon.name], tendon.raw)
+        if tendon.drive is not None:
+            lay("actuator", words.tendons[tendon.name], tendon.drive.raw)
+    for magnet in robot.adhesions:
+        lay("actuator", f"{words.links[magnet.link]}.{words.magnets[magnet.name]}", magnet.raw)
+    for loop in robot.loops:
+        lay("equality", f"{words.loops[loop.name]}:loop", loop.raw)
+    for word, shape in shapes:
+        lay("geom", word, tuple(one for one in shape.raw if one not in common or _says(shape, one[0])))
+    for state in robot.poses:
+        lay("key", words.poses[state.name], _controls(words, state))
+    return by_path
+
+
+def _touching(words: Words, link: SourceLink) -> Iterator[tuple[str, SourceShape]]:
+    """What of a link touches, by its names in MuJoCo's model."""
+    for _, touch in words.items(link):
+        if touch is not None:
+            yield words.title(touch) or words.usual[id(touch)], touch
+
+
+def _controls(words: Words, state: SourcePose) -> Raw:
+    """`ctrl` of a keyframe in the order of the source, if it is not that of ours: drives of positions at q, adhesions as the mode has them,
+    all others at 0."""
+    usual: dict[str, float | None] = {one.name: one.force for one in words.robot.adhesions}
+    driven: list[SourceJoint | SourceTendon] = [*(joint for one in words.order for joint in one.joints), *words.robot.tendons]
+    for one in driven:
+        if one.drive is not None and one.drive.kind == "position":
+            q = state.q.get(one.name, 0.0)
+            usual[one.drive.name] = q if isinstance(one, SourceJoint) and isinstance(q, float) else None  # a tendon's is its length
+    wanted = [(name, state.controls.get(name, 0.0)) for name in order_of(words, "actuator")]
+    alike = all(value == usual.get(name, 0.0) for name, value in wanted)
+    return () if alike else (("ctrl", " ".join(quantity(value, "") for _, value in wanted)),)
+
+
+def order_of(words: Words, kind: str) -> dict[str, str]:
+    """What the actuators or sensors of the source that are in the document are called there, in the order of the source."""
+    names = words.others().get(f"{kind}s", {})
+    return {name: names[name] for name in words.robot.order.get(kind, ()) if name in names}
+
+
+def _says(shape: SourceShape, attribute: str) -> bool:
+    """Whether the model that is written of a shape says an attribute already, because of its friction."""
+    return {"friction": 0, "priority": 0, "condim": 1}.get(attribute, 3) < len(shape.friction)
+
+
+def name_lines(words: Words) -> Iterator[str]:
+    """`names:`, what files call things as the source does; nothing where nothing has another name."""
+    kinds = words.in_files()
+    if kinds:
+        yield from ("", "names:")
+    for kind, names in kinds.items():
+        yield f"  {kind}:"
+        yield from (f"    {word}: {quoted(name)}" for word, name in names.items())
+
+
+def quoted(name: str) -> str:
+    """A text as YAML has it: in quotes unless it is a plain word."""
+    plain = re.fullmatch(r"[A-Za-z_][\w.-]*", name, re.ASCII) and isinstance(core_value(name), str)
+    return name if plain else json.dumps(name, ensure_ascii=False)
+
+
+def raw_lines(words: Words) -> Iterator[str]:
+    """`raw: {mjcf: ...}`; nothing where there is nothing."""
+    attributes, added = raw_of(words), words.robot.added
+    orders = {kind: order for kind in words.robot.order if len(order := order_of(words, kind)) > 1}
+    if not attributes and not added and not orders:
+        return
+    tree: dict[str, Any] = {}
+    for path, value in attributes.items():
+        at = tree
+        for word in path[:-1]:
+            at = at.setdefault(word, {})
+        at[path[-1]] = value
+    yield from ("", "raw:", "  mjcf:")
+    for kind, things in tree.items():
+        if any(isinstance(one, str) for one in things.values()):
+            yield f"    {kind}: {_flow(things)}"
+            continue
+        yield f"    {kind}:"
+        yield from (f"      {_text(name)}: {_flow(values)}" for name, values in things.items())
+    if orders:
+        yield "    order:"
+        yield from (f"      {kind}: [{', '.join(map(quoted, order.values()))}]" for kind, order in orders.items())
+    if added:
+        yield "    add:"
+    for section in dict.fromkeys(one.section for one in added):
+        yield f"      {section}:"
+        yield from (f"        - {one.tag}: {_flow(_element(words, one))}" for one in added if one.section == section)
+
+
+def _element(words: Words, one: SourceAdded) -> dict[str, str]:
+    """Its attributes, by the names of the document."""
+    name = words.added[one.section, one.name]
+    return ({"name": name} if name else {}) | {key: _named(words, value) for key, value in one.attributes}
+
+
+def _named(words: Words, value: str | SourceTarget) -> str:
+    if isinstance(value, str):
+        return value
+    names = {"joint": words.joints, "site": words.sites, "tendon": words.tendons, "body": words.links}
+    return (names.get(value.kind) or words.others()[f"{value.kind}s"])[value.name]
+
+
+def _flow(value: Any) -> str:
+    if isinstance(value, str):
+        return _text(value)
+    return f"{{{', '.join(f'{_text(key)}: {_flow(one)}' for key, one in value.items())}}}"
+
+
+def _text(word: str) -> str:
+    """As YAML has it: in quotes where it would be something else, or has a sign that YAML reads; numbers are texts enough."""
+    plain = re.fullmatch(r"[A-Za-z0-9_.+-]+( [A-Za-z0-9_.+-]+)*", word) and not isinstance(core_value(word), (bool, type(None)))
+    return word if plain and not word.startswith("-") or re.fullmatch(r"-[0-9.e+ -]+", word) else f'"{word}"'

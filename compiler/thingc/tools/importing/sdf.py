@@ -1,0 +1,414 @@
+"""SDF 1.4 to 1.12: links and joints of one model, in SI, as http://sdformat.org/spec has them.
+
+Poses are stated in frames of the model (`relative_to`), in any order; where everything is in the model's frame is worked out first
+(http://sdformat.org/tutorials?tut=pose_frame_semantics). Nested models are one with the model around them: `arm::hand` is a link of it.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.inertia import MassProperties
+from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector, along, rotate
+from thingc.base.typos import did_you_mean
+from thingc.tools.importing.losses import Losses
+from thingc.tools.importing.model import (
+    FAR,
+    Ends,
+    Following,
+    Hanging,
+    Kind,
+    SourceDrive,
+    SourceJoint,
+    SourceLink,
+    SourceLoop,
+    SourceRobot,
+    SourceShape,
+    SourceSite,
+    Weight,
+)
+from thingc.tools.importing.packages import Packages
+from thingc.tools.importing.sdf_frames import WORLD, Frames, NamedFrame, key_of
+from thingc.tools.importing.sdf_includes import Includes
+from thingc.tools.importing.tree import look_at_mimics, root_of, spanned
+from thingc.tools.importing.values import ChildValues
+from thingc.tools.importing.xml_source import SourceElement, read_robot
+
+KINDS: dict[str, tuple[Kind, ...]] = {
+    "revolute": ("revolute",), "continuous": ("continuous",), "prismatic": ("prismatic",), "ball": ("ball",), "fixed": (),
+    "screw": ("screw",), "universal": ("revolute", "revolute"), "revolute2": ("revolute", "revolute"),
+}
+"""The kinds of joints that are read, as joints one after the other, each about its own axis through one point."""
+OTHER_KINDS = ("gearbox",)
+AXES = ("axis", "axis2")
+_VERSION = re.compile(r"1\.(\d+)")
+_USUAL = MassProperties(mass=1.0, inertia=IDENTITY)
+"""What a link weighs of which nothing is said."""
+ENDLESS = 1e16
+"""A limit from which on there is none."""
+ATTRIBUTES: dict[str, set[str]] = {
+    "model": {"name", "canonical_link", "placement_frame"}, "link": {"name"}, "joint": {"name", "type"}, "frame": {"name", "attached_to"},
+    "visual": {"name"}, "collision": {"name"}, "pose": {"relative_to", "frame", "degrees", "rotation_format"}, "xyz": {"expressed_in"},
+    "mimic": {"joint", "axis"},
+}
+"""The attributes that are read, of elements that have any."""
+INSIDE: dict[str, set[str]] = {
+    "model": {"pose", "link", "joint", "frame", "model", "static"}, "link": {"pose", "inertial", "visual", "collision"},
+    "joint": {"pose", "parent", "child", "axis", "axis2", "screw_thread_pitch", "thread_pitch"},
+    "frame": {"pose"}, "inertial": {"pose", "mass", "inertia"},
+    "inertia": {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"}, "visual": {"pose", "geometry", "material"},
+    "collision": {"pose", "geometry", "surface"}, "geometry": {"box", "sphere", "cylinder", "capsule", "ellipsoid", "mesh"},
+    "box": {"size"}, "sphere": {"radius"}, "cylinder": {"radius", "length"}, "capsule": {"radius", "length"}, "ellipsoid": {"radii"},
+    "mesh": {"uri", "scale"}, "material": {"diffuse", "ambient", "specular"},
+    **dict.fromkeys(("axis", "axis2"), {"xyz", "limit", "dynamics", "mimic", "use_parent_model_frame"}),
+    "limit": {"lower", "upper", "effort", "velocity"},
+    "dynamics": {"damping", "friction", "spring_stiffness", "spring_reference"}, "mimic": {"multiplier", "offset", "reference"},
+    "surface": {"friction"}, "friction": {"ode"}, "ode": {"mu"},
+}
+"""The elements that are read in others."""
+AS_USUAL = {
+    "gravity": ("1", "true"), "self_collide": ("0", "false"), "kinematic": ("0", "false"), "enable_wind": ("0", "false"),
+    "allow_auto_disable": ("0", "1", "true", "false"), "cast_shadows": ("0", "1", "true", "false"), "transparency": ("0", "0.0"),
+    "must_be_loop_joint": ("0", "false"),
+}
+"""Elements that say nothing where they say this."""
+
+
+def read_sdf(path: str, data: bytes, packages: Packages, report: Report) -> SourceRobot | None:
+    """The robot of a file, an absolute path, with these bytes; None where it is none, which has been reported: all that is wrong."""
+    root = read_robot(path, data, report, "sdf", "an SDF")
+    return None if root is None else _Sdf(root, packages, report).robot()
+
+
+class _Sdf:
+    def __init__(self, root: SourceElement, packages: Packages, report: Report) -> None:
+        self.root, self.report, self.values = root, report, ChildValues(report)
+        self.losses = Losses()
+        self.includes = Includes(root, packages, report, self.losses)
+        self.old_axes = {one.where.file for one in self.includes.roots if self._is_old(one)}
+        self.between: list[SourceLink] = []
+
+    def robot(self) -> SourceRobot | None:
+        """Everything that is wrong is said; then None."""
+        model = None if self.report.failed else self._model()
+        if model is None:
+            return None
+        name, frames = self.values.word(model, "name"), Frames(model, self.values)
+        if name is None or self.report.failed:  # what stands nowhere must not be said again of what stands on it
+            return None
+        self.frames = frames
+        links = [self._link(key, frame.element) for key, frame in frames.all("link")]
+        hangings = [one for key, frame in frames.all("joint") for one in self._hangings(key, frame)]
+        moving = {
+            name for key, frame in frames.all("joint") if frame.element.attributes.get("type") not in ("fixed", "ball")
+            for name in self._coordinates(key)
+        }
+        look_at_mimics(hangings, moving, self.report)
+        self.losses.unread(model, ATTRIBUTES, INSIDE, AS_USUAL)
+        return None if self.report.failed else self._stood(model, name, [*links, *self.between], hangings)
+
+    def _is_old(self, root: SourceElement) -> bool:
+        """Whether axes of a file are in the frame of the model; a version that is not read is reported."""
+        version = root.attributes.get("version", "").strip()
+        match = _VERSION.fullmatch(version)
+        if match is None or not 4 <= int(match[1]) <= 12:
+            help = "`gz sdf -p FILE` makes a newer one of an old one"
+            self.values.fault(root, "version", f"`version` of `<sdf>`: expected 1.4 to 1.12, found `{version}`", help)
+        return match is not None and int(match[1]) <= 4
+
+    def _model(self) -> SourceElement | None:
+        """The one model of the file, right in it or in its world, that is no scenery."""
+        worlds = [*self.root.all("world")]
+        models = [model for around in (self.root, *worlds) for model in around.all("model")]
+        robots = models if len(models) == 1 else [model for model in models if not self._is(model, "static")]
+        for child in (child for world in worlds for child in world.children if child not in robots):
+            self.losses.note(f"`<{child.tag}>` of `<world>`", "a document is of one robot", child.where)
+        if len(robots) == 1:
+            return robots[0]
+        found = ", ".join(f"`{one.attributes.get('name', '')}`" for one in robots[:6]) or "none"
+        self.report.add(
+            Code.SOURCE_TREE, f"expected one model that is not static, found {found}", (robots[1] if robots else self.root).where,
+            help="a document has one robot: make a file of each" if robots else None,
+        )
+        return None
+
+    def _is(self, element: SourceElement, tag: str) -> bool:
+        said = next(element.all(tag), None)
+        return said is not None and said.text.lower() in ("1", "true")
+
+    def _link(self, key: str, element: SourceElement) -> SourceLink:
+        inertial = self.values.one(element, "inertial")
+        if inertial is None:
+            self.losses.note(
+                f"that link `{key}` has no `<inertial>`", "it weighs 1 kg, with an inertia of 1 kg m^2, as SDF has it then", element.where,
+            )
+        shapes = [self._shape(child, key) for child in element.children if child.tag in ("visual", "collision")]
+        weight = _USUAL if inertial is None else self._weight(inertial)
+        return SourceLink(
+            name=key, where=element.place("name"), shapes=tuple(shape for shape in shapes if shape is not None),
+            weight=None if weight is None or weight.mass == 0.0 else Weight(properties=weight, where=(inertial or element).where),
+        )
+
+    def _weight(self, inertial: SourceElement) -> MassProperties | None:
+        if inertial.attributes.get("auto", "").strip().lower() in ("1", "true"):
+            help = "write its `<mass>` and `<inertia>`; `gz sdf -p FILE` works them out"
+            self.values.fault(inertial, "auto", "inertias that are to be worked out are not read", help)
+            return None
+        pose, moments = self.frames.stated(inertial), self.values.one(inertial, "inertia")
+        mass = self.values.from_zero(inertial, "mass", 1.0)
+        if moments is None or mass is None:
+            return None if mass is None else replace(_USUAL, mass=mass, centre=pose.translation)
+        return self.values.inertia(moments, mass, pose, usual=1.0)
+
+    def _shape(self, element: SourceElement, link: str) -> SourceShape | None:
+        pose, geometry = self.frames.stated(element), self.values.one(element, "geometry")
+        form = None if geometry is None else next(iter(geometry.children), None)
+        if form is None:
+            help = "write <geometry><box><size>...</size></box></geometry>"
+            self.values.fault(geometry or element, None, f"this `<{element.tag}>` has no geometry", help)
+            return None
+        said = next(element.all("pose"), None)
+        relative_to = "" if said is None else said.attributes.get("relative_to", "").strip()
+        if relative_to and said is not None:
+            self.losses.note(f"`relative_to` of a `<{element.tag}>`", "shapes are read in their link, and this one is left out", said.where)
+            return None
+        if form.tag not in INSIDE["geometry"]:
+            self.losses.note(f"a `<{form.tag}>`", "shapes of that kind are not read", form.where)
+            return None
+        sized, mesh = self.values.sized(form), self.values.word(form, "uri") if form.tag == "mesh" else None
+        if sized is None or form.tag == "mesh" and mesh is None:
+            return None
+        mesh, (kind, size) = None if mesh is None else self.includes.uri(mesh, form.where.file), sized
+        if 0.0 in size:
+            self.losses.note(f"a `<{form.tag}>`", "it has no volume", form.where)
+            return None
+        return SourceShape(
+            kind=kind, use="visual" if element.tag == "visual" else "collision", size=size, pose=pose, where=form.where, mesh=mesh,
+            color=self._color(element), friction=self._friction(element),
+            name=self.values.own_name(element, link, "_(visual|collision)"),
+        )
+
+    def _color(self, visual: SourceElement) -> tuple[float, float, float, float] | None:
+        material = self.values.one(visual, "material")
+        key = next((key for key in ("diffuse", "ambient") if material is not None and self.values.written(material, key)), None)
+        if material is None or key is None:
+            return None
+        count = len((self.values.written(material, key) or "").split())
+        rgba = self.values.numbers(material, key, 3 if count == 3 else 4)
+        return None if rgba is None else (rgba[0], rgba[1], rgba[2], rgba[3] if count == 4 else 1.0)
+
+    def _friction(self, collision: SourceElement) -> tuple[float, ...]:
+        inner: SourceElement | None = collision
+        for tag in ("surface", "friction", "ode"):
+            inner = None if inner is None else self.values.one(inner, tag)
+        mu = None if inner is None or self.values.written(inner, "mu") is None else self.values.from_zero(inner, "mu")
+        return () if mu is None else (mu,)
+
+    def _coordinates(self, key: str) -> list[str]:
+        """The names of the joints that a joint is read as."""
+        kinds = KINDS.get(self.frames.named[key].element.attributes.get("type", ""), ()) if key in self.frames.named else ()
+        return [f"{key}_{number}" for number in range(len(kinds))] if len(kinds) > 1 else [key]
+
+    def _hangings(self, key: str, frame: NamedFrame) -> Iterator[Hanging]:
+        """How the child of a joint is attached to its parent, with massless links between several axes. Errors are reported."""
+        element, kind = frame.element, self.values.word(frame.element, "type")
+        ends = {side: end for side in ("parent", "child") if (end := self._end(frame, side)) is not None}
+        if kind is not None and kind not in KINDS:
+            known = f"`{kind}` is no kind of joint that is read" if kind in OTHER_KINDS else f"`{kind}` is no kind of joint that SDF has"
+            self.values.fault(element, "type", known, did_you_mean(kind, KINDS, what="kinds") or f"write one of {', '.join(KINDS)}")
+            return
+        if kind is None or len(ends) < 2:
+            return
+        parent, child = ends["parent"], ends["child"]
+        if parent == child:
+            self.values.fault(element, None, f"parent and child of this joint are both on link `{child}`", "join two links")
+            return
+        around = NO_POSE if parent == WORLD else self.frames.poses[parent]
+        pose, names = _clean(around.inverse() @ self.frames.poses[child]), self._coordinates(key)
+        joints = [self._joint(name, key, one, tag) for name, one, tag in zip(names, KINDS[kind], AXES, strict=False)] or [None]
+        for number in reversed(range(len(names))):  # the last first: `spanned` then turns all of them around, or none
+            above = f"{key} link" if number else parent
+            if number:
+                self.between.append(SourceLink(name=above, where=element.where))
+            joint = joints[number]
+            still = joint is not None and joint.ends.lower is not None and joint.ends.lower == joint.ends.upper
+            if joint is not None and still:
+                if joint.ends.lower != 0.0:
+                    message = f"`lower` and `upper` are both {joint.ends.lower:g}: this joint cannot move, and not be at 0"
+                    self.values.fault(element, None, message, "make it `fixed`, or give it ends")
+                self.losses.note(f"joint `{names[number]}`, whose ends are both 0", "it is read as one that is fixed", element.where)
+            yield Hanging(
+                name=names[number], parent=above, child=child, pose=NO_POSE if number else pose, where=element.where,
+                joints=() if joint is None or still else (joint,),
+            )
+            child = above
+
+    def _end(self, frame: NamedFrame, side: str) -> str | None:
+        """The link that a joint stands on, or the world."""
+        name = self.values.word(frame.element, side)
+        if name is None or name == WORLD:
+            return WORLD if name == WORLD and side == "parent" else None
+        key = key_of(name, frame.scope)
+        if key not in self.frames.named:
+            links = [one for one, other in self.frames.named.items() if other.element.tag in ("link", "frame")]
+            self.values.fault(
+                frame.element, side, f"the {side} of this joint is `{name}`, and there is no such link or frame",
+                did_you_mean(name, links, what="links"),
+            )
+            return None
+        link = self.frames.link_of(key)
+        if link is None:
+            self.values.fault(frame.element, side, f"the {side} of this joint is `{name}`, which is on no link")
+        return link
+
+    def _joint(self, name: str, key: str, kind: Kind, tag: str) -> SourceJoint | None:
+        """What moves about, or along, the axis `tag` of a joint."""
+        frame = self.frames.named[key]
+        element, here = frame.element, self.frames.poses[self._end(frame, "child") or ""].inverse()
+        at = here @ self.frames.poses[key]
+        if kind == "ball":
+            return SourceJoint(name=key, kind=kind, axis=(0.0, 0.0, 1.0), anchor=_clean(at).translation, where=element.where)
+        axis = self.values.one(element, tag)
+        if axis is None:
+            message = f"this joint is `{element.attributes['type']}` and has no `<{tag}>`"
+            self.values.fault(element, None, message, f"write <{tag}><xyz>...</xyz></{tag}>")
+            return None
+        direction = self._direction(axis, key, frame, here)
+        ends, follows = self._ends(axis), self._mimic(axis, frame.scope)
+        if kind == "revolute" and ends.lower is None:
+            kind = "continuous"
+        if kind == "prismatic" and ends.lower is None:
+            ends = replace(ends, lower=-FAR, upper=FAR, made_up=True)
+            self.losses.note(f"slide `{name}` without ends", f"a document has them, at {FAR:g} m", element.where)
+        dynamics = self.values.one(axis, "dynamics")
+        damping = friction = stiffness = rest = 0.0
+        if dynamics is not None:
+            damping, friction, stiffness = (
+                self.values.from_zero(dynamics, key, 0.0) or 0.0 for key in ("damping", "friction", "spring_stiffness")
+            )
+            rest = (self.values.number(dynamics, "spring_reference", 0.0) or 0.0) if stiffness else 0.0
+        drive = None if not ends.effort or follows else SourceDrive(name=name, kind="motor", where=element.where, effort=ends.effort)
+        return SourceJoint(
+            name=name, kind=kind, lead=self._lead(element) if kind == "screw" else 0.0, axis=direction, anchor=_clean(at).translation,
+            where=element.where, ends=ends, damping=damping, friction=friction, stiffness=stiffness, rest=rest, follows=follows,
+            drive=drive,
+        )
+
+    def _lead(self, screw: SourceElement) -> float:
+        """How far a screw goes in one turn [m]: positive of a right-hand thread. `thread_pitch` [rad/m] has the other sign."""
+        older = self.values.written(screw, "screw_thread_pitch") is None and self.values.written(screw, "thread_pitch") is not None
+        tag = "thread_pitch" if older else "screw_thread_pitch"
+        pitch = self.values.number(screw, tag)
+        if pitch == 0.0:
+            self.values.fault(screw, tag, f"`{tag}` of this screw is 0", "make it `revolute`, or write how far it goes in one turn")
+        return -2.0 * math.pi / pitch if older and pitch else pitch or 0.0
+
+    def _direction(self, axis: SourceElement, key: str, frame: NamedFrame, here: Pose) -> Vector:
+        """A unit vector in the frame of the child link."""
+        xyz, direction = self.values.one(axis, "xyz"), self.values.direction(axis, "xyz", (0.0, 0.0, 1.0))
+        stated = "" if xyz is None else xyz.attributes.get("expressed_in", "").strip()
+        within = key
+        if stated and xyz is not None:
+            within = self.frames.known(xyz, "expressed_in", stated, frame.scope)
+        elif self._is(axis, tag := "use_parent_model_frame") or axis.where.file in self.old_axes and not any(axis.all(tag)):
+            within = frame.scope
+        return _rounded(rotate((here @ self.frames.poses[within]).rotation, direction))
+
+    def _ends(self, axis: SourceElement) -> Ends:
+        limit = self.values.one(axis, "limit")
+        if limit is None:
+            return Ends()
+        lower, upper, effort, velocity = (
+            None if self.values.written(limit, key) is None else self._bound(limit, key) for key in ("lower", "upper", "effort", "velocity")
+        )
+        if (lower is None) != (upper is None):
+            self.losses.note("the one end of a joint", "the other is not stated, and a joint has two or none", limit.where)
+            lower = upper = None
+        if lower is not None and upper is not None and lower > upper:
+            self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or mend the number")
+        return Ends(
+            lower=lower, upper=upper, effort=None if effort is None or effort < 0.0 else effort,
+            velocity=None if velocity is None or velocity < 0.0 else velocity,
+        )
+
+    def _bound(self, limit: SourceElement, key: str) -> float | None:
+        """None where it says that there is none."""
+        if (self.values.written(limit, key) or "").strip().lower().lstrip("+-") in ("inf", "infinity"):
+            return None
+        value = self.values.number(limit, key)
+        return None if value is None or abs(value) >= ENDLESS else value
+
+    def _mimic(self, axis: SourceElement, scope: str) -> Following | None:
+        """q is `multiplier (q(leader) - reference) + offset`."""
+        mimic = self.values.one(axis, "mimic")
+        if mimic is None:
+            return None
+        joint = self.values.word(mimic, "joint")
+        multiplier, offset, reference = (
+            self.values.number(mimic, key, usual) for key, usual in (("multiplier", 1.0), ("offset", 0.0), ("reference", 0.0))
+        )
+        if joint is None or multiplier is None or offset is None or reference is None:
+            return None
+        offset -= multiplier * reference
+        leaders = self._coordinates(key_of(joint, scope))
+        leader = leaders[-1 if mimic.attributes.get("axis") == "axis2" else 0]
+        return Following(joint=leader, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
+
+    def _stood(self, model: SourceElement, name: str, links: list[SourceLink], hangings: list[Hanging]) -> SourceRobot | None:
+        """The robot on its root: fixed where a joint holds it to the world, else free. What moves in the world stands on a link that weighs
+        nothing."""
+        sites: dict[str | None, tuple[SourceSite, ...]] = {}
+        for key, frame in self.frames.all("frame"):
+            link = self.frames.link_of(key)
+            pose = _clean(self.frames.poses[link or ""].inverse() @ self.frames.poses[key])
+            sites[link] = (*sites.get(link, ()), SourceSite(name=key, pose=pose, where=frame.element.place("name")))
+        links = [replace(link, sites=sites.get(link.name, ())) for link in links]
+        placed = self.values.one(model, "pose")
+        if placed is not None and placed.attributes.get("relative_to", "").strip() not in ("", WORLD):
+            self.losses.note("`relative_to` of the model's pose", "it is read as one in the world", placed.where)
+        here, grounded = self.frames.placed("", model), [one for one in hangings if one.parent == WORLD]
+        if len(grounded) == 1 and not grounded[0].joints:
+            hangings = [one for one in hangings if one is not grounded[0]]
+        elif grounded:
+            links = [SourceLink(name=WORLD, where=model.place("name")), *links]
+            hangings = [replace(one, pose=_clean(here @ one.pose)) if one in grounded else one for one in hangings]
+        screws = [one for one in hangings if any(joint.kind == "screw" for joint in one.joints)]
+        tree, closing = spanned([*screws, *(one for one in hangings if one not in screws)])  # another joint closes a loop
+        root = root_of(links, tree, model.where, self.report)
+        if root is None:
+            return None
+        loops = tuple(self._loop(one) for one in closing)
+        return SourceRobot(
+            name=name, where=model.place("name"), root=root, links=tuple(links), hangings=tree,
+            base="fixed" if grounded or self._is(model, "static") else "free",
+            pose=NO_POSE if root == WORLD else _clean(here @ self.frames.poses[root]), losses=self.losses.all(),
+            loops=loops,
+        )
+
+    def _loop(self, one: Hanging) -> SourceLoop:
+        """What a joint keeps together of two links that are in the tree already."""
+        joint = next(iter(one.joints), None)
+        at = NO_POSE if joint is None else along(joint.axis, joint.anchor)
+        if joint is not None and (joint.ends != Ends() or joint.damping or joint.friction or joint.stiffness or joint.follows):
+            why = "a joint that closes a loop has none of that"
+            self.losses.note(f"limits, drive and dynamics of joint `{one.name}`", why, one.where)
+        kind = "fixed" if joint is None else "continuous" if joint.kind == "revolute" else joint.kind
+        if kind == "screw":
+            help = "one joint of the loop has to be of another kind"
+            self.report.add(Code.SOURCE_TREE, f"the loop that joint `{one.name}` closes has screws only", one.where, help=help)
+        assert kind != "planar"
+        return SourceLoop(name=one.name, kind=kind, ends=((one.parent, _clean(one.pose @ at)), (one.child, at)), where=one.where)
+
+
+def _rounded(vector: Vector) -> Vector:
+    """Without the digits that composing poses leaves behind."""
+    x, y, z = (round(one, 15) + 0.0 for one in vector)
+    return (x, y, z)
+
+
+def _clean(pose: Pose) -> Pose:
+    return Pose(translation=_rounded(pose.translation), rotation=pose.rotation)

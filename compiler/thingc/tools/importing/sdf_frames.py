@@ -1,0 +1,160 @@
+"""Frames of an SDF model: where each is, however they are stated in one another, and which link it moves with.
+
+http://sdformat.org/tutorials?tut=pose_frame_semantics
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from thingc.base.circles import circle_words
+from thingc.base.diagnostics import Code, Note
+from thingc.base.frozen import dataclass
+from thingc.base.pose import NO_POSE, Pose, placed
+from thingc.base.typos import did_you_mean
+from thingc.tools.importing.values import ChildValues
+from thingc.tools.importing.xml_source import SourceElement
+
+WORLD = "world"
+MODEL = "__model__"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NamedFrame:
+    """A frame of the robot: the link, joint, frame or model that it is of, the model around that, by its frame, and the frame that its pose
+    is stated in. The outermost model's frame is called ""."""
+
+    element: SourceElement
+    scope: str
+    relative_to: str = ""
+
+
+class Frames:
+    """Of a model and all models in it, by their whole names (`arm::hand`); what is wrong with them is reported by `values`."""
+
+    def __init__(self, model: SourceElement, values: ChildValues) -> None:
+        self.model, self.values = model, values
+        self.named: dict[str, NamedFrame] = {}
+        self.poses: dict[str, Pose] = {"": NO_POSE}
+        self.links: dict[str, str | None] = {}
+        self.offsets: dict[str, Pose] = {}
+        self._find(model, "")
+        self.named = {key: replace(frame, relative_to=self._relative_to(frame)) for key, frame in self.named.items()}
+        for key in self.named:
+            self._put(key)
+
+    def all(self, tag: str) -> list[tuple[str, NamedFrame]]:
+        """Those of links, joints or frames."""
+        return [(key, frame) for key, frame in self.named.items() if frame.element.tag == tag]
+
+    def _find(self, model: SourceElement, scope: str) -> None:
+        """Everything in a model, and in the models in it, that has a frame."""
+        for child in model.children:
+            if child.tag not in ("link", "frame", "joint", "model") or (name := self.values.word(child, "name")) is None:
+                continue
+            key = key_of(name, scope)
+            if key in self.named or not key or key == WORLD:
+                notes = [Note(message="the first one is here", span=self.named[key].element.place("name"))] if key in self.named else []
+                what = f"two of this model are called `{name}`" if notes else f"`{name}` is a name of SDF itself"
+                self.values.report.add(Code.SOURCE_TREE, what, child.place("name"), notes=notes, help="rename it")
+                continue
+            self.named[key] = NamedFrame(element=child, scope=scope)
+            if child.tag == "model":
+                self._find(child, key)
+
+    def _relative_to(self, frame: NamedFrame) -> str:
+        """What a pose is stated in; where nothing is said, what it moves with."""
+        pose = self.values.one(frame.element, "pose")
+        for attribute in ("relative_to", "frame"):  # as it was called before 1.7
+            if pose is not None and pose.attributes.get(attribute, "").strip():
+                return self.known(pose, attribute, pose.attributes[attribute], frame.scope)
+        return self._carrier(frame)
+
+    def _carrier(self, frame: NamedFrame) -> str:
+        """The frame that another moves with: of a joint its child, of a frame what it is attached to, of all else the model around it."""
+        attribute = {"joint": "child", "frame": "attached_to"}.get(frame.element.tag)
+        name = None if attribute is None else self.values.written(frame.element, attribute)
+        return frame.scope if attribute is None or not name else self.known(frame.element, attribute, name, frame.scope)
+
+    def known(self, element: SourceElement, attribute: str, name: str, scope: str) -> str:
+        """The frame that is called so in a model; where there is none, which is reported, that of the model."""
+        key = key_of(name.strip(), scope)
+        if key and key not in self.named:
+            inside = [one.removeprefix(f"{scope}::") for one, frame in self.named.items() if frame.scope == scope]
+            help = did_you_mean(name, inside, what="names")
+            self.values.fault(element, attribute, f"`{name}` is no link, joint, frame or model here", help)
+            return scope
+        return key
+
+    def _put(self, key: str) -> None:
+        """Put down where a frame is in the robot, and all those that it is stated in."""
+        way: dict[str, NamedFrame] = {}
+        while key not in self.poses:
+            if key in way:
+                circle = circle_words([*way][[*way].index(key) :])
+                self.values.report.add(
+                    Code.SOURCE_TREE, f"poses are stated in one another, in a circle: {circle}", way[key].element.where,
+                    help="state one of them in the model",
+                )
+                self.poses[key] = NO_POSE
+                break
+            way[key] = self.named[key]
+            key = way[key].relative_to
+        for key, frame in reversed(way.items()):
+            self.poses[key] = self.poses[frame.relative_to] @ self.placed(key, frame.element)
+
+    def placed(self, key: str, element: SourceElement) -> Pose:
+        """The pose of the frame of an element: of a model with `placement_frame`, that frame is where its `<pose>` says."""
+        name, pose, inner = element.attributes.get("placement_frame", "").strip(), self.stated(element), NO_POSE
+        if element.tag == "model" and name and key not in self.offsets:
+            at, way = self.known(element, "placement_frame", name, key), set[str]()
+            while at != key and at not in way:  # circles are reported elsewhere
+                way.add(at)
+                inner = self.placed(at, self.named[at].element) @ inner
+                at = self.named[at].relative_to
+            self.offsets[key] = inner.inverse()
+        return pose @ self.offsets.get(key, NO_POSE)
+
+    def stated(self, element: SourceElement) -> Pose:
+        """What the `<pose>` in an element says; no move where it has none."""
+        pose = self.values.one(element, "pose")
+        if pose is None or not pose.text:
+            return NO_POSE
+        quaternion = pose.attributes.get("rotation_format", "").strip() == "quat_xyzw"
+        numbers = self.values.numbers(element, "pose", 7 if quaternion else 6)
+        if numbers is None:
+            return NO_POSE
+        x, y, z, *turn = numbers
+        if quaternion:
+            return Pose(translation=(x, y, z), rotation=self.values.rotation(element, "pose", turn))
+        degrees = pose.attributes.get("degrees", "").strip().lower() in ("1", "true")
+        roll, pitch, yaw = (math.radians(one) if degrees else one for one in turn)
+        return placed((x, y, z), (roll, pitch, yaw))
+
+    def link_of(self, key: str) -> str | None:
+        """The link that a frame moves with; of a model the one that it names, else its first; None where there is none."""
+        seen: list[str] = []
+        while key not in self.links:
+            self.links[key] = None  # of a circle
+            seen.append(key)
+            frame = self.named.get(key)
+            if frame is not None and frame.element.tag == "link":
+                self.links[key] = key
+                break
+            if frame is not None and frame.element.tag != "model":
+                key = self._carrier(frame)
+                continue
+            named = (self.model if frame is None else frame.element).attributes.get("canonical_link", "")
+            inside = [one for one, other in self.named.items() if other.scope == key and other.element.tag in ("link", "model")]
+            links = [one for one in inside if self.named[one].element.tag == "link"]
+            wanted = [one for one in [key_of(named, key)] if named and one in self.named]
+            key = next(iter([*wanted, *links, *inside]), key)
+        self.links |= dict.fromkeys(seen, self.links[key])
+        return self.links[key]
+
+
+def key_of(name: str, scope: str) -> str:
+    """What is called so in a model, wherever it is: `hand` in `arm` is `arm::hand`, and `__model__` the model itself."""
+    own = name.removesuffix(MODEL).removesuffix("::")
+    return "::".join(part for part in (scope, own) if part)

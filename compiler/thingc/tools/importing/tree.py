@@ -1,0 +1,158 @@
+"""Whether links and what they hang on are one tree, in whatever format they were written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence, Set
+from typing import TypeVar
+
+from thingc.base.circles import circle_words, circles
+from thingc.base.diagnostics import Code, Note, Report
+from thingc.base.shown import quoted
+from thingc.base.source import Span
+from thingc.base.typos import did_you_mean
+from thingc.tools.importing.model import Hanging, SourceLink, SourceRobot
+
+Named = TypeVar("Named", SourceLink, Hanging)
+MOST_LINKS = 10_000
+MOST_BELOW = 496
+"""Bodies one in another, the first among them, of which MuJoCo reads models: 500 levels of XML."""
+
+
+def root_of(links: Sequence[SourceLink], hangings: Sequence[Hanging], where: Span, report: Report) -> str | None:
+    """The name of the one link that hangs on no other and that all others hang on; None where there is none such, which has been
+    reported, all of it: links of one name, joints to links that are not there, two parents, circles, no root or several."""
+    before = len(report.diagnostics)
+    if len(links) > MOST_LINKS:
+        report.add(Code.SOURCE_TREE, f"the robot has {len(links):,} links, and {MOST_LINKS:,} are read at most", where)
+        return None
+    named = _distinct("links", links, report)
+    _distinct("joints", hangings, report)
+    above: dict[str, Hanging] = {}
+    for one in hangings:
+        for side, name in (("parent", one.parent), ("child", one.child)):
+            if name not in named:
+                report.add(
+                    Code.SOURCE_TREE, f"the {side} of joint `{one.name}` is the link `{name}`, and there is none", one.where,
+                    help=did_you_mean(name, named, what="links"),
+                )
+        if one.child in above:
+            other = above[one.child]
+            report.add(
+                Code.SOURCE_TREE, f"link `{one.child}` hangs on two links, `{other.parent}` and `{one.parent}`", one.where,
+                notes=[Note(message=f"joint `{other.name}` has it as its child already", span=other.where)],
+                help="a tree has one joint to each link: leave one of the two out, and close the loop in the document with `loop: true`",
+            )
+        above.setdefault(one.child, one)
+    if not links:
+        report.add(Code.SOURCE_TREE, "the robot has no link", where)
+    if len(report.diagnostics) > before:
+        return None
+    _circles(named, above, report)
+    roots = [link for link in links if link.name not in above]
+    if len(roots) > 1:
+        names = quoted([link.name for link in roots], 6)
+        report.add(
+            Code.SOURCE_TREE, f"the robot has {len(roots)} roots, links that hang on no other: {names}", roots[1].where,
+            notes=[Note(message="the first one is here", span=roots[0].where)], help="join them, or make a file of each",
+        )
+    return roots[0].name if len(report.diagnostics) == before else None
+
+
+def warn_of_depth(robot: SourceRobot, report: Report) -> None:
+    """A warning where so many links move one below another that MuJoCo reads no model of them, at the first that is too many."""
+    below = by_parent(robot.hangings)
+    bare = {link.name for link in robot.links if link.is_bare}
+    waiting = [(robot.root, 1)]
+    while waiting:
+        name, depth = waiting.pop()
+        for one in below.get(name, ()):
+            joins = one.child in bare and all(other.joints for other in below.get(one.child, ()))  # such a link is no body there
+            there = depth + bool(one.joints and not joins)
+            if there > MOST_BELOW:
+                report.warn(
+                    Code.SOURCE_DOUBT, f"link `{one.child}` is the {there}th of a chain of links that move, and MuJoCo reads models of "
+                    f"{MOST_BELOW} at most", one.where, help="files of URDF and SDF can be built; MJCF, and what simulates, cannot",
+                )
+                return
+            waiting.append((one.child, there))
+
+
+def spanned(hangings: Sequence[Hanging]) -> tuple[tuple[Hanging, ...], tuple[Hanging, ...]]:
+    """Of joints that may go either way, and in loops: those of a tree, turned around where one comes to a link from what is below it, and
+    those that close a loop. What can be neither is among the first, and `root_of` says so."""
+    tree: list[Hanging] = []
+    closing: list[Hanging] = []
+    below: set[str] = set()
+    whole: dict[str, str] = {}
+
+    def head(name: str) -> str:
+        while name in whole:
+            name = whole[name]
+        return name
+
+    for one in hangings:
+        first, second = head(one.parent), head(one.child)
+        if first == second:
+            closing.append(one)
+            continue
+        if one.child in below and one.parent not in below:
+            one = one.turned()
+            first, second = second, first
+        below.add(one.child)
+        whole[second] = first
+        tree.append(one)
+    return tuple(tree), tuple(closing)
+
+
+def look_at_mimics(hangings: Sequence[Hanging], moving: Set[str], report: Report) -> None:
+    """Report each joint that mimics itself, or none of those that move along one coordinate; and each circle."""
+    follows = {joint.name: joint.follows for one in hangings for joint in one.joints if joint.follows is not None}
+    for circle in circles(follows, lambda name: follows[name].joint if name in follows else None):
+        if len(circle) > 1:
+            message = f"joints mimic each other in a circle: {circle_words(circle)}"
+            report.add(Code.SOURCE_VALUE, message, follows[circle[0]].where, help="let one of them move by itself")
+    for joint in (joint for one in hangings for joint in one.joints):
+        if joint.follows is None or joint.name != joint.follows.joint and joint.follows.joint in moving:
+            continue
+        wanted = joint.follows.joint
+        what = "itself" if wanted == joint.name else f"`{wanted}`, which is no joint that moves"
+        help = did_you_mean(wanted, sorted(moving - {joint.name}), what="joints")
+        report.add(Code.SOURCE_VALUE, f"joint `{joint.name}` mimics {what}", joint.follows.where, help=help)
+
+
+def _distinct(kind: str, things: Sequence[Named], report: Report) -> dict[str, Named]:
+    """Return things by their names, of those with the same name the first. The others are reported."""
+    first: dict[str, Named] = {}
+    for one in things:
+        if first.setdefault(one.name, one) is not one:
+            notes = [Note(message="the first one is here", span=first[one.name].where)]
+            report.add(Code.SOURCE_TREE, f"two {kind} are called `{one.name}`", one.where, notes=notes, help="rename one of the two")
+    return first
+
+
+def by_parent(hangings: Iterable[Hanging]) -> dict[str, list[Hanging]]:
+    """Return what hangs on each link, in the order of the source."""
+    below: dict[str, list[Hanging]] = {}
+    for one in hangings:
+        below.setdefault(one.parent, []).append(one)
+    return below
+
+
+def downwards(root: str, hangings: Iterable[Hanging]) -> Iterator[Hanging]:
+    """Return the tree from the root on, each branch to its end, in the order of the source."""
+    below = by_parent(hangings)
+    waiting = [*reversed(below.get(root, ()))]
+    while waiting:
+        one = waiting.pop()
+        yield one
+        waiting += reversed(below.get(one.child, ()))
+
+
+def _circles(named: dict[str, SourceLink], above: dict[str, Hanging], report: Report) -> None:
+    """Say each circle once, at the joint of its first link."""
+    for upwards in circles(named, lambda name: above[name].parent if name in above else None):
+        circle = upwards[::-1]
+        report.add(
+            Code.SOURCE_TREE, f"links hang on one another in a circle: {circle_words(circle)}", above[circle[0]].where,
+            help="one of them has to be the root, or hang on a link outside of the circle",
+        )

@@ -1,0 +1,339 @@
+"""URDF: links and joints of one tree, in SI, as ROS's wiki has them (https://wiki.ros.org/urdf/XML)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.inertia import MassProperties
+from thingc.base.pose import NO_POSE
+from thingc.base.typos import did_you_mean
+from thingc.tools.importing.losses import Losses
+from thingc.tools.importing.model import (
+    Ends,
+    Following,
+    Hanging,
+    Kind,
+    SourceDrive,
+    SourceJoint,
+    SourceLink,
+    SourceRobot,
+    SourceSensor,
+    SourceShape,
+    SourceSite,
+    Weight,
+)
+from thingc.tools.importing.tree import look_at_mimics, root_of
+from thingc.tools.importing.urdf_blocks import TAGS, Blocks
+from thingc.tools.importing.values import Values
+from thingc.tools.importing.xml_source import SourceElement, read_robot
+
+KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+Color = tuple[float, float, float, float]
+WORLD = "world"
+"""What a root link is called that stands for the world."""
+
+ATTRIBUTES: dict[str, set[str]] = {
+    "robot": {"name", "version"}, "link": {"name"}, "joint": {"name", "type"}, "inertial": set(), "origin": {"xyz", "rpy", "quat_xyzw"},
+    "mass": {"value"}, "inertia": {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"}, "parent": {"link"}, "child": {"link"}, "axis": {"xyz"},
+    "limit": {"lower", "upper", "effort", "velocity"}, "dynamics": {"damping", "friction"}, "mimic": {"joint", "multiplier", "offset"},
+    "visual": {"name"}, "collision": {"name"}, "geometry": set(), "box": {"size"}, "sphere": {"radius"}, "cylinder": {"radius", "length"},
+    "capsule": {"radius", "length"}, "mesh": {"filename", "scale"}, "material": {"name"}, "color": {"rgba"},
+}
+"""The attributes that are read, of every element that is."""
+INSIDE: dict[str, set[str]] = {
+    "robot": {"link", "joint", "material"}, "link": {"inertial", "visual", "collision"}, "inertial": {"origin", "mass", "inertia"},
+    "joint": {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}, "visual": {"origin", "geometry", "material"},
+    "collision": {"origin", "geometry"}, "geometry": {"box", "sphere", "cylinder", "capsule", "mesh"}, "material": {"color"},
+}
+"""The elements that are read in others."""
+
+
+def read_urdf(path: str, data: bytes, report: Report, *, files: Sequence[str] = ()) -> SourceRobot | None:
+    """The robot of a file, an absolute path, with these bytes; None where it is none, which has been reported: all that is wrong. `files`
+    are those that xacro has made it from."""
+    root = read_robot(path, data, report, "robot", "a URDF", files=files)
+    if root is None:
+        return None
+    macro = next((element for element in _walk(root) if element.tag.startswith("xacro:")), None)
+    if macro is not None:
+        report.add(
+            Code.SOURCE_XML, f"`<{macro.tag}>` is xacro, from which URDF is made", macro.where,
+            help="call the file `.xacro`: it is expanded then",
+        )
+        return None
+    return _Urdf(root, report).robot()
+
+
+def _walk(element: SourceElement) -> Iterable[SourceElement]:
+    yield element
+    for child in element.children:
+        yield from _walk(child)
+
+
+class _Urdf:
+    def __init__(self, root: SourceElement, report: Report) -> None:
+        self.root, self.report, self.values = root, report, Values(report)
+        self.losses, self.unlimited = Losses(), list[SourceElement]()
+        self.moving = {  # of one whose kind is wrong that has been said
+            element.attributes.get("name", "") for element in root.all("joint")
+            if element.attributes.get("type") not in ("fixed", "floating", "planar")
+        }
+        inside = (one for link in root.all("link") for visual in link.all("visual") for one in visual.all("material"))
+        self.materials: dict[str, SourceElement] = {}
+        for material in (*root.all("material"), *inside):  # the first definition of a name counts, as in urdfdom
+            if material.children and (name := material.attributes.get("name", "")):
+                self.materials.setdefault(name, material)
+        self.colors = {name: self._rgba(material) for name, material in self.materials.items()}
+        self.blocks = Blocks(root, self.values, self.losses)
+
+    def robot(self) -> SourceRobot | None:
+        """Everything that is wrong is said; then None."""
+        name = self.root.attributes.get("name", "").strip()
+        if not name:
+            name = os.path.splitext(os.path.basename(self.root.where.file))[0]
+            self.losses.note("`name` of `<robot>`", f"it has none, and is called like its file, `{name}`", self.root.where)
+        links = tuple(link for element in self.root.all("link") if (link := self._link(element)) is not None)
+        hangings = tuple(one for element in self.root.all("joint") if (one := self._hanging(element)) is not None)
+        unknown = "they are read as unknown, and the joint has a drive only if the file drives it elsewhere"
+        for limit in self.unlimited:
+            self.losses.note("`effort` and `velocity` of a joint, both 0", unknown, limit.where)
+        for limit in self.unlimited[:1]:
+            message = f"`effort` and `velocity` are both 0 in this joint and {len(self.unlimited) - 1} others: {unknown}"
+            help = 'write the limits of its motor, for example effort="10" velocity="5"'
+            self.report.warn(Code.SOURCE_DOUBT, message, limit.place("effort"), help=help)
+        look_at_mimics(hangings, self.moving, self.report)
+        self.losses.unread(self.root, ATTRIBUTES, INSIDE, {}, [one.where for one in self.root.children if one.tag in TAGS])
+        if self.report.failed:  # what is wrong with a joint must not be said again of the tree
+            return None
+        root = root_of(links, hangings, self.root.where, self.report)
+        if root is None:
+            return None
+        links, sensors = self._sensed(links, hangings)
+        robot = SourceRobot(
+            name=name, where=self.root.place("name"), root=root, links=links, hangings=hangings, losses=self.losses.all(),
+            mesh_folder=self.blocks.meshes, sensors=sensors, base="free" if self.blocks.free else "fixed",
+        )
+        return self._grounded(robot)
+
+    def _sensed(
+        self, links: tuple[SourceLink, ...], hangings: tuple[Hanging, ...],
+    ) -> tuple[tuple[SourceLink, ...], tuple[SourceSensor, ...]]:
+        """The links with the mounts of their sensors, and these. One on a link that is but a frame is on what that is fixed to."""
+        named, above = {link.name: link for link in links}, {one.child: one for one in hangings}
+        carrying, sensors = {one.parent for one in hangings}, list[SourceSensor]()
+        for one in self.blocks.sensors.values():
+            link = one.link or ""
+            over = above.get(link)
+            if not {link, link if over is None else over.parent} <= named.keys():
+                continue  # said elsewhere
+            bare = named[link].weight is None and not named[link].shapes and link not in carrying
+            if over is not None and not over.joints and not over.floating and bare:
+                if one.kind == "imu" and one.pose == NO_POSE:
+                    sensors.append(replace(one, link=None, site=link))
+                    continue
+                link = over.parent
+                one = replace(one, link=link, pose=over.pose @ one.pose)
+            if one.kind == "imu":
+                site = SourceSite(name=one.name, pose=one.pose, where=one.where)
+                named[link] = replace(named[link], sites=(*named[link].sites, site))
+                one = replace(one, link=None, pose=NO_POSE, site=one.name)
+            sensors.append(one)
+        return tuple(named[link.name] for link in links), tuple(sensors)
+
+    def _link(self, element: SourceElement) -> SourceLink | None:
+        name = self.values.word(element, "name")
+        inertial = self.values.one(element, "inertial")
+        shapes = tuple(
+            shape for use in element.children if use.tag in ("visual", "collision") and (shape := self._shape(use, name or "")) is not None
+        )
+        slide = self.blocks.friction.get(name or "")
+        if slide is not None:
+            shapes = tuple(replace(shape, friction=(slide,)) if shape.use == "collision" else shape for shape in shapes)
+        weight = None if inertial is None else self._weight(inertial)
+        return None if name is None else SourceLink(name=name, where=element.place("name"), weight=weight, shapes=shapes)
+
+    def _weight(self, inertial: SourceElement) -> Weight | None:
+        """None where it weighs nothing, in whatever way that is written."""
+        pose, _ = self.values.origin(inertial)
+        mass_element, moments = self.values.one(inertial, "mass"), self.values.one(inertial, "inertia")
+        if mass_element is None:
+            self.values.fault(inertial, None, "`<inertial>` has no `<mass>`", 'write <mass value="..."/>')
+            return None
+        mass = self.values.from_zero(mass_element, "value")
+        properties = MassProperties(mass=mass or 0.0, centre=pose.translation)
+        if moments is not None:
+            properties = self.values.inertia(moments, mass or 0.0, pose)
+        if mass is None:
+            return None
+        if mass == 0.0:
+            if any(map(any, properties.inertia)):
+                self.losses.note("the inertia of a link", "it has no mass", inertial.where)
+            return None
+        return Weight(properties=properties, where=inertial.where)
+
+    def _shape(self, element: SourceElement, link: str) -> SourceShape | None:
+        (pose, rpy), geometry = self.values.origin(element), self.values.one(element, "geometry")
+        forms = [] if geometry is None else [one for one in geometry.children if one.tag in INSIDE["geometry"]]
+        if geometry is None or not geometry.children:
+            help = 'write <geometry><box size="..."/></geometry>'
+            self.values.fault(geometry or element, None, f"this `<{element.tag}>` has no geometry", help)
+        if not forms:
+            return None
+        form = forms[0]
+        sized, mesh = self.values.sized(form), self.values.word(form, "filename") if form.tag == "mesh" else None
+        if sized is None or form.tag == "mesh" and mesh is None:
+            return None
+        kind, size = sized
+        if 0.0 in size:
+            self.losses.note(f"a `<{form.tag}>`", "it has no volume", form.where)
+            return None
+        materials = [*element.all("material")]
+        for other in materials[1:]:
+            self.losses.note("a second `<material>` of a `<visual>`", "the first one counts", other.where)
+        color = self._color(materials[0]) if materials else None
+        name = self.values.own_name(element, link, "(:collision)?")
+        return SourceShape(
+            kind=kind, use="visual" if element.tag == "visual" else "collision", size=size, pose=pose, rpy=rpy, where=form.where,
+            mesh=mesh, color=color, name=name,
+        )
+
+    def _color(self, material: SourceElement) -> Color | None:
+        """The colour of a material: if it has a name, that of the first material that the file defines by that name."""
+        name = material.attributes.get("name", "")
+        if not name:
+            return self._rgba(material)
+        if name not in self.colors:
+            self.colors[name] = None
+            self.losses.note(f"material `{name}`", "the file does not define it", material.where)
+            help = did_you_mean(name, self.materials, what="materials")
+            self.report.warn(Code.SOURCE_DOUBT, f"material `{name}` is not defined", material.place("name"), help=help)
+        first = self.materials.get(name, material)
+        if [one.attributes for one in material.all("color")] not in ([], [one.attributes for one in first.all("color")]):
+            why = f"line {first.where.line} defines another material of that name first"
+            self.losses.note(f"the colour of material `{name}`", why, material.where)
+        return self.colors[name]
+
+    def _rgba(self, material: SourceElement) -> Color | None:
+        color = self.values.one(material, "color")
+        rgba = None if color is None else self.values.numbers(color, "rgba", 4)
+        return None if rgba is None else (rgba[0], rgba[1], rgba[2], rgba[3])
+
+    def _hanging(self, element: SourceElement) -> Hanging | None:
+        name, kind = self.values.word(element, "name"), self.values.word(element, "type")
+        ends = {side: end for side in ("parent", "child") if (end := self._end(element, side)) is not None}
+        pose, rpy = self.values.origin(element)
+        if kind is not None and kind not in KINDS:
+            known = did_you_mean(kind, KINDS, what="kinds")
+            self.values.fault(element, "type", f"`{kind}` is no kind of joint that URDF has", known)
+            return None
+        joint = None if name is None or kind is None else self._joint(element, name, kind)
+        if name is None or kind is None or len(ends) < 2:
+            return None
+        return Hanging(
+            name=name, parent=ends["parent"], child=ends["child"], pose=pose, rpy=rpy, where=element.where,
+            joints=() if joint is None else (joint,), floating=kind == "floating",
+        )
+
+    def _end(self, element: SourceElement, side: str) -> str | None:
+        end = self.values.one(element, side)
+        if end is None:
+            self.values.fault(element, None, f"this joint has no `<{side}>`", f'write <{side} link="..."/>')
+            return None
+        return self.values.word(end, "link")
+
+    def _joint(self, element: SourceElement, name: str, kind: str) -> SourceJoint | None:
+        """What moves; None of one that is fixed or floats."""
+        moving: Kind
+        match kind:
+            case "revolute" | "continuous" | "prismatic" | "planar":
+                moving = kind
+            case _:
+                return None
+        axis = self.values.one(element, "axis")
+        direction = (1.0, 0.0, 0.0) if axis is None else self.values.direction(axis, "xyz", (1.0, 0.0, 0.0))
+        mimic = self.values.one(element, "mimic")
+        follows = None if mimic is None else self._mimic(mimic, name)
+        ends = self._ends(element, moving, follows is not None)
+        if moving == "revolute" and ends.lower is None and follows is None:
+            moving = "continuous"
+        dynamics = self.values.one(element, "dynamics")
+        damping = friction = 0.0
+        if dynamics is not None:
+            damping, friction = (self.values.from_zero(dynamics, key, 0.0) or 0.0 for key in ("damping", "friction"))
+        controlled = name in self.blocks.driven if self.blocks.driven is not None else (ends.effort or 0.0) > 0.0
+        if ends.effort == 0.0 == ends.velocity and follows is None:  # which exporters write for unknown limits
+            ends = replace(ends, effort=None, velocity=None)
+            self.unlimited.append(next(element.all("limit")))
+        return SourceJoint(
+            name=name, kind=moving, axis=direction, where=element.where, ends=ends, damping=damping, friction=friction, follows=follows,
+            drive=SourceDrive(name=name, kind="motor", where=element.where, effort=ends.effort) if controlled and follows is None else None,
+        )
+
+    def _mimic(self, mimic: SourceElement, name: str) -> Following | None:
+        """What a joint follows: nothing where that is no joint that moves, as pinocchio and MoveIt have it."""
+        joint = self.values.word(mimic, "joint")
+        multiplier, offset = self.values.number(mimic, "multiplier", 1.0), self.values.number(mimic, "offset", 0.0)
+        if joint is None or multiplier is None or offset is None:
+            return None
+        if joint not in self.moving:
+            self.losses.note(f"that joint `{name}` mimics `{joint}`", "there is no such joint that moves: it moves by itself", mimic.where)
+            self.report.warn(
+                Code.SOURCE_DOUBT, f"joint `{name}` mimics `{joint}`, which is no joint that moves: it moves by itself here",
+                mimic.place("joint"), help=did_you_mean(joint, sorted(self.moving - {name}), what="joints"),
+            )
+            return None
+        return Following(joint=joint, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
+
+    def _ends(self, element: SourceElement, kind: Kind, follows: bool) -> Ends:
+        limit = self.values.one(element, "limit")
+        if limit is None:
+            if kind in ("revolute", "prismatic") and not follows:
+                help = 'write <limit lower="..." upper="..." effort="..." velocity="..."/>'
+                self.values.fault(element, None, f"this joint is `{kind}` and has no `<limit>`", help)
+            return Ends()
+        effort, velocity = (
+            self.values.from_zero(limit, key) if key in limit.attributes else None for key in ("effort", "velocity")
+        )
+        lower, upper = self.values.number(limit, "lower", 0.0), self.values.number(limit, "upper", 0.0)
+        if kind not in ("revolute", "prismatic"):
+            if lower != upper:
+                self.losses.note("`lower` and `upper` of a joint", f"one that is `{kind}` has no ends", limit.where)
+            return Ends(effort=effort, velocity=velocity)
+        if lower is None or upper is None:
+            return Ends()
+        if lower > upper:
+            self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or mend the number")
+        if lower == upper:
+            if kind == "prismatic" and not follows:
+                help = "make it `fixed`, or give it ends"
+                self.values.fault(limit, None, f"`lower` and `upper` are both {lower:g}: this joint cannot move", help)
+            elif not follows:
+                self.losses.note(
+                    f"`lower` and `upper` of a joint, both {lower:g}", "it is read as one without ends, as simulators do", limit.where,
+                )
+            return Ends(effort=effort, velocity=velocity)
+        return Ends(lower=lower, upper=upper, effort=effort, velocity=velocity)
+
+    def _grounded(self, robot: SourceRobot) -> SourceRobot | None:
+        """Without a root link that stands for the world, where one link alone hangs on it and nothing moves that."""
+        first = [one for one in robot.hangings if one.parent == robot.root]
+        world = next(link for link in robot.links if link.name == robot.root)
+        bare = world.weight is None and not world.shapes and len(first) == 1 and not first[0].joints
+        if bare and (robot.root == WORLD or first[0].floating):
+            robot = replace(
+                robot, root=first[0].child, base="free" if first[0].floating else "fixed", pose=first[0].pose,
+                links=tuple(link for link in robot.links if link is not world),
+                hangings=tuple(one for one in robot.hangings if one is not first[0]),
+            )
+        floating = [one for one in robot.hangings if one.floating]
+        for one in floating:
+            self.report.add(
+                Code.SOURCE_VALUE, f"joint `{one.name}` floats: only a link that weighs nothing, with nothing else on it, may be its "
+                "parent", one.where, help="a document has one robot, with one base: make a file of each",
+            )
+        return None if floating else robot
+
+

@@ -1,0 +1,189 @@
+"""What URDF files say to the programs that read them: `<gazebo>`, `<transmission>`, `<ros2_control>` and `<mujoco>`. What a document can
+say is taken, and every other element is a loss with its reason; what only tells a program how to read the file loses nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import Literal
+
+from thingc.base.diagnostics import Code
+from thingc.base.pose import Pose, placed
+from thingc.base.typos import did_you_mean
+from thingc.tools.importing.losses import Losses
+from thingc.tools.importing.model import SourceSensor
+from thingc.tools.importing.values import Values
+from thingc.tools.importing.xml_source import SourceElement
+
+TAGS = ("gazebo", "transmission", "ros2_control", "mujoco")
+KEPT = {"preserveFixedJoint", "disableFixedJointLumping", "provideFeedback", "canonicalBody"}
+"""Elements of Gazebo without which nothing would be lost: links that are fixed to others are there in any case."""
+WHY = {
+    **dict.fromkeys(("kp", "kd", "maxVel", "minDepth", "maxContacts"), "how stiff a contact is, its simulator says"),
+    **dict.fromkeys(("gravity", "turnGravityOff"), "all links have the mode's gravity"), "fdir1": "friction has no direction",
+    "material": "it names a colour of Gazebo", "selfCollide": "links touch, but for those that a joint connects",
+    "plugin": "it is a program of Gazebo", "static": "modes say what stands still", "hardware": "it is a program of ROS",
+}
+COMMANDS = ("position", "velocity", "effort")
+ONLY_READING = {"angle", "fusestatic", "discardvisual", "strippath", "meshdir", "assetdir", "convexhull", "balanceinertia", "autolimits"}
+"""Attributes of MuJoCo's `<compiler>` that say how it reads the file."""
+
+
+SENSORS: dict[str, Literal["imu", "camera"]] = {"imu": "imu", "imu_sensor": "imu", "camera": "camera"}
+LOOKING = Pose(rotation=((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+"""A mount that a camera looks along, z, in a frame of Gazebo's, along whose x it looks; y is up here, and z there."""
+MOST_VIEW = math.radians(179.0)
+"""Of a camera, from bottom to top."""
+FIELD_OF_VIEW, WIDTH, HEIGHT = 1.047, 320.0, 240.0
+"""Of a camera, as SDF has them where a file says nothing: from left to right [rad], and its picture."""
+
+
+class Blocks:
+    """All blocks of a robot. What is not read of them is a loss, and what is not a number is reported.
+
+    Attributes:
+        friction: The sliding friction of links, by their names.
+        free: Whether Gazebo is told that the robot is not static: nothing fixes its base to the world.
+        sensors: By name, each with its pose in its link.
+        driven: The joints that something drives; None if nothing says which.
+        meshes: The folder in which MuJoCo looks for meshes, if it is stated.
+    """
+
+    def __init__(self, root: SourceElement, values: Values, losses: Losses) -> None:
+        self.root, self.values, self.losses = root, values, losses
+        self.friction: dict[str, float] = {}
+        self.free = False
+        self.sensors: dict[str, SourceSensor] = {}
+        for block in root.all("gazebo"):
+            self._gazebo(block)
+        driven = {name for name, block in (*self._transmitted(), *self._controlled()) if self._is_joint(name, block)}
+        said = any(one.tag in ("transmission", "ros2_control") for one in root.children)
+        self.driven = driven if said else None
+        self.meshes: str | None = None
+        for block in root.all("mujoco"):
+            self._mujoco(block)
+
+    def _rest(self, elements: Iterable[SourceElement], of: str) -> None:
+        for element in elements:
+            self.losses.note(f"`<{element.tag}>` {of}", WHY.get(element.tag, "it is not read"), element.where)
+
+    def _gazebo(self, block: SourceElement) -> None:
+        name = block.attributes.get("reference")
+        if name is None:
+            self.free |= any(one.text.lower() in ("0", "false") for one in block.all("static"))
+            self._rest((one for one in block.children if one.tag != "static" or not self.free), "of `<gazebo>`")
+            return
+        here = f"of `<gazebo reference=\"{name}\">`"
+        links, joints = ([one.attributes.get("name") for one in self.root.all(tag)] for tag in ("link", "joint"))
+        if name not in links and name not in joints:
+            self.losses.note(f"`<gazebo reference=\"{name}\">`", "there is no such link or joint", block.where)
+            return
+        first, second = (next(block.all(tag), None) for tag in ("mu1", "mu2"))
+        slides = [None if one is None else self._from_zero(one) for one in (first, second)]
+        if first is not None and slides[0] is not None and name in links:
+            self.friction[name] = slides[0]
+        elif first is not None:
+            self.losses.note(f"`<mu1>` {here}", "it is no link", first.where)
+        if second is not None and slides[1] is not None and slides[0] != slides[1]:
+            self.losses.note(f"`<mu2>` {here}", "friction is the same in all directions", second.where)
+        for sensor in block.all("sensor"):
+            self._sensor(sensor, name, name in links)
+        self._rest((one for one in block.children if one.tag not in {"mu1", "mu2", "sensor", *KEPT}), here)
+
+    def _sensor(self, element: SourceElement, link: str, on_link: bool) -> None:
+        name, kind = element.attributes.get("name", ""), element.attributes.get("type", "")
+        what, known = f"sensor `{name}`", SENSORS.get(kind)
+        if known is None or not on_link or not name or name in self.sensors:
+            why = "another one is called so" if name in self.sensors else f"there is no sensor `{kind}`" if on_link else "it is on no link"
+            self.losses.note(what, why, element.where)
+            return
+        pose = next(element.all("pose"), None)
+        words = ["0"] * 6 if pose is None else pose.text.split()
+        numbers = [self.values.number_of(pose or element, word, "`<pose>`") for word in words]
+        if len(numbers) != 6:
+            self.values.fault(pose or element, None, f"`<pose>`: expected 6 numbers with spaces between, found {len(numbers)} of them")
+        x, y, z, roll, pitch, yaw = (one or 0.0 for one in (*numbers, *[0.0] * 6)[:6])
+        at, fovy = placed((x, y, z), (roll, pitch, yaw)), 0.0
+        if known == "camera":
+            at, fovy = at @ LOOKING, self._fovy(element)
+            if not 0.0 < fovy < MOST_VIEW:
+                self.losses.note(what, "it sees half of everything, or nothing", element.where)
+                return
+        self.sensors[name] = SourceSensor(name=name, kind=known, link=link, pose=at, fovy=fovy, where=element.where)
+        if any(one.tag not in ("pose", "always_on", "visualize", "camera") for one in element.children):
+            self.losses.note(f"rate, noise and plugins of {what}", "a sensor here says what it is and where", element.where)
+
+    def _fovy(self, element: SourceElement) -> float:
+        """From bottom to top, of the angle from left to right and the shape of the picture."""
+        cameras = [*element.all("camera")]
+        images = [image for camera in cameras for image in camera.all("image")]
+        sizes = [FIELD_OF_VIEW, WIDTH, HEIGHT]
+        for k, (tag, inside) in enumerate((("horizontal_fov", cameras), ("width", images), ("height", images))):
+            for one in (one for outer in inside for one in outer.all(tag)):
+                sizes[k] = self._from_zero(one) or sizes[k]
+        return 2.0 * math.atan(math.tan(min(sizes[0], 3.1) / 2.0) * sizes[2] / sizes[1])
+
+    def _number(self, element: SourceElement) -> float | None:
+        """As the text of an element, or its `value`."""
+        return self.values.number_of(element, element.attributes.get("value", element.text), f"`<{element.tag}>`")
+
+    def _from_zero(self, element: SourceElement) -> float | None:
+        """Such a number that is not below 0."""
+        number = self._number(element)
+        if number is not None and number < 0.0:
+            self.values.fault(element, None, f"`<{element.tag}>`: expected a number at least 0, found {number:g}")
+            return None
+        return number
+
+    def _is_joint(self, name: str, block: SourceElement) -> bool:
+        """Whether what drives a joint drives one of the robot."""
+        joints = [one.attributes.get("name", "") for one in self.root.all("joint")]
+        if name not in joints:
+            self.losses.note(f"what drives joint `{name}`", "there is no such joint", block.where)
+            message = f"this drives joint `{name}`, and there is none"
+            self.values.report.warn(Code.SOURCE_DOUBT, message, block.place("name"), help=did_you_mean(name, joints, what="joints"))
+        return name in joints
+
+    def _transmitted(self) -> Iterator[tuple[str, SourceElement]]:
+        """The joints that transmissions move, and where they say so."""
+        for block in self.root.all("transmission"):
+            faces = [one.text for part in block.children for one in part.all("hardwareInterface")]
+            for joint in block.all("joint"):
+                name = joint.attributes.get("name", "")
+                yield name, joint
+                self._interfaces(name, {kind for kind in COMMANDS for face in faces if kind in face.lower()}, joint)
+            for one in (one for part in block.all("actuator") for one in part.all("mechanicalReduction")):
+                if (ratio := self._number(one)) is not None and ratio != 1.0:
+                    self.losses.note(f"`<mechanicalReduction>` {ratio:g}", "what drives a joint is told as it is at the joint", one.where)
+            self._rest((one for one in block.children if one.tag not in ("joint", "actuator", "type")), "of `<transmission>`")
+
+    def _controlled(self) -> Iterator[tuple[str, SourceElement]]:
+        """The joints that `<ros2_control>` can command, and where it says so."""
+        for block in self.root.all("ros2_control"):
+            for joint in block.all("joint"):
+                name, commands = joint.attributes.get("name", ""), [*joint.all("command_interface")]
+                if commands:
+                    yield name, joint
+                    self._interfaces(name, {one.attributes.get("name", "") for one in commands}, joint)
+                bounds = [one for command in commands for one in command.all("param") if one.attributes.get("name") in ("min", "max")]
+                if bounds:
+                    self.losses.note(f"the bounds of what is commanded of joint `{name}`", "its own limits hold", bounds[0].where)
+            self._rest((one for one in block.children if one.tag != "joint"), "of `<ros2_control>`")
+
+    def _interfaces(self, name: str, kinds: set[str], joint: SourceElement) -> None:
+        """A joint is a motor: gains of the loop around it are in no URDF."""
+        if kinds & {"position", "velocity"} and "effort" not in kinds:
+            kind = "position" if "position" in kinds else "velocity"
+            self.losses.note(
+                f"that joint `{name}` is commanded by its {kind}", "the gains are its controller's: it has a motor", joint.where,
+            )
+
+    def _mujoco(self, block: SourceElement) -> None:
+        for one in block.children:
+            if one.tag != "compiler":
+                self.losses.note(f"`<{one.tag}>` of `<mujoco>`", "it is not read", one.where)
+                continue
+            for key in ("meshdir", "assetdir"):
+                self.meshes = one.attributes.get(key) if self.meshes is None else self.meshes
+            for attribute in sorted(one.attributes.keys() - ONLY_READING):
+                self.losses.note(f"`{attribute}` of `<compiler>`", "masses and shapes are as the file has them", one.where)

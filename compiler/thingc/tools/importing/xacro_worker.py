@@ -1,0 +1,152 @@
+"""A process that expands one xacro file, and ends. xacro evaluates Python of the file, so a child does that, confined like part code. It
+can change only a temporary folder, read only the robot's folder and known packages, and run no program. Nothing that it starts outlives it.
+
+Every element of a file carries its place as an attribute before xacro sees it; macros copy it with the element, so that what comes out says
+where each element was written.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import resource
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+from xml.parsers import expat
+
+from thingc.geometry.worker import children, confining, process_tree
+from thingc.geometry.worker.scratch import Scratch
+from thingc.tools.importing.packages import NotFound, Packages, within
+from thingc.tools.importing.xml_source import MARK, utf8_of
+
+BYTES = 2_000_000_000
+FILE_BYTES = 1_000_000
+"""Of memory, and of each temporary file, xacro's messages included."""
+
+
+def main() -> int:
+    """From a line of JSON (`path`, `packages`, `arguments`, `seconds` of the processor, and a `timeout` by the clock) to one: `text`,
+    `files` and `packages` that were found; or a `fault` with its `file` and `line`; or how the child `failed`."""
+    asked = json.loads(sys.stdin.readline())
+    packages = Packages(asked["path"], asked["packages"], os.environ)
+    readable = [*filter(os.path.isdir, (*packages.readable(), *sys.path, sys.prefix, sys.base_prefix, "/lib", "/lib64", "/usr/lib"))]
+    process_tree.adopt_orphans()
+    scratch = Scratch()
+    child = children.start(_expand, 0, scratch.make(), scratch.descriptors, readable)
+    child.ask({**asked, "id": 0, "readable": readable})
+    answer = child.wait()
+    scratch.close()
+    print(json.dumps(answer if is_plausible(answer, [asked["path"], *readable]) else {"failed": "crashed", "words": "a false answer"}))
+    return 0
+
+
+def is_plausible(answer: Mapping[str, Any], readable: Sequence[str]) -> bool:
+    """Whether an answer, which code of the file may have forged, names only files that it may read: they are read again, unconfined."""
+    files = [*answer.get("files", ()), *filter(None, [answer.get("file")])]
+    return all(os.path.isfile(one) and any(within(one, folder) for folder in readable) for one in files)
+
+
+def _expand(asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Expand the file, in the child."""
+    resource.setrlimit(resource.RLIMIT_CPU, (asked["seconds"], asked["seconds"]))
+    resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (FILE_BYTES, FILE_BYTES))
+    confining.begin(asked["scratch"], asked["readable"])
+    return _Expanding(asked["path"], asked["packages"]).expanded(asked["arguments"])
+
+
+class _Expanding:
+    def __init__(self, path: str, packages: dict[str, str]) -> None:
+        self.path, self.packages = path, Packages(path, packages, os.environ)
+        self.files: list[str] = []
+        self.found: dict[str, str] = {}
+
+    def expanded(self, arguments: dict[str, str]) -> dict[str, object]:
+        """The answer."""
+        import xacro
+        from xacro import substitution_args
+
+        substitution_args._eval_find = substitution_args._eval_dict["find"] = self._find
+        xacro.parse = self._parse
+        try:
+            xacro.init_stacks(self.path)
+            document = self._parse(None, self.path)
+            xacro.process_doc(document, mappings=arguments, verbosity=0)
+            return {"text": document.documentElement.toxml(), "files": self.files, "packages": self.found}
+        except expat.ExpatError as fault:
+            return {"fault": f"this is no well-formed XML: {expat.ErrorString(fault.code)}", "file": self.files[-1], "line": fault.lineno}
+        except MemoryError:
+            return {"fault": "it takes too much memory", "file": self.path, "line": 1}
+        except RecursionError:
+            return {"fault": "it calls itself without an end", "file": self.path, "line": 1}
+        except Exception as fault:  # whatever expressions of others raise
+            said, root = str(fault), fault
+            while isinstance(getattr(root, "exc", None), Exception):
+                root = root.exc  # type: ignore[attr-defined]
+            if isinstance(root, OSError):
+                said = str(fault.args[0] or f"`{root.filename}`: {(root.strerror or str(root)).lower()}")
+            elif said.startswith("<class"):
+                said = str(root if root is not fault else fault.args[0])
+            said = " ".join((said if str(root) else f"{type(root).__name__} {said}").split())
+            top = next((one for one in reversed(xacro.filestack or []) if one), self.path)
+            file, line = self._place(os.path.abspath(top), said)
+            return {"fault": said, "file": file, "line": line}
+
+    def _place(self, top: str, said: str) -> tuple[str, int]:
+        """The file and line in which an expression, or a name, stands first that the message quotes; the first line of `top`, the file that
+        is being expanded, where there is none."""
+        quoted = sorted({one or other for one, other in re.findall(r"'([^']+)'|`([^`]+)`", said)}, key=len, reverse=True)
+        files = list(dict.fromkeys([top, *self.files]))
+        texts = {}
+        for file in files:
+            with contextlib.suppress(OSError), open(file, encoding="utf-8", errors="replace") as stream:
+                texts[file] = stream.read().split("\n")
+        for wanted in (*(f"${{{one}}}" for one in quoted), *quoted, *map(os.path.basename, quoted)):
+            for file, lines in texts.items():
+                for number, line in enumerate(lines, 1):
+                    if wanted and wanted in line:
+                        return file, number
+        return top, 1
+
+    def _find(self, name: str) -> str:
+        """`$(find NAME)`."""
+        try:
+            self.found[name] = self.packages.package(name)
+        except NotFound as fault:
+            raise ValueError(f"{fault}; {fault.help}" if fault.help else str(fault)) from None
+        return self.found[name]
+
+    def _parse(self, text: object, filename: str) -> Any:
+        """As `xacro.parse` does it, with the places."""
+        from xml.dom import minidom
+
+        import xacro
+
+        path = os.path.abspath(filename)
+        try:
+            with open(path, "rb") as stream:
+                data = utf8_of(stream.read())
+        except OSError as fault:
+            xacro.filestack.pop()
+            raise xacro.XacroException(f"cannot read `{filename}`: {(fault.strerror or str(fault)).lower()}", exc=fault) from None
+        self.files.append(path)
+        number, parts, at = len(self.files) - 1, list[bytes](), 0
+        parser = expat.ParserCreate()
+        parser.StartElementHandler = lambda tag, _: begun.append(
+            (tag, parser.CurrentByteIndex, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1),
+        )
+        begun: list[tuple[str, int, int, int]] = []
+        parser.Parse(data, True)
+        for tag, start, line, column in begun:
+            if not tag.startswith("xacro:"):
+                end = start + 1 + len(tag.encode())
+                parts += [data[at:end], f' {MARK}="{number}:{line}:{column}:{start}"'.encode()]
+                at = end
+        return minidom.parseString(b"".join([*parts, data[at:]]))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,284 @@
+"""What a browser on this machine is shown of a document: its page, and news of every round.
+
+Nobody else gets anything. The server listens on the loopback interface alone; every address begins with a word that nobody can guess and
+only who has started it knows; a name of another host in the request is refused (a page elsewhere may have let its own name lead here); no
+other page may read the answers. What is sent are a handful of texts in memory: no address names a file.
+"""
+
+from __future__ import annotations
+
+import base64
+import hmac
+import json
+import os
+import secrets
+import socket
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+from thingc.base.diagnostics import Diagnostic
+from thingc.base.frozen import dataclass
+from thingc.base.shown import json_text
+from thingc.base.source import Span
+from thingc.documents.workspace import Workspace
+from thingc.targets import Page, waiting
+
+LOOPBACK = "127.0.0.1"
+SILENCE = 15.0
+"""After how long [s] without news a browser is told that there are none: who has gone away is found out then."""
+
+IDLE = 32
+"""How many connections may wait for a request; a browser has six at most."""
+
+HEADERS = {
+    "Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY",
+    "Cross-Origin-Resource-Policy": "same-origin", "Cross-Origin-Opener-Policy": "same-origin",
+}
+HTML, JSON = "text/html; charset=utf-8", "application/json"
+
+Finding = Mapping[str, object]
+"""A diagnostic as the page takes it."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Shown:
+    """A robot as it stands: the last good page, how many there were, and what is said of the document now."""
+
+    page: Page | None = None
+    count: int = 0
+    findings: tuple[Finding, ...] = ()
+
+    def after(self, page: Page | None, findings: Sequence[Finding]) -> _Shown:
+        """After a round, that had no page where it is None."""
+        return _Shown(page or self.page, self.count + (page is not None), tuple(findings))
+
+
+class _Quiet(ThreadingHTTPServer):
+    """Says nothing of browsers that go away in the middle of a request, and gives up connections over which nobody asks for anything: of
+    more than `IDLE` the one that has waited longest, so that there always is one for the next browser."""
+
+    daemon_threads = True
+    request_queue_size = 128
+
+    def __init__(self, *arguments: Any) -> None:
+        self._idle: dict[socket.socket, None] = {}
+        self._turn = threading.Lock()
+        super().__init__(*arguments)
+
+    def wait(self, connection: socket.socket) -> None:
+        """A connection waits for a request from now on."""
+        with self._turn:
+            self._idle[connection] = None
+            longest = next(iter(self._idle)) if len(self._idle) > IDLE else None
+        if longest is not None:
+            self.wait_no_more(longest)
+            with suppress(OSError):  # it has ended by itself
+                longest.shutdown(socket.SHUT_RDWR)
+
+    def wait_no_more(self, connection: socket.socket) -> None:
+        """It has asked for something, or has ended."""
+        with self._turn:
+            self._idle.pop(connection, None)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Anything but a lost connection is a defect."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handle_error(request, client_address)
+
+
+class Server:
+    """A server on a free port of this machine, or on `port`. A context manager: it serves from entering to leaving. Raises OSError where
+    the port is taken. `editor` is what `Page.html` takes, `document` the path of what is shown.
+
+    The word of its address is a random one; with a `key`, that nobody else knows, it is always the same for the same document and port: a
+    page that is open finds the next server there, and none of another document."""
+
+    def __init__(self, port: int = 0, editor: str | None = None, document: str = "", key: bytes | None = None) -> None:
+        self._news = threading.Condition()
+        self._editor = editor
+        self._name = os.path.basename(document) or "thingc view"
+        self._own = _Shown()
+        self._other = _Shown()
+        self._seconds = self._kernel = 0.0
+        self._closed = False
+        self._number = 0
+        self._run = secrets.token_hex(4)
+        self._http = _Quiet((LOOPBACK, port), type("Handler", (_Handler,), {"served": self}))
+        about = f"{self.port} {os.path.realpath(document)}".encode("utf-8", "surrogateescape")
+        word = secrets.token_bytes(16) if key is None else hmac.digest(key, about, "sha256")[:16]
+        self._token = base64.urlsafe_b64encode(word).decode().rstrip("=")
+        self._thread = threading.Thread(target=self._http.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
+
+    def __enter__(self) -> Server:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        with self._news:
+            self._closed = True
+            self._news.notify_all()
+        self._http.shutdown()
+        self._http.server_close()
+
+    @property
+    def port(self) -> int:
+        """The port that it listens on."""
+        return int(self._http.server_address[1])
+
+    @property
+    def address(self) -> str:
+        """Where a browser finds the page."""
+        return f"http://{LOOPBACK}:{self.port}/{self._token}/"
+
+    def tell(self, page: Page | None, seconds: float, findings: Sequence[Finding], *, kernel: float = 0.0) -> None:
+        """What came of a round: its page (None: that of the last good one stays), how long it took, what there is to say, and how long of
+        it parts were modelled."""
+        with self._news:
+            self._own = self._own.after(page, findings)
+            self._seconds, self._kernel = seconds, kernel
+            self._number += 1
+            self._news.notify_all()
+
+    def tell_against(self, page: Page | None, findings: Sequence[Finding] = ()) -> None:
+        """The same of the robot that is seen through it. Nobody hears of that before there is anything of its own to tell."""
+        with self._news:
+            self._other = self._other.after(page, findings)
+            self._number += 1 if self._number > 0 else 0
+            self._news.notify_all()
+
+    def hosted(self, host: str | None) -> bool:
+        """Whether a request is meant for this server, by the host that it names."""
+        return host in (f"{LOOPBACK}:{self.port}", f"localhost:{self.port}")
+
+    def inside(self, path: str) -> str | None:
+        """What a request asks for behind the word that only this machine's user knows; None without it."""
+        word, slash, rest = path.partition("?")[0].removeprefix("/").partition("/")
+        return rest if slash and hmac.compare_digest(word.encode(), self._token.encode()) else None
+
+    def content(self, name: str) -> tuple[str, bytes] | None:
+        """Type and bytes of what is asked for by name; None where there is nothing of that name."""
+        with self._news:
+            page, other = self._own.page, self._other.page
+            stand = f"{self._run} {self._own.count} {self._other.count}"
+        if name == "":
+            return HTML, waiting(self._name, self._editor) if page is None else page.html(live=stand, editor=self._editor, against=other)
+        asked = {"robot.json": page, "against.json": other}.get(name)
+        return (JSON, asked.news()) if asked is not None else None
+
+    def news(self, after: int) -> tuple[int, str] | None:
+        """The last news and their number, as soon as there are any after that number; the same number where there are none for a while,
+        None at the end."""
+        with self._news:
+            self._news.wait_for(lambda: self._closed or self._number > after, SILENCE)
+            return None if self._closed else (self._number, self._told())
+
+    def _told(self) -> str:
+        """The last news: `run` is another word for every server, `build` and `against` count the robots that there were."""
+        own, other = self._own, self._other
+        findings = [*own.findings, *(one for one in other.findings if one not in own.findings)]
+        told = {
+            "run": self._run, "build": own.count, "against": other.count, "seconds": self._seconds, "kernel": self._kernel,
+            "findings": findings,
+        }
+        return json_text(json.dumps(told, ensure_ascii=False))
+
+
+def findings_of(diagnostics: Sequence[Diagnostic], workspace: Workspace | None) -> list[dict[str, object]]:
+    """Diagnostics as the page takes them: `file` is the path in the workspace."""
+    return [
+        {
+            "code": d.code.code, "severity": d.severity.value, "message": d.message, "help": d.help,
+            **_place(d.span, workspace),
+            "notes": [{"message": note.message, **_place(note.span, workspace)} for note in d.notes],
+        }
+        for d in diagnostics
+    ]
+
+
+def _place(span: Span | None, workspace: Workspace | None) -> dict[str, object]:
+    """`file`, its path in the workspace, and `line` of a place; null for what is not in a file."""
+    if span is None or span.option is not None or workspace is None:
+        return {"file": None, "line": None}
+    return {"file": workspace.relative(span.file), "line": span.line}
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """One request: GET or HEAD of what a server has."""
+
+    served: Server
+    server: _Quiet
+
+    protocol_version = "HTTP/1.1"
+    server_version = "thingc"
+    sys_version = ""
+    timeout = 60.0
+
+    def handle_one_request(self) -> None:
+        """Wait for a request, read it and answer it."""
+        self.server.wait(self.connection)
+        try:
+            super().handle_one_request()
+        finally:
+            self.server.wait_no_more(self.connection)
+
+    def do_GET(self) -> None:
+        """Send it."""
+        self._answer(body=True)
+
+    def do_HEAD(self) -> None:
+        """Say what would be sent."""
+        self._answer(body=False)
+
+    def log_message(self, *_: Any) -> None:
+        """Nobody hears of requests."""
+
+    def _answer(self, *, body: bool) -> None:
+        self.server.wait_no_more(self.connection)
+        if not self.served.hosted(self.headers.get("Host")):
+            return self._refuse(HTTPStatus.MISDIRECTED_REQUEST)
+        name = self.served.inside(self.path)
+        if name == "events":
+            return self._events(body=body)
+        answer = None if name is None else self.served.content(name)
+        if answer is None:
+            return self._refuse(HTTPStatus.NOT_FOUND)
+        kind, content = answer
+        self._begin(HTTPStatus.OK, kind, len(content))
+        if body:
+            self.wfile.write(content)
+        return None
+
+    def _begin(self, status: HTTPStatus, kind: str, length: int | None) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        for header, value in HEADERS.items():
+            self.send_header(header, value)
+        if length is None:
+            self.close_connection = True
+        else:
+            self.send_header("Content-Length", str(length))
+        self.end_headers()
+
+    def _refuse(self, status: HTTPStatus) -> None:
+        self._begin(status, "text/plain; charset=utf-8", 0)
+
+    def _events(self, *, body: bool) -> None:
+        """News as they come (Server-Sent Events, WHATWG HTML 9.2), until one end goes away."""
+        self._begin(HTTPStatus.OK, "text/event-stream", None)
+        seen = 0
+        try:
+            if body:
+                self.wfile.write(b"retry: 1000\n\n")
+                self.wfile.flush()
+            while body and (latest := self.served.news(seen)) is not None:
+                number, told = latest
+                self.wfile.write(f"data: {told}\n\n".encode() if number > seen else b": nothing new\n\n")
+                self.wfile.flush()
+                seen = number
+        except OSError:  # the browser has gone away
+            self.close_connection = True

@@ -1,0 +1,367 @@
+"""What may be typed where the cursor stands: keys, names, words, mounts of a component, units, and what an expression may use.
+
+Most of it is said by the schema of the document (`editor`), walked along the path of the cursor; the rest needs the robot: frames of
+mounts, units that fit, the numbered items of a `repeat`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import field, replace
+from typing import Any
+
+from thingc.base.frozen import dataclass
+from thingc.base.joints import KINDS
+from thingc.base.units import ANGLE, LENGTH, UNITS, Dimension, Quantity, fits, parse_quantity
+from thingc.documents.expressions import CONSTANTS, FUNCTIONS
+from thingc.tools.lsp.analysis import Analysis
+from thingc.tools.lsp.cursor import Cursor, cursor_at
+from thingc.tools.lsp.frames import frame_words
+from thingc.tools.lsp.positions import TextPlace
+from thingc.tools.lsp.schema_walk import KeyOffer, SchemaWalk
+from thingc.tools.lsp.values import bounds_of, comes_to, parameters_of
+
+MAX_ITEMS = 500
+
+# The kinds of the protocol.
+_FUNCTION, _VARIABLE, _CLASS, _PROPERTY, _UNIT, _VALUE, _FILE, _REFERENCE, _CONSTANT = 3, 6, 7, 10, 11, 12, 17, 18, 21
+
+_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
+_MEASURED = re.compile(rf"\s*{_NUMBER}(?:\s+{_NUMBER}){{0,5}}(?P<space>\s*)(?P<unit>(?:[A-Za-z%°][\w%^*/·²³]*)?)")
+_IN_EXPRESSION = re.compile(rf"(?P<number>(?<![\w.]){_NUMBER}\s*)?(?P<word>[A-Za-z]\w*)?$")
+_BARE = re.compile(r"[A-Za-z./$=][\w ./$*()+^=-]*")
+_SPECIAL = re.compile(r"(?i)true|false|null|yes|no|on|off|~")
+
+COMPOUND = (
+    "mm^2", "cm^2", "m^2", "mm^3", "cm^3", "m^3", "kg/m^3", "g/cm^3", "mm/s", "m/s", "deg/s", "rad/s", "m/s^2", "N*m", "N*mm", "kgf*cm",
+    "kg*m^2", "g*cm^2", "N*m*s/rad", "N*s/m", "N*m/rad", "N*m/deg", "N/m", "N/mm", "mm/rad", "mm/rev", "rad/m",
+)
+"""Units of several factors that are offered; others may be written."""
+_DIMENSIONS: dict[str, Dimension] = {
+    **{name: unit[2] for name, unit in UNITS.items()}, **{name: parse_quantity(f"1 {name}").dimension for name in COMPOUND},
+}
+_FIRST = ("mm", "deg", "g", "kg", "ms", "s", "N", "N*m", "rad", "m")
+"""Units that documents have most often."""
+
+
+_USUAL = ("params", "parameters", "attach", "at", "limit", "drive", "components", "joints", "poses", "modes", "pose", "value")
+"""Keys that documents have most often, though they need not."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompletionItem:
+    """Something to be typed: `text` takes the place of the characters `start` to before `end`, `shown` is what the person sees and
+    types towards. `rank` orders, the smallest first."""
+
+    shown: str
+    text: str
+    start: int
+    end: int
+    kind: int
+    rank: int = 0
+    detail: str = ""
+    description: str = ""
+    filter: str = field(default="")
+
+
+def completion(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> dict[str, Any]:
+    """The protocol's completion list at a place of a document."""
+    lines = analysis.lines()
+    offered = items(analysis, text, lines.index(place))
+    answer = []
+    for number, one in enumerate(offered[:MAX_ITEMS]):
+        item: dict[str, Any] = {
+            "label": one.shown, "kind": one.kind, "sortText": f"{number:04d}", "filterText": one.filter or one.shown, "insertTextMode": 1,
+            "textEdit": {"range": lines.range_of(one.start, one.end), "newText": one.text},
+        }
+        if one.detail:
+            item["detail"] = one.detail
+        if one.description:
+            item["documentation"] = {"kind": "markdown", "value": one.description}
+        answer.append(item)
+    return {"isIncomplete": len(offered) > MAX_ITEMS, "items": answer}
+
+
+def items(analysis: Analysis, text: str, offset: int) -> list[CompletionItem]:
+    """What may stand before the character `offset` of the document's text, the most likely first."""
+    cursor = cursor_at(text, offset, toml=analysis.path.lower().endswith(".toml"))
+    known = analysis.known
+    schema = None if cursor is None or known.in_reach is None else known.in_reach.schema_of(known, cursor.scalars)
+    if cursor is None or schema is None:
+        return []
+    asked = _Asked(analysis, text, offset, cursor, SchemaWalk(schema, cursor.keys, cursor.scalars))
+    offered = list(asked.keys()) if cursor.role == "key" else []
+    if cursor.role == "value" or cursor.either:
+        offered += asked.values()
+    return sorted(offered, key=lambda one: one.rank)
+
+
+class _Asked:
+    """One question: the document, the cursor in it and the schema's answers."""
+
+    def __init__(self, analysis: Analysis, text: str, offset: int, cursor: Cursor, walk: SchemaWalk) -> None:
+        self.analysis = analysis.known
+        self.text = text
+        self.offset = offset
+        self.cursor = cursor
+        self.walk = walk
+        self.found = {finding.code.code for finding in analysis.findings}
+
+    # --- keys ---------------------------------------------------------------------------------------------------------
+
+    def keys(self) -> Iterator[CompletionItem]:
+        """Keys that the mapping may have besides those that it has."""
+        for number, offer in enumerate(self.walk.key_offers(self.cursor.path)):
+            if self.cursor.header and not offer.mapping:
+                continue
+            full = self.cursor.path[-1:] == ("attach",) and offer.name == "mount"
+            rank = 0 if offer.required or offer.name in self.found else 3000 if full else 1000 if offer.name in _USUAL else 2000
+            yield self._item(
+                offer.name, self._key_text(offer), _PROPERTY, rank=rank + number,
+                detail="required" if offer.required else "", description=offer.description,
+            )
+        if self.cursor.header:
+            for name in self.cursor.keys.get(self.cursor.path, ()):
+                yield self._item(name, self._quoted_key(name), _PROPERTY, rank=2000)
+
+    def _key_text(self, offer: KeyOffer) -> str:
+        name, cursor = self._quoted_key(offer.name), self.cursor
+        if cursor.separated or cursor.header or (cursor.quote and self.text.startswith(cursor.quote, cursor.end)):
+            return name
+        if cursor.quote:
+            name += cursor.quote
+        if cursor.toml:
+            return f"{name} = "
+        if offer.mapping and not cursor.flow and not self.text[cursor.end : _line_end(self.text, cursor.end)].strip():
+            line = self.text.rfind("\n", 0, cursor.start) + 1
+            before = self.text[line : cursor.start]
+            return f"{name}:\n{' ' * (len(before) + 2)}"
+        return f"{name}: "
+
+    def _quoted_key(self, name: str) -> str:
+        if self.cursor.quote or re.fullmatch(r"[\w-]+" if self.cursor.toml else r"[\w][\w./-]*", name):
+            return name
+        return f'"{name}"'
+
+    # --- values -------------------------------------------------------------------------------------------------------
+
+    def values(self) -> Iterator[CompletionItem]:
+        """What the value may be, or the rest of what is typed of it."""
+        typed = self.cursor.typed
+        if typed.lstrip().startswith("="):
+            yield from self._in_expression()
+            return
+        measured = _MEASURED.fullmatch(typed)
+        if measured is not None:
+            yield from self._units(self.cursor.start + measured.end("space"), self.offset, measured["space"] == "")
+            return
+        if "." in typed and (inner := list(self._behind_dot())):
+            yield from inner
+            return
+        for number, offer in enumerate(self.walk.value_offers(self.cursor.path)):
+            if isinstance(offer.value, bool):
+                yield self._item(word := str(offer.value).lower(), word, _VALUE, rank=number)
+            elif not self._own(offer.value):
+                deep = 500 * max(0, offer.value.count(".") - 1) if "/" not in offer.value and ":" not in offer.value else 0
+                rank = number + deep + (2000 if self._taken(offer.value) else 1000 if offer.value.endswith(".origin") else 0)
+                yield self._word(offer.value, rank=rank, description=offer.description)
+        yield from self._counted()
+        dimensions = self._dimensions()
+        if dimensions and not (self.cursor.toml and not self.cursor.quote and typed):
+            low, high = bounds_of(self.analysis, self.cursor)
+            for name, quantity in self._parameters():
+                if any(fits(quantity.dimension, one) for one in dimensions) and low <= quantity.value <= high:
+                    yield self._item(f"={name}", self._quoted(f"={name}"), _VARIABLE, rank=100, detail=quantity.shown(6))
+
+    def _word(self, word: str, *, rank: int, description: str) -> CompletionItem:
+        """One of the schema's words: a name, a part, a document."""
+        kind, detail, text = _VALUE, "", self._quoted(word)
+        if self.cursor.path[-1:] == ("part",):
+            kind, detail = _CLASS, ", ".join(self.walk.parameters_of(word))
+            module = f"{word.partition(':')[0]}:"
+            if any(path[-1:] == ("part",) and one.startswith(module) for path, one in self.cursor.scalars.items()):
+                rank -= 1000  # a module that the document has parts of already
+            text += self._params(word)
+        elif "." in word and (frame := frame_words(self.analysis, word)):
+            kind, detail = _REFERENCE, frame
+        elif "/" in word or word.endswith((".yaml", ".toml", ".yml")):
+            kind = _FILE
+        return self._item(word, text, kind, rank=rank, detail=detail, description=description)
+
+    def _params(self, part: str) -> str:
+        """The `params:` that a part needs, to be written behind its name: with values to be overwritten."""
+        owner = self.cursor.path[:-1]
+        needed = self.walk.needed_parameters(part)
+        if not needed or "params" in self.cursor.keys.get(owner, ()) or self.cursor.quote:
+            return ""
+        if self.cursor.toml:
+            pairs = ", ".join(f'{name} = "{value}"' if isinstance(value, str) else f"{name} = {value}" for name, value in needed.items())
+            return f", params = {{{pairs}}}" if self.cursor.flow else f"\nparams = {{{pairs}}}"
+        pairs = ", ".join(f"{name}: {value}" for name, value in needed.items())
+        if self.cursor.flow:
+            return f", params: {{{pairs}}}"
+        line = self.text[self.text.rfind("\n", 0, self.cursor.start) + 1 : self.cursor.start]
+        return f"\n{' ' * (len(line) - len(line.lstrip()))}params: {{{pairs}}}"
+
+    def _behind_dot(self) -> Iterator[CompletionItem]:
+        """The rest of references that begin like what is typed: mounts of a component, and what is nested in it."""
+        head = self.cursor.typed[: self.cursor.typed.rindex(".") + 1]
+        start = self.cursor.start + len(head)
+        mounts: dict[str, str] = {}
+        for offer in self.walk.value_offers(self.cursor.path):
+            if isinstance(offer.value, str) and offer.value.startswith(head) and not self._own(offer.value):
+                mounts.setdefault(offer.value, offer.description)
+        for word, description in self._mounts_at(mounts, head):
+            mounts.setdefault(word, description)
+        for number, (word, description) in enumerate(mounts.items()):
+            rest = word[len(head) :]
+            rank = number + (2000 if self._taken(word) else 0) + (1000 if "." in rest else 0) + (500 if rest == "origin" else 0)
+            item = self._item(rest, rest, _REFERENCE, rank=rank, detail=frame_words(self.analysis, word), description=description)
+            yield replace(item, start=start)
+        for one in self._counted():
+            if one.shown.startswith(head):
+                yield replace(one, shown=one.shown[len(head) :], filter="", text=one.text[len(head) :], start=start)
+
+    def _mounts_at(self, known: Mapping[str, str], head: str) -> Iterator[tuple[str, str]]:
+        """The mounts of a component that the text has and the last sound document had not: those of its part as a rule."""
+        if known or not self.walk.takes_mounts(self.cursor.path):
+            return
+        yield from self.walk.mounts_of(head.rstrip("."))
+
+    def _counted(self) -> Iterator[CompletionItem]:
+        """In a repeated component, references by its index: `plate.servo_screw_$i` for `plate.servo_screw_0`, `_1`, ..."""
+        path = self.cursor.path
+        index = self.cursor.scalars.get((*path[:2], "repeat", "as"), "i") if "repeat" in self.cursor.keys.get(path[:2], ()) else None
+        if index is None:
+            return
+        numbered: dict[str, int] = {}
+        for offer in self.walk.value_offers(path):
+            match = re.fullmatch(r"(.*_)\d+(\.\w+)?", offer.value) if isinstance(offer.value, str) else None
+            name = "" if match is None else f"{match[1]}${index}{match[2] or ''}"
+            if match is not None and not self._own(name):
+                numbered[name] = numbered.get(name, 0) + 1
+        wanted = comes_to(self.analysis, (*path[:2], "repeat", "count"), self.cursor.scalars.get((*path[:2], "repeat", "count"), ""))
+        least = wanted[0].value if wanted and isinstance(wanted[0], Quantity) else 2
+        for name, count in numbered.items():
+            if count >= max(2, least):
+                yield self._item(
+                    name, self._quoted(name), _REFERENCE, rank=1000 if name.endswith(".origin") else -1, detail=f"{count} of them",
+                )
+
+    def _own(self, word: str) -> bool:
+        """Whether a word means what it would be a value of: a mount of the component itself, the mode or the joint."""
+        path = self.cursor.path
+        if path[:1] == ("components",) and len(path) > 2 and path[2] in ("attach", "at"):
+            return path[-1] != "mount" and re.fullmatch(rf"{re.escape(str(path[1]))}(_(\d+|\$\w+))?", word.partition(".")[0]) is not None
+        if path[:1] == ("joints",) and path[2:] in (("parent",), ("child",)):
+            other = self.cursor.scalars.get((*path[:2], "child" if path[2] == "parent" else "parent"), "")
+            return word.partition(".")[0] == other.partition(".")[0]
+        return len(path) > 2 and path[-1] in ("extends", "joint") and word == path[1]
+
+    def _taken(self, word: str) -> bool:
+        """Whether another place of the same kind names the same thing already: then it is seldom meant once more."""
+        kind = self.cursor.path[-1:]
+        if kind not in (("drive",), ("parent",), ("child",)) and self.cursor.path[2:3] != ("attach",):
+            return False
+        return any(
+            text == word and path != self.cursor.path and path[0] in ("joints", "components") for path, text in self.cursor.scalars.items()
+        )
+
+    # --- quantities and expressions ----------------------------------------------------------------------------------
+
+    def _dimensions(self) -> tuple[Dimension, ...]:
+        """Those that the value may have; of a joint's limit the one that its type has."""
+        path = self.cursor.path
+        dimensions = self.walk.dimensions(path)
+        if set(dimensions) != {ANGLE, LENGTH}:
+            return dimensions
+        if path[0] == "joints":
+            kind = KINDS.get(self.cursor.scalars.get((*path[:2], "type"), ""))
+            return tuple(dict.fromkeys(twist.coordinate for twist in kind.twists)) if kind is not None and kind.moves else dimensions
+        known = [one for step in path if (one := self.analysis.facts.joints.get(str(step))) is not None and one.angle is not None]
+        return ((ANGLE,) if known[-1].angle else (LENGTH,)) if known else dimensions
+
+    def _units(self, start: int, end: int, close: bool) -> Iterator[CompletionItem]:
+        """The units that fit, behind a number that ends at `start` (with no space after it if `close`)."""
+        dimensions = self._dimensions()
+        for number, unit in enumerate(_by_use(dimensions)):
+            space = " " if close and unit != "°" else ""
+            yield CompletionItem(
+                shown=unit, text=space + unit, start=start, end=max(end, self.cursor.end), kind=_UNIT,
+                rank=number, detail=_DIMENSIONS[unit].words, filter=unit,
+            )
+
+    def _in_expression(self) -> Iterator[CompletionItem]:
+        """Behind `=`: parameters, functions and constants; behind a number units."""
+        typed = self.cursor.typed
+        match = _IN_EXPRESSION.search(typed)
+        if match is None:
+            return
+        word = match["word"] or ""
+        start = self.offset - len(word)
+        rest = re.match(r"\w*", self.text[self.offset : self.cursor.end])
+        end = self.offset + (rest.end() if rest is not None else 0)
+        if match["number"] is not None:
+            space = " " if not match["number"].endswith((" ", "\t")) else ""
+            for number, unit in enumerate(_by_use(tuple(dict.fromkeys(_DIMENSIONS.values())))):
+                detail = _DIMENSIONS[unit].words
+                yield CompletionItem(shown=unit, text=space + unit, start=start, end=end, kind=_UNIT, rank=number, detail=detail)
+            return
+        wanted = self._dimensions()
+        low, high = bounds_of(self.analysis, self.cursor)
+        for name, value in self._parameters():
+            fitting = (not wanted or any(fits(value.dimension, one) for one in wanted)) and low <= value.value <= high
+            yield CompletionItem(
+                shown=name, text=name, start=start, end=end, kind=_VARIABLE, rank=0 if fitting else 100, detail=value.shown(6),
+                description=self.cursor.scalars.get(("parameters", name, "doc"), ""),
+            )
+        if "repeat" in self.cursor.keys.get(self.cursor.path[:2], ()):
+            index = self.cursor.scalars.get((*self.cursor.path[:2], "repeat", "as"), "i")
+            detail = "the index of this `repeat`"
+            yield CompletionItem(shown=index, text=index, start=start, end=end, kind=_VARIABLE, rank=10, detail=detail)
+        for name, (least, most) in FUNCTIONS.items():
+            several = f"{least} to {most} values" if most > least else f"{least} value" + ("s" if least > 1 else "")
+            yield CompletionItem(shown=name, text=f"{name}(", start=start, end=end, kind=_FUNCTION, rank=200, detail=several, filter=name)
+        for name, quantity in CONSTANTS.items():
+            yield CompletionItem(shown=name, text=name, start=start, end=end, kind=_CONSTANT, rank=201, detail=quantity.shown(6))
+
+    def _parameters(self) -> Iterator[tuple[str, Quantity]]:
+        """The document's parameters that an expression may use here."""
+        for name, quantity in parameters_of(self.analysis).items():
+            if isinstance(quantity, Quantity) and self.cursor.path[:2] != ("parameters", name):
+                yield name, quantity
+
+    # --- text ---------------------------------------------------------------------------------------------------------
+
+    def _item(self, shown: str, text: str, kind: int, *, rank: int, detail: str = "", description: str = "") -> CompletionItem:
+        start = self.cursor.start
+        before = self.text[start - 1 : start]
+        if self.cursor.role == "value" and not self.cursor.typed and not self.cursor.quote and before == ":":
+            text = f" {text}"
+        return CompletionItem(
+            shown=shown, text=text, start=start, end=self.cursor.end, kind=kind, rank=rank, detail=detail, description=description,
+        )
+
+    def _quoted(self, word: str) -> str:
+        """A word as the place wants it: inside quotes as it is, in TOML with quotes, in YAML with them where it needs them."""
+        cursor = self.cursor
+        if cursor.quote:
+            closed = self.text.startswith(cursor.quote, cursor.end)
+            return word if closed else f"{word}{cursor.quote}"
+        plain = _BARE.fullmatch(word) and not _SPECIAL.fullmatch(word) and not word.endswith(" ")
+        if not cursor.toml and (plain or re.fullmatch(r"[A-Za-z][\w.]*:[A-Za-z]\w*", word)):
+            return word
+        return f'"{word}"'
+
+
+def _line_end(text: str, at: int) -> int:
+    match = re.compile(r"[^\r\n]*").match(text, at)
+    return at if match is None else match.end()
+
+
+def _by_use(dimensions: tuple[Dimension, ...]) -> list[str]:
+    """The units of these dimensions, those first that documents have most often."""
+    fitting = [name for name, one in _DIMENSIONS.items() if one in dimensions or any(fits(one, other) for other in dimensions)]
+    return sorted(fitting, key=lambda name: _FIRST.index(name) if name in _FIRST else len(_FIRST))
+

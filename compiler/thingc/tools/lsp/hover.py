@@ -1,0 +1,235 @@
+"""What is said of the thing under the cursor, in short Markdown."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from thingc.base.diagnostics import Code
+from thingc.base.source import MappingNode, Path, node_at
+from thingc.base.summing import plain_sum
+from thingc.base.units import ANGLE, FORCE, MASS, TORQUE, Dimension, Quantity
+from thingc.model.assembly.types import Assembly, JointEdge, Mate
+from thingc.tools.lsp.analysis import Analysis
+from thingc.tools.lsp.cursor import Cursor, cursor_at
+from thingc.tools.lsp.frames import direction_words, frame_words, in_words, length_words
+from thingc.tools.lsp.positions import TextPlace
+from thingc.tools.lsp.schema_walk import SchemaWalk, described, described_as
+from thingc.tools.lsp.values import comes_to, parameters_of, shown
+
+_CODES = {code.code: code for code in Code}
+
+
+def hover(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The protocol's hover at a place of a document; None where there is nothing to say."""
+    lines = analysis.lines()
+    cursor = cursor_at(text, lines.index(place), toml=analysis.path.lower().endswith(".toml"))
+    if cursor is None or cursor.start == cursor.end:
+        return None
+    said = words_at(analysis, cursor, text[cursor.start : cursor.end])
+    if not said:
+        return None
+    return {"contents": {"kind": "markdown", "value": said}, "range": lines.range_of(cursor.start, cursor.end)}
+
+
+def words_at(analysis: Analysis, cursor: Cursor, written: str) -> str:
+    """What is said of the key or value `written` at a cursor, as Markdown; empty where there is nothing to say."""
+    if cursor.role == "key" and written in _CODES:
+        return _of_code(_CODES[written])
+    known = analysis.known
+    schema = None if known.in_reach is None else known.in_reach.schema_of(known, cursor.scalars)
+    walk = None if schema is None else SchemaWalk(schema, cursor.keys, cursor.scalars)
+    if cursor.role == "key":
+        path = (*cursor.path, written)
+        return _of_name(known, path) or ("" if walk is None else described(walk.at(path)))
+    flats = [] if walk is None else walk.at(cursor.path)
+    parts = [_of_value(known, cursor, written), _referred(known, cursor.path, written) or described_as(flats, written)]
+    return "\n\n".join(part for part in parts if part) or described(flats)
+
+
+def _of_code(code: Code) -> str:
+    return f"**{code.code}**: {code.title}\n\nCure: {code.cure}\n\n`thingc explain {code.code}` says more."
+
+
+def _of_value(analysis: Analysis, cursor: Cursor, written: str) -> str:
+    """What a quantity or an expression comes to."""
+    values = comes_to(analysis, cursor.path, written)
+    if not values or (not written.startswith("=") and not written.strip()[-1:].isalpha()):
+        return ""
+    if written.startswith("="):
+        at = re.search(r"[A-Za-z]\w*$|$", cursor.typed)
+        word = re.match(r"[A-Za-z]\w*|", written[at.start() if at is not None else 0 :])
+        own = _of_parameter(analysis, word.group()) if word is not None and written != f"={word.group()}" else ""
+        return "\n\n".join((f"`{written}` = **{shown(values)}**", *([own] if own else [])))
+    value = " ".join(_si(one) for one in values if isinstance(one, Quantity))
+    return "" if value == written.strip() else f"`{written}` = {value}"
+
+
+def _si(quantity: Quantity) -> str:
+    return f"{quantity.value:.6g} {quantity.dimension.symbol}".strip()
+
+
+def _of_name(analysis: Analysis, path: Path) -> str:
+    """What a declared name stands for: a component, a joint, a pose or a mode of the document; or a joint that a pose sets."""
+    section, name = path[0], str(path[-1])
+    if len(path) == 2 and section in _OF:
+        return _OF[str(section)](analysis, name)
+    if section == "parameters" and len(path) == 2:
+        return _of_parameter(analysis, name)
+    if section == "mounts" and name in analysis.facts.exports:
+        return _of_mount(analysis, analysis.facts.exports[name])
+    if section == "poses" and len(path) == 3:
+        return _of_joint(analysis, name)
+    if section == "components" and path[2:3] == ("attach",) and len(path) == 4 and name not in ("mount", "to", "turn", "gap"):
+        return _of_mount(analysis, f"{path[1]}.{name}")
+    return ""
+
+
+def _referred(analysis: Analysis, path: Path, written: str) -> str:
+    """What a reference stands for, by the place where it is written."""
+    key = path[-1] if not isinstance(path[-1], int) else path[-2] if len(path) > 1 else ""
+    if key in ("pose", "poses"):
+        return _of_pose(analysis, written)
+    if key in ("mode", "extends"):
+        return _of_mode(analysis, written)
+    if key == "joint":
+        return _of_joint(analysis, written)
+    if written.count("$") == 1:  # inside a repeat: the first that is meant
+        items = re.compile(re.sub(r"\\\$[A-Za-z]\w*", r"\\w+", re.escape(written)))
+        written = next(filter(items.fullmatch, analysis.facts.mounts), written)
+    return _of_mount(analysis, written) or _of_component(analysis, written) or (_of_joint(analysis, written) if key == "drive" else "")
+
+
+def _of_parameter(analysis: Analysis, name: str) -> str:
+    parameter = parameters_of(analysis).get(name)
+    if parameter is None:
+        return ""
+    node = None if analysis.tree is None else node_at(analysis.tree, ("parameters", name))
+    own = {key: str(one.plain()) for key, one in node.entries.items()} if isinstance(node, MappingNode) else {}
+    bounds = [f"at {word} `{own[key]}`" for key, word in (("min", "least"), ("max", "most")) if key in own]
+    said = [own["doc"]] if "doc" in own else []
+    return "; ".join((f"**{name}** = {shown((parameter,))}", *bounds, *said))
+
+
+# --- components and mounts ---------------------------------------------------------------------------------------------
+
+
+def _of_component(analysis: Analysis, name: str) -> str:
+    """`**plate**`: what it is, what it weighs, where it stands."""
+    facts = analysis.facts
+    piece = next((one for one in facts.pieces if name == one.name or name in one.items), None)
+    what = piece.what if piece is not None else facts.components.get(name, "")
+    if not what:
+        return ""
+    lines = [f"**{name}**: {what}"]
+    items = piece.items if piece is not None else (name,)
+    if len(items) > 1 and name not in items:
+        lines.append(f"{len(items)} of them, `{items[0]}` to `{items[-1]}`.")
+    if analysis.assembly is not None:
+        lines += _measured(analysis.assembly, items[0] if name not in items else name)
+    return "\n\n".join(lines)
+
+
+def _measured(assembly: Assembly, name: str) -> Iterator[str]:
+    """Mass and place of a component, or of all that a nested assembly holds."""
+    path = name.replace(".", "/")
+    inside = [one for one in assembly.occurrences if one.path == path or one.path.startswith(f"{path}/")]
+    if not inside:
+        return
+    mass = plain_sum(one.properties.mass for one in inside)
+    sources = dict.fromkeys(one.mass_source for one in inside if one.properties.mass)
+    if mass:
+        yield f"Mass {_shown(mass, MASS)} ({', '.join(sources)})" + (f", {len(inside)} parts." if len(inside) > 1 else ".")
+    if len(inside) == 1:
+        base = assembly.occurrences[assembly.base].path
+        if inside[0].index != assembly.base:
+            place = f"At {in_words(assembly.rest[inside[0].index])} of `{base}`, with every joint at 0"
+        else:
+            place = "The base"
+        yield f"{place}; link `{assembly.links[assembly.link_of[inside[0].index]].name}`."
+
+
+def _of_mount(analysis: Analysis, reference: str) -> str:
+    text = analysis.facts.mounts.get(reference)
+    frame = frame_words(analysis, reference)
+    if text is None and not frame:
+        return ""
+    return f"**{reference}**: {text or 'a mount.'}" + (f"\n\nAt {frame}{'' if ' of `' in frame else ' of its component'}." if frame else "")
+
+
+# --- joints, poses and modes ----------------------------------------------------------------------------------------------
+
+
+def _of_joint(analysis: Analysis, name: str) -> str:
+    """Its kind, its mounts, its limits and what drives it."""
+    facts = analysis.facts.joints.get(name)
+    coordinate = None if analysis.assembly is None else _edge(analysis.assembly, name)
+    if facts is None and coordinate is None:
+        return ""
+    lines = [f"**{name}**: {facts.what}" if facts is not None else f"**{name}**"]
+    if coordinate is not None:
+        mate, edge = coordinate
+        lines.append(_motion(edge))
+        if edge.actuator is not None:
+            unit = TORQUE if edge.twist.coordinate == ANGLE else FORCE
+            effort = "" if edge.limit.effort is None else f", up to {_shown(edge.limit.effort, unit)}"
+            lines.append(f"Driven ({edge.actuator.kind}{effort}).")
+        if edge.mimic is None and edge.actuator is None and mate.loop is None:
+            lines.append("Nothing drives it.")
+    return "\n\n".join(lines)
+
+
+def _motion(edge: JointEdge) -> str:
+    turns = any(edge.twist.angular)
+    axis = edge.twist.angular if turns else edge.twist.linear
+    speed = edge.limit.velocity
+    limit = "" if speed is None else f"; up to {speed * 30.0 / math.pi:.4g} rpm" if turns else f"; up to {speed:.4g} m/s"
+    return f"{'Turns about' if turns else 'Slides along'} {direction_words(axis).removeprefix('+')} of the parent mount{limit}."
+
+
+def _edge(assembly: Assembly, name: str) -> tuple[Mate, JointEdge] | None:
+    return next(((mate, edge) for mate in assembly.mates for edge in mate.joints if str(edge.name) == name), None)
+
+
+def _of_pose(analysis: Analysis, name: str) -> str:
+    """The joints that a pose sets, globs and nested poses worked out, and the modes that begin in it."""
+    if name not in analysis.facts.poses or analysis.model is None:
+        return ""
+    pose = next((one for one in analysis.model.poses if one.name == name), None)
+    if pose is None:
+        return ""
+    dimensions = {} if analysis.assembly is None else {
+        edge.path: edge.twist.coordinate for mate in analysis.assembly.mates for edge in mate.joints
+    }
+    values = [f"{path.replace('/', '.')} {_shown(value, dimensions.get(path, ANGLE))}" for path, value in pose.values.items()]
+    more = f", and {len(values) - 12} more" if len(values) > 12 else ""
+    modes = [f"`{mode.name}`" for mode in analysis.model.modes if mode.pose == name]
+    return f"**{name}**: " + (f"{', '.join(values[:12])}{more}; all other joints at 0." if values else "every joint at 0.") + (
+        f"\n\nModes that begin in it: {', '.join(modes)}." if modes else ""
+    )
+
+
+def _of_mode(analysis: Analysis, name: str) -> str:
+    """Its root, how that is held, and how it begins."""
+    mode = None if analysis.model is None else next((one for one in analysis.model.modes if one.name == name and one.stated), None)
+    if mode is None:
+        return ""
+    base = {"fixed": "fixed to the world", "free": "free", "held": "held at the world"}.get(mode.base, mode.base)
+    lines = [f"**{name}**: `{mode.root.text}` is the root, {base}" + (f"; begins in pose `{mode.pose}`." if mode.pose else ".")]
+    if mode.on_floor or any(mode.at.translation):
+        lines.append("Stands on the floor." if mode.on_floor else f"Its root at {length_words(mode.at.translation)}.")
+    if mode.holds:
+        lines.append(f"Holds {', '.join(f'`{one.mount.text}`' for one in mode.holds)}.")
+    return "\n\n".join(lines)
+
+
+_OF: dict[str, Callable[[Analysis, str], str]] = {
+    "components": _of_component, "joints": _of_joint, "poses": _of_pose, "modes": _of_mode,
+}
+
+
+def _shown(value: float, dimension: Dimension) -> str:
+    return Quantity(value, dimension).shown(5)
+

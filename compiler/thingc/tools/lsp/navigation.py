@@ -1,0 +1,158 @@
+"""Names as an editor asks for them: where they are declared and used, in documents and modules of parts, and their exchange.
+
+A document whose text is broken at the moment is looked at as it was when it could be read last, where its lines are still the same; nothing
+in it is renamed then.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from typing import Any
+
+from thingc.base.diagnostics import Report
+from thingc.base.source import Span, line_of
+from thingc.documents.workspace import Workspace
+from thingc.tools.lsp.analysis import Analysis, RequestRefused
+from thingc.tools.lsp.names import NamePlace
+from thingc.tools.lsp.positions import TextLines, TextPlace
+from thingc.tools.lsp.renaming import renamable, renamed
+from thingc.tools.lsp.sight import Sight, sight_of
+from thingc.tools.lsp.steady import steady
+
+_TEXT, _READ, _WRITE = 1, 2, 3
+_KINDS = {
+    "component": 5, "joint": 6, "parameter": 13, "pose": 24, "mode": 10, "mount": 11, "export": 11, "sensor": 8, "test": 17, "link": 23,
+    "material": 14, "index": 13, "part": 5, "part mount": 8, "part parameter": 13,
+}
+"""What the protocol takes names for, by its numbers: a component for a class, a joint for a method, a pose for an event, ..."""
+MAX_SYMBOLS = 500
+
+
+class _Names:
+    """What can be seen of names from one document, and its places as its text stands now."""
+
+    def __init__(self, analysis: Analysis, sight: Sight) -> None:
+        self.analysis = analysis
+        self.sight = sight
+        known = analysis.known.text if not analysis.whole else analysis.text
+        self.now, self.then = steady(known, analysis.text), steady(analysis.text, known)
+
+    def at(self, place: TextPlace) -> NamePlace | None:
+        """The name at a place of the text."""
+        path = self.analysis.path
+        cursor = self.then(Span(file=path, line=place.line, column=place.column, end_line=place.line, end_column=place.column))
+        return None if cursor is None else self.sight.index.at(path, cursor.line, cursor.column)
+
+    def range(self, span: Span) -> Any:
+        """The protocol's range of a place; None where its line is another one now."""
+        where = self.now(span) if span.file == self.analysis.path else span
+        return None if where is None else TextLines(self.sight.read(span.file) or "").range(where)
+
+    def locations(self, spans: Iterable[Span]) -> list[dict[str, Any]]:
+        """Places in the protocol's form, in their order."""
+        places = ((span, self.range(span)) for span in dict.fromkeys(spans))
+        return [{"uri": self.analysis.uri(span.file), "range": there} for span, there in places if there is not None]
+
+
+def _names(analysis: Analysis, *, near: bool = False) -> _Names | None:
+    """What can be seen from a document (`near`: in it and in those that it names), None where it lies in no workspace."""
+    workspace = analysis.known.workspace or Workspace.find(analysis.path, Report())
+    if workspace is None:
+        return None
+    documents = analysis.known.documents
+    last = [documents.root] if documents is not None and not analysis.whole else []
+    near = near and analysis.known.kind == "assembly"  # what variants name is not among their documents
+    only = [one.path for one in documents.by_path.values()] if near and documents is not None else None
+    return _Names(analysis, sight_of(workspace, {path: one.text for path, one in analysis.open.items()}, last, only))
+
+
+def _found(analysis: Analysis, place: TextPlace, *, near: bool = False) -> tuple[_Names, NamePlace] | None:
+    names = _names(analysis, near=near)
+    named = names.at(place) if names is not None else None
+    return None if names is None or named is None else (names, named)
+
+
+def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
+    """Where the name at a place is declared; of a declaration in a module of parts the documents that use it."""
+    named = _found(analysis, place, near=not analysis.path.endswith(".py"))
+    if named is None:
+        return []
+    names, here = named
+    if here.name.what == "document":
+        top = line_of(here.name.file)
+        return names.locations([top])
+    places = names.sight.index.by_name[here.name]
+    if here.role == "declared" and here.span.file.endswith(".py"):
+        return names.locations(one.span for one in places if not one.span.file.endswith(".py"))
+    declared = names.sight.index.declared(here.name)
+    return names.locations([] if declared is None else [declared])
+
+
+def references(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
+    """Every place that uses the name at a place, patterns that it fits among them."""
+    named = _found(analysis, place)
+    if named is None:
+        return []
+    names, here = named
+    declared = params.get("context", {}).get("includeDeclaration", True)
+    return names.locations(one.span for one in names.sight.index.by_name[here.name] if declared or one.role != "declared")
+
+
+def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
+    """The places in the document itself of the name at a place."""
+    named = _found(analysis, place, near=True)
+    if named is None:
+        return []
+    names, here = named
+    kinds = {"declared": _WRITE, "used": _READ, "fits": _TEXT}
+    own = [one for one in names.sight.index.by_name[here.name] if one.span.file == analysis.path]
+    return [{"range": there, "kind": kinds[one.role]} for one in own if (there := names.range(one.span)) is not None]
+
+
+def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
+    """The name at a place, None where there is none. Raises `RequestRefused` where it cannot be exchanged."""
+    named = _found(analysis, place)
+    if named is None:
+        return None
+    names, here = named
+    renamable(names.sight, here.name)
+    if here.role == "fits":
+        raise RequestRefused(f"`{here.name.text}` only fits the pattern that is written here: rename it where it stands")
+    return {"range": names.range(here.span), "placeholder": here.name.text}
+
+
+def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
+    """The edits that give the name at a place another one, wherever it is written. Raises `RequestRefused`, in words."""
+    named = _found(analysis, place)
+    if named is None:
+        raise RequestRefused("there is no name here")
+    names, here = named
+    prepare_rename(analysis, text, place, params)
+    done = renamed(names.sight, here.name, params["newName"])
+    changes: dict[str, list[dict[str, Any]]] = {}
+    for span in done.places:
+        changes.setdefault(span.file, []).append({"range": names.range(span), "newText": params["newName"]})
+    versions = {path: one.version for path, one in analysis.open.items()}
+    return {"documentChanges": [
+        {"textDocument": {"uri": analysis.uri(path), "version": versions.get(path)}, "edits": edits} for path, edits in changes.items()
+    ]}
+
+
+def workspace_symbols(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
+    """The names of a workspace that have the letters asked for in them, in that order."""
+    names, wanted = _names(analysis), params.get("query", "").lower()
+    symbols: list[dict[str, Any]] = []
+    for one in names.sight.index.places if names is not None else ():
+        if one.role == "declared" and _has(one.name.text.lower(), wanted) and names is not None and len(symbols) < MAX_SYMBOLS:
+            located = names.locations([one.span])
+            container = one.name.owner or os.path.basename(one.name.file)
+            symbols += [
+                {"name": one.name.text, "kind": _KINDS[one.name.what], "location": there, "containerName": container} for there in located
+            ]
+    return symbols
+
+
+def _has(text: str, letters: str) -> bool:
+    rest = iter(text)
+    return all(letter in rest for letter in letters)

@@ -1,0 +1,302 @@
+"""What is open in one editor, and what was found out of it: a document is analysed again when something that it depends on has changed."""
+
+from __future__ import annotations
+
+import gc
+import os
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.diagnostics import Diagnostic, Report
+from thingc.base.memo import Memo
+from thingc.base.watching import Watched, looks
+from thingc.documents.load import has_header
+from thingc.documents.workspace import OWN_FILE
+from thingc.driver.environment import Options, geometry_of
+from thingc.driver.stamp import state_of
+from thingc.geometry import NoWorkers, read_lock
+from thingc.tools.lsp.analysis import Analysis, OpenText, analyse, is_document_path
+from thingc.tools.lsp.at_hand import AtHand, Unanswered
+from thingc.tools.lsp.in_reach import InReach
+from thingc.tools.lsp.publishing import by_file
+from thingc.tools.lsp.workers import WorkersBeside
+
+if TYPE_CHECKING:
+    from collections.abc import Hashable, Mapping
+
+    from thingc.documents.workspace import Workspace
+    from thingc.geometry import PartAnswers, Store
+    from thingc.geometry.record import PartFailure
+
+Publish = Callable[[str, "int | None", "list[dict[str, Any]]"], None]
+"""`publish(uri, version, diagnostics)`; the version is None for a file that is not open."""
+
+PAUSE = 0.1
+"""Between two looks at the files on the disk [s]."""
+HEAD = 70_000
+"""Characters of a file in which the key `thingc` is looked for."""
+IMPATIENT = 0.2
+"""How long [s] the analysis of the document that is typed in goes on whatever is typed: after that a change has it begun anew. Those of
+other documents are begun anew at once."""
+
+
+class Superseded(Exception):
+    """An analysis of texts that are not those of now."""
+
+
+class OpenDocuments:
+    """The texts of an editor and their analyses. Texts come and go in one thread (`put`, `take_away`, `saved`), and are looked at in
+    another: `next` analyses one document and publishes what was found, `analysis` is for a request.
+
+    `options` say whether code of workspaces may run, and where the store is. `refused` puts an exception into words. `wake` is called where
+    there is something to do for `next` that no text has brought about: workers have answered, or a file was saved by somebody else.
+    """
+
+    def __init__(
+        self, options: Options, publish: Publish, refused: Callable[[Exception], Diagnostic], wake: Callable[[], None],
+    ) -> None:
+        self.options = options
+        self._publish, self._refused, self._wake = publish, refused, wake
+        self._lock = threading.RLock()
+        self._texts: Mapping[str, OpenText] = {}
+        self._recent = ""
+        self._changes = 0
+        self._analyses: dict[str, Analysis] = {}
+        self._memos: dict[str, _SupersededMemo] = {}
+        self._outdated: dict[str, None] = {}
+        self._published: dict[str, list[dict[str, Any]]] = {}
+        self._at_hand: dict[str, AtHand] = {}
+        self._reach: dict[str, InReach] = {}
+        self._unanswered: dict[str, tuple[str, Unanswered]] = {}
+        self._workers: dict[str, WorkersBeside] = {}
+        self._ended = threading.Event()
+        self._watched = Watched(content=state_of)
+        threading.Thread(target=self._look, name="looking", daemon=True).start()
+
+    # --- texts ---------------------------------------------------------------------------------------------------
+
+    @property
+    def texts(self) -> Mapping[str, OpenText]:
+        """All that is open now, by absolute path."""
+        return self._texts
+
+    def put(self, path: str, text: OpenText) -> None:
+        """A file was opened, or has another text now."""
+        with self._lock:
+            self._texts, self._recent = {**self._texts, path: text}, path
+            self._note(path)
+
+    def take_away(self, path: str) -> None:
+        """A file was closed: what is on the disk counts."""
+        with self._lock:
+            self._texts = {one: text for one, text in self._texts.items() if one != path}
+            self._note(path)
+
+    def saved(self, path: str) -> None:
+        """A file on the disk is another than before. (Of one that is open the text counts.)"""
+        with self._lock:
+            if path not in self._texts or not is_document_path(path):
+                for root in [root for root, one in self._at_hand.items() if path in one.inputs]:
+                    del self._at_hand[root]  # it has seen the file as it was
+                    self._workers[root].renew()
+                self._note(path)
+
+    def _note(self, path: str) -> None:
+        """What depends on a file is to be looked at again, the file itself first."""
+        self._changes += 1
+        self._outdated[path] = None
+        for one, analysis in self._analyses.items():
+            if path in analysis.looked_at or analysis.kind == "variants":
+                self._outdated[one] = None
+
+    # --- analyses ------------------------------------------------------------------------------------------------
+
+    def next(self) -> bool:
+        """Analyse one document for which something has changed, that which is typed in before the others, and publish what was found;
+        whether there was one."""
+        with self._lock:
+            path = self._recent if self._recent in self._outdated else next(iter(self._outdated), None)
+            if path is not None and path not in self._texts:
+                del self._outdated[path]
+                self._forget(path)
+        if path is None:
+            self._ask_workers()
+            return False
+        try:
+            if path in self._texts:
+                self.analysis(path)
+            self._say(path)
+        except Superseded:
+            pass
+        return True
+
+    def analysis(self, path: str) -> Analysis:
+        """The analysis of a file as it stands now. Raises `Superseded` where a change came meanwhile, and it took long."""
+        with self._lock:
+            known = self._analyses.get(path)
+            if known is not None and path not in self._outdated:
+                return known
+            texts, changes = self._texts, self._changes
+            self._outdated.pop(path, None)
+        memo = self._memos.setdefault(path, _SupersededMemo())
+        patient = time.monotonic() + (IMPATIENT if path == self._recent else 0.0)
+        memo.until(lambda: self._changes != changes and time.monotonic() > patient)
+        try:
+            analysis = self._analysed(path, texts, memo, known)
+        except Superseded:
+            with self._lock:
+                self._outdated[path] = None
+            raise
+        with self._lock:
+            self._analyses[path] = analysis
+            self._watched.note(analysis.looked_at)
+        if known is None:
+            gc.freeze()  # most of it stays as long as the document is open: to look all of it through for cycles takes several keystrokes
+        return analysis
+
+    def _analysed(self, path: str, texts: Mapping[str, OpenText], memo: Memo, known: Analysis | None) -> Analysis:
+        if not self._ours(path, texts, known):
+            return Analysis(path=path, open=texts)
+        try:
+            analysis = analyse(path, texts, self.options, self._lend(path) if self.options.code else None, memo, known)
+            return analysis if analysis.workspace is None else replace(analysis, in_reach=self._reach_of(analysis.workspace))
+        except Superseded:
+            raise
+        except Exception as fault:  # whatever it is, the next change may mend it
+            self._memos.pop(path, None)
+            return Analysis(path=path, open=texts, findings=(self._refused(fault),), whole=False, last=known and known.known)
+
+    def _ours(self, path: str, texts: Mapping[str, OpenText], known: Analysis | None) -> bool:
+        """Whether a file is a document, or was one before its first line was edited, or is named by one; not somebody else's YAML."""
+        mine = texts.get(path)
+        return (
+            mine is None or os.path.basename(path) == OWN_FILE or known is not None and known.known.documents is not None
+            or has_header(mine.text[:HEAD].encode(errors="replace"), path)
+            or any(path in one.looked_at for one in self._analyses.values() if one.path != path)
+        )
+
+    def _forget(self, path: str) -> None:
+        self._analyses.pop(path, None)
+        self._memos.pop(path, None)
+        self._unanswered.pop(path, None)
+
+    # --- findings ------------------------------------------------------------------------------------------------
+
+    def _say(self, path: str) -> None:
+        """Publish what is said of a file, and of all others of which something else is said now."""
+        with self._lock:
+            analyses = [one for one in self._analyses.values() if one.path in self._texts]
+        said: dict[str, list[dict[str, Any]]] = {}
+        for analysis in analyses:
+            for file, diagnostics in by_file(analysis).items():
+                of_file = said.setdefault(file, [])
+                if analysis.open.get(file) is self._texts.get(file):  # else it has seen another text of that file
+                    of_file.extend(one for one in diagnostics if one not in of_file)
+        for file in dict.fromkeys((path, *said, *self._published)):
+            diagnostics = said.get(file, [])
+            if file == path or diagnostics != self._published.get(file, []):
+                text = self._analyses[file].open.get(file) if file in self._analyses else self._texts.get(file)
+                uri = text.uri if text is not None else Analysis(path=file).uri(file)
+                self._publish(uri, None if text is None else text.version, diagnostics)
+        self._published = {file: diagnostics for file, diagnostics in said.items() if diagnostics}
+
+    # --- parts ---------------------------------------------------------------------------------------------------
+
+    def _lend(self, path: str) -> Callable[[Workspace, Store], PartAnswers]:
+        """Who answers for the parts of a document: the store, at once."""
+        def lend(workspace: Workspace, store: Store) -> PartAnswers:
+            at_hand = self._at_hand.get(workspace.root)
+            if at_hand is None or at_hand.workspace != workspace:
+                service = geometry_of(workspace, self.options, store, lambda: read_lock(workspace, Report()), workers=NoWorkers())
+                at_hand = self._at_hand[workspace.root] = AtHand(service)
+            at_hand.unanswered = Unanswered()
+            self._unanswered[path] = (workspace.root, at_hand.unanswered)
+            if workspace.root not in self._workers:
+                self._workers[workspace.root] = WorkersBeside(workspace, store, self.options, self._answered)
+            return at_hand
+
+        return lend
+
+    def _reach_of(self, workspace: Workspace) -> InReach:
+        """What documents of a workspace can name besides what they hold."""
+        at_hand = self._at_hand.get(workspace.root)
+        known = self._reach.get(workspace.root)
+        if known is None or known.workspace != workspace or known.at_hand is not at_hand:
+            known = self._reach[workspace.root] = InReach(workspace, at_hand, self._wake)
+        return known
+
+    def _ask_workers(self) -> None:
+        """Have workers find out what was asked in vain."""
+        with self._lock:
+            for root, workers in self._workers.items():
+                wanted = Unanswered()
+                for of_root, one in self._unanswered.values():
+                    if of_root == root:
+                        wanted.add(one)
+                workers.want(wanted)
+
+    def _answered(self, workspace: Workspace, undescribed: Mapping[str, PartFailure], failed: Mapping[str, PartFailure]) -> None:
+        """Workers have answered: what waited for that is looked at again."""
+        with self._lock:
+            at_hand = self._at_hand.get(workspace.root)
+            if at_hand is not None:
+                at_hand.undescribed.update(undescribed)
+                at_hand.failed.update(failed)
+            for path, (root, wanted) in self._unanswered.items():
+                if root == workspace.root and wanted:
+                    self._outdated[path] = None
+        self._wake()
+
+    # --- the disk ------------------------------------------------------------------------------------------------
+
+    def _look(self) -> None:
+        """Look whether somebody saves what the analyses depend on."""
+        for changed in looks(self._saved_elsewhere, self._ended, PAUSE):
+            for path in changed:
+                self.saved(path)
+            if changed:
+                self._wake()
+
+    def _saved_elsewhere(self) -> tuple[str, ...]:
+        with self._lock:
+            needed: frozenset[str] = frozenset().union(*(one.looked_at for one in self._analyses.values()))
+            if needed != self._watched.paths:
+                self._watched.only(needed)
+            return self._watched.changed()
+
+    def close(self) -> None:
+        """End what was started."""
+        self._ended.set()
+        for one in self._workers.values():
+            one.end()
+
+
+class _SupersededMemo(Memo):
+    """A memo that ends the analysis it is asked by when that is not wanted any more."""
+
+    __slots__ = ("_superseded",)
+
+    def __call__(self, place: Hashable, function: Callable[..., Any], *inputs: Any) -> Any:
+        """See `Memo`. Raises `Superseded`."""
+        if self._superseded():
+            raise Superseded
+        return super().__call__(place, function, *inputs)
+
+    def until(self, superseded: Callable[[], bool]) -> None:
+        """From now on raise `Superseded` where this says so."""
+        self._superseded = superseded
+
+    def last(self, place: Hashable, inputs: tuple[Any, ...]) -> Any | None:
+        """See `Memo`. Raises `Superseded`."""
+        if self._superseded():
+            raise Superseded
+        return super().last(place, inputs)
+
+    def apart(self) -> Memo:
+        """See `Memo`; it ends the analysis, too."""
+        memo = _SupersededMemo()
+        memo.until(self._superseded)
+        return memo

@@ -1,0 +1,97 @@
+"""Places in a text: thingc's (lines and columns from 1, in characters) and the protocol's (from 0, in UTF-16 units), and files as URIs."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+from urllib.request import url2pathname
+
+from thingc.base.frozen import dataclass
+from thingc.base.source import Span
+
+_BREAK = re.compile(r"\r\n|\r|\n")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TextPlace:
+    """A place between two characters of a text, counted as a `Span` counts: line and column from 1."""
+
+    line: int
+    column: int
+
+
+class TextLines:
+    """A text and its lines, as both sides count them: broken at line feeds and carriage returns, and nowhere else."""
+
+    __slots__ = ("starts", "text")
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.starts = [0, *(match.end() for match in _BREAK.finditer(text))]
+
+    def line(self, number: int) -> str:
+        """A line (from 1) without its break; empty outside of the text."""
+        if not 0 < number <= len(self.starts):
+            return ""
+        end = self.starts[number] if number < len(self.starts) else len(self.text)
+        return self.text[self.starts[number - 1] : end].rstrip("\r\n")
+
+    def index(self, place: TextPlace) -> int:
+        """The index into the text of a place; the nearest one where the text has no such place."""
+        if place.line < 1:
+            return 0
+        if place.line > len(self.starts):
+            return len(self.text)
+        return self.starts[place.line - 1] + max(0, min(place.column - 1, len(self.line(place.line))))
+
+    def place(self, position: Any) -> TextPlace:
+        """The place of a protocol's position (`{"line": 0, "character": 0}`); within the text whatever is asked."""
+        number, character = position["line"], position["character"]
+        number = max(0, min(number, len(self.starts) - 1))
+        line = self.line(number + 1)
+        if line.isascii():
+            return TextPlace(line=number + 1, column=max(0, min(character, len(line))) + 1)
+        units = column = 0
+        while column < len(line) and units < character:
+            units += 2 if ord(line[column]) > 0xFFFF else 1
+            column += 1
+        return TextPlace(line=number + 1, column=column + 1)
+
+    def position(self, line: int, column: int) -> dict[str, int]:
+        """The protocol's position of a line and a column (from 1)."""
+        before = self.line(line)[: max(0, column - 1)]
+        return {"line": max(0, line - 1), "character": len(before) + (0 if before.isascii() else sum(ord(one) > 0xFFFF for one in before))}
+
+    def range(self, span: Span) -> dict[str, dict[str, int]]:
+        """The protocol's range of a span of this text."""
+        return {"start": self.position(span.line, span.column), "end": self.position(span.end_line, span.end_column)}
+
+    def range_of(self, start: int, end: int) -> dict[str, dict[str, int]]:
+        """The protocol's range of the characters from `start` to before `end`."""
+        return {"start": self._position_at(start), "end": self._position_at(end)}
+
+    def _position_at(self, index: int) -> dict[str, int]:
+        from bisect import bisect_right
+
+        line = bisect_right(self.starts, index)
+        return self.position(line, index - self.starts[line - 1] + 1)
+
+
+def uri_of(path: str) -> str:
+    """The URI of a file at an absolute path."""
+    return Path(path).as_uri()
+
+
+def path_of(uri: str) -> str | None:
+    """The absolute path that a URI names; None where it names no file of this machine."""
+    try:
+        parts = urlsplit(uri)
+        if parts.scheme != "file" or parts.netloc not in ("", "localhost"):
+            return None
+        path = url2pathname(parts.path) if os.name == "nt" else unquote(parts.path, errors="surrogateescape")
+    except ValueError:
+        return None
+    return os.path.abspath(path) if path and "\0" not in path else None

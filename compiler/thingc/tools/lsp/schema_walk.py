@@ -1,0 +1,252 @@
+"""What a JSON Schema says of one place of a document that is being written.
+
+The schemas are those that `thingc schema` writes for every document; conditions in them are decided by the keys and scalars that can
+be told of the text (`cursor`).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from thingc.base.frozen import dataclass
+from thingc.base.source import Path
+from thingc.base.units import NUMBER, UNITS, Dimension, UnitError, parse_quantity
+
+Schema = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeyOffer:
+    """A key that a mapping may have: what is said of it, whether it must be there, and whether its value is a mapping and
+    nothing else."""
+
+    name: str
+    description: str
+    required: bool
+    mapping: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ValueOffer:
+    """A value that is offered, as a document says it, and what is said of it."""
+
+    value: str | bool
+    description: str
+
+
+class SchemaWalk:
+    """A schema, and the `keys` of every mapping and the `scalars` of the text that it is about, by path."""
+
+    def __init__(self, schema: Schema, keys: Mapping[Path, tuple[str, ...]], scalars: Mapping[Path, str]) -> None:
+        self.schema = schema
+        self.keys = keys
+        self.scalars = scalars
+
+    def at(self, path: Path) -> list[Schema]:
+        """Whatever may hold for the value at a path: alternatives side by side, none of them with references or conditions that matter
+        any more. What is said first is nearest to the place."""
+        schemas = self._flat(self.schema, ())
+        for depth, step in enumerate(path):
+            below = path[: depth + 1]
+            schemas = [flat for schema in schemas for inner in _children(schema, step) for flat in self._flat(inner, below)]
+        return schemas
+
+    def key_offers(self, path: Path) -> list[KeyOffer]:
+        """The keys that the mapping at a path does not have and may have, those that it must have first."""
+        flats = self.at(path)
+        there = set(self.keys.get(path, ()))
+        required = {name for flat in flats if "properties" in flat for name in (*flat.get("required", ()), *_one_of_which(flat, there))}
+        offers: dict[str, KeyOffer] = {}
+        for flat in flats:
+            for name in flat.get("properties", {}):
+                if name in there or name in offers or not all(_may_join(one, name, there) for one in flats):
+                    continue
+                declared = [one["properties"][name] for one in flats if name in one.get("properties", {})]
+                inner = [each for child in declared for each in self._flat(child, (*path, name))]
+                mapping = bool(inner) and all(map(_of_mapping, inner))
+                offers[name] = KeyOffer(name=name, description=described(inner), required=name in required, mapping=mapping)
+        return sorted(offers.values(), key=lambda one: not one.required)
+
+    def value_offers(self, path: Path) -> list[ValueOffer]:
+        """The words that may stand at a path, in the order of the schema."""
+        offers: dict[str | bool, ValueOffer] = {}
+        for flat in self.at(path):
+            for value, text in _words(flat):
+                offers.setdefault(value, ValueOffer(value=value, description=text))
+        return list(offers.values())
+
+    def dimensions(self, path: Path) -> tuple[Dimension, ...]:
+        """The dimensions of the quantities that may stand at a path; none where no quantity with a unit is wanted."""
+        return _dimensions(self.at(path))
+
+    def parameters_of(self, part: str) -> list[str]:
+        """The names of what a part takes."""
+        return list(self._definition(f"params of {part}").get("properties", {}))
+
+    def needed_parameters(self, part: str) -> dict[str, Any]:
+        """The parameters that a part must be given, each with a value that it may have."""
+        schema = self._definition(f"params of {part}")
+        needed: dict[str, Any] = {}
+        for name in schema.get("required", ()):
+            flats = self._flat(schema["properties"][name], ())
+            examples = [one for flat in flats for one in flat.get("examples", ()) if not str(one).startswith("=")]
+            words = [word for flat in flats for word, _ in _words(flat)]
+            measured = [one.example for one in _dimensions(flats)]
+            needed[name] = next(iter((*examples, *words, *measured)), 1)
+        return needed
+
+    def mounts_of(self, component: str) -> list[tuple[str, str]]:
+        """The mounts that the part of a component has as a rule, as references, each with what is said of it."""
+        part = self.scalars.get(("components", component, "part"))
+        attach = {} if part is None else self._definition(f"mounts of {part}")
+        mounts = attach.get("else", attach).get("properties", {})
+        return [(f"{component}.{name}", str(one.get("description", ""))) for name, one in mounts.items() if "$ref" in one]
+
+    def takes_mounts(self, path: Path) -> bool:
+        """Whether a reference to a mount may stand at a path."""
+        return any(flat.get("$ref") in ("#/$defs/mount", "#/$defs/frame") for flat in self.at(path))
+
+    def _definition(self, name: str) -> Schema:
+        definition: Schema = self.schema.get("$defs", {}).get(name, {})
+        return definition
+
+    def _flat(self, schema: Any, path: Path, met: tuple[str, ...] = ()) -> list[Schema]:
+        """A schema and all that it refers to, those of its conditions that hold among it."""
+        if not isinstance(schema, dict):
+            return []
+        flats = [schema]
+        reference = schema.get("$ref")
+        if isinstance(reference, str) and reference not in met:
+            flats += self._flat(self._referred(reference), path, (*met, reference))
+        for word in ("allOf", "anyOf", "oneOf"):
+            for branch in schema.get(word, ()):
+                flats += self._flat(branch, path, met)
+        if "if" in schema:
+            flats += self._flat(schema.get("then" if self._holds(schema["if"], path) else "else"), path, met)
+        return flats
+
+    def _referred(self, reference: str) -> Any:
+        node: Any = self.schema
+        for step in reference.removeprefix("#/").split("/"):
+            step = step.replace("%20", " ").replace("%25", "%").replace("~1", "/").replace("~0", "~")
+            node = node.get(step) if isinstance(node, dict) else None
+        return node
+
+    def _holds(self, condition: Schema, path: Path) -> bool:
+        """Whether a condition about keys and their plain values is met by what is written."""
+        if "anyOf" in condition and not any(self._holds(one, path) for one in condition["anyOf"]):
+            return False
+        there = self.keys.get(path, ())
+        if any(name not in there for name in condition.get("required", ())):
+            return False
+        return all(
+            self.scalars.get((*path, name)) == one["const"]
+            for name, one in condition.get("properties", {}).items() if "const" in one and name in there
+        )
+
+
+def described(flats: list[Schema]) -> str:
+    """What is said of a place: the first description that is not of one of its values."""
+    return next((str(flat["description"]) for flat in flats if flat.get("description") and "const" not in flat), "")
+
+
+def described_as(flats: list[Schema], value: str) -> str:
+    """What is said of a value, where it is one of those that are offered."""
+    return next((text for flat in flats for word, text in _words(flat) if word == value and text), "")
+
+
+def _children(schema: Schema, step: str | int) -> Iterator[Any]:
+    if isinstance(step, int):
+        yield schema.get("items")
+    else:
+        yield from _named(schema, step)
+
+
+def _named(schema: Schema, name: str) -> Iterator[Any]:
+    """What holds for the value of a key."""
+    if name in schema.get("properties", {}):
+        yield schema["properties"][name]
+        return
+    matching = [one for pattern, one in schema.get("patternProperties", {}).items() if re.search(pattern, name)]
+    yield from matching
+    if not matching:
+        yield schema.get("additionalProperties")
+
+
+def _may_join(schema: Schema, name: str, there: set[str]) -> bool:
+    """Whether a mapping with the keys that are there may have one more, as far as keys alone decide."""
+    if name not in schema.get("properties", {}):
+        return True
+    together = {*there, name}
+    if together >= set(schema.get("not", {}).get("required", ("",))):
+        return False
+    choices = [set(branch["required"]) for branch in schema.get("oneOf", ()) if set(branch) == {"required"}]
+    if sum(together >= choice for choice in choices) > 1 or len(together) > schema.get("maxProperties", len(together)):
+        return False
+    for one in together:
+        rule = schema.get("dependentSchemas", {}).get(one, {})
+        if together >= set(rule.get("not", {}).get("required", ("",))):
+            return False
+        needs = [rule, *(branch for branch in rule.get("anyOf", ()) if "required" in branch)]
+        if one == name and any(not there >= set(need.get("required", ())) for need in needs):
+            return False
+    return True
+
+
+def _one_of_which(schema: Schema, there: set[str]) -> Iterator[str]:
+    """Keys of which a mapping must have one and has none."""
+    choices = [branch["required"] for branch in schema.get("oneOf", ()) if set(branch) == {"required"}]
+    if not any(there >= set(choice) for choice in choices):
+        yield from (choice[0] for choice in choices if len(choice) == 1)
+
+
+def _of_mapping(schema: Schema) -> bool:
+    """Whether a schema is of mappings, or says nothing of what its values are."""
+    kind = schema.get("type")
+    return kind == "object" or (kind is None and not any(word in schema for word in ("const", "enum", "pattern")))
+
+
+def _words(schema: Schema) -> Iterator[tuple[str | bool, str]]:
+    """The words that a schema offers, each with what it says of it."""
+    text = str(schema.get("description", ""))
+    if isinstance(schema.get("const"), (str, bool)):
+        yield schema["const"], text
+    for word in schema.get("enum", ()):
+        if isinstance(word, (str, bool)):
+            yield word, ""
+    for snippet in schema.get("defaultSnippets", ()):
+        yield snippet["label"], snippet.get("description", "")
+    if schema.get("type") == "boolean" and "const" not in schema:
+        yield from ((True, ""), (False, ""))
+
+
+_ALL = {unit[2] for unit in UNITS.values()} - {NUMBER}
+
+
+def _dimensions(flats: list[Schema]) -> tuple[Dimension, ...]:
+    """Those of the quantities which the patterns of a place let through: of single units, else of the examples that it gives."""
+    dimensions: dict[Dimension, None] = {}
+    for schema in flats:
+        pattern = schema.get("pattern")
+        if not isinstance(pattern, str) or not re.search(pattern, "=a") or re.search(pattern, "1 a"):
+            continue
+        single = dict.fromkeys(
+            unit[2] for name, unit in UNITS.items()
+            if name != "%" and any(re.search(pattern, f"{numbers} {name}") for numbers in ("2", "2 2 2"))
+        )
+        if set(single) != _ALL:  # else a value of whatever dimension
+            dimensions.update(single or dict.fromkeys(_in_examples(flats)))
+    return tuple(dimensions)
+
+
+def _in_examples(flats: list[Schema]) -> Iterator[Dimension]:
+    said = " ".join(str(flat.get(word, "")) for flat in flats for word in ("patternErrorMessage", "description"))
+    examples = [str(one) for flat in flats for one in flat.get("examples", ())]
+    for example in (*re.findall(r"`([^`]*)`", said), *examples):
+        with contextlib.suppress(UnitError):
+            dimension = parse_quantity(example).dimension
+            if dimension != NUMBER:
+                yield dimension

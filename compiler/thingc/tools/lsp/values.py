@@ -1,0 +1,94 @@
+"""What the parameters of a document and the expressions in it come to, as far as they are sound: no fault is reported here."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+
+from thingc.base.source import MappingNode, Path, node_at, text_of
+from thingc.base.units import Quantity, UnitError, parse_quantity
+from thingc.documents.expressions import ExpressionError, ExpressionValue, evaluate, parse_expression
+from thingc.geometry.record import PartSchema
+from thingc.tools.lsp.analysis import Analysis
+from thingc.tools.lsp.cursor import Cursor
+
+MAX_ITEMS = 1000
+"""Items of a `repeat` for which an expression is worked out."""
+
+
+def parameters_of(analysis: Analysis) -> Mapping[str, ExpressionValue]:
+    """The document's own parameters with what they come to."""
+    known: Mapping[str, ExpressionValue] = analysis.known.once("parameters", lambda: _worked_out(analysis.known.tree))
+    return known
+
+
+def comes_to(analysis: Analysis, path: Path, text: str) -> tuple[ExpressionValue, ...]:
+    """What the text of the value at a path comes to: a quantity, an expression over the parameters; inside a `repeat` of its first and its
+    last item where they differ. Empty for what is none, or unsound."""
+    parameters = parameters_of(analysis)
+    if not text.lstrip().startswith("="):
+        values = read(text, parameters)
+        return () if values is None else (values,)
+    repeat = None if analysis.known.tree is None else node_at(analysis.known.tree, (*path[:2], "repeat"))
+    if not isinstance(repeat, MappingNode) or path[2:3] == ("repeat",):
+        values = read(text, parameters)
+        return () if values is None else (values,)
+    index = text_of(repeat.entries.get("as")) or "i"
+    count = read(text_of(repeat.entries.get("count")), parameters)
+    last = min(count.value, MAX_ITEMS) - 1 if isinstance(count, Quantity) else 0
+    ends = [read(text, {**parameters, index: Quantity(float(number))}) for number in dict.fromkeys((0, max(0, int(last))))]
+    return tuple(dict.fromkeys(one for one in ends if one is not None))
+
+
+def bounds_of(analysis: Analysis, cursor: Cursor) -> tuple[float, float]:
+    """The least and the largest value [SI] of what a component's `params:` or `parameters:` set at the cursor, as far as it is known."""
+    low, high = -math.inf, math.inf
+    path, known = cursor.path, analysis.known
+    if len(path) != 4 or path[0] != "components":
+        return low, high
+    if path[2] == "params":
+        part = known.schemas.get(cursor.scalars.get((*path[:2], "part"), ""))
+        one = next((one for one in part.parameters if one.name == path[3]), None) if isinstance(part, PartSchema) else None
+        if one is not None:
+            low, high = (end if one_end is None else float(one_end) for end, one_end in ((low, one.minimum), (high, one.maximum)))
+    elif path[2] == "parameters":
+        name = cursor.scalars.get((*path[:2], "assembly"), "")
+        document = known.document(os.path.normpath(os.path.join(os.path.dirname(known.path), name)))
+        ends = [None if document is None else node_at(document.tree, ("parameters", str(path[3]), end)) for end in ("min", "max")]
+        values = [read(text_of(end), {}) for end in ends]
+        low, high = (one.value if isinstance(one, Quantity) else end for end, one in zip((low, high), values, strict=True))
+    return low, high
+
+
+def read(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
+    """The quantity that a text is, or what an expression comes to with these names; None for anything else."""
+    try:
+        stripped = text.strip()
+        return evaluate(parse_expression(stripped), names) if stripped.startswith("=") else parse_quantity(stripped)
+    except (ExpressionError, UnitError):
+        return None
+
+
+def shown(values: tuple[ExpressionValue, ...]) -> str:
+    """Values in a line: `42 mm`, `50 g ... 100 g`."""
+    return " ... ".join(one.shown(6) if isinstance(one, Quantity) else str(one).lower() if isinstance(one, bool) else one for one in values)
+
+
+def _worked_out(tree: MappingNode | None) -> dict[str, ExpressionValue]:
+    section = None if tree is None else tree.entries.get("parameters")
+    waiting = {
+        name: text_of(node.entries.get("value") if isinstance(node, MappingNode) else node)
+        for name, node in (section.entries.items() if isinstance(section, MappingNode) else ())
+    }
+    known: dict[str, ExpressionValue] = {}
+    growing = True
+    while growing:  # in any order: each round knows those that use what the round before knew
+        growing = False
+        for name, text in list(waiting.items()):
+            value = read(text, known)
+            if value is not None:
+                known[name] = value
+                del waiting[name]
+                growing = True
+    return known

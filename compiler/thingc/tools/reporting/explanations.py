@@ -1,0 +1,88 @@
+"""What `thingc explain` says of a code: its meaning, its cure, a wrong and a right example.
+
+The texts are in `examples.json` beside this module, which `docs/generate.py` makes from the test cases.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import os
+import re
+from typing import Any
+
+from thingc.base.diagnostics import Code
+
+_FILE = os.path.join(os.path.dirname(__file__), "examples.json")
+
+
+def _data() -> dict[str, Any]:
+    with open(_FILE, encoding="utf-8") as stream:
+        explanations: dict[str, Any] = json.load(stream)
+    return explanations
+
+
+def find(word: str) -> Code | None:
+    """The code that somebody means who types `TC302`, `tc302`, `302` or `unknown_component`; None if there is none."""
+    asked = word.strip().upper()
+    asked = asked.removeprefix("TC") if re.fullmatch(r"TC\d+", asked) else asked
+    return next((code for code in Code if asked in (code.code.removeprefix("TC"), code.name)), None)
+
+
+def near(word: str, count: int = 3) -> list[Code]:
+    """Codes that somebody may have meant: of a number those next to it, of a word those that speak of it."""
+    number = re.fullmatch(r"(?:TC)?(\d+)", word.strip().upper())
+    if number is not None and len(number.group(1)) == 3:
+        wanted = int(number.group(1))
+        return sorted(Code, key=lambda code: abs(int(code.code[2:]) - wanted))[:count]
+    asked = word.strip().lower().replace("_", " ")
+    if number is not None:
+        numbers = {code.code[2:]: code for code in Code}
+        return [numbers[match] for match in difflib.get_close_matches(number.group(1), numbers, n=count)]
+    spoken = [code for code in Code if asked in f"{code.title} {code.name.replace('_', ' ')}".lower()]
+    if spoken:
+        return spoken[:count]
+    words = {known: code for code in Code for known in (*code.name.lower().split("_"), code.name.lower())}
+    return list(dict.fromkeys(words[match] for match in difflib.get_close_matches(asked, words, n=count, cutoff=0.75)))
+
+
+def explained(code: Code) -> dict[str, Any]:
+    """All that is known of a code: `code`, `title`, `meaning`, `cure`, `wrong` and `right`.
+
+    The examples are `{"files": {name: text}, "command", "said"}`, the document first among the files; None where no
+    document on a healthy machine brings the code about.
+    """
+    entry = _data()["codes"].get(code.code, {})
+    return {
+        "code": code.code, "title": code.title, "meaning": entry.get("meaning"), "cure": code.cure,
+        "wrong": entry.get("wrong"), "right": entry.get("right"),
+    }
+
+
+def as_page(code: Code) -> str:
+    """What is known of a code, for people."""
+    explanation = explained(code)
+    lines = [f"{code.code}: {code.title}", ""]
+    if explanation["meaning"]:
+        lines += [explanation["meaning"], ""]
+    lines += [f"Cure: {code.cure}", ""]
+    for side in ("wrong", "right"):
+        example = explanation[side]
+        if example is None:
+            continue
+        lines += [f"{side.capitalize()}:", ""]
+        for name, text in example["files"].items():
+            lines += [f"  {name}", *(f"  | {line}".rstrip() for line in text.rstrip("\n").split("\n")), ""]
+        lines += [f"  $ {example['command']}", *(f"  {line}".rstrip() for line in example["said"].split("\n")), ""]
+    return "\n".join(lines)
+
+
+def sections() -> list[tuple[str, list[Code]]]:
+    """Every code, by the hundreds that they come in: `TC3xx: names and values across documents` and its codes."""
+    titles = _data()["sections"]
+    hundreds = sorted({code.code[:3] for code in Code})
+    by_number = sorted(Code, key=lambda code: code.code)
+    return [
+        (f"{hundred}xx: {titles[hundred]}" if hundred in titles else f"{hundred}xx", [c for c in by_number if c.code[:3] == hundred])
+        for hundred in hundreds
+    ]

@@ -1,0 +1,137 @@
+"""SARIF 2.1.0 (OASIS), for code scanning and for editors that show such files.
+
+What has a place in a document is a result; what is said of the command line or of the machine is a notification of the
+invocation, for a result without a place is refused by those who read these files.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import Any
+from urllib.parse import quote
+
+from thingc.base.diagnostics import Code, Diagnostic, Severity
+from thingc.base.shown import json_text, shown
+from thingc.base.source import Span
+from thingc.tools.reporting.places import within
+
+SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
+ROOT = "%SRCROOT%"
+"""The name of the folder that relative places start from: the repository."""
+FINGERPRINT = "documentPathAndMessage/v1"
+
+
+def as_sarif(diagnostics: Sequence[Diagnostic], *, base: str, version: str, documentation: str | None = None) -> str:
+    """The log of one run, as text: places relative to the repository's folder `base`, `version` of thingc.
+
+    `documentation` is the address that the page of a code is found under (`.../TC302.md`), if it is known.
+    """
+    placed = [d for d in diagnostics if d.span is not None]
+    homeless = [d for d in diagnostics if d.span is None]
+    rules = sorted({d.code for d in placed}, key=lambda code: code.code)
+    notices = sorted({d.code for d in homeless}, key=lambda code: code.code)
+    driver: dict[str, Any] = {
+        "name": "thingc",
+        "version": version,
+        "rules": [_descriptor(code, documentation) for code in rules],
+    }
+    invocation: dict[str, Any] = {"executionSuccessful": not any(d.severity is Severity.ERROR for d in homeless)}
+    if notices:
+        driver["notifications"] = [_descriptor(code, documentation) for code in notices]
+        of_tool = [_notification(d, notices) for d in homeless if d.code is Code.INTERNAL]
+        of_words = [_notification(d, notices) for d in homeless if d.code is not Code.INTERNAL]
+        if of_tool:
+            invocation["toolExecutionNotifications"] = of_tool
+        if of_words:
+            invocation["toolConfigurationNotifications"] = of_words
+    run = {
+        "tool": {"driver": driver},
+        "invocations": [invocation],
+        "originalUriBaseIds": {ROOT: {"description": {"text": "The repository, or the working folder where there is none."}}},
+        "columnKind": "unicodeCodePoints",
+        "results": _results(placed, rules, base),
+    }
+    return json_text(json.dumps({"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}, indent=2, ensure_ascii=False)) + "\n"
+
+
+def _descriptor(code: Code, documentation: str | None) -> dict[str, Any]:
+    """A code as a rule: its name, what it is, and its cure."""
+    descriptor: dict[str, Any] = {
+        "id": code.code,
+        "name": "".join(word.capitalize() for word in code.name.split("_")),
+        "shortDescription": {"text": code.title[0].upper() + code.title[1:]},
+        "fullDescription": {"text": code.cure},
+        "help": {"text": f"{code.cure} `thingc explain {code.code}` shows an example."},
+    }
+    if documentation is not None:
+        descriptor["helpUri"] = f"{documentation.rstrip('/')}/{code.code}.md"
+    return descriptor
+
+
+def _results(placed: Iterable[Diagnostic], rules: Sequence[Code], base: str) -> list[dict[str, Any]]:
+    met: Counter[str] = Counter()
+    results = []
+    for d in placed:
+        assert d.span is not None
+        result: dict[str, Any] = {
+            "ruleId": d.code.code,
+            "ruleIndex": rules.index(d.code),
+            "level": d.severity.value,
+            "message": {"text": _words(d)},
+            "locations": [{"physicalLocation": _physical(d.span, base)}],
+        }
+        related = [
+            {"id": number, "message": {"text": shown(note.message)}, "physicalLocation": _physical(note.span, base)}
+            for number, note in enumerate((note for note in d.notes if note.span is not None), 1)
+            if note.span is not None
+        ]
+        if related:
+            result["relatedLocations"] = related
+        digest = _fingerprint(d, base)
+        met[digest] += 1
+        result["partialFingerprints"] = {FINGERPRINT: f"{digest}:{met[digest]}"}
+        results.append(result)
+    return results
+
+
+def _words(d: Diagnostic) -> str:
+    lines = [shown(d.message), *(f"note: {shown(note.message)}" for note in d.notes if note.span is None)]
+    if d.help:
+        lines.append(f"help: {shown(d.help)}")
+    return "\n".join(lines)
+
+
+def _fingerprint(d: Diagnostic, base: str) -> str:
+    """What makes two findings of two runs the same one: no line, so that text added above it changes nothing."""
+    assert d.span is not None
+    told = [d.code.code, within(d.span.file, base) or os.path.basename(d.span.file), d.path or "", d.message]
+    return hashlib.sha256(json.dumps(told).encode()).hexdigest()[:32]
+
+
+def _notification(d: Diagnostic, notices: Sequence[Code]) -> dict[str, Any]:
+    return {
+        "descriptor": {"id": d.code.code, "index": notices.index(d.code)},
+        "level": d.severity.value,
+        "message": {"text": _words(d)},
+    }
+
+
+def _physical(span: Span, base: str) -> dict[str, Any]:
+    relative = within(span.file, base)
+    if relative is None:
+        artifact = {"uri": "file://" + _encoded(span.file.replace(os.sep, "/"))}
+    else:
+        artifact = {"uri": _encoded(relative), "uriBaseId": ROOT}
+    region = {"startLine": span.line}
+    if (span.line, span.column) != (span.end_line, span.end_column):
+        region |= {"startColumn": span.column, "endLine": span.end_line, "endColumn": span.end_column}
+    return {"artifactLocation": artifact, "region": region}
+
+
+def _encoded(path: str) -> str:
+    """A path as a URI: a first word with a colon must not be taken for a scheme, so `:` is encoded, too."""
+    return quote(os.fsencode(path), safe="/")

@@ -1,0 +1,194 @@
+"""The printed parts of the arm. Each puts the servo that it holds where it will sit, and takes its faces and holes from it."""
+
+from typing import Annotated
+
+from build123d import Align, Axis, Box, Cone, Cylinder, Location, Plane, Pos, Rot, SlotCenterToCenter, Sphere, chamfer, extrude, fillet
+
+from thingc import Length, MountPoint, Range, Thing
+from thingc.geometry.things.mounts import MATE
+from thingc_stock.dynamixel import XM430
+from thingc_stock.fasteners import Screw
+
+STANDING = (Align.CENTER, Align.CENTER, Align.MIN)
+"""A solid on the plane z = 0."""
+PLAY = 0.1
+"""Room on each side of what goes into a printed part [mm]."""
+
+
+class Base(Thing):
+    """A round foot with the yaw servo in it, horn up.
+
+    The origin is on the yaw axis in the underside; z is up, and the arm looks along x.
+
+    Args:
+        diameter: of the foot
+        wall: beside the servo
+    """
+
+    def __init__(self, diameter: Annotated[Length, Range(100, 200)] = 116, wall: Annotated[Length, Range(3, 8)] = 4):
+        super().__init__(material="pla_blue")
+        floor, servo = 7, XM430()
+        stand = Location(Plane((0, 0, floor - servo.back.location.position.Z), x_dir=(0, -1, 0), z_dir=(0, 0, 1)))
+        self.ground = MountPoint(MATE)
+        self.servo_seat = MountPoint(stand * servo.back.location * MATE, interface="x430-back")
+        self.servo = self.servo_seat.align(servo.back)
+        self.screws = [hole(PLAY + wall) for hole in (*self.servo.screws_left, *self.servo.screws_right)]
+        spot = 0.33 * diameter
+        self.table = [MountPoint(Location((x, y, floor)), "m4-head") for x in (spot, -spot) for y in (spot, -spot)]
+
+        height = self.servo.front.location.position.Z
+        rim = Cylinder(diameter / 2, floor, align=STANDING)
+        tower = Pos(-8, 0, 0) * Cone(0.4 * diameter, 34, height, align=STANDING)
+        self.pieces = [rim, tower]
+        body = chamfer(rim.edges().group_by(Axis.Z)[-1], 2) + fillet(tower.edges().group_by(Axis.Z)[-1], 3)
+
+        roomy = servo.adjust(width__add=2 * PLAY, height__add=2 * PLAY).move(stand)
+        beside = [side.location * Pos(0, 0, wall) * Box(80, 30, diameter, align=STANDING) for side in (roomy.left, roomy.right)]
+        self.body = body - [
+            roomy.case_hull(),
+            roomy.idler_hull(2 * floor),
+            *(Pos(0, 0, floor) * (cut & Pos(0, 0, 30) * Box(300, 300, 60)) for cut in beside),
+            *(mount.location * Screw("M4", 2 * floor).clearance_hull for mount in self.table),
+            *(screw.clearance_hull for screw in self.screws),
+            Pos(-50, 0, floor + 8) * Box(60, 14, 8),
+        ]
+
+    def result(self):
+        """The foot with its pocket, windows and holes."""
+        return self.body
+
+    def collision(self):
+        """The foot without holes."""
+        return self.pieces
+
+
+class Turret(Thing):
+    """A turntable on the horn of the yaw servo, with a cradle in which the shoulder servo stands.
+
+    The origin is on the yaw axis in the horn's face; z is up. The shoulder's axis is along y: positive angles lower the arm.
+
+    Args:
+        diameter: of the turntable
+        wall: of the cradle
+    """
+
+    def __init__(self, diameter: Annotated[Length, Range(70, 120)] = 76, wall: Annotated[Length, Range(3, 8)] = 5):
+        super().__init__(material="pla_blue")
+        thickness, servo = 6, XM430()
+        below = Location(Plane((0, 0, -servo.horn_z), x_dir=(0, -1, 0), z_dir=(0, 0, 1)))
+        self.yaw_seat = MountPoint(below * servo.rotor.location * MATE, interface="x430-horn")
+        self.yaw_servo = self.yaw_seat.align(servo.rotor)
+        above = Location(Plane((0, 0, thickness - servo.bottom.location.position.Y), x_dir=(-1, 0, 0), z_dir=(0, 1, 0)))
+        self.servo_seat = MountPoint(above * servo.bottom.location * MATE, interface="x430-bottom")
+        self.servo = self.servo_seat.align(servo.bottom)
+        # The heads of the screws to the horn end below the shoulder servo, which stands on them.
+        self.horn_screws = [hole(thickness - hole(1).head_height - 4 * PLAY) for hole in self.yaw_servo.screws_horn[::2]]
+        held = (self.servo.screws_left[2:], self.servo.screws_right[2:])
+        self.screws = [hole(PLAY + wall) for side in held for hole in side]
+
+        table = Cylinder(diameter / 2, thickness, align=STANDING)
+        table = chamfer(table.edges().group_by(Axis.Z)[-1], 1.5)
+        top = self.screws[0].seat.location.position.Z + 8
+        side = servo.p.width / 2 + PLAY + wall / 2
+        wall_shape = fillet(Box(wall, servo.p.depth, top, align=STANDING).edges().group_by(Axis.Z)[-1].filter_by(Axis.X), 8)
+        self.walls = [Pos(x, 0, 0) * wall_shape for x in (side, -side)]
+        roomy = servo.adjust(boss_diameter__add=6 * PLAY).move(below)
+        holes = [screw.clearance_hull for screw in (*self.horn_screws, *self.screws)]
+        self.body = table + self.walls - [roomy.boss_hull(2 * thickness), *holes]
+
+    def result(self):
+        """The turntable with its cradle and holes."""
+        return self.body
+
+    def collision(self):
+        """The turntable and the two walls."""
+        return [Cylinder(self.p.diameter / 2, 6, align=STANDING), *self.walls]
+
+
+class Link(Thing):
+    """A fork on horn and idler of one servo that carries the next one, by its bottom.
+
+    The origin is on the axis of the servo that turns it; y points to the next axis, z out of the horn.
+
+    Args:
+        length: from axis to axis
+        thickness: of the fork
+    """
+
+    def __init__(self, length: Annotated[Length, Range(70, 250)] = 120, thickness: Annotated[Length, Range(3, 8)] = 4):
+        super().__init__(material="pla_white")
+        servo = XM430()
+        self.rotor_seat = MountPoint(servo.rotor.location * MATE, interface="x430-horn")
+        self.turning = self.rotor_seat.align(servo.rotor)
+        self.servo_seat = MountPoint(Pos(0, length, 0) * servo.bottom.location * MATE, interface="x430-bottom")
+        self.servo = self.servo_seat.align(servo.bottom)
+        end = self.servo_seat.location.position.Y
+        holes = [screw.clearance_hull for screw in (hole(thickness) for hole in self.servo.screws_bottom)]
+        self.body = fork(self.turning, end, thickness) - holes
+        self.pieces = fork_pieces(self.turning, end, thickness)
+
+    def result(self):
+        """The fork with its holes."""
+        return self.body
+
+    def collision(self):
+        """Both cheeks, and what joins them."""
+        return self.pieces
+
+
+class Beak(Thing):
+    """The last link: a fork that ends in a point.
+
+    The origin is on the axis of the servo that turns it; y points to the tip.
+
+    Args:
+        length: from the axis to the tip
+        thickness: of the fork
+    """
+
+    def __init__(self, length: Annotated[Length, Range(80, 250)] = 120, thickness: Annotated[Length, Range(3, 8)] = 4):
+        super().__init__(material="pla_orange")
+        servo = XM430()
+        self.rotor_seat = MountPoint(servo.rotor.location * MATE, interface="x430-horn")
+        self.turning = self.rotor_seat.align(servo.rotor)
+        self.tip = MountPoint(Location(Plane((0, length, 0), x_dir=(1, 0, 0), z_dir=(0, 1, 0))))
+
+        end, radius = 36, 4
+        forward = Location(Plane((0, end, 0), x_dir=(1, 0, 0), z_dir=(0, 1, 0)))
+        cone = forward * Cone(11, radius, length - radius - end, align=STANDING)
+        self.point = cone + Pos(0, length - radius, 0) * Sphere(radius)
+        self.body = fork(self.turning, end, thickness) + self.point
+        self.pieces = [*fork_pieces(self.turning, end, thickness), cone]
+
+    def result(self):
+        """The fork with its point."""
+        return self.body
+
+    def collision(self):
+        """Both cheeks, what joins them, and the point."""
+        return self.pieces
+
+
+def fork(servo: XM430, end: float, thickness: float):
+    """A fork from horn and idler of `servo` to y = `end`, with the holes on the horn [mm]."""
+    inner, width = servo.horn_z, 26
+    outer = inner + thickness
+    plan = extrude(Pos(0, end / 2, 0) * Rot(0, 0, 90) * SlotCenterToCenter(end, width), outer, both=True)
+    plan -= Pos(0, end + 50, 0) * Box(100, 100, 100)
+    u = Pos(0, end, 0) * fillet(Box(100, 4 * end, 2 * outer).edges().filter_by(Axis.X), 8)
+    u = Pos(0, -2 * end, 0) * u
+    gap = Box(100, 4 * end, 2 * inner)
+    gap = Pos(0, -end - thickness, 0) * fillet(gap.edges().filter_by(Axis.X), 4)
+    window = Pos(0, end / 2 + 6, 0) * Rot(0, 0, 90) * extrude(SlotCenterToCenter(max(end - 38, 1), 10), outer, both=True)
+    screws = [hole(thickness) for hole in servo.screws_horn[::2]] + [hole(thickness) for hole in servo.screws_idler[::2]]
+    boss = servo.boss_hull(2 * thickness)
+    return (plan & u) - [gap, window, boss, *(screw.clearance_hull for screw in screws)]
+
+
+def fork_pieces(servo: XM430, end: float, thickness: float):
+    """The fork as three boxes."""
+    inner = servo.horn_z
+    cheek = Box(26, end + 13, thickness)
+    z = inner + thickness / 2
+    y, across = (end - 13) / 2, Pos(0, end - thickness / 2, 0) * Box(26, thickness, 2 * inner)
+    return [Pos(0, y, z) * cheek, Pos(0, y, -z) * cheek, across]
