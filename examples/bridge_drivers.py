@@ -12,7 +12,7 @@ import yaml
 
 import thingc.batch
 from bridge_report import MARGIN, Tried
-from thingc.driver.environment import Options
+from thingc import Options
 
 ROUND = 8
 """Bridges that Optuna is asked for at once."""

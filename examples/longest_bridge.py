@@ -15,7 +15,7 @@ from typing import Any
 import thingc.batch
 from bridge_drivers import DRIVERS, Driver
 from bridge_report import Tried, draw, page, rebuilt
-from thingc.driver.environment import Options
+from thingc import Options
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCUMENT = ROOT / "assemblies" / "minchw" / "bridge_search.yaml"

@@ -11,8 +11,7 @@ from typing import Annotated
 
 from build123d import Axis, Circle, Cone, Cylinder, Edge, Face, Location, Plane, Pos, Solid, Wire, fillet
 
-from thingc import Length, MountPoint, Range, Thing
-from thingc.geometry.things.mounts import MATE
+from thingc import MATE, Length, MountPoint, Range, Thing
 from thingc_stock.dynamixel import XM430
 from thingc_stock.fasteners import Screw
 

@@ -39,9 +39,10 @@ from typing import Any
 
 from thingc.batch.batch import SHARE
 from thingc.batch.patching import ModelText, TextModels
-from thingc.batch.plans import Builds, SettingsReader
+from thingc.batch.plans import Builds
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
+from thingc.driver.settings import SettingsReader
 from thingc.model.resolve import Settings
 from thingc.targets.artifact import Stored
 

@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     from thingc.driver.api import CompiledMode as CompiledMode
     from thingc.driver.api import CompileError as CompileError
     from thingc.driver.api import compile as compile
+    from thingc.driver.environment import Options as Options
     from thingc.geometry.things.actuator import Actuator as Actuator
     from thingc.geometry.things.assets import asset as asset
+    from thingc.geometry.things.mounts import MATE as MATE
     from thingc.geometry.things.mounts import MountPoint as MountPoint
     from thingc.geometry.things.parameters import Angle as Angle
     from thingc.geometry.things.parameters import Count as Count
@@ -40,8 +42,10 @@ _EXPORTS = {
     "CompiledMode": "thingc.driver.api",
     "Count": "thingc.geometry.things.parameters",
     "Length": "thingc.geometry.things.parameters",
+    "MATE": "thingc.geometry.things.mounts",
     "Mass": "thingc.geometry.things.parameters",
     "MountPoint": "thingc.geometry.things.mounts",
+    "Options": "thingc.driver.environment",
     "ParameterError": "thingc.geometry.things.parameters",
     "Range": "thingc.geometry.things.parameters",
     "Ratio": "thingc.geometry.things.parameters",

@@ -9,8 +9,7 @@ from build123d import Location, Plane, Pos, Solid
 from minchw import GAP, PLAY
 from minchw.leg import HipBracket
 from minchw.shapes import block, cut_away, placed, slab
-from thingc import Length, MountPoint, Range, Thing
-from thingc.geometry.things.mounts import MATE
+from thingc import MATE, Length, MountPoint, Range, Thing
 from thingc_stock.cells import CellTray
 from thingc_stock.dynamixel import XM430
 from thingc_stock.fasteners import Screw

@@ -8,8 +8,7 @@ from build123d import Location, Plane, Pos, Solid
 
 from minchw import GAP, PLAY
 from minchw.shapes import cut_away, placed, slab, stadium, sunk, swing, tongue, turned
-from thingc import Length, MountPoint, Range, Thing
-from thingc.geometry.things.mounts import MATE
+from thingc import MATE, Length, MountPoint, Range, Thing
 from thingc_stock.dynamixel import XM430, XM540
 from thingc_stock.fasteners import Screw
 from thingc_stock.magnets import HoldingMagnet

@@ -7,8 +7,7 @@ from typing import Literal
 
 from build123d import Axis, Location, Solid
 
-from thingc import MountPoint, Thing
-from thingc.geometry.things.mounts import MATE
+from thingc import MATE, MountPoint, Thing
 from thingc_stock.shapes import turned
 
 

@@ -7,8 +7,7 @@ from typing import Annotated
 
 from build123d import Axis, Face, Location, Solid, Wire
 
-from thingc import Length, MountPoint, Range, Thing
-from thingc.geometry.things.mounts import MATE
+from thingc import MATE, Length, MountPoint, Range, Thing
 from thingc_stock.fasteners import Hole, threaded_hole
 
 SATURATION = 1.6

@@ -8,8 +8,7 @@ from typing import Annotated, Literal
 
 from build123d import Location, Plane, Pos, Solid
 
-from thingc import Actuator, Length, MountPoint, Range, Thing
-from thingc.geometry.things.mounts import MATE
+from thingc import MATE, Actuator, Length, MountPoint, Range, Thing
 from thingc_stock.fasteners import Hole, Size, threaded_hole
 from thingc_stock.shapes import bevelled, block, disc, spots
 

@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 
 from build123d import Location, Plane, Solid
 
-from thingc import Length, MountPoint, Range, Thing
-from thingc.geometry.things.mounts import MATE
+from thingc import MATE, Length, MountPoint, Range, Thing
 from thingc_stock.shapes import disc, prism
 
 

@@ -6,8 +6,7 @@ from typing import Annotated
 
 from build123d import Location, Plane, Solid
 
-from thingc import Count, Length, MountPoint, Range, Thing
-from thingc.geometry.things.mounts import MATE
+from thingc import MATE, Count, Length, MountPoint, Range, Thing
 from thingc_stock.shapes import bevelled, block, disc, prism, spots, turned
 
 

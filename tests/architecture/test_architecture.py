@@ -8,7 +8,7 @@ import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from enum import Enum
 from functools import cache
 from importlib import import_module
@@ -21,194 +21,40 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "compiler" / "thingc"
 
-BASE = {
-    "frozen", "brief", "shown", "source", "typos", "diagnostics", "units", "expressions", "pose", "inertia", "mirror", "primitives",
-    "sensing",
-    "memo", "packaging", "exports", "unit_spellings", "file_names", "files", "replacement", "heading", "circles", "summing", "syntax",
-    "installed", "workspace", "mesh_bounds",
+ORDER = (
+    "base", "modes", "documents", "geometry", "model/resolve", "model/assembly", "model/robot", "model", "targets", "driver", "batch",
+    "tools", "__init__", "__main__",
+)
+"""Rooms of the package, and folders in them: a module imports from its own and from those before it."""
+ENTRIES = {"__init__.py", "__main__.py", "py.typed", *(room for room in ORDER if room.isidentifier() and not room.startswith("__"))}
+TYPES_ONLY = {
+    ("documents/checks", "thingc.model.resolve"), ("documents/checks", "thingc.model.assembly"),
 }
-# What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
-ROOMS: dict[str, set[str]] = {
-    "frozen": set(), "shown": set(), "source": {"frozen"}, "brief": {"source"}, "typos": {"shown"},
-    "diagnostics": {"brief", "shown", "source", "typos"},
-    "printing": {"brief", "shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "typos", "unit_spellings"},
-    "expressions": {"frozen", "diagnostics", "typos", "units"},
-    "summing": set(), "syntax": set(), "pose": {"frozen", "summing"}, "inertia": {"frozen", "brief", "pose"}, "mirror": {"pose"},
-    "primitives": {"frozen", "brief", "pose", "inertia", "summing"}, "sensing": {"frozen", "brief", "source", "units", "primitives"},
-    "memo": set(), "file_names": set(), "files": set(), "replacement": {"diagnostics", "files"},
-    "heading": set(), "circles": set(), "unit_spellings": set(), "installed": {"files"},
-    "mesh_bounds": set(), "later": set(), "exports": set(), "packaging": {"frozen"},
-    "archives": {"frozen"}, "gaps": set(), "csvcell": {"shown", "gaps"}, "webpage": {"shown"}, "exchange": set(),
-    "workspace": BASE | {"load", "spec"},
-    "load": BASE,
-    "spec": BASE | {"load", "joints", "checks"},
-    # A file holds all of a kind of test: what is written, which `spec` reads, and how it is run, which knows robots.
-    "checks": BASE | {"spec", "realize", "resolve", "joints", "graph", "robot", "statics", "testing", "emit"},
-    "things": set(),
-    "line_process": set(),
-    "realize": BASE | {"things", "line_process"},
-    "meshes": BASE | {"load", "realize"},
-    "joints": BASE,
-    "resolve": BASE | {"load", "spec", "checks", "realize", "meshes", "joints"},
-    "graph": BASE | {"checks", "resolve", "realize", "meshes", "joints"},
-    "robot": BASE | {"resolve", "realize", "joints", "graph"},
-    "solids": BASE | {"realize", "graph"},
-    "statics": BASE | {"joints", "graph", "robot"},
-    "drawing": {"frozen", "summing"},
-    "emit": BASE | {"later", "gaps", "archives", "csvcell", "webpage", "resolve", "realize", "joints", "graph", "robot", "statics",
-        "drawing"},
-    "modes": {"brief", "diagnostics", "summing", "typos"},  # read at run time, next to a simulation
-    "render": {"frozen", "pose", "summing"},
-    "reporting": {"frozen", "shown", "source", "diagnostics"},
-    "templates": set(),
-    "importing": BASE | {"load", "layout", "realize", "meshes"},
-    "layout": BASE | {"load", "spec"},
-    "editor": BASE | {"load", "spec", "realize", "resolve", "watching"},
-    "lsp": BASE | {"environment", "pipeline", "dependencies", "stamp", "watching", "load", "spec", "layout", "realize", "resolve", "joints",
-        "graph", "robot", "editor", "variants"},
-    "testing": BASE | {"printing", "checks", "resolve", "realize", "joints", "graph", "robot", "statics", "solids", "emit"},
-    "affected": BASE | {"load", "realize"},
-    "diff": BASE | {"affected", "render", "environment", "pipeline", "stamp", "load", "resolve", "realize", "joints", "graph", "emit",
-        "testing"},
-    "output": BASE | {"exchange", "realize", "emit"},
-    "stamp": BASE | {"realize"},
-    "environment": BASE | {"realize"},
-    "pipeline": BASE | {"environment", "load", "spec", "realize", "meshes", "resolve", "joints", "graph", "robot", "solids", "emit"},
-    "dependencies": BASE | {"environment", "pipeline", "stamp", "resolve"},
-    "session": BASE | {"environment", "pipeline", "resolve", "emit"},
-    "building": BASE | {"environment", "pipeline", "output", "realize", "graph", "emit"},
-    "watching": set(),
-    "writing": BASE | {"environment", "pipeline", "layout", "load", "spec"},
-    "live": BASE | {"watching", "environment", "pipeline", "dependencies", "building", "output", "stamp", "realize", "emit"},
-    "plans": BASE | {"archives", "gaps", "csvcell", "pipeline", "session", "load", "spec", "realize", "resolve", "emit"},
-    "patching": {"frozen"},
-    "variants": BASE | {"printing", "archives", "csvcell", "webpage", "line_process", "environment", "pipeline", "stamp", "session",
-        "plans", "load", "spec",
-        "realize", "resolve", "graph", "robot", "statics", "emit", "output", "modes", "render", "patching"},
-    "api": BASE | {"printing", "environment", "pipeline", "plans", "realize", "graph", "robot", "emit"},
-    "families": BASE | {"api", "environment", "pipeline", "session", "output", "load", "spec", "realize", "resolve", "emit", "testing",
-        "plans", "patching", "variants", "writing", "modes"},
-    "cli": BASE | {"printing", "environment", "pipeline", "dependencies", "realize", "graph", "robot", "emit", "output", "stamp", "resolve",
-        "render", "reporting", "layout", "editor", "lsp", "testing", "variants", "load", "spec", "joints", "checks", "affected", "building",
-        "diff", "live", "templates", "writing", "importing"},
-    "__init__": {"things", "api", "modes", "families"},
-    "__main__": {"cli"},
-}
-# The door: what satellites may import, besides themselves and what stands below all rooms: the driver, what the `__init__` of a room
-# exports, and modules of types that passes hand over. ARCHITECTURE.md says so too, under "The door".
-DRIVER = {"environment", "pipeline", "dependencies", "session", "building", "output", "stamp"}
-TYPES = {
-    "spec.assembly", "spec.variants", "realize.record", "resolve.model", "resolve.link_definition", "graph.types", "robot.types",
-    "emit.artifact",
-}
-ANY = {"*"}
-SATELLITES: dict[str, dict[str, set[str]]] = {
-    "render": {},
-    "reporting": {},
-    "editor": {
-        "load": {"Documents", "documents_in", "load", "packaged_documents", "read_tree"},
-        "realize.record": ANY,
-        "resolve": {"Settings", "Sources", "part_definitions", "resolve"},
-        "resolve.model": ANY,
-        "resolve.link_definition": ANY,
-        "spec": {"REFERENCE_PATTERN", "Specs", "json_schema", "part_references", "validate"},
-    },
-    "lsp": {
-        "editor": {"Facts", "Schemas", "facts_of"},
-        "environment": {"Environment", "Lend", "Options", "geometry_of"},
-        "pipeline": {"*"},
-        "dependencies": {"*"},
-        "load": {"Documents", "documents_in", "has_header", "load", "named", "read_tree"},
-        "resolve": {"RESERVED"},
-        "joints": {"KINDS"},
-        "spec": {"Declares", "Means", "Meant", "Mention", "mentions_of", "referred", "setting_words"},
-        "layout": {"Looked", "TextEdit", "Unsettable", "format_document", "located", "sure_edits", "with_values"},
-        "realize": {
-            "ABSENT", "BadLock", "Decision", "EndingWorkers", "GeometryService", "Module", "NoWorkers", "PartAnswers", "Slicing", "Store",
-            "StoreUnusable", "read_lock",
-        },
-        "stamp": {"state_of"},
-        "variants": {"read_plan"},
-        "realize.record": ANY,
-        "resolve.model": ANY,
-        "graph.types": ANY,
-        "robot.types": ANY,
-    },
-    "live": {
-        "pipeline": {"*"},
-        "dependencies": {"*"},
-        "building": {"*", "Built", "Wish"},
-        "environment": {"Environment", "Options", "geometry_of"},
-        "output": {"Waiting"},
-        "realize": {"BlobMissing", "EndingWorkers", "GeometryService", "Store"},
-        "emit": {"Page", "waiting"},
-        "emit.artifact": ANY,
-        "stamp": {"state_of"},
-    },
-    "diff": {
-        "affected": {"NotARepository", "changed_paths", "git", "run_git", "touched"},
-        "environment": {"Environment", "Options"},
-        "pipeline": {"*", "Compilation"},
-        "stamp": {"fingerprint", "packed", "unpacked"},
-        "load": {"Documents"},
-        "joints": {"KINDS"},
-        "resolve": {"assemblies_of"},
-        "resolve.model": ANY,
-        "realize": {"BlobMissing", "Store", "StoreUnusable", "arrays", "read_lock"},
-        "realize.record": ANY,
-        "graph.types": ANY,
-        "emit": {"with_pieces"},
-        "testing": {"Selection", "run"},
-        "render": {"body_poses", "extent", "small_picture"},
-    },
-    "affected": {"load": {"Documents", "documents_in", "load", "named"}, "realize": {"Store", "part_inputs"}},
-    "variants": {
-        "environment": {"Environment", "Lend", "Options", "store_of"},
-        "pipeline": {"*", "Compilation"},
-        "session": {"Session"},
-        "plans": {"Builds", "SettingsReader"},
-        "output": {"NOTHING", "Blobs", "same_file", "unexpected_files"},
-        "stamp": {"state_of"},
-        "load": {"Documents", "find_assembly", "load"},
-        "spec": {"stated_choices", "stated_value", "validate_one", "within"},
-        "spec.assembly": ANY,
-        "spec.variants": ANY,
-        "realize": {"BlobMissing", "Digests", "Store", "StoreUnusable"},
-        "realize.record": ANY,
-        "resolve": {"AssemblyParameters", "Settings", "Sources", "part_definitions"},
-        "resolve.model": ANY,
-        "graph": {"coordinates", "joints_of", "link"},
-        "graph.types": ANY,
-        "robot": {"in_link", "placed_bodies"},
-        "robot.types": ANY,
-        "statics": {"lifted", "stance", "static_efforts"},
-        "emit": {"chosen", "unknown", "versions"},
-        "emit.artifact": ANY,
-        "modes": {"Modes"},
-        "patching": {"ModelText", "TextModels"},
-        "render": {"NoGraphics", "extent", "ready", "small_picture"},
-    },
-}
-OF_EXTRAS = {"families.learning", "variants.dask_worker", "variants.learning"}
+"""Folders whose annotations name types of later rooms. Nothing is imported from there at run time."""
+ALONE = ("geometry/things", "tools/templates")
+"""Folders that import nothing else of thingc: part authors read the first, the second holds the files of new workspaces."""
+OF_EXTRAS = {"batch.families.learning", "batch.dask_worker", "batch.learning"}
 KERNEL = {"build123d", "OCP", "bd_warehouse", "lib3mf"}
-KERNEL_ROOMS = {"things"}
-KERNEL_MODULES = {"realize/worker/server.py", "realize/worker/reads.py"}
-KERNEL_FOLDER = "realize/worker/kernel/"
-# What each folder of `realize`, and each module of plain data there, may import of it. The rest is the service: it sees them all.
-REALIZE: dict[str, set[str]] = {
+KERNEL_MODULES = ("geometry/things/", "geometry/worker/server.py", "geometry/worker/reads.py", "geometry/worker/kernel/")
+# What each folder of `geometry`, and each module of plain data there, may import of it. The rest is the service: it sees them all.
+GEOMETRY: dict[str, set[str]] = {
     "slices": set(), "record": {"slices"}, "record_json": {"record", "slices"},
     "store": {"record", "slices"},
     "key": {"record", "record_json", "store"},
-    "worker": {"record", "record_json", "slices", "store", "key"},
+    "worker": {"things", "mesh_bounds", "record", "record_json", "slices", "store", "key"},
     "lock": {"record", "record_json", "slices", "store", "key", "answers", "decisions", "service"},
 }
 HEAVY = {"numpy", "networkx", "trimesh", "mujoco", "scipy", "rich", "typer", "manifold3d", "coacd", "ruamel", "tomlkit"}
-CHECK_ROOMS = BASE | {"load", "spec", "checks", "resolve", "graph", "joints", "robot", "environment", "pipeline", "stamp"}
+LIGHT = (
+    "base/", "documents/load/", "documents/spec/", "documents/checks/", "documents/expressions/", "documents/workspace.py",
+    "model/resolve/", "model/assembly/", "model/robot/", "driver/environment.py", "driver/pipeline.py", "driver/stamp.py",
+)
+"""Where everything is that `check` runs."""
 
 
 def modules() -> list[Path]:
     """Those of the compiler; in the folders of `templates/` are files of new workspaces."""
-    begun = PACKAGE / "templates"
+    begun = PACKAGE / "tools/templates"
     return sorted(path for path in PACKAGE.rglob("*.py") if path.parent == begun or begun not in path.parents)
 
 
@@ -225,75 +71,78 @@ def read_once() -> Iterator[None]:
     tree.cache_clear()
 
 
-def room_of(path: Path) -> str:
-    first = path.relative_to(PACKAGE).parts[0]
-    return first.removesuffix(".py")
+def place_of(path: Path) -> str:
+    """`model/robot/trees.py`: where a module lies in the package."""
+    return path.relative_to(PACKAGE).as_posix()
+
+
+def module_name(path: Path) -> str:
+    """`thingc.model.robot.trees`, of a package its own name."""
+    return ".".join(("thingc", *path.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__")
+
+
+def layer(name: str) -> int:
+    """The place in `ORDER` of a module, or of a name in it: that of the longest entry that leads to it."""
+    words = name.split(".")[1:] or ["__init__"]
+    found = [room for room in ORDER if words[: room.count("/") + 1] == room.split("/")]
+    assert found, f"{name} is in no room of ORDER"
+    return ORDER.index(max(found, key=len))
+
+
+def at_run_time(node: ast.AST, *, called: bool = True) -> Iterator[ast.AST]:
+    """What is below a node, but for what stands there for type checkers alone; of functions only where they are `called`."""
+    if not called and isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+        return
+    yield node
+    for inner in node.orelse if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test) else ast.iter_child_nodes(node):
+        yield from at_run_time(inner, called=called)
+
+
+def named_by(nodes: Iterable[ast.AST]) -> set[str]:
+    """The modules, and names in them, that import statements among `nodes` name: `thingc.base.units.LENGTH`."""
+    found: set[str] = set()
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0 and node.module is not None, "relative imports hide the direction"
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return found
 
 
 @cache
 def imported(path: Path) -> frozenset[str]:
-    """Every module that a file names in an import, wherever it stands."""
-    found: set[str] = set()
-    for node in ast.walk(tree(path)):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative imports hide the direction"
-            assert node.module is not None
-            found |= {f"{node.module}.{alias.name}" for alias in node.names} if node.module == "thingc" else {node.module}
-    return frozenset(found)
+    """Every module, and every name in it, that a file names in an import, wherever that stands."""
+    return frozenset(named_by(ast.walk(tree(path))))
 
 
-@pytest.mark.parametrize("path", modules(), ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_the_package_has_few_entries() -> None:
+    assert {path.name for path in PACKAGE.iterdir()} - {"__pycache__"} == ENTRIES
+
+
+@pytest.mark.parametrize("path", modules(), ids=place_of)
 def test_imports_point_one_way(path: Path) -> None:
-    room = room_of(path)
-    assert room in ROOMS, f"{room} is a new room: say in ROOMS what it may see"
-    seen = {name.split(".")[1] for name in imported(path) if name.startswith("thingc.")}
-    seen -= {room, "__version__"}
-    assert seen <= ROOMS[room], f"{path.relative_to(PACKAGE)} must not import {sorted(seen - ROOMS[room])}"
+    place, own = place_of(path), layer(module_name(path))
+    ours = {name for name in imported(path) if name.startswith("thingc.") and name != "thingc.__version__"}
+    later = {name for name in ours if layer(name) > own}
+    only_types = {
+        name for name in later - named_by(at_run_time(tree(path)))
+        if any(place.startswith(f"{folder}/") and name.startswith(room) for folder, room in TYPES_ONLY)
+    }
+    assert later <= only_types, f"{place} must not import {sorted(later - only_types)}"
 
 
-@pytest.mark.parametrize("satellite", SATELLITES)
-def test_satellites_use_the_door(satellite: str) -> None:
-    below = BASE | {"printing", "archives", "csvcell", "webpage", "watching", "line_process", satellite}
-    seen: dict[str, set[str]] = {}
-    for path in (PACKAGE / satellite).rglob("*.py"):
-        for node in ast.walk(tree(path)):
-            for module, name in named_in(node):
-                if module.split(".")[0] not in below:
-                    seen.setdefault(module, set()).add("*" if module in TYPES else name)
-    assert seen == SATELLITES[satellite], "say in SATELLITES what it may import, or take out there what it does not"
-
-
-def named_in(node: ast.AST) -> Iterator[tuple[str, str]]:
-    """Modules of thingc (`load.paths`; empty for thingc itself) with the names that an import takes from each; of whole modules, `*`."""
-    if isinstance(node, ast.Import):
-        yield from ((alias.name.removeprefix("thingc."), "*") for alias in node.names if alias.name.startswith("thingc."))
-    elif isinstance(node, ast.ImportFrom) and node.module == "thingc":
-        whole = {room_of(path) for path in modules()}
-        yield from ((alias.name, "*") if alias.name in whole else ("", alias.name) for alias in node.names)
-    elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("thingc."):
-        assert node.module is not None
-        yield from ((node.module.removeprefix("thingc."), alias.name) for alias in node.names)
-
-
-def test_the_door_is_narrow() -> None:
-    """A satellite may import a module only where that is the driver's, a room's own `__init__` (or thingc's), or one of types."""
-    for satellite, wanted in SATELLITES.items():
-        for module, names in wanted.items():
-            if module in DRIVER | TYPES:
-                continue
-            door = PACKAGE / module / "__init__.py"
-            assert door.is_file(), f"{satellite} reaches into a room: {module}"
-            exported = set(import_module(f"thingc.{module}".rstrip(".")).__all__)
-            assert names <= exported, f"thingc.{module} does not export {sorted(names - exported)}, which {satellite} wants"
-
-
-def test_the_door_is_in_the_drawing() -> None:
-    text = (ROOT / "ARCHITECTURE.md").read_text().partition("## The door")[2].partition("\n## ")[0]
-    told = {word.removesuffix(".py").replace("/", ".") for word in re.findall(r"`([\w/]+\.py)`", text)} - {"__init__"}
-    assert told == TYPES | DRIVER
-    assert {word for word in SATELLITES if f"`{word}/`" in text} == set(SATELLITES)
+def test_some_rooms_do_not_see_others() -> None:
+    """Targets write what the model says, without another look at documents; some folders stand alone."""
+    for path in modules():
+        place, ours = place_of(path), {name for name in imported(path) if name.startswith("thingc.")}
+        if place.startswith("targets/"):
+            ours = {name for name in ours if re.match(r"thingc\.documents\.(load|spec|format)\b", name)}
+            assert not ours, f"{place} must not import {sorted(ours)}"
+        for folder in ALONE:
+            if place.startswith(f"{folder}/"):
+                outside = {name for name in ours if not name.startswith(f"thingc.{folder.replace('/', '.')}.")}
+                assert not outside, f"{place} must not import {sorted(outside)}"
 
 
 def test_optional_dependencies_stay_optional() -> None:
@@ -310,28 +159,19 @@ def test_optional_dependencies_stay_optional() -> None:
     assert optional >= {"distributed", "gymnasium", "optuna"} and at_once == OF_EXTRAS
 
 
-@pytest.mark.parametrize("folder", REALIZE)
-def test_folders_of_realize_point_one_way(folder: str) -> None:
+@pytest.mark.parametrize("folder", GEOMETRY)
+def test_folders_of_geometry_point_one_way(folder: str) -> None:
     seen = {
         (path.relative_to(PACKAGE).as_posix(), name) for path in modules()
-        if path.relative_to(PACKAGE).parts[:2] in {("realize", folder), ("realize", f"{folder}.py")}
+        if path.relative_to(PACKAGE).parts[:2] in {("geometry", folder), ("geometry", f"{folder}.py")}
         for name in imported(path) if name.startswith("thingc.geometry.")
     }
-    assert seen or not REALIZE[folder]
-    assert {(path, name) for path, name in seen if name.split(".")[2] not in REALIZE[folder] | {folder}} == set()
-
-
-def at_run_time(node: ast.AST, *, called: bool = True) -> Iterator[ast.AST]:
-    """What is below a node, but for what stands there for type checkers alone; of functions only where they are `called`."""
-    if not called and isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
-        return
-    yield node
-    for inner in node.orelse if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test) else ast.iter_child_nodes(node):
-        yield from at_run_time(inner, called=called)
+    assert seen or not GEOMETRY[folder]
+    assert {(path, name) for path, name in seen if name.split(".")[2] not in GEOMETRY[folder] | {folder}} == set()
 
 
 # Tables that some members of a closed set have no place in: what they have none for is looked up with `get`, and means nothing there.
-IN_PART = {"diff.change._BACKWARD", "sensing._MOVED", "spec.sensors._EXAMPLES"}
+IN_PART = {"tools.diff.change._BACKWARD", "base.sensing._MOVED", "documents.spec.sensors._EXAMPLES"}
 
 
 def test_tables_by_closed_sets_are_whole() -> None:
@@ -370,7 +210,7 @@ def test_no_module_needs_itself() -> None:
 @pytest.mark.parametrize("path", modules(), ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_only_the_worker_sees_the_kernel(path: Path) -> None:
     relative = path.relative_to(PACKAGE).as_posix()
-    if room_of(path) in KERNEL_ROOMS or relative in KERNEL_MODULES or relative.startswith(KERNEL_FOLDER):
+    if relative.startswith(KERNEL_MODULES):
         return
     kernel = {name for name in imported(path) if name.split(".")[0] in KERNEL}
     assert not kernel, f"{relative} imports the CAD kernel: {sorted(kernel)}"
@@ -378,7 +218,7 @@ def test_only_the_worker_sees_the_kernel(path: Path) -> None:
 
 @pytest.mark.parametrize("path", modules(), ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_the_path_of_check_is_light(path: Path) -> None:
-    if room_of(path) not in CHECK_ROOMS:
+    if not place_of(path).startswith(LIGHT):
         return
     heavy = {name for name in imported(path) if name.split(".")[0] in HEAVY}
     assert not heavy, f"{path.relative_to(PACKAGE)} imports {sorted(heavy)}"
@@ -408,21 +248,22 @@ def test_a_class_name_means_one_class() -> None:
     places: dict[str, set[str]] = {}
     for path in modules():
         for node in ast.walk(tree(path)):
-            if isinstance(node, ast.ClassDef) and not node.name.startswith("_") and room_of(path) != "modes":
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_") and not place_of(path).startswith("modes/"):
                 places.setdefault(node.name, set()).add(path.relative_to(PACKAGE).as_posix())
     assert places and {name: sorted(files) for name, files in places.items() if len(files) > 1} == {}
 
 
-NUMBERS = {
-    "pose", "inertia", "mirror", "primitives", "joints", "resolve", "checks", "graph", "robot", "statics", "solids", "modes", "drawing",
-}
-"""Rooms that reckon with floats."""
+NUMBERS = (
+    "base/pose.py", "base/inertia.py", "base/mirror.py", "base/primitives.py", "base/joints/", "documents/checks/", "model/", "modes/",
+    "targets/drawing/", "driver/testing/kinds/",
+)
+"""Where numbers are computed with."""
 
 
 def test_sums_of_floats_are_the_same_in_every_python() -> None:
     """`sum` is, of floats, another function from Python 3.12 on: where numbers are reckoned with it counts, or adds to a start."""
     others = []
-    for path in (one for one in modules() if room_of(one) in NUMBERS):
+    for path in (one for one in modules() if place_of(one).startswith(NUMBERS)):
         for node in ast.walk(tree(path)):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "sum" and len(node.args) == 1:
                 of = node.args[0].elt if isinstance(node.args[0], ast.GeneratorExp) else node.args[0]
@@ -436,7 +277,7 @@ def test_lengths_are_the_same_in_every_python() -> None:
     it does without."""
     theirs = re.compile(r"\bmath\.(hypot|dist)\b|from math import .*\b(hypot|dist)\b")
     others = [str(path.relative_to(PACKAGE)) for path in modules() if theirs.search(path.read_text())]
-    assert set(others) == {"summing.py", "inertia.py", "things/inspection.py"}, "thingc.base.summing.hypot, thingc.base.summing.dist"
+    assert set(others) == {"base/summing.py", "base/inertia.py", "geometry/things/inspection.py"}, "thingc.base.summing has both"
 
 
 def test_modules_stay_readable() -> None:
@@ -463,10 +304,10 @@ def test_diagnostic_codes_are_a_closed_set() -> None:
 
 def test_warnings_of_documents_can_be_allowed() -> None:
     """A code that a pass warns of has the command that says it: without, nobody could write `allow: {CODE: reason}`."""
-    passes = {"load", "spec", "checks", "resolve", "graph", "robot", "emit", "testing"}
+    passes = ("documents/", "model/", "targets/", "driver/testing/")
     warned: dict[str, bool] = {}
     for path in modules():
-        for node in ast.walk(tree(path)) if room_of(path) in passes else ():
+        for node in ast.walk(tree(path)) if place_of(path).startswith(passes) else ():
             if not isinstance(node, ast.Call) or not node.args:
                 continue
             code = node.args[0]
@@ -484,7 +325,7 @@ def test_warnings_of_documents_can_be_allowed() -> None:
 def test_what_commands_print_goes_through_one_place() -> None:
     """`common.say` and the forms of diagnostics show what documents hold as text; a plain `print` would hand on escape sequences."""
     plain = [
-        f"{path.name}:{node.lineno}" for path in (PACKAGE / "cli").glob("*.py") if path.name != "common.py"
+        f"{path.name}:{node.lineno}" for path in (PACKAGE / "tools/cli").glob("*.py") if path.name != "common.py"
         for node in ast.walk(tree(path))
         if isinstance(node, ast.Call) and (
             isinstance(node.func, ast.Name) and node.func.id == "print"

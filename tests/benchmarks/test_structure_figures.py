@@ -10,9 +10,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 LONG = "def long(a, /, b, c, *d, e, f, g, **h):\n" + "    pass\n" * 50
 TEXTS = {
-    "graph/one.py": "def late():\n    from thingc.model.assembly.two import b\n\nclass Link:\n    def seven(self, a, b, c, d, e, f, g): ...\n",
-    "graph/two.py": "from thingc.model.assembly import one\nif TYPE_CHECKING:\n    import thingc.driver.api\n\nclass Link: ...\n",
-    "api.py": "import thingc.model.assembly.two\n" + LONG,
+    "graph/one.py": "def late():\n    from thingc.graph.two import b\n\nclass Link:\n    def seven(self, a, b, c, d, e, f, g): ...\n",
+    "graph/two.py": "from thingc.graph import one\nif TYPE_CHECKING:\n    import thingc.api\n\nclass Link: ...\n",
+    "api.py": "import thingc.graph.two\n" + LONG,
     "graph/__init__.py": "",
     "templates/__init__.py": "",
     "templates/arm/parts/rod.py": "class Link: ...\n",
@@ -27,7 +27,7 @@ def test_a_structure_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     found = figures.structure(TEXTS)
     assert found.rooms == {"graph": 10, "api.py": 52, "templates": 0}
     assert found.largest == (52, "api.py")
-    assert found.circles == [["thingc.model.assembly.one", "thingc.model.assembly.two"]], "an import in a function counts, one for types does not"
+    assert found.circles == [["thingc.graph.one", "thingc.graph.two"]], "an import in a function counts, one for types does not"
     assert found.twice == ["Link: graph/one.py, graph/two.py"]
     assert [(one.where, one.lines, one.parameters) for one in found.functions] == [
         ("api.py:2 long", 51, 8), ("graph/one.py:1 late", 2, 0), ("graph/one.py:5 seven", 1, 7)

@@ -96,7 +96,9 @@ ESCAPE = (
     " ().__class__.__base__.__subclasses__() if one.__name__ == 'catch_warnings'][0]()._module.__builtins__]])() and 1.0"
 )
 """Runs the Python of a file: xacro looks for forbidden names only outside of functions."""
-FREE = "import sys; hook = sys.modules['thingc.geometry.worker.confining']; hook._allowed = (); hook._readable = None; hook._STARTING = ()\n"
+FREE = (
+    "import sys; hook = sys.modules['thingc.geometry.worker.confining']; hook._allowed = (); hook._readable = None; hook._STARTING = ()\n"
+)
 """Disables what Python refuses: what is left is the system."""
 REFUSED = {
     "remove": ("import os; os.remove({victim!r})", "only its own temporary folder may be written"),

@@ -29,7 +29,7 @@ PARTS = """
     from build123d import Box, Cylinder, Pos
 
     from thingc import MountPoint, Thing
-    from thingc.geometry.things.mounts import MATE
+    from thingc import MATE
 
 
     class BoxSole(Thing):

@@ -13,8 +13,8 @@ from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
 from thingc.batch.plans.exchange import Exchange, Exchanged, Modelled, TracedParts
 from thingc.batch.plans.planning import PAYS, Form
-from thingc.batch.plans.reading import Read
 from thingc.batch.plans.tape import Tape
+from thingc.driver.settings import Read
 from thingc.geometry.record import (
     Expectation,
     Mesh,

@@ -27,9 +27,8 @@ from build123d import (
     Vertex,
 )
 
-from thingc import MountPoint, Thing, TransformResolver
+from thingc import MATE, MountPoint, Thing, TransformResolver
 from thingc.geometry.things.inspection import ExpectedPart, expectations_of, mounts_of
-from thingc.geometry.things.mounts import MATE
 
 Rows = list[list[float]]
 

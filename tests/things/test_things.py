@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import pytest
 from build123d import Box, BuildPart, Cylinder, Part, Plane, Pos, Shape, Vector
 
-from thingc import Angle, Count, Length, Mass, MountPoint, ParameterError, Range, Ratio, Thing
+from thingc import MATE, Angle, Count, Length, Mass, MountPoint, ParameterError, Range, Ratio, Thing
 from thingc.geometry.things.inspection import build, is_part, parameters_of
-from thingc.geometry.things.mounts import MATE
 from thingc.geometry.things.parameters import CallError, Parameter, SignatureError
 
 if TYPE_CHECKING:

@@ -284,6 +284,11 @@ class Note(Brief):
         object.__setattr__(self, "message", shortened(self.message))
 
 
+def noted(message: str, origin: Origin) -> tuple[Note, ...]:
+    """A note at the innermost place of `origin`, or none where it has no place."""
+    return (Note(message=message, span=origin[0]),) if origin else ()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnostic(Brief):
     """One thing to say. `path` is the key path in the document or the path of the occurrence or joint; `detail` is

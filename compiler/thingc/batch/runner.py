@@ -26,11 +26,12 @@ from thingc.batch.chunks import FILES, SHARED
 from thingc.batch.job import STOPPED, Job, Row, Task, refusal, row
 from thingc.batch.measure import Results, UnknownMount, measure
 from thingc.batch.places import keep_asset, write_variant
-from thingc.batch.plans import Builds, SettingsReader
+from thingc.batch.plans import Builds
 from thingc.batch.rules import Rule, unkept
 from thingc.documents.expressions import ExpressionValue, parse_expression
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
+from thingc.driver.settings import SettingsReader
 from thingc.model.resolve import Settings
 from thingc.targets.artifact import Content, Stored, counts_of
 

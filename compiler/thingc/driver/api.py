@@ -155,7 +155,7 @@ def compile(
 def _compiled(environment: Environment, others: Mapping[str, float], modes: Sequence[str], strict: bool) -> Compiled:
     settings = None
     if others:
-        from thingc.batch.plans import with_values
+        from thingc.driver.settings import with_values
 
         settings = partial(with_values, pipeline.settings_of(environment.options), others, environment.report)
     compilation = pipeline.compile(environment, modes, settings=settings)

@@ -14,6 +14,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import thingc
 from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
 from thingc.base.source import Edit, Span
 

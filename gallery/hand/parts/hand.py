@@ -7,8 +7,7 @@ from typing import Annotated
 
 from build123d import Location, Plane, Solid
 
-from thingc import Length, MountPoint, Range, Ratio, Thing
-from thingc.geometry.things.mounts import MATE
+from thingc import MATE, Length, MountPoint, Range, Ratio, Thing
 from thingc_stock.servos import SG90
 from thingc_stock.shapes import bar, bevelled, block, prism, softened
 

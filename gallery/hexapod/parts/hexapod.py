@@ -7,8 +7,7 @@ from typing import Annotated
 
 from build123d import Location, Plane, Solid
 
-from thingc import Length, MountPoint, Range, Thing
-from thingc.geometry.things.mounts import MATE
+from thingc import MATE, Length, MountPoint, Range, Thing
 from thingc_stock.bus_servos import XL330
 from thingc_stock.shapes import bar, block, disc, prism, softened
 

@@ -12,12 +12,12 @@ from thingc.batch.measure import Results, UnknownMount, measure
 from thingc.batch.plans import planning
 from thingc.batch.plans.exchange import Exchange
 from thingc.batch.plans.planning import Form, Forms, NumericPlan, Varying
-from thingc.batch.plans.reading import Read, SettingsReader
 from thingc.batch.plans.rehearsal import NotTraceable, Rehearsal, rehearse
 from thingc.batch.plans.tape import Tape
 from thingc.batch.rules import unkept
 from thingc.documents.expressions import ExpressionValue
 from thingc.driver import pipeline
+from thingc.driver.settings import Read, SettingsReader
 
 if TYPE_CHECKING:
     from thingc.batch.planning import Plan

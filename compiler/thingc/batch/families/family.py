@@ -22,7 +22,6 @@ from thingc.batch.loading import FamilyError
 from thingc.batch.planning import Variant
 from thingc.batch.plans.builds import Builds
 from thingc.batch.plans.planning import Form
-from thingc.batch.plans.reading import Read, SettingsReader
 from thingc.batch.values import unit_in
 from thingc.documents.expressions import Expression, ExpressionError, ExpressionValue, evaluate, plain
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
@@ -30,6 +29,7 @@ from thingc.driver.api import CompileError
 from thingc.driver.environment import Options
 from thingc.driver.pipeline import UnknownChoice, chosen_consumers
 from thingc.driver.session import Session
+from thingc.driver.settings import Read, SettingsReader
 from thingc.targets.modes import alone
 
 if TYPE_CHECKING:

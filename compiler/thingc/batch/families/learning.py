@@ -492,5 +492,6 @@ def _run(episodes: Iterable[Episode]) -> None:
 
 if ENVIRONMENT not in gymnasium.registry:
     gymnasium.register(
-        ENVIRONMENT, entry_point="thingc.batch.families.learning:make_env", vector_entry_point="thingc.batch.families.learning:make_vec_env",
+        ENVIRONMENT, entry_point="thingc.batch.families.learning:make_env",
+        vector_entry_point="thingc.batch.families.learning:make_vec_env",
     )

@@ -18,10 +18,10 @@ from thingc.batch.patching import TOGETHER, Arrays, NotInArrays, differing
 from thingc.batch.plans import planning
 from thingc.batch.plans.exchange import Exchange
 from thingc.batch.plans.planning import Form, Forms, NumericPlan
-from thingc.batch.plans.reading import Read, SettingsReader
 from thingc.batch.plans.rehearsal import Rehearsal, rehearse, written
 from thingc.batch.plans.tape import Traced
 from thingc.driver import pipeline
+from thingc.driver.settings import Read, SettingsReader
 from thingc.geometry import BlobMissing, StoreUnusable
 from thingc.targets import model_sources
 

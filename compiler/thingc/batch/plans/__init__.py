@@ -8,8 +8,7 @@ from thingc.base.exports import exported
 
 if TYPE_CHECKING:
     from thingc.batch.plans.builds import Build, Builds
-    from thingc.batch.plans.reading import SettingsReader, with_values
 
-__all__ = ["Build", "Builds", "SettingsReader", "with_values"]
+__all__ = ["Build", "Builds"]
 
-__getattr__ = exported(__name__, {"Build": "builds", "Builds": "builds", "SettingsReader": "reading", "with_values": "reading"})
+__getattr__ = exported(__name__, {"Build": "builds", "Builds": "builds"})

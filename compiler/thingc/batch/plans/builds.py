@@ -21,12 +21,12 @@ from thingc.base.shown import json_text
 from thingc.batch.plans import planning
 from thingc.batch.plans.exchange import Exchange
 from thingc.batch.plans.planning import Form, Forms, NumericPlan, Varying
-from thingc.batch.plans.reading import Read, SettingsReader
 from thingc.batch.plans.rehearsal import NotTraceable, Rehearsal, rehearse
 from thingc.batch.plans.tape import TOKENS, Tape, Traced, flat
 from thingc.driver import pipeline
 from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
+from thingc.driver.settings import Read, SettingsReader
 from thingc.geometry.record import Placed, StoredFile
 from thingc.model.resolve import Settings
 from thingc.targets import emitted, jsontext, number_text

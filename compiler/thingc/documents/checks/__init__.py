@@ -1,7 +1,7 @@
-"""Kinds of document tests (`tests:` of a document), one file each: what is written, what is read of it, how it is run, what is said.
+"""Kinds of document tests (`tests:` of a document), one file each: what is written, what is read of it, its documentation.
 
-A file of this room that has a `KIND` is a kind. The language, its schema and its page in the documentation, references, linking and
-running follow from what that declares.
+A file of this room that has a `KIND` is a kind. The language, its schema and its page in the documentation, references and linking
+follow from what that declares. `driver/testing/kinds/` measures.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from pydantic import ConfigDict
 
@@ -11,9 +11,6 @@ from thingc.base.brief import Brief
 from thingc.base.frozen import dataclass
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import fault
-
-if TYPE_CHECKING:
-    from thingc.documents.checks.outcome import Outcome
 
 BOUNDED = ConfigDict(json_schema_extra={"anyOf": [{"required": ["min"]}, {"required": ["max"]}]})
 """Of a model that takes `min`, `max` or both, as its schema says it."""
@@ -29,22 +26,17 @@ Written = TypeVar("Written", bound=Model)
 Stated = TypeVar("Stated", bound=Brief)
 
 
-def _one_pose(check: Any, pose: Any) -> Sequence[Any]:
-    return [pose]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckKind(Generic[Written, Stated]):
     """One kind of test.
 
     `model` is what is written under the key `name`. With a field `mode` the test is run in modes, with a field `pose` in poses of these,
     else once. `read(written, reader)` gives what is stated, in SI and with names worked out (None, where something of it was wrong: the
-    reader has reported it); `reader` is a `resolve.tests.Reader`. References are found in what is stated by their type, and linked.
+    reader has reported it); `reader` is a `model.resolve.tests.Reader`. References are found in what is stated by their type, and linked.
 
-    `run(case, stated)` measures one case, a `testing.results.Case`. `poses(stated, pose)` are the poses that a case looks at, of
-    the one that it is named after. `finish(linked, outcomes, report)` hears of all outcomes, if the test was run in all of its modes.
-    `link(test, stated, joints by path, findings)` says what is only known of the linked assembly. (Naming these types here would make
-    the passes that read the language import those that come after them: every kind's functions name them.)
+    `link(test, stated, joints by path, findings)` reports what is only known of the linked assembly. (The types of these arguments belong
+    to later passes, which this module must not import: every kind's functions name them.) The module of the same name in
+    `driver/testing/kinds/` measures what is stated.
 
     `position` is the place among the kinds in the documentation; `summary` one sentence for a schema and a table; `examples` values
     of the key; `stub` what a new test of this kind says, which is right in any robot, `$mount` and `$base` standing for mounts of it;
@@ -60,9 +52,6 @@ class CheckKind(Generic[Written, Stated]):
     page: str
     model: type[Written]
     read: Callable[[Written, Any], Stated | None]
-    run: Callable[[Any, Stated], Outcome]
-    poses: Callable[[Stated, Any], Sequence[Any]] = _one_pose
-    finish: Callable[[Any, Sequence[Outcome], Any], None] | None = None
     link: Callable[[Any, Stated, Mapping[str, Any], Any], None] | None = None
     of_limits: bool = False
 

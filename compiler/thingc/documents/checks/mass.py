@@ -7,18 +7,14 @@ from typing import TYPE_CHECKING
 from pydantic import model_validator
 
 from thingc.base.brief import Brief
-from thingc.base.diagnostics import Code
 from thingc.base.frozen import dataclass
-from thingc.base.summing import plain_sum
 from thingc.base.units import MASS
 from thingc.documents.checks.kind import BOUNDED, CheckKind, require_bounds
-from thingc.documents.checks.outcome import Outcome, bounded
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import MassField
 from thingc.documents.spec.named import ComponentField
 
 if TYPE_CHECKING:
-    from thingc.driver.testing.results import Case
     from thingc.model.resolve.model import Reference
     from thingc.model.resolve.tests import Reader
 
@@ -56,13 +52,6 @@ def read(written: MassTest, reader: Reader) -> MassCheck:
     return MassCheck(of=reader.components(written.of, "of"), minimum=low, maximum=high)
 
 
-def run(case: Case, check: MassCheck) -> Outcome:
-    """The sum of the masses [kg]."""
-    occurrences = case.robot.assembly.occurrences
-    value = plain_sum(occurrences[index].properties.mass for index in case.components(check.of))
-    return bounded("mass", "the mass", value, check.minimum, check.maximum, MASS, Code.TEST_MASS)
-
-
 PAGE = """\
 **Mass and centre** are sums over components, as `thingc info` shows them.
 
@@ -78,5 +67,5 @@ KIND = CheckKind(
     name="mass", position=1, summary="The mass is within bounds.", examples=[{"max": "2.2 kg"}],
     stub={"max": "10 kg"},
     page=PAGE,
-    model=MassTest, read=read, run=run,
+    model=MassTest, read=read,
 )

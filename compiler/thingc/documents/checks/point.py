@@ -8,19 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import ConfigDict, Field, model_validator
 
 from thingc.base.brief import Brief
-from thingc.base.diagnostics import Code, Note
+from thingc.base.diagnostics import Code
 from thingc.base.frozen import dataclass
 from thingc.base.pose import Vector
 from thingc.base.summing import hypot
-from thingc.base.units import ANGLE, LENGTH, NUMBER, Quantity
+from thingc.base.units import ANGLE, LENGTH, NUMBER
 from thingc.documents.checks.kind import CheckKind
-from thingc.documents.checks.outcome import Failure, Measure, Outcome, shown
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import AngleField, LengthField, NumberField, Vector3Length, fault
 from thingc.documents.spec.named import ModeNames, ShownMountField
 
 if TYPE_CHECKING:
-    from thingc.driver.testing.results import Case
     from thingc.model.resolve.model import Reference
     from thingc.model.resolve.tests import Reader
 
@@ -92,44 +90,6 @@ def read(written: PointTest, reader: Reader) -> PointCheck | None:
     return PointCheck(mount=mount, point=at, frame=frame, within=within, direction=direction, angle=angle)
 
 
-def run(case: Case, check: PointCheck) -> Outcome:
-    """The nearest that the mount gets to the point, and how far off the direction it is there."""
-    from thingc.driver.testing.poses import joints_text
-    from thingc.driver.testing.reaching import Goal, nearest
-
-    best = nearest(case.robot, case.frames[0], Goal(
-        mount=case.linked.mounts[check.mount], frame=None if check.frame is None else case.linked.mounts[check.frame],
-        point=check.point, direction=check.direction, within=check.within, angle=check.angle,
-    ))
-    target = f"within {Quantity(check.within, LENGTH)}"
-    expected = {"distance": check.within} | ({"angle": check.angle} if check.direction is not None else {})
-    failure: Failure | None = None
-    if best is None:
-        failure = Failure(code=Code.TEST_POINT, key="at", message="the loops of the robot close in no position that was tried")
-        return Outcome(measured={}, expected=expected, said="no position", failure=failure)
-    distance, off, joints = best
-    said = f"{shown(distance, LENGTH)} from the point ({target}"
-    measured: dict[str, Measure] = {"distance": distance}
-    if check.direction is not None:
-        measured["angle"] = off
-        said += f"; {shown(off, ANGLE)} off the direction, at most {Quantity(check.angle, ANGLE)}"
-    where = joints_text(case.robot.assembly, joints)
-    notes = (Note(message=f"nearest at {where}"),) if where else ()
-    if distance > check.within:
-        failure = Failure(
-            code=Code.TEST_POINT, key="at", notes=notes,
-            message=f"`{check.mount.text}` comes no nearer to the point than {shown(distance, LENGTH)}, and "
-            f"{Quantity(check.within, LENGTH)} were asked for",
-        )
-    elif check.direction is not None and off > check.angle:
-        failure = Failure(
-            code=Code.TEST_POINT, key="direction", notes=notes,
-            message=f"`{check.mount.text}` reaches the point, but at best {shown(off, ANGLE)} off the direction, and "
-            f"{Quantity(check.angle, ANGLE)} were asked for",
-        )
-    return Outcome(measured={**measured, "joints": joints}, expected=expected, said=f"{said})", failure=failure)
-
-
 PAGE = """\
 **Point** looks for joint positions within their limits that bring a mount to a point: a trust-region least-squares method from
 where the mode starts, from the middle of the ranges, and from 24 positions spread over them, until one is near enough. Holds
@@ -152,5 +112,5 @@ KIND = CheckKind(
     name="point", position=4, summary="A mount can be brought to a point.",
     examples=[{"mount": "hand.tip", "at": "200 0 50 mm", "within": "1 mm"}],
     stub={"mount": "$mount", "at": ["0", "0", "0"], "within": "1 m"},
-    page=PAGE, model=PointTest, read=read, run=run,
+    page=PAGE, model=PointTest, read=read,
 )

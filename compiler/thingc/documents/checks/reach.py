@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pydantic import Field, model_validator
 
 from thingc.base.brief import Brief
-from thingc.base.diagnostics import Code, Note
 from thingc.base.frozen import dataclass
 from thingc.base.units import LENGTH
 from thingc.documents.checks.kind import BOUNDED, CheckKind, require_bounds
-from thingc.documents.checks.outcome import Outcome, bounded, unclosed
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import LengthField
 from thingc.documents.spec.named import ShownMountField
 
 if TYPE_CHECKING:
-    from thingc.driver.testing.results import Case
     from thingc.model.resolve.model import Reference
     from thingc.model.resolve.tests import Reader
 
@@ -59,26 +55,6 @@ def read(written: ReachTest, reader: Reader) -> ReachCheck | None:
     return ReachCheck(of=of, base=base, minimum=low, maximum=high) if of is not None and base is not None else None
 
 
-def run(case: Case, check: ReachCheck) -> Outcome:
-    """In no mode: without holds, from the base component. What is found can be taken: a lower bound of the true reach."""
-    from thingc.driver.testing.poses import joints_text, posed, starting_pose
-    from thingc.driver.testing.reaching import farthest
-
-    assembly = case.robot.assembly
-    mode = replace(assembly.modes[0], holds=(), cut=(), pose=None, base="fixed")
-    robot = posed(assembly, mode, [starting_pose(assembly, mode)])
-    if robot is None:
-        return unclosed()
-    best, joints = farthest(robot, case.linked.mounts[check.of], case.linked.mounts[check.base], case.linked.test.origin)
-    outcome = bounded("reach", "the reach", best, check.minimum, check.maximum, LENGTH, Code.TEST_REACH)
-    where = joints_text(assembly, joints)
-    if outcome.failure is not None:
-        message = f"{outcome.failure.message}, over the ranges of all joints"
-        note = Note(message=f"farthest at {where}") if where else None
-        outcome = replace(outcome, failure=replace(outcome.failure, message=message, notes=(note,) if note else ()))
-    return replace(outcome, measured={**outcome.measured, "joints": joints})
-
-
 PAGE = """\
 **Reach** is the greatest distance of two mounts over the ranges of all joints (a joint without limits: once round): 1 000
 positions spread over the ranges, the farthest of them followed uphill within the limits. Of a robot with loops it is the poses of
@@ -99,5 +75,5 @@ KIND = CheckKind(
     name="reach", position=3, summary="The greatest distance of two mounts, over the ranges of all joints.",
     examples=[{"of": "hand.tip", "from": "plate.bottom", "min": "300 mm"}],
     stub={"of": "$mount", "from": "$base", "min": "1 mm"},
-    page=PAGE, model=ReachTest, read=read, run=run,
+    page=PAGE, model=ReachTest, read=read,
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thingc.documents.checks.outcome import Outcome
+from thingc.driver.testing.outcome import Outcome
 from thingc.driver.testing.results import Result
 from thingc.driver.testing.running import Selection, run
 

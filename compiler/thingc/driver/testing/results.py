@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 from thingc.base.diagnostics import Diagnostic
 from thingc.base.frozen import dataclass
-from thingc.documents.checks.outcome import Outcome
+from thingc.driver.testing.outcome import Outcome
 from thingc.model.assembly.types import LinkedTest
 from thingc.model.resolve.model import Reference
 from thingc.model.robot.types import Keyframe, Robot

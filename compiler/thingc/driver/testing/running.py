@@ -10,7 +10,8 @@ from fnmatch import fnmatchcase
 from thingc.base.diagnostics import Report
 from thingc.base.frozen import dataclass
 from thingc.documents.checks import kinds
-from thingc.documents.checks.outcome import Failure, Outcome, unclosed
+from thingc.driver.testing.kinds import runner_of
+from thingc.driver.testing.outcome import Failure, Outcome, unclosed
 from thingc.driver.testing.poses import keyframe, posed, starting_pose
 from thingc.driver.testing.results import Case, Result
 from thingc.model.assembly.types import Assembly, LinkedMode, LinkedTest
@@ -55,7 +56,7 @@ def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result]
                 result = replace(result, diagnostic=request.report.diagnostics[-1])
             results.append(result)
             on_result(result)
-        finish = kinds()[linked.test.kind].finish
+        finish = runner_of(linked.test.kind).finish
         if finish is not None and len(chosen) == len(modes):
             finish(linked, outcomes, request.report)
     return results
@@ -87,7 +88,8 @@ def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMo
     """The cases of a test, in the order of modes and poses: once, once in each mode (where it starts), or in poses of each."""
     kind, assembly, check = kinds()[linked.test.kind], request.assembly, linked.test.check
     if not kind.takes("mode"):
-        yield _Attempt(mode=None, pose=None, run=lambda: kind.run(Case(linked=linked, robot=request.robots[0], request=request), check))
+        case = Case(linked=linked, robot=request.robots[0], request=request)
+        yield _Attempt(mode=None, pose=None, run=lambda: runner_of(kind.name).measure(case, check))
         return
     named = {pose.name for pose in assembly.poses}
     for mode in modes:
@@ -109,12 +111,12 @@ def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[N
 def _in_pose(request: EmitRequest, linked: LinkedTest, mode: LinkedMode, pose: NamedPose) -> Callable[[], Outcome]:
     """The case in a mode and a pose, ready to be run."""
     def run() -> Outcome:
-        kind, check = kinds()[linked.test.kind], linked.test.check
-        wanted = kind.poses(check, pose)
+        runner, check = runner_of(linked.test.kind), linked.test.check
+        wanted = runner.poses(check, pose)
         robot = posed(request.assembly, mode, wanted)
         frames = () if robot is None else tuple(frame for one in wanted if (frame := keyframe(robot, one)) is not None)
         if robot is None or not frames:
             return unclosed()
-        return kind.run(Case(linked=linked, robot=robot, request=request, frames=frames, missing=len(wanted) - len(frames)), check)
+        return runner.measure(Case(linked=linked, robot=robot, request=request, frames=frames, missing=len(wanted) - len(frames)), check)
 
     return run

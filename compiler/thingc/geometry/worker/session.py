@@ -171,6 +171,8 @@ def _words(fault: BaseException) -> str:
     if isinstance(fault, (NameError, AttributeError, ImportError)) and (meant := _python_suggests(fault)):
         text = f"{text}. {meant}"
     words = f"{type(fault).__name__}: {text}" if text else type(fault).__name__
+    if isinstance(fault, ImportError) and (fault.name or "").startswith("thingc."):
+        words = f"{words}; part files import from `thingc` itself: write `from thingc import MATE, MountPoint, Thing`"
     return "; ".join((words, *getattr(fault, "__notes__", ())))
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from thingc.base.diagnostics import Code, Note
+from thingc.base.diagnostics import Code, Note, noted
 from thingc.base.joints import Twist
 from thingc.base.source import Origin
 from thingc.base.typos import did_you_mean
 from thingc.geometry.record import ActuatorRecord
-from thingc.model.assembly.findings import Findings, noted, written_at
+from thingc.model.assembly.findings import Findings, written_at
 from thingc.model.assembly.types import ActuatorModel, JointEdge
 from thingc.model.assembly.unroll import Instance, Tree
 from thingc.model.resolve.coordinates import CoordinateName

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Sequence
 
-from thingc.base.diagnostics import Code, allow_hint
+from thingc.base.diagnostics import Code, allow_hint, noted
 from thingc.geometry.record import Expectation
-from thingc.model.assembly.findings import Findings, noted
+from thingc.model.assembly.findings import Findings
 from thingc.model.assembly.types import Connected, Occurrence
 
 _NUMBER = re.compile(r"\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+")

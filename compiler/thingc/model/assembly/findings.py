@@ -85,11 +85,6 @@ def _key(code: Code, message: str, origin: Origin) -> _Key:
     return code, message, origin[0] if origin else None
 
 
-def noted(message: str, origin: Origin) -> tuple[Note, ...]:
-    """A note at the innermost place of `origin`, or none where it has no place."""
-    return (Note(message=message, span=origin[0]),) if origin else ()
-
-
 def written_at(what: str, code: tuple[str, int] | None) -> tuple[Note, ...]:
     """The note "`arm:Pen` is written here", or none where the place is not known (a part of a file, a built-in)."""
     return (Note(message=f"{what} is written here", span=line_of(*code)),) if code is not None else ()

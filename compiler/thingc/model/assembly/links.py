@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from thingc.base.diagnostics import Code
+from thingc.base.diagnostics import Code, noted
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import MassProperties, total
 from thingc.base.memo import Memo
 from thingc.base.pose import NO_POSE, Pose
 from thingc.base.source import Origin
-from thingc.model.assembly.findings import Findings, noted
+from thingc.model.assembly.findings import Findings
 from thingc.model.assembly.kinematics import forward_kinematics, neighbourhood
 from thingc.model.assembly.types import Link, Mate, Occurrence
 from thingc.model.assembly.unroll import Tree

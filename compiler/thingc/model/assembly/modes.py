@@ -6,10 +6,10 @@ import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
-from thingc.base.diagnostics import Code
+from thingc.base.diagnostics import Code, noted
 from thingc.base.summing import hypot
 from thingc.base.typos import did_you_mean
-from thingc.model.assembly.findings import Findings, noted
+from thingc.model.assembly.findings import Findings
 from thingc.model.assembly.kinematics import balls, coordinates
 from thingc.model.assembly.types import (
     Adhesion,

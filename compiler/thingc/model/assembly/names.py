@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from thingc.base.diagnostics import Code
+from thingc.base.diagnostics import Code, noted
 from thingc.base.file_names import TAKEN
 from thingc.base.source import Origin
-from thingc.model.assembly.findings import Findings, noted
+from thingc.model.assembly.findings import Findings
 from thingc.model.assembly.types import Connected, FileNames, JointEdge, LinkedTendon, Occurrence
 from thingc.model.assembly.unroll import Tree
 from thingc.model.resolve.model import NamedKind, NamedPose, NameInFiles, Reference

@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 from typing import cast
 
 from thingc.base.brief import counted
-from thingc.base.diagnostics import Code, Note, allow_hint
+from thingc.base.diagnostics import Code, Note, allow_hint, noted
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import MassProperties, physical_fault
 from thingc.base.memo import Memo
@@ -17,7 +17,7 @@ from thingc.base.source import Origin, line_of
 from thingc.base.typos import did_you_mean, nearest
 from thingc.geometry.record import FailureKind, Outside, PartDefinition, PartFailure, PartRecord, PartWarning
 from thingc.geometry.slices import Unsliced
-from thingc.model.assembly.findings import Findings, noted, written_at
+from thingc.model.assembly.findings import Findings, written_at
 from thingc.model.assembly.hag import FRAME, Definition
 from thingc.model.assembly.listed import Meshes, Unweighed, listed, weigh_shapes
 from thingc.model.assembly.mass import (

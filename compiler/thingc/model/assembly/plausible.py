@@ -9,12 +9,12 @@ import math
 import re
 from collections.abc import Collection, Iterator, Sequence
 
-from thingc.base.diagnostics import Code, Note, allow_hint
+from thingc.base.diagnostics import Code, Note, allow_hint, noted
 from thingc.base.frozen import dataclass
 from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.source import Origin
 from thingc.base.summing import dist, hypot, plain_sum
-from thingc.model.assembly.findings import Findings, noted, written_at
+from thingc.model.assembly.findings import Findings, written_at
 from thingc.model.assembly.part_instances import doubted
 from thingc.model.assembly.plausible_mirrors import check_mirrored_pairs
 from thingc.model.assembly.plausible_modes import check_modes, check_nested_simulation

@@ -5,12 +5,12 @@ from __future__ import annotations
 from itertools import combinations
 from math import radians
 
-from thingc.base.diagnostics import Code, allow_hint
+from thingc.base.diagnostics import Code, allow_hint, noted
 from thingc.base.joints import Twist
 from thingc.base.mirror import Mirror
 from thingc.base.pose import multiply, transpose
 from thingc.base.summing import dist
-from thingc.model.assembly.findings import Findings, noted
+from thingc.model.assembly.findings import Findings
 from thingc.model.assembly.types import Assembly, Mate
 
 CLOSE = 1e-6

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from thingc.base.diagnostics import Code, allow_hint
+from thingc.base.diagnostics import Code, allow_hint, noted
 from thingc.base.units import FORCE, Quantity
-from thingc.model.assembly.findings import Findings, noted
+from thingc.model.assembly.findings import Findings
 from thingc.model.assembly.types import Adhesion, LinkedMode
 from thingc.model.assembly.unroll import Tree
 from thingc.model.resolve.model import AssemblyDefinition, Mode

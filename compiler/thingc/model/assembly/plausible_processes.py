@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 
-from thingc.base.diagnostics import Code, Note, allow_hint
+from thingc.base.diagnostics import Code, Note, allow_hint, noted
 from thingc.base.frozen import dataclass
 from thingc.base.source import Span
-from thingc.model.assembly.findings import Findings, noted
+from thingc.model.assembly.findings import Findings
 from thingc.model.assembly.mass import merged
 from thingc.model.assembly.types import Occurrence
 from thingc.model.assembly.unroll import Tree

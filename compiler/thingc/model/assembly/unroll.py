@@ -9,12 +9,12 @@ import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 
-from thingc.base.diagnostics import Code, Note
+from thingc.base.diagnostics import Code, Note, noted
 from thingc.base.mirror import Mirror
 from thingc.base.pose import Pose
 from thingc.base.source import Origin
 from thingc.base.typos import did_you_mean, meant
-from thingc.model.assembly.findings import Findings, noted, written_at
+from thingc.model.assembly.findings import Findings, written_at
 from thingc.model.assembly.part_instances import PartInstance, PartInstances
 from thingc.model.assembly.types import MountFrame
 from thingc.model.resolve.model import COUNTED, AssemblyDefinition, Component, Reference

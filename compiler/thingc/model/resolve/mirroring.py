@@ -1,7 +1,7 @@
 """The mirror image of a nested document: every part of it mirrored, every placement and every motion reflected.
 
-With S the reflection in the frame of each component, D that in the frame of each mount (see `thingc.base.mirror`), what is mated by mounts A
-and B is there where
+With S the reflection in the frame of each component, D that in the frame of each mount (see `thingc.base.mirror`), what is mated by
+mounts A and B is there where
 
     X'_PC = S X_PC S = (S X_PA D) (D Rz(turn) Tz(gap) X_J(q + offset) M D) inv(S X_CB D)
 

@@ -4,8 +4,7 @@ from typing import Annotated
 
 from build123d import Align, Axis, Box, Cone, Cylinder, Location, Plane, Pos, Rot, SlotCenterToCenter, Sphere, chamfer, extrude, fillet
 
-from thingc import Length, MountPoint, Range, Thing
-from thingc.geometry.things.mounts import MATE
+from thingc import MATE, Length, MountPoint, Range, Thing
 from thingc_stock.dynamixel import XM430
 from thingc_stock.fasteners import Screw
 

@@ -22,8 +22,7 @@ from build123d import (
     make_hull,
 )
 
-from thingc import Count, Length, MountPoint, Range, Thing
-from thingc.geometry.things.mounts import MATE
+from thingc import MATE, Count, Length, MountPoint, Range, Thing
 from thingc_stock.dynamixel import XM430
 from thingc_stock.fasteners import Screw
 

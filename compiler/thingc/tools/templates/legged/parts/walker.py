@@ -20,8 +20,7 @@ from build123d import (
     scale,
 )
 
-from thingc import Length, MountPoint, Range, Thing
-from thingc.geometry.things.mounts import MATE
+from thingc import MATE, Length, MountPoint, Range, Thing
 from thingc_stock.dynamixel import XM430
 
 STANDING = (Align.CENTER, Align.CENTER, Align.MIN)

@@ -1,0 +1,39 @@
+"""Measurements of document tests, one file for each kind of `thingc.documents.checks`, by the same name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import Any, Generic, TypeVar
+
+from thingc.base.diagnostics import Report
+from thingc.base.frozen import dataclass
+from thingc.driver.testing.outcome import Outcome
+from thingc.driver.testing.results import Case
+from thingc.model.assembly.types import LinkedTest
+from thingc.model.resolve.model import NamedPose
+
+Stated = TypeVar("Stated")
+
+
+def _one_pose(check: Any, pose: NamedPose) -> Sequence[NamedPose]:
+    return [pose]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckRunner(Generic[Stated]):
+    """How tests of a kind are run.
+
+    `measure(case, stated)` measures one case. `poses(stated, pose)` are the poses that a case looks at, given the pose that it is named
+    after. `finish(linked, outcomes, report)` gets all outcomes, if the test was run in all of its modes.
+    """
+
+    measure: Callable[[Case, Stated], Outcome]
+    poses: Callable[[Stated, NamedPose], Sequence[NamedPose]] = _one_pose
+    finish: Callable[[LinkedTest, Sequence[Outcome], Report], None] | None = None
+
+
+def runner_of(kind: str) -> CheckRunner[Any]:
+    """The runner of a kind of test, by the kind's name."""
+    runner: CheckRunner[Any] = import_module(f"{__name__}.{kind}").RUNNER
+    return runner

@@ -1,0 +1,47 @@
+"""Measure `centre` tests: see `thingc.documents.checks.centre` for what a document states."""
+
+from __future__ import annotations
+
+from thingc.base.diagnostics import Code
+from thingc.base.inertia import total
+from thingc.base.units import LENGTH, Quantity
+from thingc.documents.checks.centre import CentreCheck
+from thingc.driver.testing.kinds import CheckRunner
+from thingc.driver.testing.outcome import ROUNDING, Failure, Measure, Outcome, shown
+from thingc.driver.testing.results import Case
+from thingc.model.robot import occurrence_poses
+
+
+def measure(case: Case, check: CentreCheck) -> Outcome:
+    """The centre of mass [m] in the frame of a mount, or in the world."""
+    robot, frame = case.robot, case.frames[0]
+    at = occurrence_poses(robot, frame.q, frame.base)
+    whole = total(robot.assembly.occurrences[index].properties.seen_from(at[index]) for index in case.components(check.of))
+    expected: dict[str, Measure] = {axis: list(box) for axis, box in check.box.items()}
+    if whole.mass <= 0.0:
+        weightless = Failure(code=Code.TEST_CENTRE, key="of", message="what is named weighs nothing, and has no centre of mass")
+        return Outcome(measured={"mass": 0.0}, expected=expected, said="no mass", failure=weightless)
+    place = whole.centre
+    if check.frame is not None:
+        mount = case.linked.mounts[check.frame]
+        pose = at[mount.occurrence] @ robot.assembly.occurrences[mount.occurrence].mounts[mount.mount].pose
+        place = pose.inverse().apply(place)
+    failures: list[Failure] = []
+    for axis, (low, high) in check.box.items():
+        value = place["xyz".index(axis)]
+        if low - ROUNDING <= value <= high + ROUNDING:
+            continue
+        bound, word = (low, "below") if value < low else (high, "above")
+        failures.append(Failure(
+            code=Code.TEST_CENTRE, key=f"within.{axis}.{0 if value < low else 1}",
+            message=f"{axis} of the centre of mass is {shown(value, LENGTH)}, {word} {Quantity(bound, LENGTH)} by "
+            f"{shown(abs(value - bound), LENGTH)}",
+        ))
+    text = "  ".join(f"{1000.0 * v:z.1f}" for v in place)
+    failure = None
+    if failures:
+        failure = Failure(code=Code.TEST_CENTRE, key=failures[0].key, message="; ".join(one.message for one in failures))
+    return Outcome(measured={"centre": list(place), "mass": whole.mass}, expected=expected, said=f"centre {text} mm", failure=failure)
+
+
+RUNNER = CheckRunner(measure=measure)

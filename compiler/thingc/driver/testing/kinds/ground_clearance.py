@@ -1,0 +1,91 @@
+"""Measure `ground_clearance` tests: see `thingc.documents.checks.ground_clearance` for what a document states."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import partial
+
+from thingc.base.brief import counted
+from thingc.base.diagnostics import Code, Note
+from thingc.base.pose import Pose
+from thingc.base.primitives import Primitive
+from thingc.base.units import LENGTH, Quantity
+from thingc.documents.checks.ground_clearance import GroundClearance
+from thingc.driver.testing.kinds import CheckRunner
+from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
+from thingc.driver.testing.results import Case
+from thingc.geometry.store.meshes import vertices
+from thingc.model.assembly.types import Occurrence, Surface
+from thingc.model.robot import occurrence_poses
+from thingc.model.robot.standing import DECIMALS, ROUNDING, of_box, of_points, vertices_of
+
+LISTED = 5
+"""Further parts that a message names."""
+
+
+def measure(case: Case, check: GroundClearance) -> Outcome:
+    """The height of the lowest part over the plane."""
+    expected: dict[str, Measure] = {"at_least": check.least, "plane": check.plane}
+    heights = sorted(_heights(case, check))
+    if not heights:
+        shapeless = Failure(code=Code.TEST_CLEARANCE, key="except", message="no part that is looked at has a shape")
+        return Outcome(measured={}, expected=expected, said="no shape", failure=shapeless)
+    height, path = heights[0]
+    failure: Failure | None = None
+    if height < check.least:
+        others = [(other, name) for other, name in heights[1:] if other < check.least]
+        notes = [Note(message=f"`{name}` is {_over(other)}, too") for other, name in others[:LISTED]]
+        if len(others) > LISTED:
+            notes.append(Note(message=f"and {counted(len(others) - LISTED, 'more part')}"))
+        failure = Failure(
+            code=Code.TEST_CLEARANCE, key="at_least", notes=tuple(notes),
+            message=f"the lowest point of `{path}` is {_over(height)}, and {Quantity(check.least, LENGTH)} were asked for",
+            help=f"if that is right, write `except: [{path.replace('/', '.')}]`",
+        )
+    return Outcome(
+        measured={"clearance": height, "part": path}, expected=expected,
+        said=f"{path} {_over(height)} (at least {Quantity(check.least, LENGTH)})", failure=failure,
+    )
+
+
+def _heights(case: Case, check: GroundClearance) -> Iterator[tuple[float, str]]:
+    """How high [m] the lowest points of parts and links are over the plane, each with its path: of the lowest one, and of every one that is
+    too low. Others are left out where their boxes show that they are higher."""
+    spared = {index for reference in check.spared for index in case.linked.components[reference]}
+    poses = occurrence_poses(case.robot, case.frames[0].q, case.frames[0].base)
+    boxed = [
+        (pose.translation[2] + of_box(occurrence.box, pose.rotation[2]) - ROUNDING, occurrence, pose)
+        for occurrence, pose in zip(case.robot.assembly.occurrences, poses, strict=True)
+        if occurrence.box is not None and any(map(_has_end, occurrence.solids)) and occurrence.index not in spared
+    ]
+    lowest = math.inf
+    for under, occurrence, pose in sorted(boxed, key=lambda entry: (entry[0], entry[1].path)):
+        if under >= max(check.plane + check.least, lowest):
+            break
+        low = min(_low(case, occurrence, number, pose) for number, surface in enumerate(occurrence.solids) if _has_end(surface))
+        lowest = min(lowest, low)
+        yield round(low - check.plane, DECIMALS) + 0.0, occurrence.path
+
+
+def _has_end(surface: Surface) -> bool:
+    """Whether it has a lowest point: a plane is ground itself."""
+    return not isinstance(surface.solid, Primitive) or surface.solid.shape != "plane"
+
+
+def _low(case: Case, occurrence: Occurrence, number: int, pose: Pose) -> float:
+    """The lowest z [m] of one of the solids of an occurrence, which stands at a pose."""
+    surface = occurrence.solids[number]
+    if isinstance(surface.solid, Primitive):
+        return pose.translation[2] + surface.solid.lowest(pose.rotation[2])
+    store, mesh, placed = case.request.store, surface.solid, pose @ surface.pose
+    place = ("true mesh_vertices", occurrence.path, number)
+    points = case.request.memo(place, partial(vertices_of, partial(vertices, store), mesh), mesh.sha256)
+    return placed.translation[2] + of_points(points, placed.rotation[2])
+
+
+def _over(height: float) -> str:
+    return f"{shown(abs(height), LENGTH)} {'below' if height < 0.0 else 'above'} the plane"
+
+
+RUNNER = CheckRunner(measure=measure)

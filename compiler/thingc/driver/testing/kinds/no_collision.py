@@ -1,0 +1,153 @@
+"""Measure `no_collision` tests: see `thingc.documents.checks.no_collision` for what a document states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import chain
+
+from thingc.base.brief import counted
+from thingc.base.diagnostics import Code, Note, Report, allow_hint
+from thingc.base.units import LENGTH, Quantity
+from thingc.documents.checks.no_collision import CollisionCheck
+from thingc.driver.testing.collisions import LOOK, Collisions, Near, collisions_of
+from thingc.driver.testing.kinds import CheckRunner
+from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
+from thingc.driver.testing.poses import joints_text, swept
+from thingc.driver.testing.results import Case
+from thingc.model.assembly.types import Assembly, LinkedTest
+from thingc.model.resolve.model import NamedPose
+from thingc.model.robot import occurrence_poses
+
+LISTED = 5
+"""Further pairs that a message names."""
+
+
+def poses(check: CollisionCheck, pose: NamedPose) -> Sequence[NamedPose]:
+    """Of a sweep all of its positions."""
+    return swept(pose, check.ranges, check.samples) if check.ranges else [pose]
+
+
+def measure(case: Case, check: CollisionCheck) -> Outcome:
+    """The keyframes looked at: one of a pose, or those of a sweep."""
+    collisions = collisions_of(case.request)
+    allowed = _allowed(case.linked, check)
+    nearest: Near | None = None
+    worst: dict[tuple[int, int], Near] = {}
+    needed: set[int] = set()
+    seen: set[object] = set()
+    for frame in case.frames:
+        at = occurrence_poses(case.robot, frame.q, frame.base)
+        look = LOOK if nearest is None else nearest.gap
+        close = collisions.overlapping(at, frame, allowed, seen if check.ranges else None)
+        for near in chain(collisions.near(at, frame, check.clearance, look, allowed, needed), close):
+            wrong = collisions.wrong(near, check.clearance)
+            if near.allowance is not None:
+                needed.update((near.allowance,) if wrong else ())
+                continue
+            if nearest is None or near.gap < nearest.gap:
+                nearest = near
+            pair = near.one, near.other
+            if wrong and (pair not in worst or near.badness > worst[pair].badness):
+                worst[pair] = near
+    compared = len(collisions.pairs) + len(collisions.close)
+    measured: dict[str, Measure] = {"gap": nearest.gap if nearest is not None else None, "positions": len(case.frames), "pairs": compared}
+    if collisions.skipped:
+        measured["skipped"] = {reason: list(pairs) for reason, pairs in collisions.skipped.items()}
+    if case.missing:
+        measured["not_closing"] = case.missing
+    if nearest is not None:
+        measured["pair"] = _pair_text(collisions.assembly, nearest, "")
+    looked = f", {counted(len(case.frames), 'position')}" if check.ranges else ""
+    looked += f", {case.missing} more that do not close" if case.missing else ""
+    failure: Failure | None = None
+    if worst:
+        failure = _failure(case, check, sorted(worst.values(), key=lambda near: near.badness, reverse=True), collisions)
+        measured["overlap"] = max(near.depth for near in worst.values())
+        said = "1 pair collides" if len(worst) == 1 else f"{len(worst)} pairs collide"
+    elif nearest is None:
+        said = f"every gap between links without a common joint is over {Quantity(LOOK, LENGTH)}"
+    else:
+        said = f"least gap {shown(nearest.gap, LENGTH)}, {_pair_text(collisions.assembly, nearest, '')}"
+    return Outcome(
+        measured=measured, expected={"clearance": check.clearance}, failure=failure, needed=frozenset(needed),
+        said=f"{said}{looked}; {counted(compared, 'pair')} compared{_skipped_text(collisions)}",
+    )
+
+
+def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> None:
+    """Warns of allowances that no case has needed."""
+    check: CollisionCheck = linked.test.check
+    needed = {number for outcome in outcomes for number in outcome.needed}
+    for number, allowance in enumerate(check.allow):
+        if number not in needed:
+            report.warn(
+                Code.TEST_ALLOWANCE, f"test `{linked.test.name}` allows {allowance.text} to meet, which they never do",
+                allowance.origin, path=f"tests.{linked.test.name}", help="take the pair out of `allow`",
+                notes=[Note(message=f"the reason given is: {allowance.reason}")],
+            )
+
+
+def _allowed(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int, int], int]:
+    """By pair of occurrences the number of the first allowance that it falls under."""
+    allowed: dict[tuple[int, int], int] = {}
+    for number, allowance in enumerate(check.allow):
+        ones, others = (
+            [index for reference in side for index in linked.components[reference]] for side in (allowance.one, allowance.other)
+        )
+        for a in ones:
+            for b in others:
+                allowed.setdefault((min(a, b), max(a, b)), number)
+    return allowed
+
+
+def _failure(case: Case, check: CollisionCheck, worst: Sequence[Near], collisions: Collisions) -> Failure:
+    """The worst pair in the message, the others in notes."""
+    assembly, first = collisions.assembly, worst[0]
+    notes = [
+        Note(message=f"also {_how(assembly, near, check.clearance)}{_at(case, check, near)}") for near in worst[1 : LISTED + 1]
+    ]
+    if len(worst) > LISTED + 1:
+        notes.append(Note(message=f"and {counted(len(worst) - LISTED - 1, 'more pair')}"))
+    notes += [
+        Note(message=f"the surface of `{path}` is not closed: its convex hull stands for it")
+        for path in collisions.hulls if path in (assembly.occurrences[first.one].path, assembly.occurrences[first.other].path)
+    ]
+    names = ", ".join(assembly.occurrences[index].path.replace("/", ".") for index in (first.one, first.other))
+    return Failure(
+        code=Code.TEST_COLLISION, key="clearance" if first.gap > 0.0 else "", notes=tuple(notes),
+        message=f"{_how(assembly, first, check.clearance)}{_at(case, check, first)}",
+        help=f"{allow_hint(Code.OVERLAP)} on one of the two" if (first.one, first.other) in collisions.close
+        else f'if that is right, write `allow: [{{pair: [{names}], reason: "..."}}]`',
+    )
+
+
+def _skipped_text(collisions: Collisions) -> str:
+    """The pairs that were skipped and why; the JSON answer lists all of them."""
+    return "".join(
+        f", {counted(len(pairs), 'pair')} skipped ({reason}: {next(iter(pairs))}{', ...' if len(pairs) > 1 else ''})"
+        for reason, pairs in collisions.skipped.items()
+    )
+
+
+def _pair_text(assembly: Assembly, near: Near, tick: str) -> str:
+    one, other = (assembly.occurrences[index].path for index in (near.one, near.other))
+    return f"{tick}{one}{tick} and {tick}{other}{tick}"
+
+
+def _how(assembly: Assembly, near: Near, clearance: float) -> str:
+    text = _pair_text(assembly, near, "`")
+    if near.gap > 0.0:
+        return f"{text} are {shown(near.gap, LENGTH)} apart, and {Quantity(clearance, LENGTH)} were asked for"
+    if near.depth == 0.0:
+        return f"{text} touch, and {Quantity(clearance, LENGTH)} were asked for"
+    return f"{text} overlap by {shown(near.depth, LENGTH)} on average ({float(f'{1e9 * near.volume:.3g}'):g} mm^3)"
+
+
+def _at(case: Case, check: CollisionCheck, near: Near) -> str:
+    """Where in a sweep."""
+    if not check.ranges:
+        return ""
+    return f" at {joints_text(case.robot.assembly, {r.joint: near.where.q[r.joint] for r in check.ranges})}"
+
+
+RUNNER = CheckRunner(measure=measure, poses=poses, finish=finish)

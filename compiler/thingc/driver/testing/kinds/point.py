@@ -1,0 +1,50 @@
+"""Measure `point` tests: see `thingc.documents.checks.point` for what a document states."""
+
+from __future__ import annotations
+
+from thingc.base.diagnostics import Code, Note
+from thingc.base.units import ANGLE, LENGTH, Quantity
+from thingc.documents.checks.point import PointCheck
+from thingc.driver.testing.kinds import CheckRunner
+from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
+from thingc.driver.testing.poses import joints_text
+from thingc.driver.testing.reaching import Goal, nearest
+from thingc.driver.testing.results import Case
+
+
+def measure(case: Case, check: PointCheck) -> Outcome:
+    """The nearest that the mount gets to the point, and how far off the direction it is there."""
+    best = nearest(case.robot, case.frames[0], Goal(
+        mount=case.linked.mounts[check.mount], frame=None if check.frame is None else case.linked.mounts[check.frame],
+        point=check.point, direction=check.direction, within=check.within, angle=check.angle,
+    ))
+    target = f"within {Quantity(check.within, LENGTH)}"
+    expected = {"distance": check.within} | ({"angle": check.angle} if check.direction is not None else {})
+    failure: Failure | None = None
+    if best is None:
+        failure = Failure(code=Code.TEST_POINT, key="at", message="the loops of the robot close in no position that was tried")
+        return Outcome(measured={}, expected=expected, said="no position", failure=failure)
+    distance, off, joints = best
+    said = f"{shown(distance, LENGTH)} from the point ({target}"
+    measured: dict[str, Measure] = {"distance": distance}
+    if check.direction is not None:
+        measured["angle"] = off
+        said += f"; {shown(off, ANGLE)} off the direction, at most {Quantity(check.angle, ANGLE)}"
+    where = joints_text(case.robot.assembly, joints)
+    notes = (Note(message=f"nearest at {where}"),) if where else ()
+    if distance > check.within:
+        failure = Failure(
+            code=Code.TEST_POINT, key="at", notes=notes,
+            message=f"`{check.mount.text}` comes no nearer to the point than {shown(distance, LENGTH)}, and "
+            f"{Quantity(check.within, LENGTH)} were asked for",
+        )
+    elif check.direction is not None and off > check.angle:
+        failure = Failure(
+            code=Code.TEST_POINT, key="direction", notes=notes,
+            message=f"`{check.mount.text}` reaches the point, but at best {shown(off, ANGLE)} off the direction, and "
+            f"{Quantity(check.angle, ANGLE)} were asked for",
+        )
+    return Outcome(measured={**measured, "joints": joints}, expected=expected, said=f"{said})", failure=failure)
+
+
+RUNNER = CheckRunner(measure=measure)

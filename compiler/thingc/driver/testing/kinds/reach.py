@@ -1,0 +1,34 @@
+"""Measure `reach` tests: see `thingc.documents.checks.reach` for what a document states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from thingc.base.diagnostics import Code, Note
+from thingc.base.units import LENGTH
+from thingc.documents.checks.reach import ReachCheck
+from thingc.driver.testing.kinds import CheckRunner
+from thingc.driver.testing.outcome import Outcome, bounded, unclosed
+from thingc.driver.testing.poses import joints_text, posed, starting_pose
+from thingc.driver.testing.reaching import farthest
+from thingc.driver.testing.results import Case
+
+
+def measure(case: Case, check: ReachCheck) -> Outcome:
+    """In no mode: without holds, from the base component. What is found can be taken: a lower bound of the true reach."""
+    assembly = case.robot.assembly
+    mode = replace(assembly.modes[0], holds=(), cut=(), pose=None, base="fixed")
+    robot = posed(assembly, mode, [starting_pose(assembly, mode)])
+    if robot is None:
+        return unclosed()
+    best, joints = farthest(robot, case.linked.mounts[check.of], case.linked.mounts[check.base], case.linked.test.origin)
+    outcome = bounded("reach", "the reach", best, check.minimum, check.maximum, LENGTH, Code.TEST_REACH)
+    where = joints_text(assembly, joints)
+    if outcome.failure is not None:
+        message = f"{outcome.failure.message}, over the ranges of all joints"
+        note = Note(message=f"farthest at {where}") if where else None
+        outcome = replace(outcome, failure=replace(outcome.failure, message=message, notes=(note,) if note else ()))
+    return replace(outcome, measured={**outcome.measured, "joints": joints})
+
+
+RUNNER = CheckRunner(measure=measure)

@@ -1,0 +1,82 @@
+"""Measure `settles` tests: see `thingc.documents.checks.settles` for what a document states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.units import LENGTH, TIME, Quantity
+from thingc.documents.checks.settles import SettleCheck
+from thingc.driver.testing.kinds import CheckRunner
+from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
+from thingc.driver.testing.results import Case
+from thingc.driver.testing.settling import Motion, simulated
+from thingc.targets.mjcf import target as mjcf
+from thingc.targets.mjcf.compat import separator
+
+
+def measure(case: Case, check: SettleCheck) -> Outcome:
+    """The mode's model emitted with the pose as a keyframe, and simulated for `within` and `for` together."""
+    report = Report()
+    artifacts = mjcf.emit(replace(case.request, robots=(case.robot,), report=report, made={}, verify=True))
+    if report.failed:
+        for diagnostic in report.diagnostics:
+            case.request.report.say(diagnostic)
+        failure = Failure(code=Code.TEST_SETTLES, key="", message="MuJoCo does not take the model")
+        return Outcome(measured={}, expected={}, said="no model", failure=failure)
+    store = case.request.store
+    files = {path: content if isinstance(content, bytes) else store.read(content.sha256) for path, content in artifacts.files.items()}
+    scene = f"mjcf/scene_{case.robot.mode.name}.xml"
+    motion = simulated(
+        case.robot, case.frames[0], scene, files, seconds=check.within + check.hold, resting=check.within, floor=check.floor,
+        separator=separator(case.request.compat),
+    )
+    return _diverged(motion) if isinstance(motion, float) else _judged(check, motion)
+
+
+def _judged(check: SettleCheck, motion: Motion) -> Outcome:
+    """The verdict over the paths of all points."""
+    rest, drift, moved, deepest = motion.rest(check.drift), motion.drift(check.within), motion.moved, motion.deepest
+    # In the last instant everything is where it ends: rest is only what lasts.
+    settled = rest <= check.within + 1e-9
+    measured: dict[str, Measure] = {
+        "rest": rest if settled else None, "drift": drift, "moved": moved, "penetration": max(deepest, 0.0),
+    }
+    expected: dict[str, Measure] = {
+        "within": check.within, "drift": check.drift, "for": check.hold, "penetration": check.penetration,
+        **({} if check.moved is None else {"moved": check.moved}),
+    }
+    far, deep = shown(moved, LENGTH), shown(max(deepest, 0.0), LENGTH)
+    said = f"at rest after {rest:.3g} s (drift {shown(drift, LENGTH)}), {far} from the pose, contacts {deep} deep"
+    failure = None
+    if not settled:
+        said = f"not at rest after {check.within:g} s"
+        failure = Failure(
+            code=Code.TEST_SETTLES, key="within",
+            message=f"after {Quantity(check.within, TIME)} it still moves by {shown(drift, LENGTH)} in "
+            f"{Quantity(check.hold, TIME)}, and {Quantity(check.drift, LENGTH)} were allowed",
+        )
+    elif check.moved is not None and moved > check.moved:
+        failure = Failure(
+            code=Code.TEST_SETTLES, key="moved",
+            message=f"it comes to rest {far} from the pose, and {Quantity(check.moved, LENGTH)} were allowed",
+        )
+    elif deepest > check.penetration:
+        failure = Failure(
+            code=Code.TEST_SETTLES, key="penetration",
+            message=f"its contacts are {deep} deep at rest, and {Quantity(check.penetration, LENGTH)} were allowed",
+            help="let it start on the floor (`at: {on: floor}` of the mode) and apart from itself; where contacts are meant to be as soft, "
+            "write a larger `penetration`",
+        )
+    return Outcome(measured=measured, expected=expected, said=said, failure=failure)
+
+
+def _diverged(time: float) -> Outcome:
+    failure = Failure(
+        code=Code.TEST_SETTLES, key="", message=f"the simulation diverges after {time:.3g} s",
+        help="take a smaller `simulation: {timestep: ...}`, or look for parts that overlap in the pose",
+    )
+    return Outcome(measured={"diverged": time}, expected={}, said=f"diverges after {time:.3g} s", failure=failure)
+
+
+RUNNER = CheckRunner(measure=measure)

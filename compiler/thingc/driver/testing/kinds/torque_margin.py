@@ -1,0 +1,126 @@
+"""Measure `torque_margin` tests: see `thingc.documents.checks.torque_margin` for what a document states."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from thingc.base.diagnostics import Code, Note
+from thingc.base.pose import Pose
+from thingc.base.units import FORCE, LENGTH, TORQUE
+from thingc.documents.checks.torque_margin import TorqueCheck
+from thingc.driver.testing.kinds import CheckRunner
+from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
+from thingc.driver.testing.results import Case
+from thingc.model.assembly import joints_of
+from thingc.model.assembly.types import JointEdge
+from thingc.model.robot import body_poses
+from thingc.model.robot.types import Keyframe, Robot
+from thingc.model.statics import Efforts, lifted, stance, static_efforts
+
+SLACK = 1e-6
+"""What part of the gravity on the joints may stay unbalanced: rounding."""
+
+
+def measure(case: Case, check: TorqueCheck) -> Outcome:
+    """The least of limit by static effort among the drives named."""
+    robot, frame = case.robot, case.frames[0]
+    bodies = body_poses(robot, frame.q, frame.base)
+    joints = {joint.path: joint for joint in joints_of(robot.assembly)}
+    held = static_efforts(robot, frame.q, bodies)
+    efforts, margins, choices = held.by_joint, held.margins, held.choices
+    least = _weakest(check, margins)
+    text = _effort(joints[least], efforts[least])
+    limit = _effort(joints[least], joints[least].limit.effort or 0.0)
+    measured: dict[str, Measure] = {
+        "margin": margins[least] if math.isfinite(margins[least]) else None, "drive": least, "effort": efforts[least],
+        "efforts": {path: efforts[path] for path in check.joints},
+    }
+    expected: dict[str, Measure] = {"min": check.minimum}
+    unsteady = _unsteady(robot, frame.q, bodies, held)
+    if unsteady is not None:
+        return Outcome(measured=measured, expected=expected, said=unsteady[0], failure=unsteady[1])
+    notes: list[Note] = []
+    aside = ""
+    if choices:
+        measured["undetermined"] = choices
+        notes.append(Note(message="statics alone does not determine these efforts: they are the least that hold the pose"))
+        aside = ", one answer of many"
+    slippery = _without_friction(robot, frame, bodies, check)
+    if slippery is not None:
+        measured["margin_without_friction"] = slippery
+        aside += f"; {slippery:.3g} if the floor had no friction"
+    failure: Failure | None = None
+    if not math.isfinite(margins[least]):
+        said = f"{least} carries nothing (margin at least {check.minimum:g}){aside}"
+        return Outcome(measured=measured, expected=expected, said=said)
+    said = f"margin {margins[least]:.3g} at {least}: {text} of {limit} (at least {check.minimum:g}){aside}"
+    if margins[least] < check.minimum:
+        others = [path for path in check.joints if path != least and margins[path] < check.minimum]
+        notes += [
+            Note(message=f"drive `{path}` holds {_effort(joints[path], efforts[path])}, a margin of {margins[path]:.3g}")
+            for path in others
+        ]
+        failure = Failure(
+            code=Code.TEST_TORQUE, key="min", notes=tuple(notes),
+            message=f"drive `{least}` has to hold {text} of its {limit}: a margin of {margins[least]:.3g}, below {check.minimum:g}",
+        )
+    return Outcome(measured=measured, expected=expected, said=said, failure=failure)
+
+
+def _weakest(check: TorqueCheck, margins: Mapping[str, float]) -> str:
+    """The drive with the least margin; of those that differ by rounding, the first."""
+    return min(check.joints, key=lambda path: float(f"{margins[path]:.12g}"))
+
+
+def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held: Efforts) -> tuple[str, Failure] | None:
+    """What is said, and the failure, where nothing holds the pose: feet in the air, a robot that falls over, a joint that gives way."""
+    if robot.mode.feet:
+        feet = stance(robot, q, bodies).feet
+        high = lifted(feet)
+        if high:
+            listed = ", ".join(f"`{path}` by {shown(height, LENGTH)}" for path, height in high.items())
+            failure = Failure(
+                code=Code.TEST_FOOT, key="pose", message=f"the mode stands on feet that are above its others in this pose: {listed}",
+                help="lower them in the pose, or let the mode stand on the others",
+            )
+            return "stands on feet in the air", failure
+    if held.fall is not None:
+        said, why = {
+            "tips": ("falls over", f"its centre of mass is {shown(held.fall.outside, LENGTH)} outside of the polygon of its feet"),
+            "slides": ("slides off", "friction does not hold its feet where they are"),
+            "pulls": ("falls off", "gravity pulls it away from the floor, and nothing else presses it on"),
+        }[held.fall.how]
+        failure = Failure(
+            code=Code.TEST_FALLS, key="pose", message=f"in this pose the robot {said}: {why}",
+            help="move its feet or what is heavy, or let the mode stand on more feet",
+        )
+        return said, failure
+    if held.unheld > SLACK:
+        moves = f"joint `{held.where}`" if held.where else "the robot"
+        failure = Failure(
+            code=Code.TEST_TORQUE, key="drive", message=f"no effort of the drives holds this pose: {moves} would move",
+            help="drive the joint, or choose a pose in which it hangs at rest",
+        )
+        return "does not stay in the pose", failure
+    return None
+
+
+def _without_friction(robot: Robot, frame: Keyframe, bodies: Sequence[Pose], check: TorqueCheck) -> float | None:
+    """The least margin if the floor only pushed upwards; None where nothing stands on it, or that would not hold the robot."""
+    if not any(foot.friction > 0.0 for foot in robot.mode.feet):
+        return None
+    smooth = replace(robot, mode=replace(robot.mode, feet=tuple(replace(foot, friction=0.0) for foot in robot.mode.feet)))
+    held = static_efforts(smooth, frame.q, bodies)
+    if held.fall is not None or held.unheld > SLACK:
+        return None
+    least = held.margins[_weakest(check, held.margins)]
+    return least if math.isfinite(least) else None
+
+
+def _effort(joint: JointEdge, value: float) -> str:
+    return shown(abs(value), TORQUE if joint.twist.turns else FORCE)
+
+
+RUNNER = CheckRunner(measure=measure)
