@@ -27,8 +27,8 @@ from typing import Any, get_type_hints
 
 from thingc.base.diagnostics import Code
 from thingc.documents.checks import kinds
-from thingc.targets import TARGETS
 from thingc.targets.capabilities import Beside, Capabilities, Cell, Says
+from thingc.targets.registry import TARGETS
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent

@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from thingc.base.joints import KINDS, moved
+from thingc.base.joints.kinds import KINDS
+from thingc.base.joints.twist import moved
 from thingc.base.pose import MATE, Pose, Vector, placed, rotate, shifted, turned_z
 
 PICTURES = Path(__file__).resolve().parent / "pictures"

@@ -21,8 +21,11 @@ from known_changes import ROBOTS, cases, rewritten
 
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import compile
-from thingc.tools.diff import Change, Portrait, compare, portrait
+from thingc.tools.diff.change import Change
+from thingc.tools.diff.comparing import compare
 from thingc.tools.diff.pairing import equal
+from thingc.tools.diff.portrait import Portrait
+from thingc.tools.diff.reading import portrait
 
 
 def drawn(document: Path) -> Portrait | None:

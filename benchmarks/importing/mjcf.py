@@ -27,7 +27,7 @@ from tally import Tally, collections
 import thingc
 from importing.as_original import Pair, in_files
 from thingc.base.diagnostics import Report, Severity
-from thingc.tools.importing import Imported, import_robot
+from thingc.tools.importing.importing import Imported, import_robot
 from thingc.tools.importing.mjcf.flat import Flat
 from thingc.tools.importing.mjcf.original import Original
 from thingc.tools.importing.xml_source import read_xml

@@ -28,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 import thingc
 from importing.as_original import in_files
 from thingc.base.diagnostics import Report, Severity
-from thingc.tools.importing import Imported, import_robot
+from thingc.tools.importing.importing import Imported, import_robot
 from thingc.tools.importing.sdf import ENDLESS
 
 ROOTS = 5

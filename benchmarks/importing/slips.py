@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from thingc.base.diagnostics import Report
-from thingc.tools.importing import import_robot
+from thingc.tools.importing.importing import import_robot
 
 NEAR = 2
 """Lines."""

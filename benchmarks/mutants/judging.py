@@ -12,7 +12,7 @@ from mutations import Mutant
 from thingc.base.diagnostics import Code, Diagnostic, Severity
 from thingc.base.printing import as_json, as_text
 from thingc.base.source import Document, MappingNode, ScalarNode, walk
-from thingc.documents.load import documents_in
+from thingc.documents.load.finding import documents_in
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 

@@ -33,7 +33,7 @@ from slips import ARM, MEANING, MINCHW, SIZES, WALKER, Slip  # noqa: E402
 
 from thingc.base.diagnostics import Report  # noqa: E402
 from thingc.base.source import Document, MappingNode, node_at  # noqa: E402
-from thingc.documents.load import load  # noqa: E402
+from thingc.documents.load.documents import load  # noqa: E402
 from thingc.documents.workspace import Workspace  # noqa: E402
 from thingc.tools.cli.main import main as thingc  # noqa: E402
 

@@ -54,8 +54,8 @@ import thingc
 from thingc.batch.families.models import ModelsOfMode
 from thingc.driver.pipeline import request_of
 from thingc.driver.session import Session
-from thingc.model.resolve import Settings
-from thingc.targets import model_sources
+from thingc.model.resolve.sources import Settings
+from thingc.targets.mjcf.target import sources as model_sources
 
 MODE = "bench"
 

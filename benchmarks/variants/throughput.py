@@ -38,12 +38,12 @@ from pathlib import Path
 from typing import Any
 
 from thingc.batch.batch import SHARE
-from thingc.batch.patching import ModelText, TextModels
-from thingc.batch.plans import Builds
+from thingc.batch.patching.many import ModelText, TextModels
+from thingc.batch.plans.builds import Builds
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
 from thingc.driver.settings import SettingsReader
-from thingc.model.resolve import Settings
+from thingc.model.resolve.sources import Settings
 from thingc.targets.artifact import Stored
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from xml.etree import ElementTree
 
 from thingc.base.inertia import ZERO, physical_fault
-from thingc.base.joints import moved
+from thingc.base.joints.twist import moved
 from thingc.base.pose import Pose, rotate
 from thingc.model.assembly.types import Assembly, Mate
 from thingc.model.robot.types import Robot

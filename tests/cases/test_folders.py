@@ -16,7 +16,7 @@ import pytest
 
 from thingc.base.diagnostics import Code
 from thingc.documents.load.finding import MOST_FOLDERS
-from thingc.targets import TARGETS, written
+from thingc.targets.registry import TARGETS, written
 from thingc.tools.cli.main import COMMANDS, main
 
 HERE = Path(__file__).resolve().parent

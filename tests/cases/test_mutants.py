@@ -19,17 +19,19 @@ import pytest
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.base.printing import as_json, as_text
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, Span, walk
-from thingc.documents.load import load
-from thingc.documents.spec import part_references, validate
+from thingc.documents.load.documents import load
+from thingc.documents.spec.validation import part_references, validate
 from thingc.documents.workspace import Workspace
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.geometry.record import PartFailure, PartRecord
 from thingc.geometry.service import GeometryService
 from thingc.geometry.store.local import Store
-from thingc.model.assembly import link
-from thingc.model.resolve import Settings, Sources, part_definitions, resolve
-from thingc.model.robot import root
+from thingc.model.assembly.linking import link
+from thingc.model.resolve.nested import part_definitions
+from thingc.model.resolve.resolver import resolve
+from thingc.model.resolve.sources import Settings, Sources
+from thingc.model.robot.spanning_tree import root
 
 pytestmark = pytest.mark.slow
 

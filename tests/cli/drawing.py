@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from thingc.targets.render import Shot, picture, ready
+from thingc.targets.render.picture import Shot, picture, ready
 
 ready()
 

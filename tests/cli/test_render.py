@@ -22,11 +22,11 @@ from conformance.harness import thingc as command
 from loops.robots import compiled
 from modes.test_several_coordinates import GANTRY
 from thingc.base.pose import NO_POSE
-from thingc.targets.render import Shot, studio
+from thingc.targets.render import studio
 from thingc.targets.render.camera import directions, fitted, upright
 from thingc.targets.render.frames import BLUE, GREEN, JOINT, RED, Frame, JointAxis, placed
 from thingc.targets.render.frames import drawn as painted
-from thingc.targets.render.picture import camera_of, points_of, posed
+from thingc.targets.render.picture import Shot, camera_of, points_of, posed
 from thingc.tools.cli import marks
 from thingc.tools.cli.main import main
 

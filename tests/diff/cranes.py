@@ -6,7 +6,10 @@ from pathlib import Path
 
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import compile
-from thingc.tools.diff import Change, Comparison, Portrait, compare, portrait
+from thingc.tools.diff.change import Change
+from thingc.tools.diff.comparing import Comparison, compare
+from thingc.tools.diff.portrait import Portrait
+from thingc.tools.diff.reading import portrait
 
 CRANE = """\
 thingc: assembly/1

@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 
 from diff.cranes import CRANE, drawn, made, sound, write
-from thingc.tools.diff import Change, Comparison, Portrait, compare
+from thingc.tools.diff.change import Change
+from thingc.tools.diff.comparing import Comparison, compare
+from thingc.tools.diff.portrait import Portrait
 from thingc.tools.diff.telling import following
 
 Made = set[tuple[str, str, str, str | None]]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from thingc.geometry import Store
+from thingc.geometry.store.local import Store
 from thingc.tools.diff.surfaces import Surfaces
 
 FACES = (

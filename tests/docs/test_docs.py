@@ -204,7 +204,7 @@ def test_units() -> None:
 
 
 def test_functions_of_expressions() -> None:
-    from thingc.documents.expressions import CONSTANTS, FUNCTIONS
+    from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
 
     line = next(line for line in paragraphs(LANGUAGE) if line.startswith("- Functions are"))
     listed, _, constants = line.partition("; the only constant is")
@@ -214,7 +214,9 @@ def test_functions_of_expressions() -> None:
 
 def test_what_is_said_of_expressions_and_quantities() -> None:
     from thingc.base.units import ANGLE, ANGULAR_VELOCITY, FREQUENCY, LENGTH, NUMBER, Quantity, fits, parse_quantity, parse_vector
-    from thingc.documents.expressions import ExpressionError, evaluate, parse_expression
+    from thingc.documents.expressions.evaluation import evaluate
+    from thingc.documents.expressions.parsing import parse_expression
+    from thingc.documents.expressions.terms import ExpressionError
 
     names: dict[str, Quantity | bool | str] = {"reach": parse_quantity("120 mm"), "i": Quantity(3.0), "light": True}
 
@@ -237,7 +239,8 @@ def test_what_is_said_of_expressions_and_quantities() -> None:
 def test_kinds_of_joints() -> None:
     from typing import get_args
 
-    from thingc.base.joints import KINDS, JointType
+    from thingc.base.joints.kind import JointType
+    from thingc.base.joints.kinds import KINDS
 
     rows = table(LANGUAGE, "joint kinds")
     assert [row[0].strip("`") for row in rows] == list(KINDS)
@@ -374,7 +377,7 @@ def test_columns_of_the_bill_of_materials() -> None:
 
 
 def test_every_option_of_every_command_is_in_the_table() -> None:
-    from thingc.targets import TARGETS
+    from thingc.targets.registry import TARGETS
     from thingc.tools.cli.main import COMMANDS, parser_for
 
     real: dict[tuple[str, ...], set[str]] = {}
@@ -433,7 +436,8 @@ def _recipe(heading: str) -> dict[str, object]:
 
 
 def test_the_recipe_of_a_joint_kind_makes_one() -> None:
-    from thingc.base.joints import JointKind, moved
+    from thingc.base.joints.kind import JointKind
+    from thingc.base.joints.twist import moved
     from thingc.base.pose import shifted
 
     kind = _recipe("A new joint kind")["KIND"]

@@ -13,7 +13,7 @@ from graph import builder
 from graph.builder import binary_stl, kept, where
 from thingc.base.diagnostics import Report
 from thingc.base.inertia import MassProperties
-from thingc.base.joints import KINDS
+from thingc.base.joints.kinds import KINDS
 from thingc.base.pose import NO_POSE, Pose, placed
 from thingc.base.source import Span
 from thingc.documents.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
@@ -30,7 +30,7 @@ from thingc.model.assembly.types import (
 )
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
 from thingc.model.resolve.model import BomEntry, Material, NamedPose, Overrides, Process
-from thingc.model.robot import root
+from thingc.model.robot.spanning_tree import root
 from thingc.model.robot.types import Robot
 from thingc.targets.request import EmitRequest
 

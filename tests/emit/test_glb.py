@@ -24,12 +24,12 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.pose import Pose
 from thingc.geometry.store.local import Store
 from thingc.model.resolve.model import Overrides
-from thingc.model.robot import root
+from thingc.model.robot.spanning_tree import root
 from thingc.model.robot.types import Closure
-from thingc.targets import chosen
 from thingc.targets.artifact import Artifacts, Loss
 from thingc.targets.glb import emit
 from thingc.targets.mjcf import target as mjcf
+from thingc.targets.registry import chosen
 from thingc.targets.request import EmitRequest
 
 Array = Any

@@ -32,7 +32,7 @@ from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
 from thingc.model.resolve.coordinates import Dynamics, Limit
 from thingc.model.resolve.model import Drive, Joint
-from thingc.model.robot import root as rooted
+from thingc.model.robot.spanning_tree import root as rooted
 from thingc.targets.artifact import Artifacts
 from thingc.targets.mjcf.target import emit as emit_mjcf
 from thingc.targets.names import package_name

@@ -33,7 +33,7 @@ from thingc.base.primitives import Primitive
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.geometry.store.local import Store
-from thingc.model.robot import in_link
+from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Artifacts
 from thingc.targets.request import EmitRequest

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from thingc.targets import TARGETS, chosen, unknown
 from thingc.targets.artifact import CARRIED
+from thingc.targets.registry import TARGETS, chosen, unknown
 from thingc.tools.cli.build import unsaid
 from thingc.tools.cli.main import main
 

@@ -40,8 +40,8 @@ from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.coordinates import Dynamics, Limit
 from thingc.model.resolve.model import Drive
-from thingc.model.robot import in_link
-from thingc.model.robot import root as rooted
+from thingc.model.robot.spanning_tree import root as rooted
+from thingc.model.robot.tree import in_link
 from thingc.targets.artifact import Artifacts
 from thingc.targets.geometry import Shape
 from thingc.targets.mjcf.target import emit as emit_mjcf

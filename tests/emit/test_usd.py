@@ -31,7 +31,7 @@ from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
 from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
-from thingc.model.robot import in_link
+from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
 from thingc.targets.usd.model import moments_of
 from thingc.targets.usd.target import emit

@@ -12,7 +12,7 @@ import pytest
 
 import thingc
 from thingc.batch.families import NoModel
-from thingc.batch.patching import differing
+from thingc.batch.patching.exact import differing
 from thingc.driver.environment import Options
 from thingc.driver.writing import write_values
 

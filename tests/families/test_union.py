@@ -14,9 +14,9 @@ import thingc
 from thingc.batch import apply
 from thingc.batch.families.specs import KeptSpec
 from thingc.batch.families.texts import TextTemplate
-from thingc.batch.patching import differing
+from thingc.batch.patching.exact import differing
 from thingc.driver.output import OutputError
-from thingc.geometry import StoreUnusable
+from thingc.geometry.store.local import StoreUnusable
 
 LEVERS = """\
 thingc: assembly/1

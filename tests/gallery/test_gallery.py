@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thingc
-from thingc.model.robot import body_poses
+from thingc.model.robot.kinematics import body_poses
 from thingc.tools.cli.main import main
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_kernel")]

@@ -14,7 +14,7 @@ import numpy as np
 
 from thingc.base.diagnostics import Code, Report, Severity
 from thingc.base.inertia import MassProperties
-from thingc.base.joints import KINDS
+from thingc.base.joints.kinds import KINDS
 from thingc.base.pose import NO_POSE, Pose
 from thingc.base.source import Origin, Span
 from thingc.geometry.record import (
@@ -29,8 +29,8 @@ from thingc.geometry.record import (
     Stated,
 )
 from thingc.geometry.store.local import Store
-from thingc.model.assembly import link
 from thingc.model.assembly.hag import Definition
+from thingc.model.assembly.linking import link
 from thingc.model.assembly.types import Assembly, MountFrame, Occurrence
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
 from thingc.model.resolve.model import (

@@ -25,7 +25,7 @@ from graph.builder import (
     whole,
 )
 from thingc.base.diagnostics import Code, Report
-from thingc.model.assembly import link
+from thingc.model.assembly.linking import link
 from thingc.model.resolve.model import AssemblyDefinition
 
 # --- mounts --------------------------------------------------------------------------------------------------------

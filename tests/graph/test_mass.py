@@ -36,7 +36,7 @@ from graph.builder import (
     whole,
 )
 from thingc.base.diagnostics import Report
-from thingc.model.assembly import link
+from thingc.model.assembly.linking import link
 from thingc.model.assembly.types import Assembly, Occurrence
 
 SIZE = (0.1, 0.06, 0.04)

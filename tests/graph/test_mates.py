@@ -31,8 +31,8 @@ from graph.builder import (
     where,
     whole,
 )
-from thingc.base.joints import Twist
-from thingc.model.assembly import coordinates, joints_of, poses
+from thingc.base.joints.twist import Twist
+from thingc.model.assembly.kinematics import coordinates, joints_of, poses
 from thingc.model.assembly.types import Assembly
 
 SEAT = t(0.05, 0.01, 0.02) @ ry(0.7)

@@ -25,7 +25,7 @@ from graph.builder import (
 )
 from thingc.geometry.record import PartRecord, PartSchema
 from thingc.geometry.slices import Moments, Sliced, Slicing, Unsliced
-from thingc.model.assembly import likely_slicings, slicings_of
+from thingc.model.assembly.prints import likely_slicings, slicings_of
 from thingc.model.assembly.types import Occurrence
 
 SIZE = (0.1, 0.06, 0.04)

@@ -13,7 +13,7 @@ import numpy
 from ruamel.yaml import YAML
 
 from thingc.base.inertia import MassProperties
-from thingc.tools.importing import Imported
+from thingc.tools.importing.importing import Imported
 
 FREE, BALL, HIDDEN = 0, 1, 3
 SIZES = {2: 1, 3: 2, 5: 2}

@@ -12,7 +12,7 @@ from trimesh.transformations import euler_matrix
 
 import thingc
 from thingc.base.diagnostics import Report, Severity
-from thingc.tools.importing import import_robot
+from thingc.tools.importing.importing import import_robot
 
 ROBOTS = Path(__file__).parent / "robots"
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]\d+)?(?![\w.])")

@@ -12,7 +12,7 @@ import pytest
 import thingc
 from thingc.base.diagnostics import Report
 from thingc.tools.cli.main import main
-from thingc.tools.importing import Imported, import_robot
+from thingc.tools.importing.importing import Imported, import_robot
 from thingc.tools.importing.inertias import nearest
 
 WRONG = Path(__file__).parent / "wrong" / "inertias.urdf"

@@ -13,7 +13,7 @@ import trimesh
 
 import thingc
 from thingc.base.diagnostics import Report
-from thingc.tools.importing import import_robot
+from thingc.tools.importing.importing import import_robot
 
 ROBOT = """<robot name="meshes">
   <link name="base">

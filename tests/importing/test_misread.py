@@ -13,7 +13,7 @@ import pytest
 import thingc
 from importing.as_original import Pair, in_files
 from thingc.base.diagnostics import Report
-from thingc.tools.importing import import_robot
+from thingc.tools.importing.importing import import_robot
 
 ROBOTS = Path(__file__).parent / "robots"
 EXACT = 1e-9

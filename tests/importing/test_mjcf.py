@@ -15,7 +15,7 @@ import pytest
 import thingc
 from importing.as_original import Pair, in_files
 from thingc.base.diagnostics import Report
-from thingc.tools.importing import Imported, import_robot
+from thingc.tools.importing.importing import Imported, import_robot
 
 ROBOTS = Path(__file__).parent / "robots"
 ROOTS = {

@@ -8,7 +8,7 @@ import mujoco
 
 import thingc
 from thingc.base.diagnostics import Report
-from thingc.tools.importing import Imported, import_robot
+from thingc.tools.importing.importing import Imported, import_robot
 
 NAMED = """\
 <mujoco model="named">

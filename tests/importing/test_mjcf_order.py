@@ -11,7 +11,7 @@ import pytest
 import thingc
 from importing.test_mjcf_names import imported_from
 from thingc.base.diagnostics import Report
-from thingc.tools.importing import import_robot
+from thingc.tools.importing.importing import import_robot
 
 SOURCE = """\
 <mujoco model="robot">

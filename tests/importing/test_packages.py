@@ -11,7 +11,7 @@ import pytest
 import thingc
 from thingc.base.diagnostics import Report
 from thingc.tools.cli.main import main
-from thingc.tools.importing import Imported, import_robot
+from thingc.tools.importing.importing import Imported, import_robot
 from thingc.tools.importing.packages import NotFound, Packages
 
 SOLID = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"

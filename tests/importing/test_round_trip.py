@@ -15,7 +15,7 @@ import pytest
 import thingc
 from importing.as_original import in_files
 from thingc.base.diagnostics import Report
-from thingc.tools.importing import Imported, import_robot
+from thingc.tools.importing.importing import Imported, import_robot
 
 SOURCE = Path(__file__).parent / "robots" / "constructs.urdf"
 ROOTS = ("upper", "wheel", "rack", "camera mount", "1st_tool", "root")

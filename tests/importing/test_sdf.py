@@ -13,7 +13,7 @@ from trimesh.transformations import rotation_matrix
 import thingc
 from importing.as_original import in_files
 from thingc.base.diagnostics import Report
-from thingc.tools.importing import Imported, import_robot
+from thingc.tools.importing.importing import Imported, import_robot
 
 HERE = Path(__file__).parent
 SOURCE = HERE / "robots" / "constructs.sdf"

@@ -10,7 +10,7 @@ import pytest
 
 import thingc
 from thingc.base.diagnostics import Report
-from thingc.tools.importing import import_robot
+from thingc.tools.importing.importing import import_robot
 
 BOX, BALL = '<geometry><box size="1 1 1"/></geometry>', '<geometry><sphere radius="0.3"/></geometry>'
 URDF = f"""<robot name="r">

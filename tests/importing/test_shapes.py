@@ -11,7 +11,7 @@ import pytest
 
 import thingc
 from thingc.base.diagnostics import Report
-from thingc.tools.importing import Imported, import_robot
+from thingc.tools.importing.importing import Imported, import_robot
 from thingc.tools.importing.quantities import length, lengths
 
 SOURCE = Path(__file__).parent / "robots" / "shapes.urdf"

@@ -11,7 +11,7 @@ import pytest
 
 from thingc.base.diagnostics import Report
 from thingc.tools.cli.main import main
-from thingc.tools.importing import import_robot
+from thingc.tools.importing.importing import import_robot
 from thingc.tools.importing.merging import Unmergeable, merged, read_text
 
 URDF = """<robot name="lamp">

@@ -12,7 +12,7 @@ import pytest
 import thingc
 from thingc import Compiled
 from thingc.base.diagnostics import Report
-from thingc.tools.importing import Imported, import_robot
+from thingc.tools.importing.importing import Imported, import_robot
 
 WEIGHT = '<inertial><mass value="1"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
 MATERIALS = """<robot name="r">

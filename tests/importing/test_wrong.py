@@ -11,7 +11,7 @@ import pytest
 import thingc
 from thingc.base.diagnostics import Code, Report
 from thingc.tools.cli.main import main
-from thingc.tools.importing import import_robot
+from thingc.tools.importing.importing import import_robot
 
 HERE = Path(__file__).parent
 WRONG = sorted(path for path in (HERE / "wrong").iterdir() if path.suffix in (".urdf", ".xml", ".sdf"))

@@ -14,7 +14,8 @@ import pytest
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.geometry.worker import children
 from thingc.tools.cli.main import main
-from thingc.tools.importing import Imported, expanding, import_robot
+from thingc.tools.importing import expanding
+from thingc.tools.importing.importing import Imported, import_robot
 from thingc.tools.importing.xacro_worker import is_plausible
 
 BOT = Path(__file__).parent / "xacro" / "bot"

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from thingc.base.diagnostics import Report
 from thingc.base.printing import as_text
-from thingc.documents.format import format_document, toml_layout
+from thingc.documents.format import toml_layout
+from thingc.documents.format.formatting import format_document
 from thingc.documents.format.order import FIRST, ordered
 from thingc.documents.spec.shapes import model_keys
 from thingc.tools.cli.main import main

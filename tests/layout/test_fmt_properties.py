@@ -13,7 +13,7 @@ from ruamel.yaml import YAML
 from layout.written import documents
 from thingc.base.diagnostics import Report
 from thingc.base.printing import as_text
-from thingc.documents.format import format_document
+from thingc.documents.format.formatting import format_document
 
 pytestmark = pytest.mark.slow
 

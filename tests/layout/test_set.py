@@ -16,7 +16,7 @@ from ruamel.yaml import YAML
 from thingc.base.diagnostics import Report
 from thingc.base.source import Document, MappingNode
 from thingc.documents.format.setting import Unsettable, with_values, without
-from thingc.documents.load import read_tree
+from thingc.documents.load.documents import read_tree
 from thingc.tools.cli.main import main
 
 YAML_TEXT = """\

@@ -16,7 +16,7 @@ from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.testing.collisions import collisions_of
 from thingc.geometry.service import GeometryService
-from thingc.model.robot import occurrence_poses
+from thingc.model.robot.kinematics import occurrence_poses
 from thingc.tools.cli.main import main
 
 SHAPES = {

@@ -20,10 +20,10 @@ from live.documents import DOCUMENTS, FINGER, ROBOT, write
 from thingc.driver import building
 from thingc.driver.building import Wish
 from thingc.driver.environment import Options, attempted
-from thingc.geometry import EndingWorkers
+from thingc.geometry.client import EndingWorkers
 from thingc.geometry.decisions import Decision
 from thingc.tools.cli.common import of_exception
-from thingc.tools.live import Live, Round
+from thingc.tools.live.rounds import Live, Round
 
 WISH = Wish(targets=("mjcf", "bom"))
 PATIENCE = 300.0

@@ -22,9 +22,9 @@ import pytest
 
 from editor.language_server import wait_until
 from live.documents import ROBOT, write
-from thingc.targets import Page
+from thingc.targets.html.target import Page
 from thingc.tools.cli.main import main
-from thingc.tools.live import Server
+from thingc.tools.live.server import Server
 from viewer.browser import chromium, needed, opened
 
 WRONG = ROBOT.replace("yaw_0: 30 deg", "yaw_0: 300 deg")

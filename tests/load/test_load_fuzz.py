@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from thingc.base.diagnostics import Report
 from thingc.base.printing import as_json, as_text
-from thingc.documents.load import load
-from thingc.documents.spec import part_references, validate
+from thingc.documents.load.documents import load
+from thingc.documents.spec.validation import part_references, validate
 from thingc.documents.workspace import Workspace
 
 GOOD = '''thingc: assembly/1

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from loops.robots import BALL, Array, Built, at_key, compiled
 from thingc.driver.testing.reaching import farthest
 from thingc.model.assembly.types import MountAt
-from thingc.model.robot import body_poses
-from thingc.model.statics import static_efforts
+from thingc.model.robot.kinematics import body_poses
+from thingc.model.statics.efforts import static_efforts
 from thingc.modes import Mode, Modes, caught
 
 HIP = f"""

@@ -13,7 +13,7 @@ import thingc
 from importing.as_original import closed_residual, nearest_closed
 from loops.robots import BALL
 from thingc.base.diagnostics import Report
-from thingc.tools.importing import import_robot
+from thingc.tools.importing.importing import import_robot
 
 LEG = """\
 <mujoco model="leg">

@@ -13,7 +13,7 @@ from lsp.documents import Documents, analysed
 from thingc.base.diagnostics import Report
 from thingc.base.source import MappingNode, ScalarNode, Span, walk
 from thingc.base.source import Path as Keys
-from thingc.documents.load import read_tree
+from thingc.documents.load.documents import read_tree
 from thingc.documents.load.text import Source
 from thingc.tools.cli.main import main
 from thingc.tools.lsp.analysis import Analysis

@@ -10,7 +10,7 @@ import tomlkit
 
 from thingc.base.diagnostics import Report
 from thingc.base.source import MappingNode, ScalarNode, Span, walk
-from thingc.documents.load import read_tree
+from thingc.documents.load.documents import read_tree
 from thingc.documents.load.text import Source
 from thingc.tools.lsp.cursor import Cursor, cursor_at
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thingc.documents.load import Source
+from thingc.documents.load.text import Source
 from thingc.tools.lsp.edits import edits
 from thingc.tools.lsp.positions import TextLines, path_of, uri_of
 

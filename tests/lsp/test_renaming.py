@@ -17,7 +17,9 @@ from thingc.batch import plan
 from thingc.documents.workspace import Workspace
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import compile
-from thingc.tools.diff import Portrait, compare, portrait
+from thingc.tools.diff.comparing import compare
+from thingc.tools.diff.portrait import Portrait
+from thingc.tools.diff.reading import portrait
 from thingc.tools.lsp.analysis import RequestRefused
 from thingc.tools.lsp.names import Name
 from thingc.tools.lsp.renaming import renamed

@@ -14,7 +14,8 @@ from graph import builder
 from graph.builder import as_pose, binary_stl, kept, where
 from thingc.base.diagnostics import Report
 from thingc.base.inertia import MassProperties
-from thingc.base.joints import KINDS, Twist
+from thingc.base.joints.kinds import KINDS
+from thingc.base.joints.twist import Twist
 from thingc.base.pose import NO_POSE
 from thingc.base.primitives import Primitive
 from thingc.base.source import Origin

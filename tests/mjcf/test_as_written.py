@@ -11,11 +11,10 @@ import pytest
 from loops.robots import BALL, Built, at_key, compiled, equality_residual
 from loops.test_loop_joints import FOURBAR
 from statics.test_statics import at_rest
-from thingc.model.assembly import joints_of
-from thingc.model.robot import body_poses
+from thingc.model.assembly.kinematics import joints_of
+from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.loop_solver import Loops
-from thingc.model.statics import static_efforts
-from thingc.model.statics.efforts import problem
+from thingc.model.statics.efforts import problem, static_efforts
 from thingc.tools.cli.main import main
 
 pytestmark = pytest.mark.usefixtures("one_kernel")

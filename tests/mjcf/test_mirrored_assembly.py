@@ -12,7 +12,7 @@ import pytest
 from graph.builder import rz, t
 from loops.robots import Array, Built, compiled
 from modes.switching_robots import assert_said, mass_matrix
-from thingc.model.assembly import joints_of, poses
+from thingc.model.assembly.kinematics import joints_of, poses
 from thingc.model.assembly.types import Assembly
 from thingc.modes import Modes
 

@@ -19,9 +19,10 @@ from hypothesis import strategies as st
 from mjcf.handmade import Made, Piece, Segment, box_part, material, matrix, raw, spin
 from mjcf.test_mjcf_model import arm
 from thingc.geometry.store.local import BlobMissing, Store
-from thingc.targets import TARGETS, emitter, stl, targets
+from thingc.targets import stl
 from thingc.targets.artifact import Content, Stored
 from thingc.targets.mjcf.target import emit
+from thingc.targets.registry import TARGETS, emitter, targets
 from thingc.targets.request import EmitRequest
 from thingc.targets.xml import Element, number, write
 

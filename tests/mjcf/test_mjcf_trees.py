@@ -17,7 +17,8 @@ from graph.builder import as_matrix
 from robot.test_spanning_tree_properties import WITHOUT_LEAD, Tree, build, robots, world_of
 from thingc.base.diagnostics import Report
 from thingc.geometry.store.local import Store
-from thingc.model.robot import in_link, mass_properties
+from thingc.model.robot.kinematics import mass_properties
+from thingc.model.robot.tree import in_link
 from thingc.targets.mjcf.target import emit
 from thingc.targets.request import EmitRequest
 

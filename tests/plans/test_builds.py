@@ -13,13 +13,14 @@ import pytest
 
 from families.documents import EVERYTHING, INERTIA, TOOL
 from thingc.base.pose import shifted
-from thingc.batch.plans import Builds, builds
+from thingc.batch.plans import builds
+from thingc.batch.plans.builds import Builds
 from thingc.batch.plans.tape import Tape
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
 from thingc.driver.settings import SettingsReader
 from thingc.geometry.record import Placed
-from thingc.model.resolve import Settings
+from thingc.model.resolve.sources import Settings
 from thingc.targets.artifact import MANIFEST
 
 PAIR = f"""\

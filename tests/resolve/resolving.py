@@ -9,12 +9,13 @@ from pathlib import Path
 
 from thingc.base.diagnostics import Report
 from thingc.base.source import Span
-from thingc.documents.load import load
-from thingc.documents.spec import validate
+from thingc.documents.load.documents import load
+from thingc.documents.spec.validation import validate
 from thingc.documents.workspace import Workspace
 from thingc.geometry.record import ParameterSchema, PartFailure, PartSchema
-from thingc.model.resolve import Settings, Sources, resolve
 from thingc.model.resolve.model import AssemblyDefinition, Component, Joint, Mode, NamedPose
+from thingc.model.resolve.resolver import resolve
+from thingc.model.resolve.sources import Settings, Sources
 
 
 def schema(reference: str, *parameters: ParameterSchema, actuator: bool = False, material: str | None = None) -> PartSchema:

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from resolve.resolving import Outcome, run
 from thingc.base.diagnostics import Code, Report
 from thingc.base.units import LENGTH, Quantity
-from thingc.documents.load import load
-from thingc.documents.spec import validate
+from thingc.documents.load.documents import load
+from thingc.documents.spec.validation import validate
 from thingc.documents.workspace import Workspace
-from thingc.model.resolve import AssemblyParameters
 from thingc.model.resolve.model import AssemblyDefinition
+from thingc.model.resolve.parameters import AssemblyParameters
 
 DOCUMENT = """
 thingc: assembly/1

@@ -11,10 +11,10 @@ import pytest
 
 from resolve.resolving import run
 from thingc.base.diagnostics import Report
-from thingc.base.joints import KINDS
+from thingc.base.joints.kinds import KINDS
 from thingc.base.source import Document, ScalarNode, Span, walk
-from thingc.documents.load import load
-from thingc.documents.spec import validate
+from thingc.documents.load.documents import load
+from thingc.documents.spec.validation import validate
 from thingc.documents.workspace import Workspace
 
 ROBOT = """\

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from thingc.base.files import BadPath, check_tree, hash_name, write_tree
-from thingc.geometry import BlobMissing, Store
-from thingc.tools.affected import NotARepository, changed_since
+from thingc.geometry.store.local import BlobMissing, Store
+from thingc.tools.affected.changes import NotARepository, changed_since
 from thingc.tools.cli.main import main
 from thingc.tools.diff.revisions import Repository, Revision
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from thingc.base.units import ANGLE, LENGTH, LENGTH_PER_ANGLE, Quantity
-from thingc.documents.expressions import Expression
+from thingc.documents.expressions.terms import Expression
 from thingc.documents.spec import fields, raw_fields
 from thingc.documents.spec.colors import COLORS
 

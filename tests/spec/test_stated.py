@@ -6,10 +6,11 @@ from pathlib import Path
 
 from thingc.base.diagnostics import Report
 from thingc.base.units import LENGTH, MASS, NUMBER, Quantity
-from thingc.documents.expressions import Expression
-from thingc.documents.load import Documents, load
-from thingc.documents.spec import stated_choices, stated_value, validate
+from thingc.documents.expressions.terms import Expression
+from thingc.documents.load.documents import Documents, load
 from thingc.documents.spec.assembly import AssemblySpec
+from thingc.documents.spec.stated import stated_choices, stated_value
+from thingc.documents.spec.validation import validate
 from thingc.documents.workspace import Workspace
 
 ROBOT = """

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.joints import KINDS
-from thingc.documents.load import Documents, load
-from thingc.documents.spec import part_references, validate
+from thingc.base.joints.kinds import KINDS
+from thingc.documents.load.documents import Documents, load
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.elsewhere import WORDS
 from thingc.documents.spec.materials import MaterialsSpec
+from thingc.documents.spec.validation import part_references, validate
 from thingc.documents.workspace import Workspace
 
 HEAD = "thingc: assembly/1\nname: x\ncomponents: {p: {part: a:B}}\n"

@@ -25,10 +25,12 @@ from statics.test_statics import at_rest, oracle
 from thingc.batch.measure import measure
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
-from thingc.model.assembly import joints_of
-from thingc.model.robot import body_poses
+from thingc.model.assembly.kinematics import joints_of
+from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Robot
-from thingc.model.statics import Efforts, lifted, stance, static_efforts
+from thingc.model.statics.efforts import static_efforts
+from thingc.model.statics.footing import lifted, stance
+from thingc.model.statics.types import Efforts
 from thingc.modes import Modes
 from thingc.tools.cli import info
 from thingc.tools.cli.main import main

@@ -18,14 +18,13 @@ from scipy.linalg import null_space
 from loops.robots import BALL, Built, at_key, compiled, inchworm
 from loops.test_loop_joints import FOURBAR
 from thingc.batch.measure import measure
-from thingc.model.assembly import coordinates, joints_of
-from thingc.model.robot import body_poses
+from thingc.model.assembly.kinematics import coordinates, joints_of
+from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Robot
-from thingc.model.statics import Efforts, static_efforts
-from thingc.model.statics.efforts import balance_tree, problem
+from thingc.model.statics.efforts import balance_tree, problem, static_efforts
 from thingc.model.statics.loads import loads
 from thingc.model.statics.shared import balance_shared
-from thingc.model.statics.types import DriveTransmission
+from thingc.model.statics.types import DriveTransmission, Efforts
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 

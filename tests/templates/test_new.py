@@ -16,7 +16,7 @@ import pytest
 from ruamel.yaml import YAML
 
 import thingc
-from thingc.targets import TARGETS
+from thingc.targets.registry import TARGETS
 from thingc.tools.cli.main import COMMANDS, main
 from thingc.tools.cli.new import robot_name
 from thingc.tools.templates import TEMPLATES, files_of

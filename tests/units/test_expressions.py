@@ -9,7 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thingc.base.units import ANGLE, AREA, LENGTH, LENGTH_PER_ANGLE, MASS, NUMBER, Dimension, Quantity, parse_quantity
-from thingc.documents.expressions import Expression, ExpressionError, evaluate, parse_expression
+from thingc.documents.expressions.evaluation import evaluate
+from thingc.documents.expressions.parsing import parse_expression
+from thingc.documents.expressions.terms import Expression, ExpressionError
 
 NAMES: dict[str, Quantity | bool | str] = {
     "reach": parse_quantity("100 mm"), "width": parse_quantity("40 mm"), "mass": parse_quantity("2 kg"),

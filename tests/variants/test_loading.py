@@ -17,7 +17,7 @@ import mujoco
 import pytest
 
 from thingc.batch import BuiltVariant, Family, FamilyError, UnknownVariant, load
-from thingc.batch.patching import differing
+from thingc.batch.patching.exact import differing
 from thingc.modes import Modes
 from variants.families import arrays, built
 

@@ -15,7 +15,7 @@ from thingc.batch.measure import UnknownMount, lengths, measure
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation
-from thingc.model.robot import in_link
+from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
 from variants.robots import workspace
 

@@ -21,7 +21,7 @@ from thingc.base.units import ANGLE, FREQUENCY, INERTIA, LENGTH, MASS, NUMBER, T
 from thingc.batch import Plan, PlanError, description, places, plan
 from thingc.batch.sampling import points
 from thingc.batch.values import spaced
-from thingc.documents.expressions import text_of
+from thingc.documents.expressions.texts import text_of
 from thingc.driver.environment import Options
 from thingc.driver.stamp import state_of
 from variants.robots import workspace
@@ -233,7 +233,8 @@ DIMENSIONS = st.sampled_from([NUMBER, LENGTH, MASS, ANGLE, TORQUE, INERTIA, FREQ
 
 @given(st.floats(-1e6, 1e6).map(lambda x: x + 0.0), DIMENSIONS)
 def test_texts_say_the_same_value_to_the_last_bit(value: float, dimension: Dimension) -> None:
-    from thingc.documents.expressions import evaluate, parse_expression
+    from thingc.documents.expressions.evaluation import evaluate
+    from thingc.documents.expressions.parsing import parse_expression
 
     text = text_of(Quantity(value, dimension))
     found = evaluate(parse_expression(text), {}) if text.startswith("=") else parse_quantity(text)

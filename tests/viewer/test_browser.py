@@ -20,8 +20,8 @@ from loops.robots import compiled
 from mjcf.test_joined import LEGS, MODES
 from robot.test_spanning_tree_properties import build, robots
 from thingc.geometry.store.local import Store
-from thingc.model.assembly import coordinates, joints_of
-from thingc.model.robot import body_poses, link_names
+from thingc.model.assembly.kinematics import coordinates, joints_of
+from thingc.model.robot.kinematics import body_poses, link_names
 from thingc.model.statics.loads import loads
 from thingc.targets.html.described import describe
 from thingc.targets.html.packed import Packed

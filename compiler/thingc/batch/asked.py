@@ -15,7 +15,7 @@ from thingc.batch.folder import FOLDERS, PACKED, BatchFault
 from thingc.batch.planning import Plan
 from thingc.documents.workspace import LONGEST
 from thingc.driver.environment import Options
-from thingc.targets import chosen, unknown
+from thingc.targets.registry import chosen, unknown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

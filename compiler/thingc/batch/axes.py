@@ -11,10 +11,12 @@ from thingc.base.source import Document, Path, ScalarNode, dotted, node_at
 from thingc.base.units import NUMBER, Quantity, shortened
 from thingc.batch.by_path import Paths, as_value, of_kind
 from thingc.batch.values import is_whole, spaced, spaced_si
-from thingc.documents.expressions import Expression, ExpressionValue, kind_of, plain, text_of, words_of
+from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, plain, words_of
+from thingc.documents.expressions.terms import Expression
+from thingc.documents.expressions.texts import text_of
 from thingc.documents.spec.variants import AxisSpec
 from thingc.geometry.record import Value
-from thingc.model.resolve import AssemblyParameters
+from thingc.model.resolve.parameters import AssemblyParameters
 
 MOST_VALUES = 100_000
 """Values of one axis."""

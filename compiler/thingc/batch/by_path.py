@@ -8,9 +8,10 @@ from typing import Any
 
 from thingc.base.frozen import dataclass
 from thingc.base.units import Quantity
-from thingc.documents.expressions import Expression, ExpressionError, ExpressionValue, evaluate
-from thingc.documents.load import Documents
-from thingc.documents.spec import stated_value
+from thingc.documents.expressions.evaluation import ExpressionValue, evaluate
+from thingc.documents.expressions.terms import Expression, ExpressionError
+from thingc.documents.load.documents import Documents
+from thingc.documents.spec.stated import stated_value
 from thingc.documents.spec.variants import AxisSpec, VariantsSpec
 
 

@@ -18,7 +18,7 @@ from thingc.base.diagnostics import Code
 from thingc.batch.executors import PATIENCE, Carrier, WorkerLost, missing
 from thingc.batch.folder import BatchFault
 from thingc.driver.stamp import state_of
-from thingc.targets import versions
+from thingc.targets.manifest import versions
 
 if TYPE_CHECKING:
     from thingc.batch.transfer import Transfer

@@ -13,7 +13,7 @@ from thingc.batch.job import Job
 from thingc.batch.planning import OUTSIDE, Plan
 from thingc.batch.tables import Column
 from thingc.driver.environment import Options
-from thingc.targets import versions
+from thingc.targets.manifest import versions
 
 
 def describe(plan: Plan, *, layout: str, asked: int, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from thingc.batch.chunks import DamagedChunk, complete
 from thingc.driver.output import NOTHING, same_file
 from thingc.driver.output import unexpected_files as unexpected_in_build
 from thingc.driver.stamp import state_of
-from thingc.geometry import Digests
+from thingc.geometry.store.digests import Digests
 
 KIND = "batch/1"
 _VARIANT = re.compile(r"[0-9a-f]{12}")

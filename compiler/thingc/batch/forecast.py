@@ -15,8 +15,9 @@ from thingc.batch.planning import Plan, Variant
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.geometry.record import PartDefinition
-from thingc.model.assembly import link
-from thingc.model.resolve import Settings, Sources, part_definitions
+from thingc.model.assembly.linking import link
+from thingc.model.resolve.nested import part_definitions
+from thingc.model.resolve.sources import Settings, Sources
 
 SHOWN = 5
 """Variants that a forecast shows."""

@@ -31,7 +31,7 @@ from thingc.batch import places
 from thingc.batch.chunks import packed
 from thingc.batch.folder import read_batch, whole
 from thingc.batch.journal import Line
-from thingc.batch.patching import ModelText, TextModels
+from thingc.batch.patching.many import ModelText, TextModels
 from thingc.batch.records import File, Files, Records, read, unpack
 from thingc.batch.rules import PARAMETERS
 from thingc.batch.tables import flat

@@ -19,11 +19,13 @@ from thingc.base.inertia import total
 from thingc.base.pose import Pose, Vector
 from thingc.base.summing import dist
 from thingc.base.typos import did_you_mean
-from thingc.model.assembly import coordinates, joints_of
+from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.types import Assembly
-from thingc.model.robot import in_link, placed_bodies
+from thingc.model.robot.kinematics import placed_bodies
+from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
-from thingc.model.statics import lifted, stance, static_efforts
+from thingc.model.statics.efforts import static_efforts
+from thingc.model.statics.footing import lifted, stance
 
 Results = dict[str, float | None]
 """By name, SI; None (or absent) where a variant has not the result."""

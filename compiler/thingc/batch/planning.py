@@ -20,7 +20,9 @@ from thingc.batch.by_path import Paths
 from thingc.batch.rules import Rule
 from thingc.batch.sampling import points
 from thingc.batch.values import identity, unit_of
-from thingc.documents.expressions import Expression, ExpressionError, ExpressionValue, evaluate, plain, text_of
+from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, plain
+from thingc.documents.expressions.terms import Expression, ExpressionError
+from thingc.documents.expressions.texts import text_of
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.documents.spec.variants import Method
 from thingc.documents.workspace import Workspace

@@ -14,15 +14,18 @@ from thingc.batch.planning import OUTSIDE, Plan, PlanError, Setting, moved
 from thingc.batch.rules import read_rules
 from thingc.batch.values import unit_in
 from thingc.batch.wanted import check_margin, check_names, moving_joints, targets_of
-from thingc.documents.expressions import ExpressionValue
-from thingc.documents.load import find_assembly, load
-from thingc.documents.spec import stated_choices, validate_one
+from thingc.documents.expressions.evaluation import ExpressionValue
+from thingc.documents.load.documents import load
+from thingc.documents.load.paths import find_assembly
 from thingc.documents.spec.assembly import AssemblySpec
+from thingc.documents.spec.stated import stated_choices
+from thingc.documents.spec.validation import validate_one
 from thingc.documents.spec.variants import AxisSpec, Method, VariantsSpec
 from thingc.documents.workspace import Workspace
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Lend, Options
-from thingc.model.resolve import AssemblyParameters, Settings, Sources
+from thingc.model.resolve.parameters import AssemblyParameters
+from thingc.model.resolve.sources import Settings, Sources
 
 MOST = 1_000_000
 """Variants of one document, drawn or of the grid."""

@@ -9,8 +9,9 @@ from thingc.base.frozen import dataclass
 from thingc.base.source import Document, Path
 from thingc.base.typos import did_you_mean
 from thingc.base.units import INERTIA, LENGTH, MASS, NUMBER, Dimension, Quantity
-from thingc.documents.expressions import Expression, ExpressionError, ExpressionValue, evaluate
-from thingc.documents.spec import within
+from thingc.documents.expressions.evaluation import ExpressionValue, evaluate
+from thingc.documents.expressions.terms import Expression, ExpressionError
+from thingc.documents.spec.saying import within
 
 RESULTS: dict[str, Dimension] = {
     "mass": MASS,

@@ -26,13 +26,14 @@ from thingc.batch.chunks import FILES, SHARED
 from thingc.batch.job import STOPPED, Job, Row, Task, refusal, row
 from thingc.batch.measure import Results, UnknownMount, measure
 from thingc.batch.places import keep_asset, write_variant
-from thingc.batch.plans import Builds
+from thingc.batch.plans.builds import Builds
 from thingc.batch.rules import Rule, unkept
-from thingc.documents.expressions import ExpressionValue, parse_expression
+from thingc.documents.expressions.evaluation import ExpressionValue
+from thingc.documents.expressions.parsing import parse_expression
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
 from thingc.driver.settings import SettingsReader
-from thingc.model.resolve import Settings
+from thingc.model.resolve.sources import Settings
 from thingc.targets.artifact import Content, Stored, counts_of
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ class Runner:
     def build(self, task: Task) -> Row:
         """Build one variant. What is wrong with it is in the row; so is an exception of thingc itself, and a system that
         refuses to write."""
-        from thingc.geometry import BlobMissing, StoreUnusable
+        from thingc.geometry.store.local import BlobMissing, StoreUnusable
 
         started = time.perf_counter()
         try:

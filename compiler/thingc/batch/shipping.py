@@ -37,7 +37,7 @@ from thingc.batch.folder import BatchFault
 from thingc.batch.job import STOPPED, Job, Row, Task, refusal
 from thingc.batch.places import keep_asset, write_variant
 from thingc.batch.transfer import Transfer
-from thingc.geometry import BlobMissing, Store, StoreUnusable
+from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
 from thingc.targets.artifact import MANIFEST, Content, Stored
 
 T = TypeVar("T")

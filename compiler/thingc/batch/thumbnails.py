@@ -14,7 +14,8 @@ from typing import Any
 
 from thingc.base.files import listing
 from thingc.batch.places import NEW
-from thingc.targets.render import NoGraphics, extent, ready, small_picture
+from thingc.targets.render.picture import NoGraphics, ready
+from thingc.targets.render.series import extent, small_picture
 
 
 def read(path: str) -> tuple[str, dict[str, bytes]]:

@@ -19,7 +19,7 @@ from thingc.base.units import (
     scan_number,
     scan_unit,
 )
-from thingc.documents.expressions import ExpressionValue, plain
+from thingc.documents.expressions.evaluation import ExpressionValue, plain
 
 ID_DIGITS = 12
 """Hexadecimal digits of a variant's id."""

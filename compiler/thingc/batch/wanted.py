@@ -17,7 +17,7 @@ from thingc.model.resolve.model import AssemblyDefinition
 
 def targets_of(document: Document, spec: VariantsSpec, report: Report) -> tuple[str, ...]:
     """The targets that are written, in the order of a build."""
-    from thingc.targets import chosen, unknown
+    from thingc.targets.registry import chosen, unknown
 
     for index, message, hint in unknown(spec.emit):
         report.add(Code.VARIANT_TARGET, message, document.span(("emit", index)), help=hint, path=f"emit[{index}]")

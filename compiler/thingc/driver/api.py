@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from thingc.geometry.store.local import Store
     from thingc.model.assembly.types import Assembly
     from thingc.model.robot.types import Robot
-    from thingc.targets import Page
+    from thingc.targets.html.target import Page
     from thingc.targets.request import EmitRequest
 
 
@@ -177,7 +177,7 @@ def _compiled(environment: Environment, others: Mapping[str, float], modes: Sequ
 
 
 def _page(request: EmitRequest) -> Page:
-    from thingc.targets import page_of
+    from thingc.targets.html.target import page_of
 
     return page_of(request)
 

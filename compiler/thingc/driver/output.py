@@ -29,8 +29,8 @@ from thingc.base.frozen import dataclass
 from thingc.base.shown import quoted
 from thingc.geometry.store.digests import Digests, digest_of
 from thingc.geometry.store.local import Store
-from thingc.targets import written
 from thingc.targets.artifact import MANIFEST, Content, Stored
+from thingc.targets.registry import written
 
 Waiting = Callable[[str], None]
 """Called once with the build folder when another build of it must be waited for; what it raises ends the waiting."""

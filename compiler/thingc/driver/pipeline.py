@@ -26,12 +26,12 @@ from thingc.driver.environment import Environment, Options
 
 if TYPE_CHECKING:
     from thingc.base.pose import Vector
-    from thingc.documents.load import Documents
+    from thingc.documents.load.documents import Documents
     from thingc.geometry.decisions import Decision
     from thingc.geometry.record import Mesh, PartFailure, PartRecord, PartSchema
     from thingc.model.assembly.types import Assembly
-    from thingc.model.resolve import Settings, Sources
     from thingc.model.resolve.model import AssemblyDefinition
+    from thingc.model.resolve.sources import Settings, Sources
     from thingc.model.robot.types import Robot
     from thingc.targets.artifact import Artifacts, Content
     from thingc.targets.request import EmitRequest
@@ -121,7 +121,7 @@ def compile(
     told = settings(sources) if settings is not None and sources is not None else settings_of(environment.options)
     compilation = _passes(environment, sources, told, modes, None)
     if compilation.assembly is not None and not compilation.report.failed:
-        from thingc.model.robot import check_starts
+        from thingc.model.robot.starting import check_starts
 
         check_starts(compilation.robots, _corners(environment), compilation.report, environment.memo)
     return compilation
@@ -135,7 +135,7 @@ def recompile(environment: Environment, sources: Sources | None, settings: Setti
 
 def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
     """What `build` imports that takes long, for `Options.ahead`; numpy, with which solids are compared, only where models need it, too."""
-    from thingc.targets import modules_of
+    from thingc.targets.registry import modules_of
 
     return (*modules_of(targets), *(["thingc.model.solids.shapes"] if "mjcf" in targets else []))
 
@@ -145,9 +145,9 @@ def build(
 ) -> dict[str, Artifacts]:
     """The passes behind `root`: what lies in what (a warning), and `emit`, while the kernel writes the STEP file. `folder` is the absolute
     path of the folder that the files will lie in, where that is known."""
-    from thingc.model.robot import occurrence_poses
-    from thingc.model.solids import Overlaps, check_overlaps
-    from thingc.targets import emitted
+    from thingc.model.robot.kinematics import occurrence_poses
+    from thingc.model.solids.overlaps import Overlaps, check_overlaps
+    from thingc.targets.registry import emitted
 
     request = request_of(environment, compilation, folder=folder)
     if "step" in targets:
@@ -173,8 +173,8 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
         return None
     # before anything else is imported: nothing takes as long
     kernel_loads = modelling and _may_name_parts(environment) and environment.parts.anticipate()
-    from thingc.documents.load import load
-    from thingc.documents.spec import part_references, validate
+    from thingc.documents.load.documents import load
+    from thingc.documents.spec.validation import part_references, validate
 
     documents = load(environment.document, workspace, report, kinds=kinds, texts=environment.options.texts, memo=environment.memo)
     if documents is None:
@@ -187,7 +187,7 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
     else:
         schemas = environment.parts.describe(references) if references else {}
     from thingc.geometry.store.digests import digest_of
-    from thingc.model.resolve import Sources
+    from thingc.model.resolve.sources import Sources
 
     kept = environment.store if environment.options.code else None
     digest = partial(digest_of, store=kept)
@@ -209,7 +209,7 @@ def _may_name_parts(environment: Environment) -> bool:
 
 def settings_of(options: Options) -> Settings:
     """What the options set."""
-    from thingc.model.resolve import Settings
+    from thingc.model.resolve.sources import Settings
 
     return Settings(parameters=options.parameters, choices=options.choices)
 
@@ -232,8 +232,8 @@ def choose(environment: Environment, sources: Sources, choices: Mapping[str, str
 
 def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], parts: Sequence[str]) -> tuple[Sources, Report]:
     """`own` and the further assemblies and parts that are named, and what is wrong with those."""
-    from thingc.documents.load import load_more
-    from thingc.documents.spec import part_references, validate
+    from thingc.documents.load.documents import load_more
+    from thingc.documents.spec.validation import part_references, validate
 
     documents, specs, report = own.documents, own.specs, Report()
     if assemblies:
@@ -248,7 +248,7 @@ def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], 
 def model(environment: Environment, own: Sources, settings: Settings, report: Report) -> AssemblyDefinition | None:
     """`resolve` alone: what the documents say with these settings before a part is modelled. What is wrong with them is in `report`; None
     where nothing is sound."""
-    from thingc.model.resolve import resolve
+    from thingc.model.resolve.resolver import resolve
 
     return resolve(choose(environment, own, settings.choices, report, environment.memo), settings, report, environment.memo)
 
@@ -258,10 +258,15 @@ def _passes(
 ) -> Compilation:
     """From what was read to the robots. `of_text` has answers that hold as long as the documents stand as they are, line by line; those of
     the environment hold for all."""
-    from thingc.geometry.meshes import mesh_records
-    from thingc.model.assembly import likely_slicings, link, listed_meshes, slicings_of, with_own_images
-    from thingc.model.resolve import decomposed, part_definitions, resolve, resolve_materials
-    from thingc.model.robot import root, stand
+    from thingc.geometry.meshes.kept import mesh_records
+    from thingc.model.assembly.linking import link
+    from thingc.model.assembly.mesh_files import listed_meshes
+    from thingc.model.assembly.own_images import with_own_images
+    from thingc.model.assembly.prints import likely_slicings, slicings_of
+    from thingc.model.resolve.nested import decomposed, part_definitions
+    from thingc.model.resolve.resolver import resolve, resolve_materials
+    from thingc.model.robot.spanning_tree import root
+    from thingc.model.robot.standing import stand
 
     report, memo = environment.report.continued(), environment.memo
     if own is None:
@@ -299,7 +304,7 @@ def _passes(
 
 def _say_hidden(environment: Environment, sources: Sources, report: Report) -> None:
     """Say which modules of parts hide others; most often there is none."""
-    from thingc.documents.spec import part_references
+    from thingc.documents.spec.validation import part_references
     from thingc.geometry.answers import report_hidden
 
     hiding = [reference for reference in sources.schemas if environment.parts.hiding(reference)]
@@ -315,7 +320,7 @@ def emit(environment: Environment, compilation: Compilation, targets: Sequence[s
     With `verify` 0 MuJoCo is not asked whether it takes the models: for the caller who compiles them anyway; with more than 1 only of the
     first, and of every so many, that differ in nothing but numbers.
     """
-    from thingc.targets import emitted
+    from thingc.targets.registry import emitted
 
     return emitted(request_of(environment, compilation, verify=verify), targets)
 

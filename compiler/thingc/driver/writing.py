@@ -12,10 +12,11 @@ from thingc.base.memo import Memo
 from thingc.base.replacement import ReplacementRefused, replace_files
 from thingc.base.source import Document, MappingNode, Node, SequenceNode, line_of, node_at
 from thingc.documents.format.setting import Keys, Unsettable, Written, changes, with_values
-from thingc.documents.load import Documents, load
+from thingc.documents.load.documents import Documents, load
 from thingc.documents.load.flow import is_flow, read_flow
-from thingc.documents.spec import validate, whole_drive
 from thingc.documents.spec.choices import nested, parse
+from thingc.documents.spec.stated import whole_drive
+from thingc.documents.spec.validation import validate
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 

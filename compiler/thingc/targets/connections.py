@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Literal
 
 from thingc.base.frozen import dataclass
-from thingc.base.joints import Twist
+from thingc.base.joints.twist import Twist
 from thingc.base.pose import NO_POSE, Pose
 from thingc.base.source import Origin
 from thingc.model.assembly.types import JointEdge

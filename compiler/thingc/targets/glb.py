@@ -18,12 +18,12 @@ import numpy as np
 import trimesh
 
 from thingc.base.frozen import dataclass
-from thingc.base.joints import Twist, moved
+from thingc.base.joints.twist import Twist, moved
 from thingc.base.pose import Pose, along, shifted
 from thingc.base.primitives import Primitive
 from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
-from thingc.model.assembly import coordinates, joints_of
+from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.types import Surface
 from thingc.model.robot.types import Body, Robot
 from thingc.targets.artifact import Artifacts, Loss

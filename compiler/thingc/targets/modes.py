@@ -15,12 +15,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from thingc.base.inertia import MassProperties
-from thingc.base.joints import Twist
+from thingc.base.joints.twist import Twist
 from thingc.base.memo import Memo
 from thingc.base.pose import NO_POSE, Pose
 from thingc.model.assembly.types import Mate
 from thingc.model.resolve.coordinates import Mimic
-from thingc.model.robot import in_link
+from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Closure, CoreJoint, Robot
 from thingc.targets import jsontext
 from thingc.targets.artifact import Artifacts

@@ -12,7 +12,7 @@ from thingc.base.frozen import dataclass
 from thingc.batch.families.results import NoModel
 from thingc.batch.families.union import ModelSource, likeness, united
 from thingc.batch.in_place import LEADING, NUMBERS, OPTIONS, SHORTCUTS
-from thingc.batch.patching import content, names
+from thingc.batch.patching.exact import content, names
 
 if TYPE_CHECKING:
     import mujoco

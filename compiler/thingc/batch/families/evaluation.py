@@ -15,7 +15,7 @@ from thingc.batch.plans.planning import Form, Forms, NumericPlan, Varying
 from thingc.batch.plans.rehearsal import NotTraceable, Rehearsal, rehearse
 from thingc.batch.plans.tape import Tape
 from thingc.batch.rules import unkept
-from thingc.documents.expressions import ExpressionValue
+from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.driver import pipeline
 from thingc.driver.settings import Read, SettingsReader
 
@@ -122,7 +122,7 @@ class Evaluation:
         results, report, compilation = self._compiled(read)
         done: tuple[Any, ...] = ()
         if tests and compilation is not None:
-            from thingc.driver.testing import Selection, run
+            from thingc.driver.testing.running import Selection, run
 
             whole = self.session.compile(self.reader.settings(read))
             report = whole.report

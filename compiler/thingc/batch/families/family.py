@@ -23,7 +23,8 @@ from thingc.batch.planning import Variant
 from thingc.batch.plans.builds import Builds
 from thingc.batch.plans.planning import Form
 from thingc.batch.values import unit_in
-from thingc.documents.expressions import Expression, ExpressionError, ExpressionValue, evaluate, plain
+from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, plain
+from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.driver.api import CompileError
 from thingc.driver.environment import Options
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     import mujoco
 
     from thingc.batch.planning import Plan
-    from thingc.model.resolve import Sources
+    from thingc.model.resolve.sources import Sources
     from thingc.modes import Modes
 
 
@@ -288,7 +289,7 @@ class RobotFamily:
         return Evaluation(self._session, self._reader, self.mode, self._plan, verify=self._verify)
 
     def _builds_of(self, targets: tuple[str, ...]) -> Builds:
-        from thingc.targets import chosen, unknown
+        from thingc.targets.registry import chosen, unknown
 
         plan = self._plan
         if targets not in self._builds:
@@ -345,7 +346,7 @@ def _planned(path: str, options: Options) -> Plan | None:
 
 
 def _of_variants(path: str, workspace: Any) -> bool:
-    from thingc.documents.load import load
+    from thingc.documents.load.documents import load
 
     if workspace is None:
         return False

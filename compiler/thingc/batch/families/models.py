@@ -14,7 +14,9 @@ from thingc.batch.families.results import NoModel
 from thingc.batch.families.specs import KeptSpec, NotInSpec
 from thingc.batch.families.texts import TextTemplate, plain_text
 from thingc.batch.families.union import ModelSource
-from thingc.batch.patching import TOGETHER, Arrays, NotInArrays, differing
+from thingc.batch.patching.arrays import TOGETHER, Arrays
+from thingc.batch.patching.exact import differing
+from thingc.batch.patching.places import NotInArrays
 from thingc.batch.plans import planning
 from thingc.batch.plans.exchange import Exchange
 from thingc.batch.plans.planning import Form, Forms, NumericPlan
@@ -22,8 +24,8 @@ from thingc.batch.plans.rehearsal import Rehearsal, rehearse, written
 from thingc.batch.plans.tape import Traced
 from thingc.driver import pipeline
 from thingc.driver.settings import Read, SettingsReader
-from thingc.geometry import BlobMissing, StoreUnusable
-from thingc.targets import model_sources
+from thingc.geometry.store.local import BlobMissing, StoreUnusable
+from thingc.targets.mjcf.target import sources as model_sources
 
 if TYPE_CHECKING:
     import mujoco

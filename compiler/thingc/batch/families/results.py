@@ -12,7 +12,7 @@ from thingc.base.typos import did_you_mean
 from thingc.batch.loading import UnknownVariant
 
 if TYPE_CHECKING:
-    from thingc.driver.testing import Result as TestResult
+    from thingc.driver.testing.results import Result as TestResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ from thingc.base.typos import did_you_mean
 from thingc.base.units import NUMBER, Quantity
 from thingc.batch.axes import Axis
 from thingc.batch.loading import UnknownVariant
-from thingc.documents.expressions import ExpressionValue, plain
+from thingc.documents.expressions.evaluation import ExpressionValue, plain
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from thingc.batch.plans.rehearsal import Rehearsal
 from thingc.batch.plans.tape import Traced
-from thingc.targets import number_text
+from thingc.targets.xml import number as number_text
 
 
 def plain_text(rehearsal: Rehearsal) -> str:

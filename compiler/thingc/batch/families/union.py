@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 from thingc.base.frozen import dataclass
 from thingc.batch.in_place import NUMBERS, OPTIONS, SHORTCUTS
-from thingc.batch.patching import content, names
+from thingc.batch.patching.exact import content, names
 
 if TYPE_CHECKING:
     import mujoco

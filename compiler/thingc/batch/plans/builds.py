@@ -28,12 +28,14 @@ from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
 from thingc.driver.settings import Read, SettingsReader
 from thingc.geometry.record import Placed, StoredFile
-from thingc.model.resolve import Settings
-from thingc.targets import emitted, jsontext, number_text
+from thingc.model.resolve.sources import Settings
+from thingc.targets import jsontext
 from thingc.targets.artifact import MANIFEST, Content, counts_of
+from thingc.targets.registry import emitted
+from thingc.targets.xml import number as number_text
 
 if TYPE_CHECKING:
-    from thingc.geometry import GeometryService
+    from thingc.geometry.service import GeometryService
     from thingc.targets.artifact import Artifacts
     from thingc.targets.request import EmitRequest
 

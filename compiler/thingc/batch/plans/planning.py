@@ -16,7 +16,7 @@ from thingc.batch.plans.exchange import Exchange, Exchanged
 from thingc.batch.plans.program import Run, compiled
 from thingc.batch.plans.rehearsal import NotTraceable, Rehearsal, pinned
 from thingc.batch.plans.tape import Traced
-from thingc.documents.expressions import text_of
+from thingc.documents.expressions.texts import text_of
 from thingc.driver.settings import Read, SettingsReader
 
 Made = TypeVar("Made")

@@ -17,17 +17,18 @@ from thingc.base.units import Quantity
 from thingc.batch.plans.exchange import Modelled, TracedParts
 from thingc.batch.plans.program import variables_of
 from thingc.batch.plans.tape import TOKENS, Tape, Traced, tracing
-from thingc.documents.expressions import text_of
-from thingc.documents.spec import Specs
+from thingc.documents.expressions.texts import text_of
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
+from thingc.documents.spec.doubts import Specs
 from thingc.driver import pipeline
 from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
 from thingc.geometry.store.local import BlobMissing
-from thingc.model.resolve import Settings, Sources, assembly
+from thingc.model.resolve import assembly
+from thingc.model.resolve.sources import Settings, Sources
 from thingc.model.resolve.substituting import substituted
-from thingc.targets import model_sources
 from thingc.targets.artifact import Stored
+from thingc.targets.mjcf.target import sources as model_sources
 
 
 class NotTraceable(Exception):

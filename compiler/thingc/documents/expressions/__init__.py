@@ -10,15 +10,3 @@
 A unit binds to the number before it, without spaces around its own `*` and `/`: `10 mm/rad * q` is (10 mm/rad) q.
 Nothing else can be written, and working out is bounded by the length of the text: every value is one double.
 """
-
-from __future__ import annotations
-
-from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, kind_of, plain, words_of
-from thingc.documents.expressions.parsing import expression_hint, parse_expression
-from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS, Expression, ExpressionError, NameUse, words_in
-from thingc.documents.expressions.texts import text_of
-
-__all__ = [
-    "CONSTANTS", "FUNCTIONS", "Expression", "ExpressionError", "ExpressionValue", "NameUse", "evaluate", "expression_hint", "kind_of",
-    "parse_expression", "plain", "text_of", "words_in", "words_of",
-]

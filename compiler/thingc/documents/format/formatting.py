@@ -9,8 +9,7 @@ from thingc.base.source import Document, MappingNode, Node, ScalarNode, Sequence
 from thingc.documents.format.order import root_shape, shape_below, shape_for
 from thingc.documents.format.pieces import Unusual
 from thingc.documents.format.quantities import equal_values, takes_vectors
-from thingc.documents.load import read_tree
-from thingc.documents.load.documents import document_kind
+from thingc.documents.load.documents import document_kind, read_tree
 from thingc.documents.spec.shapes import AnnotationShape
 
 MODELINE = "# yaml-language-server: $schema="

@@ -10,7 +10,7 @@ from typing import Any
 
 from thingc.base.diagnostics import Report
 from thingc.base.source import Document, MappingNode, Node, Plain, ScalarNode, SequenceNode, Span, node_at
-from thingc.documents.load import read_tree
+from thingc.documents.load.documents import read_tree
 from thingc.documents.load.scalars import core_value
 from thingc.documents.load.text import Source
 

@@ -45,7 +45,8 @@ from thingc.base.units import (
     shortened,
     suggested_units,
 )
-from thingc.documents.expressions import Expression, ExpressionError, expression_hint, parse_expression
+from thingc.documents.expressions.parsing import expression_hint, parse_expression
+from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.patterns import ANY_VALUE, EXPRESSION, quantity_pattern, vector_pattern
 
 if TYPE_CHECKING:

@@ -6,7 +6,8 @@ import re
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
 
-from thingc.base.joints import KINDS, dimensions_of
+from thingc.base.joints.dimensions import dimensions_of
+from thingc.base.joints.kinds import KINDS
 from thingc.base.source import Document, MappingNode, Path, ScalarNode, node_at
 from thingc.base.units import Dimension
 

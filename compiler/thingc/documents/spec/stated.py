@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, node_at
 from thingc.base.units import Dimension
-from thingc.documents.expressions import Expression, ExpressionValue
+from thingc.documents.expressions.evaluation import ExpressionValue
+from thingc.documents.expressions.terms import Expression
 from thingc.documents.spec.choices import DEFAULT_MATERIAL, KEYS, nested
 from thingc.documents.spec.fields import any_value
 from thingc.documents.spec.joint_values import dimension_at
 
 if TYPE_CHECKING:
-    from thingc.documents.load import Documents
+    from thingc.documents.load.documents import Documents
     from thingc.documents.spec.assembly import AssemblySpec
 
 

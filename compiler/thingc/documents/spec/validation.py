@@ -18,7 +18,7 @@ from thingc.documents.spec.doubts import Doubts, Specs
 from thingc.documents.spec.materials import MaterialsSpec
 
 if TYPE_CHECKING:
-    from thingc.documents.load import Documents
+    from thingc.documents.load.documents import Documents
 
 KINDS = ("assembly", "materials", "variants", "workspace")
 """The kinds of documents that have a model."""

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from thingc.base.units import shortened
-from thingc.documents.expressions import Expression, ExpressionError, parse_expression
+from thingc.documents.expressions.parsing import parse_expression
+from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.base import Model, rule
 from thingc.documents.spec.choices import EXAMPLES, VALUES, is_value, parse
 from thingc.documents.spec.fields import AnyQuantityField, Checked, CountField, Name, fault, found, name_of

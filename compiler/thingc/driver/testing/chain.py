@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thingc.base.pose import Pose
-from thingc.model.assembly import balls, coordinates, in_cones, joints_of
+from thingc.model.assembly.kinematics import balls, coordinates, in_cones, joints_of
 from thingc.model.assembly.types import MountAt
-from thingc.model.robot import in_link
 from thingc.model.robot.kinematics import in_world, placed_bodies
 from thingc.model.robot.loop_solver import Loops, SolverState
+from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from thingc.base.frozen import dataclass
 from thingc.base.pose import Pose
 from thingc.model.assembly.types import Assembly
 from thingc.model.robot.types import Keyframe
-from thingc.model.solids import Overlaps, contact_places, reason_to_skip
+from thingc.model.solids.overlaps import Overlaps, contact_places, reason_to_skip
 from thingc.model.solids.shapes import Solid, Solids
 from thingc.targets.request import EmitRequest
 

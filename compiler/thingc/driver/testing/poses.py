@@ -7,10 +7,10 @@ from dataclasses import replace
 
 from thingc.base.diagnostics import Report
 from thingc.driver.testing.chain import quasi_random
-from thingc.model.assembly import joints_of
+from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import Assembly, LinkedMode
 from thingc.model.resolve.model import JointRange, NamedPose
-from thingc.model.robot import root
+from thingc.model.robot.spanning_tree import root
 from thingc.model.robot.types import Keyframe, Robot
 
 

@@ -9,7 +9,7 @@ from thingc.base.pose import NO_POSE, Pose, Vector, rotate
 from thingc.base.source import Origin
 from thingc.driver.testing.chain import Array, Chain, quasi_random
 from thingc.driver.testing.poses import posed, swept
-from thingc.model.assembly import joints_of, on_loops
+from thingc.model.assembly.kinematics import joints_of, on_loops
 from thingc.model.assembly.types import MountAt
 from thingc.model.resolve.model import JointRange, NamedPose
 from thingc.model.robot.types import Keyframe, Robot

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from thingc.base.diagnostics import Code, Note, noted
-from thingc.base.joints import Twist
+from thingc.base.joints.twist import Twist
 from thingc.base.source import Origin
 from thingc.base.typos import did_you_mean
 from thingc.geometry.record import ActuatorRecord

@@ -14,7 +14,7 @@ from itertools import groupby
 
 from thingc.base.circles import MAX_CIRCLE, circles
 from thingc.base.diagnostics import Code, noted
-from thingc.base.joints import Twist
+from thingc.base.joints.twist import Twist
 from thingc.base.memo import Memo
 from thingc.base.pose import IDENTITY, MATE, Pose, shifted, turned_x
 from thingc.base.source import Origin

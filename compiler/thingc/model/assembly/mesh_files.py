@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from thingc.base.source import Origin
-from thingc.geometry.meshes import MeshFile
+from thingc.geometry.meshes.files import MeshFile
 from thingc.model.assembly.mass import said_whole
 from thingc.model.resolve.link_definition import LinkDefinition, mesh_files_of
 from thingc.model.resolve.model import AssemblyDefinition

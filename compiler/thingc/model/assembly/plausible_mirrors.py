@@ -6,7 +6,7 @@ from itertools import combinations
 from math import radians
 
 from thingc.base.diagnostics import Code, allow_hint, noted
-from thingc.base.joints import Twist
+from thingc.base.joints.twist import Twist
 from thingc.base.mirror import Mirror
 from thingc.base.pose import multiply, transpose
 from thingc.base.summing import dist

@@ -9,8 +9,9 @@ from thingc.base.brief import Brief
 from thingc.base.file_names import JointPath, LinkPath, PoseName, SensorPath, SitePath, TendonPath
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import MassProperties
-from thingc.base.joints import JointKind, Twist
 from thingc.base.joints.bases import BaseType
+from thingc.base.joints.kind import JointKind
+from thingc.base.joints.twist import Twist
 from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.primitives import Primitive
 from thingc.base.sensing import Measurement

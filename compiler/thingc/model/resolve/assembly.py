@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping
 from itertools import chain
 
 from thingc.base.diagnostics import Code
-from thingc.base.joints import coordinates_of
+from thingc.base.joints.kinds import coordinates_of
 from thingc.base.source import Path
-from thingc.documents.expressions import CONSTANTS, FUNCTIONS, Expression, ExpressionValue, words_of
+from thingc.documents.expressions.evaluation import ExpressionValue, words_of
+from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS, Expression
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.geometry.record import definition_label, definition_text
 from thingc.model.resolve import choices as chosen

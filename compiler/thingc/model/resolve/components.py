@@ -7,7 +7,7 @@ from functools import partial
 
 from thingc.base.diagnostics import Code, Note
 from thingc.base.source import Path
-from thingc.documents.expressions import ExpressionValue
+from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.documents.spec.assembly import AssemblySpec, ComponentSpec
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve import choices as choose

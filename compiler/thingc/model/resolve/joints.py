@@ -7,7 +7,10 @@ from dataclasses import replace
 from typing import Any, get_args
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.joints import SLIDE, TURN, JointKind, Twist, dimensions_of, kind_of
+from thingc.base.joints.dimensions import SLIDE, TURN, dimensions_of
+from thingc.base.joints.kind import JointKind
+from thingc.base.joints.kinds import kind_of
+from thingc.base.joints.twist import Twist
 from thingc.base.pose import IDENTITY, Vector
 from thingc.base.source import MappingNode, Node, Path, ScalarNode, SequenceNode, node_at
 from thingc.base.summing import hypot

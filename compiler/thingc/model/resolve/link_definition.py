@@ -12,7 +12,7 @@ from thingc.base.mirror import Mirror
 from thingc.base.pose import NO_POSE, Pose
 from thingc.base.primitives import Primitive
 from thingc.base.source import Origin
-from thingc.geometry.meshes import MeshFile
+from thingc.geometry.meshes.files import MeshFile
 from thingc.geometry.record import with_mirror
 
 if TYPE_CHECKING:

@@ -1,7 +1,6 @@
-"""The resolved model: what the documents mean once every name, unit and expression has been worked out.
+"""The resolved model: documents with every name, unit and expression worked out, in SI.
 
-Part mounts are not known yet (they depend on geometry): references still carry mount names, which `graph` checks.
-Everything is SI.
+Mounts of parts depend on geometry: references carry their names, which `model/assembly` checks.
 """
 
 from __future__ import annotations
@@ -12,8 +11,9 @@ from typing import Any, Literal
 from thingc.base.brief import Brief
 from thingc.base.file_names import JointPath, PoseName, RawAttributes, RawPath
 from thingc.base.frozen import dataclass
-from thingc.base.joints import JointKind, Twist
 from thingc.base.joints.bases import BaseType
+from thingc.base.joints.kind import JointKind
+from thingc.base.joints.twist import Twist
 from thingc.base.pose import Pose, Vector
 from thingc.base.sensing import Measurement
 from thingc.base.source import Origin, Span

@@ -11,7 +11,9 @@ from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.source import Document, Path
 from thingc.base.typos import did_you_mean
 from thingc.base.units import NUMBER, Quantity, UnitError, parse_quantity, shortened
-from thingc.documents.expressions import Expression, ExpressionError, ExpressionValue, kind_of, parse_expression, plain, words_of
+from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, plain, words_of
+from thingc.documents.expressions.parsing import parse_expression
+from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.load.text import forbidden
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.documents.spec.doubts import Doubts
@@ -20,8 +22,8 @@ from thingc.model.resolve.scope import Scope, dimension_message
 from thingc.model.resolve.table import Context, Declared
 
 if TYPE_CHECKING:
-    from thingc.documents.load import Documents
-    from thingc.documents.spec import Specs
+    from thingc.documents.load.documents import Documents
+    from thingc.documents.spec.doubts import Specs
     from thingc.documents.workspace import Workspace
 
 Complain = Callable[..., None]

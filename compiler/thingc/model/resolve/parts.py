@@ -12,7 +12,7 @@ from thingc.base.shown import quoted
 from thingc.base.source import Path, Span, line_of
 from thingc.base.typos import did_you_mean, near_hint, nearest
 from thingc.base.units import NUMBER, Quantity, shortened
-from thingc.documents.expressions import ExpressionValue, kind_of, words_of
+from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, words_of
 from thingc.documents.load.paths import PART_SUFFIXES, named
 from thingc.documents.workspace import DEFAULT_PARTS
 from thingc.geometry.record import (
@@ -220,7 +220,7 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
 
 def _report_unloaded(context: Context, where: Span, reference: str, failure: PartFailure, file: str, line: int) -> None:
     """What went wrong at a line of a part file: one fault, however many parts cannot be loaded for it. `where` is the part that was met."""
-    from thingc.documents.spec import part_references
+    from thingc.documents.spec.validation import part_references
 
     uses = {reference: where}
     for other, place in part_references(context.specs, context.documents):

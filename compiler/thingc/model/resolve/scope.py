@@ -14,7 +14,9 @@ from thingc.base.pose import Matrix, Pose, Vector, placed, rotation_of
 from thingc.base.primitives import FARTHEST
 from thingc.base.source import Document, Origin, Path, ScalarNode, Span, dotted, node_at, walk
 from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity, shortened
-from thingc.documents.expressions import Expression, ExpressionError, ExpressionValue, evaluate, expression_hint, kind_of, words_of
+from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, kind_of, words_of
+from thingc.documents.expressions.parsing import expression_hint
+from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.assembly import TurnSpec
 from thingc.documents.spec.doubts import NO_DOUBTS, Doubts
 from thingc.documents.spec.poses import PoseSpec

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 from thingc.base.diagnostics import Code
-from thingc.base.joints import dimensions_of
+from thingc.base.joints.dimensions import dimensions_of
 from thingc.base.pose import NO_POSE
 from thingc.base.sensing import SENSORS, ReadingName
 from thingc.base.source import Path

@@ -15,7 +15,8 @@ from thingc.base.units import LENGTH, NUMBER, parse_quantity, shortened
 from thingc.documents.load.paths import MESH_SUFFIXES, SUFFIXES_WITH_UNIT, libraries, named
 from thingc.documents.spec.listed import ShapeSpec
 from thingc.documents.spec.sensors import VolumeSpec
-from thingc.geometry.meshes import LARGEST, MeshFile, mesh_file
+from thingc.geometry.mesh_bounds import LARGEST
+from thingc.geometry.meshes.files import MeshFile, mesh_file
 from thingc.geometry.record import FILE_UNIT
 from thingc.model.resolve.layers import Layers
 from thingc.model.resolve.link_definition import LinkDefinition, ListedShape, link_of

@@ -10,7 +10,7 @@ from thingc.base.frozen import dataclass
 from thingc.geometry.store.digests import digest_of
 
 if TYPE_CHECKING:
-    from thingc.documents.load import Documents
+    from thingc.documents.load.documents import Documents
     from thingc.documents.spec.doubts import Specs
     from thingc.documents.workspace import Workspace
     from thingc.geometry.record import PartFailure, PartSchema

@@ -18,9 +18,10 @@ from thingc.base.units import shortened
 from thingc.documents.load.flow import is_flow, read_flow
 from thingc.documents.load.scalars import core_value
 from thingc.documents.load.text import forbidden
-from thingc.documents.spec import validate_one, whole_drive
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.shapes import AnnotationShape, alternatives, model_keys, shape_of
+from thingc.documents.spec.stated import whole_drive
+from thingc.documents.spec.validation import validate_one
 from thingc.model.resolve.table import Context
 
 FIXED = {

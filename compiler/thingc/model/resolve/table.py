@@ -12,7 +12,8 @@ from pydantic import BaseModel
 from thingc.base.diagnostics import Code, Report
 from thingc.base.memo import Memo
 from thingc.base.source import SET, Document, Path
-from thingc.documents.expressions import Expression, ExpressionValue
+from thingc.documents.expressions.evaluation import ExpressionValue
+from thingc.documents.expressions.terms import Expression
 from thingc.documents.spec.doubts import NO_DOUBTS, Doubts
 from thingc.geometry.record import PartDefinition, PartFailure, PartSchema, Value
 from thingc.geometry.store.digests import digest_of
@@ -22,7 +23,7 @@ from thingc.model.resolve.model import AssemblyDefinition, Component, ExtraMount
 from thingc.model.resolve.scope import NOTHING, Scope
 
 if TYPE_CHECKING:
-    from thingc.documents.load import Documents
+    from thingc.documents.load.documents import Documents
     from thingc.documents.spec.assembly import AssemblySpec, ComponentSpec
     from thingc.documents.spec.doubts import Specs
     from thingc.documents.workspace import Workspace

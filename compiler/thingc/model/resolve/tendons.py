@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.joints import dimensions_of
+from thingc.base.joints.dimensions import dimensions_of
 from thingc.base.source import Path
 from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 from thingc.documents.spec.tendons import AroundSpec, PulleySpec, TendonSpec

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.base.inertia import MassProperties, total
-from thingc.base.joints import Twist, moved, velocities
+from thingc.base.joints.twist import Twist, moved, velocities
 from thingc.base.pose import NO_POSE, Pose
-from thingc.model.assembly import coordinates, joints_of
+from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Body, CoreJoint, Robot
 

@@ -12,7 +12,7 @@ from thingc.base.memo import Memo
 from thingc.base.pose import MATE, NO_POSE, Pose
 from thingc.base.summing import plain_sum
 from thingc.base.typos import did_you_mean
-from thingc.model.assembly import coordinates, joints_of, on_loops
+from thingc.model.assembly.kinematics import coordinates, joints_of, on_loops
 from thingc.model.assembly.types import Assembly, LinkedHold, LinkedMode
 from thingc.model.resolve.model import NamedPose
 from thingc.model.robot.cuts import closing

@@ -18,10 +18,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from thingc.base.frozen import dataclass
-from thingc.base.joints import Twist, moved, velocities
+from thingc.base.joints.twist import Twist, moved, velocities
 from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, rotate, transpose, turn_of, turned_about
 from thingc.base.summing import dist, hypot, plain_sum
-from thingc.model.assembly import balls, bent, coordinates, in_cones, leaders
+from thingc.model.assembly.kinematics import balls, bent, coordinates, in_cones, leaders
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.dense import solve
 from thingc.model.robot.kinematics import carried, in_world

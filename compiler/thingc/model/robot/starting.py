@@ -13,7 +13,7 @@ from thingc.base.memo import Memo
 from thingc.base.pose import Pose, Vector
 from thingc.base.summing import hypot, plain_sum
 from thingc.base.units import LENGTH, Quantity
-from thingc.model.assembly import joints_of
+from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import Assembly, Link, Occurrence
 from thingc.model.resolve.coordinates import Limit
 from thingc.model.robot.kinematics import body_poses

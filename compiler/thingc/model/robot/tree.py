@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from thingc.base.joints import Twist, moved
 from thingc.base.joints.bases import moving_as
+from thingc.base.joints.twist import Twist, moved
 from thingc.base.memo import Memo
 from thingc.base.pose import MATE, NO_POSE, Pose
 from thingc.model.assembly.types import Assembly, JointEdge, LinkedMode, Mate

@@ -9,8 +9,9 @@ from typing import Literal
 from thingc.base.brief import Brief
 from thingc.base.file_names import JointPath, PoseName, SitePath
 from thingc.base.frozen import dataclass
-from thingc.base.joints import JointKind, Twist
 from thingc.base.joints.bases import BaseType
+from thingc.base.joints.kind import JointKind
+from thingc.base.joints.twist import Twist
 from thingc.base.pose import Pose, Vector
 from thingc.base.source import Origin
 from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge, LinkedMode

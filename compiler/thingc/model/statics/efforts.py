@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from thingc.base.joints import velocities
+from thingc.base.joints.twist import velocities
 from thingc.base.pose import NO_POSE, Pose, dot
-from thingc.model.assembly import joints_of, leaders
+from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.tendons import rates
 from thingc.model.robot.types import Robot

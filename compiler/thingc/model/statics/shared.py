@@ -24,7 +24,7 @@ from scipy.optimize import nnls
 
 from thingc.base.pose import Pose
 from thingc.base.summing import hypot
-from thingc.model.assembly import joints_of, leaders
+from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.robot.loop_solver import Loops, SolverState
 from thingc.model.robot.types import Robot
 from thingc.model.statics.footing import Stance, outside, stance

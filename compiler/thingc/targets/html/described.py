@@ -16,16 +16,17 @@ import re
 from collections.abc import Sequence
 
 from thingc.base.inertia import MassProperties, principal_axes
-from thingc.base.joints import Twist
+from thingc.base.joints.twist import Twist
 from thingc.base.pose import NO_POSE, Pose
 from thingc.base.source import Origin
 from thingc.documents.workspace import Workspace
 from thingc.geometry.record import Mesh, PartDefinition
-from thingc.model.assembly import coordinates, joints_of
+from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.types import Assembly, JointEdge, Mate, Occurrence, Surface
-from thingc.model.robot import in_link, placed_bodies
+from thingc.model.robot.kinematics import placed_bodies
+from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Body, Closure, Keyframe, Robot
-from thingc.model.statics import static_efforts
+from thingc.model.statics.efforts import static_efforts
 from thingc.targets.bom import listed, make_of, with_pieces
 from thingc.targets.html.packed import Packed
 

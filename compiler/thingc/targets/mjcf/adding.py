@@ -16,7 +16,7 @@ from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.model import RawElement
 from thingc.model.resolve.raw_added import KINDS, named_kind
-from thingc.model.robot import in_link
+from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
 from thingc.targets.mjcf import elements

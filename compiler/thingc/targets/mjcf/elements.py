@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from thingc.base.inertia import MassProperties
-from thingc.base.joints import Twist
+from thingc.base.joints.twist import Twist
 from thingc.base.pose import Pose, Vector
 from thingc.base.source import Origin
 from thingc.model.assembly.types import ActuatorModel

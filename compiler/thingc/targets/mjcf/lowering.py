@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Literal, assert_never
 
 from thingc.base.frozen import dataclass
-from thingc.base.joints import rotation_vector
+from thingc.base.joints.twist import rotation_vector
 from thingc.base.pose import Vector, quaternion_of
 from thingc.model.robot.types import Body, CoreJoint, Robot
 from thingc.targets.capabilities import joint_cell

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.base.frozen import dataclass
-from thingc.model.assembly import joints_of
+from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import ActuatorModel
 from thingc.model.robot.types import Robot
 from thingc.targets.ros.joints import Moving, joints, start, values

@@ -8,7 +8,7 @@ from thingc.base.frozen import dataclass
 from thingc.base.joints.twist import moved
 from thingc.base.pose import NO_POSE, Vector, cross, dot, multiply, rpy_of, transpose
 from thingc.geometry.record import DriveType
-from thingc.model.assembly import joints_of, leaders
+from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import ActuatorModel
 from thingc.model.robot.types import Body, CoreJoint, Robot
 from thingc.targets.capabilities import drive_cell, written

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Literal, assert_never
 
 from thingc.base.frozen import dataclass
-from thingc.base.joints import Twist
+from thingc.base.joints.twist import Twist
 from thingc.base.pose import NO_POSE, Vector
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.types import CoreJoint

@@ -13,7 +13,7 @@ from thingc.base.diagnostics import Report
 from thingc.base.inertia import MassProperties, physical_fault, within_triangle
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, rpy_of, shifted
 from thingc.base.source import Origin
-from thingc.model.assembly import joints_of, leaders
+from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import Link
 from thingc.model.resolve.model import Material
 from thingc.model.robot.kinematics import carried

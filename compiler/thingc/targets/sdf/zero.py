@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from thingc.base.frozen import dataclass
 from thingc.base.pose import Pose
-from thingc.model.assembly import joints_of
+from thingc.model.assembly.kinematics import joints_of
 from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.loop_solver import Loops, SolverState
 from thingc.model.robot.types import Robot

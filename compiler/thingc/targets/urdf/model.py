@@ -16,7 +16,7 @@ from thingc.base.pose import IDENTITY, NO_POSE, Pose, rpy_of, shifted
 from thingc.base.source import Origin
 from thingc.base.summing import plain_sum
 from thingc.geometry.record import DriveType
-from thingc.model.assembly import joints_of, leaders
+from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import ActuatorModel, JointEdge, Link
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Body, CoreJoint, Robot

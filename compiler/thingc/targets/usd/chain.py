@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from typing import Literal, assert_never
 
 from thingc.base.frozen import dataclass
-from thingc.base.joints import Twist
+from thingc.base.joints.twist import Twist
 from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, along, cross, dot, shifted, transpose
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.types import CoreJoint

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from thingc.base.source import Origin
-from thingc.model.assembly import joints_of
+from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.loop_solver import Loops, SolverState
 from thingc.model.robot.types import CoreJoint, Robot

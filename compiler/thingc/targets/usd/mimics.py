@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from thingc.base.frozen import dataclass
 from thingc.base.source import Origin
-from thingc.model.assembly import joints_of, leaders
+from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.resolve.coordinates import Limit
 from thingc.model.robot.types import Robot
 from thingc.targets.connections import connections

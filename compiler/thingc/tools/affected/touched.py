@@ -8,9 +8,12 @@ from collections.abc import Collection, Iterator
 from thingc.base.diagnostics import Report
 from thingc.base.frozen import dataclass
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode
-from thingc.documents.load import Documents, documents_in, load, named
+from thingc.documents.load.documents import Documents, load
+from thingc.documents.load.finding import documents_in
+from thingc.documents.load.paths import named
 from thingc.documents.workspace import Workspace
-from thingc.geometry import Store, part_inputs
+from thingc.geometry.inputs import part_inputs
+from thingc.geometry.store.local import Store
 
 KINDS = ("assembly", "materials", "variants")
 

@@ -14,9 +14,9 @@ from thingc.base.joints.kind import JointType
 from thingc.base.memo import Memo
 from thingc.base.replacement import Change, provisional
 from thingc.base.source import Document
-from thingc.documents.format import format_document, is_laid_out
+from thingc.documents.format.formatting import format_document, is_laid_out
 from thingc.documents.format.setting import Unsettable, with_values, without
-from thingc.documents.load import Documents, read_tree, remember
+from thingc.documents.load.documents import Documents, read_tree, remember
 from thingc.driver.environment import Options
 from thingc.driver.writing import checked, document_change, opened
 from thingc.tools.cli import common, interrupts

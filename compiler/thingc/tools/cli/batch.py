@@ -80,7 +80,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 when every variant was built or kept out by a rule."""
-    from thingc.batch import BatchFault, Interrupted, PlanError
+    from thingc.batch.folder import BatchFault
+    from thingc.batch.planning import PlanError
+    from thingc.batch.progress import Interrupted
 
     try:
         common.require_document(arguments.document)
@@ -131,7 +133,7 @@ def _again(arguments: argparse.Namespace) -> str:
 
 def _targets(words: Sequence[str]) -> tuple[str, ...]:
     """The targets chosen, none where none is named. Raises `WrongCommandLine`."""
-    from thingc.targets import chosen, unknown
+    from thingc.targets.registry import chosen, unknown
 
     for _, message, hint in unknown(words):
         raise common.WrongCommandLine(message, hint)

@@ -124,7 +124,7 @@ def findings(environment: Environment, compilation: Compilation, *, strict: bool
 
 
 def _concerned_without_code(files: Sequence[str]) -> list[str]:
-    from thingc.tools.affected import touched
+    from thingc.tools.affected.touched import touched
 
     return [shown_path(path) for path in touched([os.path.abspath(file) for file in files], os.getcwd(), None).documents]
 

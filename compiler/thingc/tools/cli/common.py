@@ -40,7 +40,7 @@ def add_document(parser: argparse.ArgumentParser, *, what: str = "an assembly do
 def document_meant() -> str:
     """The document of a command line that names none: the only assembly below the working folder, else of its workspace, that no other
     nests. Raises `WrongCommandLine` with those that there are."""
-    from thingc.documents.load import assemblies_in, documents_near, is_document
+    from thingc.documents.load.finding import assemblies_in, documents_near, is_document
     from thingc.documents.workspace import Workspace
 
     here = os.getcwd()
@@ -62,7 +62,7 @@ def document_meant() -> str:
 def _unnested(assemblies: Sequence[str]) -> list[str]:
     """Those of the assembly documents that none of the others nests, of one that cannot be read as far as its text tells. Where documents
     nest each other in a circle all count."""
-    from thingc.documents.load import load
+    from thingc.documents.load.documents import load
     from thingc.documents.workspace import Workspace
 
     nested: set[str] = set()
@@ -255,7 +255,7 @@ def _document_meant(path: str, folder: str, beside: Sequence[str]) -> str:
 def expanded(words: Iterable[str]) -> list[str]:
     """Documents as the command line names them, each once: a folder stands for all documents below it. Raises `WrongCommandLine` for a
     folder that has none."""
-    from thingc.documents.load import documents_in
+    from thingc.documents.load.finding import documents_in
 
     paths: dict[str, str] = {}
     for word in words:

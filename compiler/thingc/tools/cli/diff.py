@@ -18,7 +18,10 @@ from thingc.tools.cli import common
 
 if TYPE_CHECKING:
     from thingc.driver.environment import Options
-    from thingc.tools.diff import Asked, Both, BrokenSide, Comparison, Differences
+    from thingc.tools.diff.answer import Differences
+    from thingc.tools.diff.comparing import Comparison
+    from thingc.tools.diff.sides import Asked
+    from thingc.tools.diff.states import Both, BrokenSide
 
 EPILOG = """\
 Meaning, not text: components, joints, mates, parameters, modes, poses, materials, tests, and what follows for masses, geometry,
@@ -63,9 +66,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0, or 1 where something changed that must not; 1 where a side does not compile."""
-    from thingc.targets.render import NoGraphics
-    from thingc.tools.affected import NotARepository
-    from thingc.tools.diff import BrokenSide, UnknownSide, as_json, as_markdown, as_text, asked
+    from thingc.targets.render.picture import NoGraphics
+    from thingc.tools.affected.changes import NotARepository
+    from thingc.tools.diff.answer import as_json
+    from thingc.tools.diff.sides import UnknownSide, asked
+    from thingc.tools.diff.states import BrokenSide
+    from thingc.tools.diff.telling import as_markdown, as_text
 
     try:
         watched = fail_on(arguments.fail_on)
@@ -101,7 +107,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _written(arguments: argparse.Namespace, answer: Differences) -> Callable[[str, str], str] | None:
     """Write the page and the pictures that were asked for; where each picture is, by document and what it shows. Raises OSError."""
-    from thingc.tools.diff import as_html
+    from thingc.tools.diff.page import as_html
 
     if arguments.html is not None:
         with open(arguments.html, "w", encoding="utf-8") as page:
@@ -123,7 +129,7 @@ def _written(arguments: argparse.Namespace, answer: Differences) -> Callable[[st
 
 def fail_on(words: Sequence[str]) -> frozenset[str]:
     """What `--fail-on` names, in the singular of answers. Raises `WrongCommandLine`."""
-    from thingc.tools.diff import WHATS
+    from thingc.tools.diff.change import WHATS
 
     known: dict[str, str] = {what: what for what in WHATS}
     known |= {f"{what}es" if what.endswith("s") else f"{what}s": what for what in WHATS}
@@ -139,8 +145,9 @@ def fail_on(words: Sequence[str]) -> frozenset[str]:
 
 def _answer(arguments: argparse.Namespace, wanted: Asked, options: Options, stack: ExitStack) -> Differences | BrokenSide:
     """Raises `UnknownSide`, `NotARepository`, `NoGraphics`, `WrongCommandLine`."""
-    from thingc.targets.render import ready
-    from thingc.tools.diff import answered, compared, laid_out
+    from thingc.targets.render.picture import ready
+    from thingc.tools.diff.answer import answered
+    from thingc.tools.diff.states import compared, laid_out
 
     options = replace(options, lock=arguments.no_code, code=not arguments.no_code)
     names = (wanted.old.name, wanted.new.name)
@@ -157,7 +164,8 @@ def _answer(arguments: argparse.Namespace, wanted: Asked, options: Options, stac
 def _apart(work: Callable[[Both], Comparison | BrokenSide], seconds: float, both: Both) -> Comparison | BrokenSide:
     """A document compared in a bounded process of its own."""
     from thingc.tools.cli.confined import confined
-    from thingc.tools.diff import BrokenSide, pack, unpack
+    from thingc.tools.diff.packing import pack, unpack
+    from thingc.tools.diff.states import BrokenSide
 
     answer = confined(lambda: pack(work(both)), seconds)
     if isinstance(answer, Diagnostic):

@@ -11,9 +11,8 @@ from collections.abc import Iterator
 from thingc.base.brief import counted
 from thingc.base.diagnostics import Code, Report, shown_path
 from thingc.base.replacement import ReplacementRefused, replace_files
-from thingc.documents.format import format_document
-from thingc.documents.format.formatting import schema_path
-from thingc.documents.load import documents_in, is_document
+from thingc.documents.format.formatting import format_document, schema_path
+from thingc.documents.load.finding import documents_in, is_document
 from thingc.documents.workspace import OWN_FILE, Workspace
 from thingc.tools.cli import common
 

@@ -17,7 +17,8 @@ from thingc.driver.output import OutputError, write_new
 from thingc.tools.cli import common, interrupts
 
 if TYPE_CHECKING:
-    from thingc.tools.importing import Earlier, Imported, Update
+    from thingc.tools.importing.importing import Imported
+    from thingc.tools.importing.updating import Earlier, Update
 
 MOST_SAID = 20
 """Changes that are printed; `git diff` shows all."""
@@ -66,7 +67,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 where the document is written, 1 where the file is at fault, 2 for a wrong command line."""
-    from thingc.tools.importing import earlier_import, import_robot
+    from thingc.tools.importing.importing import import_robot
+    from thingc.tools.importing.updating import earlier_import
 
     report = Report()
     packages = dict(_package(word) for word in arguments.package)
@@ -95,7 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _again(arguments: argparse.Namespace, imported: Imported, earlier: Earlier, report: Report) -> dict[str, str]:
     """Import into a folder that has an import already; the text of the document that is spoken of. Raises `OutputError`."""
-    from thingc.tools.importing import update
+    from thingc.tools.importing.updating import update
 
     if earlier.source != os.path.basename(arguments.file) and not arguments.update:
         message = f"`{shown_path(earlier.folder)}` has been imported from another file, `{earlier.source}` with the robot `{earlier.robot}`"

@@ -103,9 +103,11 @@ def _used(
     workspace: Workspace, geometry: GeometryService, options: Options, report: Report,
 ) -> tuple[list[str], list[PartDefinition], dict[str, set[Slicing]]]:
     """What the assembly documents of a workspace use: `module:Class`, definitions, and how these are sliced, by their text."""
-    from thingc.documents.load import documents_in
-    from thingc.model.assembly import slicings_of
-    from thingc.model.resolve import Settings, part_definitions, resolve
+    from thingc.documents.load.finding import documents_in
+    from thingc.model.assembly.prints import slicings_of
+    from thingc.model.resolve.nested import part_definitions
+    from thingc.model.resolve.resolver import resolve
+    from thingc.model.resolve.sources import Settings
 
     references: dict[str, None] = {}
     definitions: dict[str, PartDefinition] = {}

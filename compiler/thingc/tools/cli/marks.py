@@ -9,8 +9,8 @@ from thingc.base.pose import NO_POSE, Pose, Vector, cross, turned_about, turned_
 from thingc.base.summing import hypot
 from thingc.base.typos import did_you_mean
 from thingc.driver.pipeline import UnknownChoice
-from thingc.model.robot import in_link
 from thingc.model.robot.kinematics import carried
+from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
 from thingc.targets.render.frames import Frame, JointAxis, Mark
 

@@ -18,7 +18,7 @@ from thingc.driver import pipeline
 from thingc.driver.environment import Environment, attempted
 from thingc.driver.pipeline import UnknownChoice
 from thingc.model.robot.types import Robot
-from thingc.targets.render import NoGraphics, Shot, picture, ready
+from thingc.targets.render.picture import NoGraphics, Shot, picture, ready
 from thingc.tools.cli import common
 
 if TYPE_CHECKING:

@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list[str] | None]]:
     """Each workspace that is named, with the documents that are named of it (None: all). Raises `WrongCommandLine`."""
-    from thingc.documents.load import is_document
+    from thingc.documents.load.finding import is_document
     from thingc.documents.workspace import OWN_FILE, Workspace
 
     by_root: dict[str, tuple[Workspace, list[str] | None]] = {}
@@ -81,8 +81,9 @@ def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list
 
 def _write(workspace: Workspace, only: list[str] | None, no_model: bool, options: Options) -> None:
     from thingc.driver.environment import geometry_of
-    from thingc.geometry import NoWorkers, read_lock
-    from thingc.tools.editor import Schemas
+    from thingc.geometry.client import NoWorkers
+    from thingc.geometry.lock.lock import read_lock
+    from thingc.tools.editor.refresh import Schemas
 
     quiet = replace(options, progress=None if no_model else options.progress, printed=None)
     workers = NoWorkers() if no_model else None

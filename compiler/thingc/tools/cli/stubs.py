@@ -21,7 +21,7 @@ from thingc.base.syntax import syntax_tree
 from thingc.base.typos import did_you_mean, meant, nearest
 from thingc.base.units import shortened
 from thingc.documents.format.setting import Keys, Written
-from thingc.documents.load import Documents, read_tree
+from thingc.documents.load.documents import Documents, read_tree
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES
 from thingc.documents.load.scalars import core_value
 from thingc.geometry.record import PartRecord, PartSchema
@@ -259,7 +259,7 @@ def _written(plain: object) -> Written:
 
 
 def _joint(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
-    from thingc.base.joints import kind_of
+    from thingc.base.joints.kinds import kind_of
 
     assert documents is not None
     root = documents.root

@@ -6,7 +6,7 @@ import argparse
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.documents.workspace import CONSUMERS, Workspace
-from thingc.targets import TARGETS, chosen, unknown
+from thingc.targets.registry import TARGETS, chosen, unknown
 from thingc.tools.cli import common
 
 

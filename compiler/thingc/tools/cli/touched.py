@@ -57,7 +57,8 @@ def documents(
     Raises `WrongCommandLine` where nothing was asked, where a folder is named, or where git cannot answer.
     """
     from thingc.driver.environment import Options, store_of
-    from thingc.tools.affected import NotARepository, changed_since, touched
+    from thingc.tools.affected.changes import NotARepository, changed_since
+    from thingc.tools.affected.touched import touched
 
     if not files and since is None and not everything:
         raise common.WrongCommandLine("expected files that have changed, or --since", "write for example --since origin/main")

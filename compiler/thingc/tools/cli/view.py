@@ -20,11 +20,12 @@ from thingc.base.typos import did_you_mean
 from thingc.driver import pipeline
 from thingc.driver.building import Wish
 from thingc.driver.environment import Environment, Options, attempted
-from thingc.targets import Page, page_of
 from thingc.targets.artifact import MANIFEST
+from thingc.targets.html.target import Page, page_of
 from thingc.tools.cli import common
 from thingc.tools.cli.watch import Lines, hopeless, until_interrupted
-from thingc.tools.live import Live, Round, Server, findings_of
+from thingc.tools.live.rounds import Live, Round
+from thingc.tools.live.server import Server, findings_of
 
 EDITOR = "vscode://file{file}:{line}"
 
@@ -217,7 +218,7 @@ def _is_page(name: str) -> bool:
 
 def _build_meant(name: str) -> Path:
     """The build that a folder is, or the only one that it holds. Raises `WrongCommandLine` with what to type."""
-    from thingc.documents.load import documents_near, is_document
+    from thingc.documents.load.finding import documents_near, is_document
 
     folder = Path(name)
     if (folder / MANIFEST).is_file():

@@ -20,7 +20,7 @@ from thingc.driver.building import Wish
 from thingc.tools.cli import common, interrupts
 from thingc.tools.cli.build import answer_of, tell, wish_of
 from thingc.tools.cli.targets import add_building, chosen_targets
-from thingc.tools.live import Live, Round
+from thingc.tools.live.rounds import Live, Round
 
 EPILOG = """\
 Whatever the build depends on is watched: documents, part modules and the files that they read, materials, thingc.toml. A save with errors

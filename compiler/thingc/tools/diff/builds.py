@@ -11,7 +11,7 @@ from typing import Any
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.source import line_of
 from thingc.documents.workspace import Workspace
-from thingc.geometry import read_lock
+from thingc.geometry.lock.lock import read_lock
 from thingc.geometry.record import PartRecord
 from thingc.tools.diff.portrait import ComponentNode, Fact, OccurrenceOf, PartShape, Portrait, Row, StatedThing, Value
 from thingc.tools.diff.sides import MANIFEST

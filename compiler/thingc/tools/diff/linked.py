@@ -9,7 +9,7 @@ from thingc.base.pose import Pose
 from thingc.base.source import line_of
 from thingc.geometry.record import PartDefinition, PartRecord
 from thingc.model.assembly.types import Assembly, Mate, Occurrence
-from thingc.targets import with_pieces
+from thingc.targets.bom import with_pieces
 from thingc.tools.diff.portrait import Edge, LinkOf, OccurrenceOf, PartShape, Row
 
 

@@ -11,7 +11,6 @@ from thingc.base.pose import Pose, rpy_of
 from thingc.base.source import Origin, Span
 from thingc.geometry.record import PartDefinition
 from thingc.model.assembly.types import Assembly, JointEdge
-from thingc.model.resolve import assemblies_of
 from thingc.model.resolve.model import (
     AssemblyDefinition,
     At,
@@ -25,6 +24,7 @@ from thingc.model.resolve.model import (
     Reference,
     StatedValue,
 )
+from thingc.model.resolve.nested import assemblies_of
 from thingc.tools.diff.change import What
 from thingc.tools.diff.linked import edges_of, links_of, occurrences_of, rows_of
 from thingc.tools.diff.portrait import (

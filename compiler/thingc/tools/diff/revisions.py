@@ -18,7 +18,7 @@ from thingc.base.brief import Brief
 from thingc.base.files import BadPath, check_tree, write_tree
 from thingc.base.frozen import dataclass
 from thingc.documents.workspace import DEFAULT_PARTS, OWN_FILE, SHARED_FILE
-from thingc.tools.affected import NotARepository, git, run_git
+from thingc.tools.affected.changes import NotARepository, git, run_git
 
 LOCK_FILE = "parts.lock.json"
 DOCUMENTS = (".yaml", ".yml", ".toml")

@@ -19,7 +19,7 @@ from thingc.tools.diff.portrait import Portrait, TestOutcome
 from thingc.tools.diff.reading import portrait
 
 if TYPE_CHECKING:
-    from thingc.geometry import Store
+    from thingc.geometry.store.local import Store
 
 
 ASSETS = "mjcf/assets/"
@@ -62,7 +62,7 @@ class Subject:
 
     def tested(self) -> Portrait:
         """The portrait with the outcomes of the tests; those that have been run before are in the store."""
-        from thingc.geometry import StoreUnusable
+        from thingc.geometry.store.local import StoreUnusable
 
         key = self._key()
         earlier = self.store.get_json("diff-tests", key)
@@ -83,7 +83,7 @@ class Subject:
         return xml, {path.removeprefix(ASSETS): data for path, data in read.items() if path.startswith(ASSETS)}
 
     def _outcomes(self) -> tuple[TestOutcome, ...]:
-        from thingc.driver.testing import Selection, run
+        from thingc.driver.testing.running import Selection, run
 
         assembly = self._compilation.assembly
         if assembly is None or not assembly.tests:

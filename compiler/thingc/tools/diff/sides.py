@@ -9,7 +9,7 @@ from typing import Literal
 from thingc.base.files import listing
 from thingc.base.frozen import dataclass
 from thingc.base.typos import did_you_mean
-from thingc.tools.affected import NotARepository
+from thingc.tools.affected.changes import NotARepository
 from thingc.tools.diff.revisions import DOCUMENTS, LOCK_FILE, Repository, UnknownRevision
 
 SideKind = Literal["document", "build", "lock", "revision", "checkout"]

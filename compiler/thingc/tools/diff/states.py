@@ -13,7 +13,8 @@ from thingc.base.frozen import dataclass
 from thingc.base.source import Span
 from thingc.base.typos import did_you_mean
 from thingc.driver.environment import Options
-from thingc.tools.affected import changed_paths, touched
+from thingc.tools.affected.changes import changed_paths
+from thingc.tools.affected.touched import touched
 from thingc.tools.diff.builds import UnreadableSide, outline, portrait_of_build, portrait_of_lock
 from thingc.tools.diff.change import Change
 from thingc.tools.diff.comparing import Comparison, compare

@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 from typing import TYPE_CHECKING
 
-from thingc.geometry import BlobMissing, Store, StoreUnusable, arrays
+from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
+from thingc.geometry.store.meshes import arrays
 
 if TYPE_CHECKING:
     import numpy as np

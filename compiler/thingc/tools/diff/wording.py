@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thingc.base.joints import KINDS
+from thingc.base.joints.kinds import KINDS
 from thingc.base.units import Dimension, Quantity, UnitError, parse_quantity
 from thingc.tools.diff.pairing import Pair
 from thingc.tools.diff.portrait import Fact, Portrait, StatedThing, Value

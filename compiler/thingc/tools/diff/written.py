@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from thingc.base.frozen import dataclass
 from thingc.base.source import MappingNode, Node, ScalarNode, Span
 from thingc.base.units import UnitError, parse_quantity
-from thingc.documents.load import Documents
+from thingc.documents.load.documents import Documents
 from thingc.model.resolve.model import Component
 from thingc.tools.diff.portrait import Fact, Value
 

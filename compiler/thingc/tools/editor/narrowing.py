@@ -15,7 +15,7 @@ from dataclasses import field
 from thingc.base.frozen import dataclass
 from thingc.base.shown import quoted
 from thingc.base.units import ANGLE, LENGTH
-from thingc.documents.spec import REFERENCE_PATTERN
+from thingc.documents.spec.fields import REFERENCE_PATTERN
 from thingc.geometry.record import PartSchema
 from thingc.tools.editor import things, values
 from thingc.tools.editor.facts import Facts, JointFacts, Names, WrittenComponent

@@ -10,8 +10,8 @@ from thingc.base.frozen import dataclass
 from thingc.geometry.record import PartFailure, PartSchema
 
 if TYPE_CHECKING:
-    from thingc.documents.load import Documents
-    from thingc.documents.spec import Specs
+    from thingc.documents.load.documents import Documents
+    from thingc.documents.spec.doubts import Specs
     from thingc.documents.workspace import Workspace
     from thingc.model.resolve.model import AssemblyDefinition
 
@@ -35,7 +35,8 @@ class Reading:
 
     def model(self, workspace: Workspace, schemas: Mapping[str, PartSchema | PartFailure]) -> AssemblyDefinition | None:
         """The model of its sound rest; None where nothing is sound."""
-        from thingc.model.resolve import Settings, Sources, resolve
+        from thingc.model.resolve.resolver import resolve
+        from thingc.model.resolve.sources import Settings, Sources
 
         sources = Sources(workspace=workspace, documents=self.documents, specs=self.specs, schemas=schemas)
         return resolve(sources, Settings(), Report())
@@ -43,8 +44,9 @@ class Reading:
 
 def read_document(path: str, workspace: Workspace) -> Reading | None:
     """Read a document; None if nothing of it can be read. Its errors are not reported here: `thingc check` does that."""
-    from thingc.documents.load import load
-    from thingc.documents.spec import Specs, part_references, validate
+    from thingc.documents.load.documents import load
+    from thingc.documents.spec.doubts import Specs
+    from thingc.documents.spec.validation import part_references, validate
 
     report = Report()
     documents = load(path, workspace, report, kinds=KINDS)

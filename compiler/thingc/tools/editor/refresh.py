@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 from thingc.base.frozen import dataclass
 from thingc.base.source import MappingNode, ScalarNode
 from thingc.base.watching import Stat, stat_of
-from thingc.documents.load import documents_in, packaged_documents
+from thingc.documents.load.finding import documents_in
+from thingc.documents.load.packaged import packaged_documents
 from thingc.documents.workspace import OWN_FILE, Workspace
 from thingc.geometry.record import PartDefinition, PartFailure, PartSchema
 from thingc.tools.editor import folder
@@ -96,7 +97,7 @@ class Schemas:
 
     def general(self, kind: str) -> dict[str, Any] | None:
         """The schema of all documents of a kind; None for an unknown kind."""
-        from thingc.documents.spec import json_schema
+        from thingc.documents.spec.schema import json_schema
 
         if kind not in KINDS:
             return None
@@ -186,6 +187,6 @@ class Schemas:
 
 
 def _definitions(models: Iterable[AssemblyDefinition | None]) -> tuple[PartDefinition, ...]:
-    from thingc.model.resolve import part_definitions
+    from thingc.model.resolve.nested import part_definitions
 
     return tuple(dict.fromkeys(definition for one in models if one is not None for definition in part_definitions(one)))

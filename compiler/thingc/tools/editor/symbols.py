@@ -11,7 +11,7 @@ from dataclasses import field
 from thingc.base.diagnostics import Report
 from thingc.base.frozen import dataclass
 from thingc.base.source import MappingNode, Node, text_of
-from thingc.documents.load import read_tree
+from thingc.documents.load.documents import read_tree
 from thingc.tools.editor import values
 from thingc.tools.editor.values import Schema
 

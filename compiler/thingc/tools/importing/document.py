@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from thingc.base.diagnostics import Report
 from thingc.base.frozen import dataclass
 from thingc.base.pose import MATE, NO_POSE, Pose, Vector, along, shifted
-from thingc.documents.format import format_document
+from thingc.documents.format.formatting import format_document
 from thingc.tools.importing.model import Hanging, SourceJoint, SourceLink, SourceRobot, SourceShape
 from thingc.tools.importing.modes import mode_lines, sensor_lines
 from thingc.tools.importing.motion import drive_words, dynamics_words, tendon_lines

@@ -19,7 +19,7 @@ from thingc.tools.importing.document import Draft, document_of
 from thingc.tools.importing.expanding import expanded
 from thingc.tools.importing.inertias import Repair, Repaired, repaired, warn_of_mirror_pairs
 from thingc.tools.importing.meshes import gathered, matter_of, warn_of_units
-from thingc.tools.importing.mjcf import read_mjcf
+from thingc.tools.importing.mjcf.reader import read_mjcf
 from thingc.tools.importing.model import SourceLoss, SourceRobot
 from thingc.tools.importing.naming import plain_name
 from thingc.tools.importing.packages import Packages

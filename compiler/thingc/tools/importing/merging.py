@@ -13,7 +13,7 @@ from typing import Any
 from thingc.base.diagnostics import Report
 from thingc.base.frozen import dataclass
 from thingc.base.source import MappingNode, Node, Path, Plain, ScalarNode, SequenceNode, Span, dotted, node_at
-from thingc.documents.load import read_tree
+from thingc.documents.load.documents import read_tree
 from thingc.documents.load.text import Source
 
 MISSING: Any = object()

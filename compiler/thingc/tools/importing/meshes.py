@@ -15,7 +15,9 @@ from thingc.base.files import beginning
 from thingc.base.inertia import MassProperties
 from thingc.base.summing import dist
 from thingc.documents.load.paths import libraries
-from thingc.geometry.meshes import BadMesh, bounded, measured, mesh_file
+from thingc.geometry.mesh_bounds import BadMesh, bounded
+from thingc.geometry.meshes.files import mesh_file
+from thingc.geometry.meshes.kept import measured
 from thingc.tools.importing.losses import Losses
 from thingc.tools.importing.model import SourceLoss, SourceRobot, SourceShape
 from thingc.tools.importing.naming import distinct

@@ -27,7 +27,9 @@ from thingc.driver.building import Built, Wish
 from thingc.driver.environment import Environment, Options, geometry_of
 from thingc.driver.output import Waiting
 from thingc.driver.stamp import state_of
-from thingc.geometry import BlobMissing, EndingWorkers, GeometryService, Store
+from thingc.geometry.client import EndingWorkers
+from thingc.geometry.service import GeometryService
+from thingc.geometry.store.local import BlobMissing, Store
 from thingc.targets.artifact import MANIFEST, Content
 
 if TYPE_CHECKING:

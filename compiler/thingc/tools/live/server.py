@@ -26,7 +26,7 @@ from thingc.base.frozen import dataclass
 from thingc.base.shown import json_text
 from thingc.base.source import Span
 from thingc.documents.workspace import Workspace
-from thingc.targets import Page, waiting
+from thingc.targets.html.target import Page, waiting
 
 LOOPBACK = "127.0.0.1"
 SILENCE = 15.0

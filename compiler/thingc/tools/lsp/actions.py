@@ -8,7 +8,8 @@ from typing import Any
 
 from thingc.base.diagnostics import Code, Diagnostic
 from thingc.base.source import MappingNode, Span
-from thingc.documents.format import Looked, TextEdit, Unsettable, located, sure_edits, with_values
+from thingc.documents.format.autofix import Looked, TextEdit, located, sure_edits
+from thingc.documents.format.setting import Unsettable, with_values
 from thingc.tools.lsp.analysis import Analysis, is_document_path
 from thingc.tools.lsp.edits import edits
 from thingc.tools.lsp.positions import TextPlace

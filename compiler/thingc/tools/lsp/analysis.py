@@ -11,16 +11,16 @@ from thingc.base.diagnostics import Code, Diagnostic, Report
 from thingc.base.frozen import dataclass
 from thingc.base.memo import Memo
 from thingc.base.source import Document, MappingNode
-from thingc.batch import read_plan
-from thingc.documents.load import load
+from thingc.batch.reading import read_plan
+from thingc.documents.load.documents import load
 from thingc.documents.workspace import OWN_FILE
 from thingc.driver import dependencies, pipeline
 from thingc.driver.environment import Environment, Lend, Options
-from thingc.tools.editor import Facts, facts_of
+from thingc.tools.editor.facts import Facts, facts_of
 from thingc.tools.lsp.positions import TextLines, uri_of
 
 if TYPE_CHECKING:
-    from thingc.documents.load import Documents
+    from thingc.documents.load.documents import Documents
     from thingc.documents.workspace import Workspace
     from thingc.geometry.record import PartFailure, PartRecord, PartSchema
     from thingc.model.assembly.types import Assembly

@@ -6,12 +6,16 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, TypeVar
 
-from thingc.geometry import ABSENT
+from thingc.geometry.client import ABSENT
 from thingc.geometry.record import FailureKind, PartDefinition, PartFailure, PartRecord, PartSchema
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
-    from thingc.geometry import BadLock, Decision, GeometryService, Module, Slicing
+    from thingc.geometry.decisions import Decision
+    from thingc.geometry.key.modules import Module
+    from thingc.geometry.lock.values import BadLock
+    from thingc.geometry.service import GeometryService
+    from thingc.geometry.slices import Slicing
 
 _T = TypeVar("_T")
 

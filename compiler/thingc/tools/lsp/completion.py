@@ -12,9 +12,9 @@ from dataclasses import field, replace
 from typing import Any
 
 from thingc.base.frozen import dataclass
-from thingc.base.joints import KINDS
+from thingc.base.joints.kinds import KINDS
 from thingc.base.units import ANGLE, LENGTH, UNITS, Dimension, Quantity, fits, parse_quantity
-from thingc.documents.expressions import CONSTANTS, FUNCTIONS
+from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.cursor import Cursor, cursor_at
 from thingc.tools.lsp.frames import frame_words

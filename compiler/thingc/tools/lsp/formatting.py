@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from thingc.base.diagnostics import Report
-from thingc.documents.format import format_document
+from thingc.documents.format.formatting import format_document
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.edits import edits
 from thingc.tools.lsp.positions import TextPlace

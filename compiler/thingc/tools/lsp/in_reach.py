@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.base.source import Path
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
-from thingc.tools.editor import Schemas
+from thingc.tools.editor.refresh import Schemas
 from thingc.tools.lsp.at_hand import WAITED_FOR, AtHand
 
 if TYPE_CHECKING:

@@ -13,9 +13,11 @@ from typing import Literal, assert_never
 
 from thingc.base.frozen import dataclass
 from thingc.base.source import MappingNode, Path, ScalarNode, Span, node_at
-from thingc.documents.expressions import ExpressionError, parse_expression
-from thingc.documents.load import named
-from thingc.documents.spec import Declares, Means, Meant, Mention, referred, setting_words
+from thingc.documents.expressions.parsing import parse_expression
+from thingc.documents.expressions.terms import ExpressionError
+from thingc.documents.load.paths import named
+from thingc.documents.spec.mentions import Mention, referred, setting_words
+from thingc.documents.spec.named import Declares, Means, Meant
 from thingc.tools.lsp.part_names import PartClass, PartName, PartNames
 from thingc.tools.lsp.written import GLOB, SPECIAL, WrittenDocument, pattern_of
 

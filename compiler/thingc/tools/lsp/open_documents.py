@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.memo import Memo
 from thingc.base.watching import Watched, looks
-from thingc.documents.load import has_header
+from thingc.documents.load.finding import has_header
 from thingc.documents.workspace import OWN_FILE
 from thingc.driver.environment import Options, geometry_of
 from thingc.driver.stamp import state_of
-from thingc.geometry import NoWorkers, read_lock
+from thingc.geometry.client import NoWorkers
+from thingc.geometry.lock.lock import read_lock
 from thingc.tools.lsp.analysis import Analysis, OpenText, analyse, is_document_path
 from thingc.tools.lsp.at_hand import AtHand, Unanswered
 from thingc.tools.lsp.in_reach import InReach
@@ -28,8 +29,9 @@ if TYPE_CHECKING:
     from collections.abc import Hashable, Mapping
 
     from thingc.documents.workspace import Workspace
-    from thingc.geometry import PartAnswers, Store
+    from thingc.geometry.answers import PartAnswers
     from thingc.geometry.record import PartFailure
+    from thingc.geometry.store.local import Store
 
 Publish = Callable[[str, "int | None", "list[dict[str, Any]]"], None]
 """`publish(uri, version, diagnostics)`; the version is None for a file that is not open."""

@@ -15,8 +15,8 @@ from thingc.base.shown import shown
 from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span, node_at
 from thingc.base.syntax import syntax_tree
 from thingc.base.units import shortened
-from thingc.documents.expressions import CONSTANTS, FUNCTIONS
-from thingc.model.resolve import RESERVED
+from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
+from thingc.model.resolve.repeats import RESERVED
 from thingc.tools.lsp.analysis import RequestRefused
 from thingc.tools.lsp.names import Name, NamePlace
 from thingc.tools.lsp.part_names import PartName

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from thingc.base.diagnostics import Report
 from thingc.base.frozen import dataclass
 from thingc.base.source import Document, ScalarNode
-from thingc.documents.load import documents_in, read_tree
+from thingc.documents.load.documents import read_tree
+from thingc.documents.load.finding import documents_in
 from thingc.tools.lsp.names import Index, index
 from thingc.tools.lsp.part_names import PartNames
 from thingc.tools.lsp.written import WrittenDocument

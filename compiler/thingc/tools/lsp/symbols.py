@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span
-from thingc.documents.expressions import ExpressionError, parse_expression, words_in
-from thingc.documents.spec import Means
+from thingc.documents.expressions.parsing import parse_expression
+from thingc.documents.expressions.terms import ExpressionError, words_in
+from thingc.documents.spec.named import Means
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.positions import TextPlace
 from thingc.tools.lsp.steady import steady

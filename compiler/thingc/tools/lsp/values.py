@@ -8,7 +8,9 @@ from collections.abc import Mapping
 
 from thingc.base.source import MappingNode, Path, node_at, text_of
 from thingc.base.units import Quantity, UnitError, parse_quantity
-from thingc.documents.expressions import ExpressionError, ExpressionValue, evaluate, parse_expression
+from thingc.documents.expressions.evaluation import ExpressionValue, evaluate
+from thingc.documents.expressions.parsing import parse_expression
+from thingc.documents.expressions.terms import ExpressionError
 from thingc.geometry.record import PartSchema
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.cursor import Cursor

@@ -8,13 +8,14 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from thingc.driver.environment import Options, geometry_of
-from thingc.geometry import EndingWorkers, StoreUnusable
+from thingc.geometry.client import EndingWorkers
 from thingc.geometry.record import PartFailure
+from thingc.geometry.store.local import StoreUnusable
 from thingc.tools.lsp.at_hand import Unanswered
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
-    from thingc.geometry import Store
+    from thingc.geometry.store.local import Store
 
 QUIET = 0.3
 """How long [s] nothing else may have been wanted before definitions are modelled: who types `120 mm` means no part of 1 mm."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cache
 
 from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, Span, node_at
-from thingc.documents.spec import Mention, mentions_of
+from thingc.documents.spec.mentions import Mention, mentions_of
 
 GLOB = re.compile(r"[*?\[]")
 """A character that makes a pattern of a word."""

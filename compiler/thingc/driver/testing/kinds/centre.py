@@ -9,7 +9,7 @@ from thingc.documents.checks.centre import CentreCheck
 from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.outcome import ROUNDING, Failure, Measure, Outcome, shown
 from thingc.driver.testing.results import Case
-from thingc.model.robot import occurrence_poses
+from thingc.model.robot.kinematics import occurrence_poses
 
 
 def measure(case: Case, check: CentreCheck) -> Outcome:

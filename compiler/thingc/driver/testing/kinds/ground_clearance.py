@@ -17,7 +17,7 @@ from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
 from thingc.driver.testing.results import Case
 from thingc.geometry.store.meshes import vertices
 from thingc.model.assembly.types import Occurrence, Surface
-from thingc.model.robot import occurrence_poses
+from thingc.model.robot.kinematics import occurrence_poses
 from thingc.model.robot.standing import DECIMALS, ROUNDING, of_box, of_points, vertices_of
 
 LISTED = 5

@@ -16,7 +16,7 @@ from thingc.driver.testing.poses import joints_text, swept
 from thingc.driver.testing.results import Case
 from thingc.model.assembly.types import Assembly, LinkedTest
 from thingc.model.resolve.model import NamedPose
-from thingc.model.robot import occurrence_poses
+from thingc.model.robot.kinematics import occurrence_poses
 
 LISTED = 5
 """Further pairs that a message names."""

@@ -13,11 +13,13 @@ from thingc.documents.checks.torque_margin import TorqueCheck
 from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
 from thingc.driver.testing.results import Case
-from thingc.model.assembly import joints_of
+from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge
-from thingc.model.robot import body_poses
+from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Keyframe, Robot
-from thingc.model.statics import Efforts, lifted, stance, static_efforts
+from thingc.model.statics.efforts import static_efforts
+from thingc.model.statics.footing import lifted, stance
+from thingc.model.statics.types import Efforts
 
 SLACK = 1e-6
 """What part of the gravity on the joints may stay unbalanced: rounding."""

@@ -1,0 +1,68 @@
+"""The pass from checked documents to the model: parameters, expressions, units, references, defaults, repeats, patterns."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from thingc.base.diagnostics import MAX_FAULTS, Code, Report
+from thingc.base.memo import Memo
+from thingc.model.resolve.model import AssemblyDefinition
+from thingc.model.resolve.sources import Settings, Sources
+
+if TYPE_CHECKING:
+    pass
+
+
+def resolve(
+    sources: Sources, settings: Settings, report: Report, memo: Memo | None = None, of_any_text: Memo | None = None,
+) -> AssemblyDefinition | None:
+    """The model of the root document of the `sources`, with these settings; among the sources is what choices name.
+
+    Everything wrong is reported; what depends on it is left out of the model.
+    None where the root document is unsound as a whole. What `memo` has of this text of the documents is taken from there, and from
+    `of_any_text` what it has of nested documents that are as they were.
+    """
+    from thingc.documents.spec.assembly import AssemblySpec
+    from thingc.model.resolve import choices as choose
+    from thingc.model.resolve.assembly import resolved
+    from thingc.model.resolve.parameters import from_command_line
+    from thingc.model.resolve.scope import Enough
+    from thingc.model.resolve.table import Context
+
+    root = sources.documents.root
+    spec = sources.specs.get(root.relative)
+    if not isinstance(spec, AssemblySpec):
+        return None
+    context = Context(
+        documents=sources.documents, specs=sources.specs, workspace=sources.workspace, schemas=sources.schemas, report=report,
+        digest=sources.digest, memo=memo or Memo(), of_any_text=Memo() if of_any_text is None or settings != Settings() else of_any_text,
+    )
+    context.recall()
+    context.nesting.append(root.relative)
+    given = from_command_line(context, root, spec, settings.parameters)
+    chosen = choose.from_command_line(context, settings.choices) if settings.choices else ()
+    try:
+        table = resolved(context, root.relative, spec, given, chosen, top=True)
+    except Enough:
+        report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} faults; the rest is not said", None)
+        return None
+    if context.overfull:
+        return None
+    context.remember(table)
+    return table.definition
+
+
+def resolve_materials(sources: Sources, report: Report) -> None:
+    """Report what is wrong with a `materials/1` document that is checked by itself, and what is odd."""
+    from thingc.model.resolve.materials import of_document
+    from thingc.model.resolve.plausible import density_cure, density_doubt
+    from thingc.model.resolve.table import Context
+
+    context = Context(documents=sources.documents, specs=sources.specs, workspace=sources.workspace, schemas={}, report=report)
+    for material in of_document(context, context.documents.root).values():
+        doubt = None if material is None or material.density is None else density_doubt(material.density)
+        if material is not None and doubt is not None:
+            report.warn(
+                Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin, path=f"materials.{material.name}.density",
+                help=density_cure(doubt),
+            )

@@ -1,0 +1,235 @@
+"""The table of targets, whose modules are imported when they are asked for.
+
+A package of somebody else adds one through the entry-point group `thingc.emitters`, with the same kind of function.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import sys
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING
+
+from thingc.base.diagnostics import Code
+from thingc.base.files import listing
+from thingc.base.frozen import dataclass
+from thingc.base.shown import shortened
+from thingc.base.typos import did_you_mean
+
+if TYPE_CHECKING:
+    from thingc.targets.artifact import Artifacts, Loss
+    from thingc.targets.request import EmitRequest
+
+    Emitter = Callable[[EmitRequest], Artifacts]
+
+
+GROUP = "thingc.emitters"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """A target of our own: what it is, in few words (`says`); its `emitters`, `module:function`; what its files are called (`writes`); and
+    whether a build writes it `unasked`, where nobody names targets. `capabilities` is the module that has the `CAPABILITIES` of a
+    format that is of whole robots. What reads it looks things up `by_name`: they have the names that documents give them for files."""
+
+    says: str
+    emitters: tuple[str, ...]
+    writes: tuple[str, ...]
+    unasked: bool = True
+    capabilities: str | None = None
+    by_name: bool = False
+
+
+TARGETS: dict[str, Target] = {
+    "mjcf": Target(  # `modes.json` states addresses in the models, so the two go together
+        says="MuJoCo models and scenes, one per mode", emitters=("thingc.targets.mjcf.target:emit", "thingc.targets.modes:emit"),
+        writes=("mjcf/*.xml", "mjcf/assets/*.obj", "modes.json"), capabilities="thingc.targets.mjcf.capabilities", by_name=True,
+    ),
+    "mjz": Target(
+        says="each model in one file with its meshes", emitters=("thingc.targets.mjcf.archive:emit",), writes=("mjcf/*.mjz",), by_name=True,
+    ),
+    "stl": Target(says="print files", emitters=("thingc.targets.stl:emit",), writes=("stl/*.stl",)),
+    "step": Target(says="the whole robot", emitters=("thingc.targets.step:emit",), writes=("step/*.step",)),
+    "glb": Target(
+        says="each mode for viewers of glTF", emitters=("thingc.targets.glb:emit",), writes=("glb/*.glb",), unasked=False,
+        capabilities="thingc.targets.glb", by_name=True,
+    ),
+    "urdf": Target(
+        says="each mode for ROS", emitters=("thingc.targets.urdf.target:emit",), writes=("urdf/*.urdf", "urdf/meshes/*.obj"), unasked=False,
+        capabilities="thingc.targets.urdf.capabilities", by_name=True,
+    ),
+    "ros": Target(
+        says="a ROS 2 package with all modes", emitters=("thingc.targets.ros.target:emit",), unasked=False,
+        writes=(
+            "ros/*/package.xml", "ros/*/CMakeLists.txt", "ros/*/urdf/*.urdf", "ros/*/meshes/*.obj", "ros/*/launch/*.launch.py",
+            "ros/*/config/*.srdf", "ros/*/config/*.yaml", "ros/*/config/*.rviz",
+        ),
+        capabilities="thingc.targets.ros.capabilities", by_name=True,
+    ),
+    "sdf": Target(
+        says="each mode for Gazebo", emitters=("thingc.targets.sdf.target:emit",),
+        writes=("sdf/*.sdf", "sdf/*/model.sdf", "sdf/*/model.config", "sdf/*/meshes/*.obj"), unasked=False,
+        capabilities="thingc.targets.sdf.capabilities", by_name=True,
+    ),
+    "usd": Target(
+        says="each mode for Isaac Sim and Newton", emitters=("thingc.targets.usd.target:emit",), writes=("usd/*.usda",), unasked=False,
+        capabilities="thingc.targets.usd.capabilities",
+    ),
+    "html": Target(
+        says="the robot in a browser", emitters=("thingc.targets.html.target:emit",), writes=("html/*.html",), unasked=False,
+    ),
+    "bom": Target(says="bill of materials", emitters=("thingc.targets.bom:emit",), writes=("bom.csv", "bom.json")),
+    "hag": Target(says="assembly graph", emitters=("thingc.targets.hag.target:emit",), writes=("hag.dot", "hag.mmd", "hag.svg")),
+}
+"""Ours, in the order in which a build writes them. A package that adds one says what its files are called in `WRITES` of the module."""
+
+ALL = "all"
+"""The word for every target."""
+
+
+def written() -> re.Pattern[str]:
+    """Fits every path in a build folder that a target, ours or an installed one's, may write."""
+    patterns = [pattern for target in TARGETS.values() for pattern in target.writes]
+    for name in targets():
+        if name not in TARGETS:
+            with contextlib.suppress(ImportError):
+                patterns += _stated(name)
+    return _fitting(patterns)
+
+
+def _unstated(target: str, paths: Iterable[str]) -> list[str]:
+    """Those of the paths that a target of an installed package does not state, so that the next build would take them for a stranger's."""
+    if target in TARGETS:
+        return []
+    own = _fitting(_stated(target))
+    return sorted(path for path in paths if own.fullmatch(path) is None)
+
+
+def module_of(target: str) -> str:
+    """The module of a target of an installed package."""
+    return _installed()[target].partition(":")[0]
+
+
+def _stated(target: str) -> tuple[str, ...]:
+    """What the module of an installed target says that its files are called. Raises `ImportError`."""
+    from importlib import import_module
+
+    stated = getattr(import_module(module_of(target)), "WRITES", ())
+    return (stated,) if isinstance(stated, str) else tuple(stated)
+
+
+def _fitting(patterns: Iterable[str]) -> re.Pattern[str]:
+    return re.compile("|".join(re.escape(pattern).replace(r"\*", "[^/]+") for pattern in patterns))
+
+
+def targets() -> tuple[str, ...]:
+    """Every target there is: ours first, then those of installed packages by name."""
+    return (*TARGETS, *sorted(name for name in _installed() if name not in TARGETS))
+
+
+def unknown(words: Sequence[str]) -> tuple[tuple[int, str, str], ...]:
+    """What names no target, in a message and a hint, with the index of the word that does."""
+    known = [*targets(), ALL]
+    wrong = [(index, word) for index, text in enumerate(words) for word in text.split(",") if word not in ("", *known)]
+    return tuple((index, f"there is no target `{shortened(word)}`", did_you_mean(word, known, what="targets")) for index, word in wrong)
+
+
+def chosen(words: Sequence[str]) -> tuple[str, ...]:
+    """The targets that words name (`mjcf`, `mjcf,urdf`, `all`), in the order in which a build writes them; of no words those that are
+    written unasked."""
+    wanted = {word for text in words for word in text.split(",")}
+    return tuple(target for target in targets() if (wanted & {target, ALL} if words else target not in TARGETS or TARGETS[target].unasked))
+
+
+def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
+    """The modules of those of our own targets, and MuJoCo where it is asked: what takes long to import."""
+    ours = {function.partition(":")[0]: None for target in wanted if target in TARGETS for function in TARGETS[target].emitters}
+    return (*ours, *(["mujoco"] if {"mjcf", "ros"} & {*wanted} else []))
+
+
+def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
+    """Artifacts per target, in the order asked; each loss with the first target that has it."""
+    from thingc.targets.called import called
+
+    artifacts: dict[str, Artifacts] = {}
+    told: dict[Loss, None] = {}
+    for target in targets:
+        made = emitter(target)(called(request) if target not in TARGETS or TARGETS[target].by_name else request)
+        if astray := _unstated(target, made.files):
+            request.report.add(
+                Code.UNSTATED, f"the target `{target}` writes `{astray[0]}`, which `{module_of(target)}.WRITES` does not name", None,
+                path=target, help=f'tell its author: by `WRITES = ("{astray[0]}",)` in that module the next build knows whose the file is',
+            )
+        artifacts[target] = replace(made, losses=tuple(loss for loss in made.losses if loss not in told))
+        told |= dict.fromkeys(made.losses)
+    return artifacts
+
+
+def emitter(target: str) -> Emitter:
+    """The function that writes a target. Raises `KeyError` for an unknown one, `ImportError` where its package is broken."""
+    functions = [_function(name) for name in (TARGETS[target].emitters if target in TARGETS else (_installed()[target],))]
+    return functions[0] if len(functions) == 1 else partial(_joined, functions)
+
+
+def _joined(emitters: list[Emitter], request: EmitRequest) -> Artifacts:
+    """What all of them give."""
+    from thingc.targets.artifact import Artifacts
+
+    artifacts = [emit(request) for emit in emitters]
+    files = {path: content for one in artifacts for path, content in one.files.items()}
+    return Artifacts(files=files, losses=tuple(loss for one in artifacts for loss in one.losses))
+
+
+def _function(name: str) -> Emitter:
+    from importlib import import_module
+
+    module, _, function = name.partition(":")
+    emit: Emitter = getattr(import_module(module), function)
+    return emit
+
+
+def _installed() -> Mapping[str, str]:
+    """The entry points of our group, read from the packages' own metadata files.
+
+    `importlib.metadata` finds the same and costs 40 ms, a third of a build in which nothing has changed. Of two packages
+    with one name the first on the path wins, as there. Whoever installs one changes its folder.
+    """
+    return _entry_points(tuple((folder, _changed(folder)) for folder in sys.path))
+
+
+def _changed(folder: str) -> int:
+    """When a folder of the path was changed [ns]; 0 where there is none."""
+    try:
+        return os.stat(folder or ".").st_mtime_ns
+    except OSError:
+        return 0
+
+
+@lru_cache(maxsize=1)
+def _entry_points(path: tuple[tuple[str, int], ...]) -> Mapping[str, str]:
+    """Those of the packages in the folders of a path."""
+    entry_points: dict[str, str] = {}
+    for folder, _ in path:
+        for name in listing(folder or "."):
+            if name.endswith((".dist-info", ".egg-info")):
+                for target, value in _entries(os.path.join(folder, name, "entry_points.txt")):
+                    entry_points.setdefault(target, value)
+    return entry_points
+
+
+def _entries(path: str) -> list[tuple[str, str]]:
+    """`name = module:function` lines of our section of an `entry_points.txt` (entry points specification)."""
+    try:
+        with open(path, encoding="utf-8", errors="replace") as stream:
+            text = stream.read()
+    except OSError:
+        return []
+    if f"[{GROUP}]" not in text:
+        return []
+    section = text.partition(f"[{GROUP}]")[2].partition("\n[")[0]
+    lines = (line.partition("=") for line in section.splitlines() if not line.lstrip().startswith(("#", ";")))
+    return [(name.strip(), value.partition("[")[0].strip()) for name, equals, value in lines if equals]
