@@ -23,9 +23,9 @@ from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import compile
 from thingc.tools.diff.change import Change
 from thingc.tools.diff.comparing import compare
-from thingc.tools.diff.pairing import equal
-from thingc.tools.diff.portrait import Portrait
+from thingc.tools.diff.name_mapping import equal
 from thingc.tools.diff.reading import portrait
+from thingc.tools.diff.snapshot import Portrait
 
 
 def drawn(document: Path) -> Portrait | None:

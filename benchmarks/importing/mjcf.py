@@ -28,8 +28,8 @@ import thingc
 from importing.as_original import Pair, in_files
 from thingc.base.diagnostics import Report, Severity
 from thingc.tools.importing.importing import Imported, import_robot
-from thingc.tools.importing.mjcf.flat import Flat
-from thingc.tools.importing.mjcf.original import Original
+from thingc.tools.importing.mjcf.compiled_source import Original
+from thingc.tools.importing.mjcf.flattened_source import Flat
 from thingc.tools.importing.xml_source import read_xml
 
 EXACT = 1e-9

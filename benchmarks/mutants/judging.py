@@ -9,10 +9,10 @@ from pathlib import Path
 
 from mutations import Mutant
 
+from thingc.base.diagnostic_output import as_json, as_text
 from thingc.base.diagnostics import Code, Diagnostic, Severity
-from thingc.base.printing import as_json, as_text
 from thingc.base.source import Document, MappingNode, ScalarNode, walk
-from thingc.documents.load.finding import documents_in
+from thingc.documents.load.discovery import documents_in
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 

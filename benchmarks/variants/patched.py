@@ -25,7 +25,7 @@ import thingc
 from thingc.base.source import MappingNode, Node, ScalarNode
 from thingc.base.units import Quantity
 from thingc.batch.families import NoModel
-from thingc.batch.patching.exact import differing
+from thingc.batch.mujoco_arrays.equality import differing
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests"))

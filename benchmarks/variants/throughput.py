@@ -38,8 +38,8 @@ from pathlib import Path
 from typing import Any
 
 from thingc.batch.batch import SHARE
-from thingc.batch.patching.many import ModelText, TextModels
-from thingc.batch.plans.builds import Builds
+from thingc.batch.mujoco_arrays.text_models import ModelText, TextModels
+from thingc.batch.plans.build_templates import Builds
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
 from thingc.driver.settings import SettingsReader

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import os
 
-from thingc.tools.cli import interrupts
+from thingc.tools.cli import signals
 
 
 def entry() -> None:
     """The console script: leaves without the interpreter's slow farewell, after everything has been written."""
     try:
-        interrupts.heed()  # before anything else is imported, which takes the longest of some commands
+        signals.heed()  # before anything else is imported, which takes the longest of some commands
         code = _run()
     except KeyboardInterrupt:  # while modules were imported, or after everything was done
-        code = interrupts.INTERRUPTED
+        code = signals.INTERRUPTED
     os._exit(code)
 
 
@@ -28,7 +28,7 @@ def _run() -> int:
             stream.reconfigure(errors="backslashreplace")  # a terminal may know fewer letters than documents hold
     from thingc.tools.cli.main import main
 
-    interrupts.spare_the_child_of_glfw()
+    signals.spare_the_child_of_glfw()
     code = main()
     sys.stdout.flush()
     sys.stderr.flush()

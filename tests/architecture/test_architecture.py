@@ -33,21 +33,21 @@ TYPES_ONLY = {
 """Folders whose annotations name types of later rooms. Nothing is imported from there at run time."""
 ALONE = ("geometry/things", "tools/templates")
 """Folders that import nothing else of thingc: part authors read the first, the second holds the files of new workspaces."""
-OF_EXTRAS = {"batch.families.learning", "batch.dask_worker", "batch.learning"}
+OF_EXTRAS = {"batch.gym.vector_env", "batch.cluster.dask_plugin", "batch.gym.env"}
 KERNEL = {"build123d", "OCP", "bd_warehouse", "lib3mf"}
-KERNEL_MODULES = ("geometry/things/", "geometry/worker/server.py", "geometry/worker/reads.py", "geometry/worker/kernel/")
+KERNEL_MODULES = ("geometry/things/", "geometry/worker/server.py", "geometry/worker/file_reads.py", "geometry/worker/kernel/")
 # What each folder of `geometry`, and each module of plain data there, may import of it. The rest is the service: it sees them all.
 GEOMETRY: dict[str, set[str]] = {
-    "slices": set(), "record": {"slices"}, "record_json": {"record", "slices"},
-    "store": {"record", "slices"},
+    "print_slices": set(), "record": {"print_slices"}, "record_json": {"record", "print_slices"},
+    "store": {"record", "print_slices"},
     "key": {"record", "record_json", "store"},
-    "worker": {"things", "mesh_bounds", "record", "record_json", "slices", "store", "key"},
-    "lock": {"record", "record_json", "slices", "store", "key", "answers", "decisions", "service"},
+    "worker": {"things", "mesh_bounds", "record", "record_json", "print_slices", "store", "key"},
+    "lock": {"record", "record_json", "print_slices", "store", "key", "part_source", "build_reasons", "service"},
 }
 HEAVY = {"numpy", "networkx", "trimesh", "mujoco", "scipy", "rich", "typer", "manifold3d", "coacd", "ruamel", "tomlkit"}
 LIGHT = (
     "base/", "documents/load/", "documents/spec/", "documents/checks/", "documents/expressions/", "documents/workspace.py",
-    "model/resolve/", "model/assembly/", "model/robot/", "driver/environment.py", "driver/pipeline.py", "driver/stamp.py",
+    "model/resolve/", "model/assembly/", "model/robot/", "driver/environment.py", "driver/pipeline.py", "driver/up_to_date.py",
 )
 """Where everything is that `check` runs."""
 
@@ -171,7 +171,7 @@ def test_folders_of_geometry_point_one_way(folder: str) -> None:
 
 
 # Tables that some members of a closed set have no place in: what they have none for is looked up with `get`, and means nothing there.
-IN_PART = {"tools.diff.change._BACKWARD", "base.sensing._MOVED", "documents.spec.sensors._EXAMPLES"}
+IN_PART = {"tools.diff.change._BACKWARD", "base.sensor_kinds._MOVED", "documents.spec.sensors._EXAMPLES"}
 
 
 def test_tables_by_closed_sets_are_whole() -> None:
@@ -323,9 +323,9 @@ def test_warnings_of_documents_can_be_allowed() -> None:
 
 
 def test_what_commands_print_goes_through_one_place() -> None:
-    """`common.say` and the forms of diagnostics show what documents hold as text; a plain `print` would hand on escape sequences."""
+    """`console.say` and the forms of diagnostics show what documents hold as text; a plain `print` would hand on escape sequences."""
     plain = [
-        f"{path.name}:{node.lineno}" for path in (PACKAGE / "tools/cli").glob("*.py") if path.name != "common.py"
+        f"{path.name}:{node.lineno}" for path in (PACKAGE / "tools/cli").glob("*.py") if path.name != "console.py"
         for node in ast.walk(tree(path))
         if isinstance(node, ast.Call) and (
             isinstance(node.func, ast.Name) and node.func.id == "print"

@@ -23,7 +23,7 @@ from pathlib import Path
 import pytest
 
 from thingc.base.diagnostics import Code
-from thingc.tools.cli.common import USAGE_CODES
+from thingc.tools.cli.console import USAGE_CODES
 from thingc.tools.cli.main import main
 
 pytestmark = pytest.mark.usefixtures("one_kernel")

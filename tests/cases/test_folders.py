@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from thingc.base.diagnostics import Code
-from thingc.documents.load.finding import MOST_FOLDERS
+from thingc.documents.load.discovery import MOST_FOLDERS
 from thingc.targets.registry import TARGETS, written
 from thingc.tools.cli.main import COMMANDS, main
 

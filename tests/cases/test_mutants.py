@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from thingc.base.diagnostic_output import as_json, as_text
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
-from thingc.base.printing import as_json, as_text
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, Span, walk
 from thingc.documents.load.documents import load
 from thingc.documents.spec.validation import part_references, validate

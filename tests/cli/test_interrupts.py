@@ -36,7 +36,7 @@ entry()
 
 MADE_ANOTHER = """\
 import signal, sys
-import thingc.driver.building
+import thingc.driver.build_document
 from thingc.__main__ import entry
 
 def build(environment, wish):
@@ -45,7 +45,7 @@ def build(environment, wish):
     except KeyboardInterrupt:  # as MuJoCo does where it looks for `callable`
         raise RuntimeError("cannot find `callable`")
 
-thingc.driver.building.build = build
+thingc.driver.build_document.build = build
 sys.argv = ["thingc", "build", "robot.yaml"]
 entry()
 """

@@ -27,7 +27,7 @@ from thingc.targets.render.camera import directions, fitted, upright
 from thingc.targets.render.frames import BLUE, GREEN, JOINT, RED, Frame, JointAxis, placed
 from thingc.targets.render.frames import drawn as painted
 from thingc.targets.render.picture import Shot, camera_of, points_of, posed
-from thingc.tools.cli import marks
+from thingc.tools.cli import render_overlay
 from thingc.tools.cli.main import main
 
 pytestmark = pytest.mark.slow
@@ -316,14 +316,14 @@ def posed_arm(root: Path, shared_store: str) -> Any:
 def test_a_mount_is_where_mujoco_has_its_site(posed_arm: Any) -> None:
     """The arm shows its mounts as sites, which MuJoCo puts into the world by itself."""
     robot, model, data = posed_arm
-    drawn = {mark.label: placed(mark, data, 0.1) for mark in marks.mounts(robot, {})}
+    drawn = {mark.label: placed(mark, data, 0.1) for mark in render_overlay.mounts(robot, {})}
     assert {"plate.servo_seat", "hand.cap.pen", "hand.pen.tip", "bracket.board"} <= set(drawn)
     assert "elbow_servo.rotor" in drawn and "forearm.rotor_seat" not in drawn, "one frame for the two mounts of a mate"
     site = data.site("hand/tip")
     for k, line in enumerate(drawn["hand.pen.tip"]):
         np.testing.assert_allclose(line[0], site.xpos, atol=1e-9)
         np.testing.assert_allclose(line[-1] - line[0], 0.1 * site.xmat.reshape(3, 3)[:, k], atol=1e-9)
-    (root_mark,) = marks.root(robot)
+    (root_mark,) = render_overlay.root(robot)
     assert root_mark.label == "root hand.tip (held)"
     np.testing.assert_allclose(placed(root_mark, data, 0.1)[0][0], site.xpos, atol=1e-9)
 
@@ -332,7 +332,7 @@ def test_an_axis_is_that_of_mujoco(posed_arm: Any) -> None:
     """`drawing` crosses every joint backwards, so MuJoCo's axes, which the child turns about in the tree, are the document's turned
     round: the same lines the other way."""
     robot, model, data = posed_arm
-    drawn = {mark.label: placed(mark, data, 0.1)[0] for mark in marks.joints(robot, {})}
+    drawn = {mark.label: placed(mark, data, 0.1)[0] for mark in render_overlay.joints(robot, {})}
     assert list(drawn) == ["yaw", "shoulder", "elbow", "wrist"] and model.njnt == 4
     for name, line in drawn.items():
         joint = data.joint(name)
@@ -347,7 +347,7 @@ def test_every_coordinate_of_a_joint_has_its_axis(tmp_path: Path) -> None:
     robot, model = gantry.robot("stand"), gantry.model("stand")
     (frame,) = (frame for frame in robot.keyframes if frame.name == "home")
     data = posed(model, "home")
-    drawn = {mark.label: placed(mark, data, 0.1)[0] for mark in marks.joints(robot, frame.q)}
+    drawn = {mark.label: placed(mark, data, 0.1)[0] for mark in render_overlay.joints(robot, frame.q)}
     assert list(drawn) == ["table[0]", "table[1]", "table[2]", "wrist[0]", "wrist[1]", "ram[0]", "ram[1]"]
     for label, line in drawn.items():
         joint = data.joint(label.replace("[", "_").removesuffix("]"))
@@ -358,9 +358,9 @@ def test_every_coordinate_of_a_joint_has_its_axis(tmp_path: Path) -> None:
 
 def test_all_mounts_of_a_component(posed_arm: Any) -> None:
     robot, _, _ = posed_arm
-    cap = [mark.label for mark in marks.mounts_of(robot, {}, ["hand.cap"])]
+    cap = [mark.label for mark in render_overlay.mounts_of(robot, {}, ["hand.cap"])]
     assert cap == [f"hand.cap.{name}" for name in next(o for o in robot.assembly.occurrences if o.path == "hand/cap").mounts]
-    whole = {mark.label for mark in marks.mounts_of(robot, {}, ["hand"])}
+    whole = {mark.label for mark in render_overlay.mounts_of(robot, {}, ["hand"])}
     assert set(cap) < whole and all(label.startswith("hand.") for label in whole)
 
 

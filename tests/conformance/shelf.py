@@ -165,7 +165,7 @@ EVERYTHING = {"knobs:Knob", *(f"shelf:{name}" for name in CODE), *(f"files/{name
 
 MAKE = """
 import sys
-from thingc.geometry.worker.deferred import import_cheaply
+from thingc.geometry.worker.lazy_build123d import import_cheaply
 import_cheaply("build123d")
 from build123d import Box, Pos, export_brep, export_step, export_stl
 for folder, height in zip(sys.argv[1::2], map(float, sys.argv[2::2])):

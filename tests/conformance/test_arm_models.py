@@ -21,7 +21,7 @@ from conformance import simulation as sim
 from conformance.conftest import ARM
 from conformance.harness import ROOT
 from conformance.harness import thingc as run
-from thingc.base.brief import LONGEST, Brief
+from thingc.base.one_line_repr import LONGEST, Brief
 from thingc.modes import Modes
 from thingc_stock.dynamixel import XM430
 

@@ -8,8 +8,8 @@ from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import compile
 from thingc.tools.diff.change import Change
 from thingc.tools.diff.comparing import Comparison, compare
-from thingc.tools.diff.portrait import Portrait
 from thingc.tools.diff.reading import portrait
+from thingc.tools.diff.snapshot import Portrait
 
 CRANE = """\
 thingc: assembly/1

@@ -12,8 +12,8 @@ import pytest
 from diff.cranes import CRANE, drawn, made, sound, write
 from thingc.tools.diff.change import Change
 from thingc.tools.diff.comparing import Comparison, compare
-from thingc.tools.diff.portrait import Portrait
-from thingc.tools.diff.telling import following
+from thingc.tools.diff.snapshot import Portrait
+from thingc.tools.diff.text_report import following
 
 Made = set[tuple[str, str, str, str | None]]
 

@@ -10,7 +10,7 @@ from networkx.algorithms.isomorphism import MultiDiGraphMatcher
 
 from thingc.base.pose import shifted
 from thingc.tools.diff.matching import match
-from thingc.tools.diff.portrait import ComponentNode, Edge, Portrait
+from thingc.tools.diff.snapshot import ComponentNode, Edge, Portrait
 
 
 def robot(source: random.Random, size: int, kinds: int = 4) -> Portrait:

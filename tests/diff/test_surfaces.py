@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from thingc.geometry.store.local import Store
-from thingc.tools.diff.surfaces import Surfaces
+from thingc.tools.diff.surface_distance import Surfaces
 
 FACES = (
     (0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3),

@@ -28,8 +28,8 @@ from docs.pages import (
     unpack,
     without_fences,
 )
+from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Report
-from thingc.base.printing import as_text
 from thingc.documents.workspace import Workspace
 
 pytestmark = pytest.mark.slow
@@ -110,13 +110,13 @@ def test_tables_of_keys_have_every_field_and_no_other() -> None:
     from thingc.documents.spec import (
         assembly,
         drives,
-        listed,
+        link_shapes,
+        mass,
         materials,
         modes,
         names,
         poses,
         sensors,
-        stated_masses,
         tendons,
         tests,
         variants,
@@ -124,7 +124,7 @@ def test_tables_of_keys_have_every_field_and_no_other() -> None:
     )
 
     checks = [sys.modules[kind.model.__module__] for kind in kinds().values()]
-    rooms = (assembly, drives, listed, materials, modes, names, poses, sensors, stated_masses, tendons, tests, *checks, variants, workspace)
+    rooms = (assembly, drives, link_shapes, materials, modes, names, poses, sensors, mass, tendons, tests, *checks, variants, workspace)
     models = {
         name: value for module in rooms
         for name, value in vars(module).items()
@@ -157,7 +157,7 @@ def test_choices_in_tables_are_those_of_the_models() -> None:
     """Every word of a `Literal` stands in its row, in backquotes (`mirror` and such: `x`, `y` or `z`)."""
     from typing import Literal, get_args, get_origin
 
-    from thingc.documents.spec import assembly, drives, listed, materials, sensors, stated_masses, variants
+    from thingc.documents.spec import assembly, drives, link_shapes, mass, materials, sensors, variants
 
     def words(annotation: object) -> set[str]:
         if get_origin(annotation) is Literal:
@@ -166,7 +166,7 @@ def test_choices_in_tables_are_those_of_the_models() -> None:
 
     elsewhere = {("JointSpec", "type"), ("ComponentDefaults", "collision"), ("ModeSpec", "hold"), ("ModeSpec", "base")}
     elsewhere |= {("SensorSpec", key) for key in ("type", "noise", "cutoff")}
-    for module in (assembly, drives, listed, materials, sensors, stated_masses, variants):
+    for module in (assembly, drives, link_shapes, materials, sensors, mass, variants):
         for marker in re.findall(r"<!-- (keys: [\w ]+) -->", LANGUAGE.read_text()):
             for name in marker.removeprefix("keys: ").split():
                 model = getattr(module, name, None)
@@ -180,7 +180,7 @@ def test_choices_in_tables_are_those_of_the_models() -> None:
 
 
 def test_sensors() -> None:
-    from thingc.base.sensing import SENSORS
+    from thingc.base.sensor_kinds import SENSORS
 
     rows = table(LANGUAGE, "sensors")
     said = {row[0].strip("`"): (set(re.findall(r"`(\w+)`", row[1])), re.findall(r"`(\w+)`", row[2])) for row in rows}
@@ -207,8 +207,8 @@ def test_functions_of_expressions() -> None:
     from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
 
     line = next(line for line in paragraphs(LANGUAGE) if line.startswith("- Functions are"))
-    listed, _, constants = line.partition("; the only constant is")
-    assert set(re.findall(r"`(\w+)`", listed)) == set(FUNCTIONS)
+    link_shapes, _, constants = line.partition("; the only constant is")
+    assert set(re.findall(r"`(\w+)`", link_shapes)) == set(FUNCTIONS)
     assert re.findall(r"`(\w+)`", constants)[:1] == list(CONSTANTS)
 
 
@@ -258,7 +258,7 @@ def test_gravity_and_raw_kinds_and_bounds() -> None:
     from thingc.documents.load.text import MAX_ALIAS_NODES, MAX_ALL_BYTES, MAX_BYTES, MAX_LEVELS, MAX_NODES
     from thingc.geometry import mesh_bounds
     from thingc.geometry.worker.kernel.mesh_files import MOST as MOST_OF_PART
-    from thingc.model.resolve import raw_fixed
+    from thingc.model.resolve import raw_protected
     from thingc.model.resolve.assembly import MAX_DEFINITIONS
     from thingc.model.resolve.modes import GRAVITY, MAX_EXCLUDED, MAX_EXTENDED
     from thingc.model.resolve.repeats import MAX_OCCURRENCES, MAX_REPEAT
@@ -269,8 +269,8 @@ def test_gravity_and_raw_kinds_and_bounds() -> None:
     assert set(re.findall(r"`(\w+)`", named[1])) == set(raw.NAMED)
     assert set(re.findall(r"`(\w+)`", single[1])) == set(raw.SINGLE)
     said_of = [set(re.findall(r"`(\w+)`", row[0])) for row in table(LANGUAGE, "raw-fixed")]
-    assert said_of == [{"name", *raw_fixed.CLASSES}, set(raw_fixed.REFERRING), set(raw_fixed.MOTION), set(raw_fixed.PLACE),
-                       set(raw_fixed.SECTIONS["compiler"])]
+    assert said_of == [{"name", *raw_protected.CLASSES}, set(raw_protected.REFERRING), set(raw_protected.MOTION), set(raw_protected.PLACE),
+                       set(raw_protected.SECTIONS["compiler"])]
     cells = [row[1] for row in table(LANGUAGE, "bounds")]
     numbers = [int(digits.replace(" ", "")) for cell in cells for digits in re.findall(r"\d[\d ]*\d|\d", cell)]
     expected = [MAX_BYTES, MAX_LEVELS, MAX_NODES, MAX_ALIAS_NODES, MAX_TEXT, MAX_DEPTH, MAX_REPEAT, MAX_OCCURRENCES, MAX_CHAIN]
@@ -361,13 +361,13 @@ def test_shapes_of_json(page: Path, here: Path) -> None:
     assert set(samples) == set(real)
     for name, sample in samples.items():
         _same_shape(json.loads(sample), real[name], name)
-    listed = set(re.findall(r"^(\S+?)(?:  |$)", blocks(page)[0].text, re.MULTILINE))
+    link_shapes = set(re.findall(r"^(\S+?)(?:  |$)", blocks(page)[0].text, re.MULTILINE))
     folder = here / "build/arm"
     for path in folder.rglob("*"):
         if path.is_file():
             name = path.relative_to(folder).as_posix()
             general = re.sub(r"^(mjcf/(?:arm|scene)_)\w+", r"\1MODE", name).replace("mjcf/arm_", "mjcf/NAME_")
-            assert general in listed | {"bom.json"} or name.startswith("mjcf/assets/"), name
+            assert general in link_shapes | {"bom.json"} or name.startswith("mjcf/assets/"), name
 
 
 def test_columns_of_the_bill_of_materials() -> None:

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from emit.small_robot import assembly, petg, request
-from thingc.base.csvcell import cell
+from thingc.base.csv_text import cell
 from thingc.geometry.record import PartDefinition
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.types import Assembly, Occurrence
-from thingc.model.resolve.model import BomEntry, Overrides, Process
+from thingc.model.resolve.types import BomEntry, Overrides, Process
 from thingc.targets.bom import COLUMNS, emit, items, make_of
 
 

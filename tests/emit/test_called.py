@@ -14,9 +14,9 @@ from ruamel.yaml import YAML
 import thingc
 from thingc import modes
 from thingc.base.diagnostics import Severity
-from thingc.base.file_names import JointPath
+from thingc.base.export_names import JointPath
 from thingc.model.robot.types import Robot
-from thingc.targets.called import AS_WRITTEN
+from thingc.targets.custom_names import AS_WRITTEN
 
 ARM = """thingc: assembly/1
 name: arm

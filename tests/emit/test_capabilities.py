@@ -12,17 +12,17 @@ from loops.robots import compiled
 from thingc.base.diagnostics import Report
 from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Cell, Says, losses
 from thingc.targets.geometry import solid_geometry
-from thingc.targets.mjcf import model as mjcf
+from thingc.targets.mjcf import body_tree as mjcf
 from thingc.targets.mjcf.capabilities import CAPABILITIES as MJCF
-from thingc.targets.sdf import model as sdf
+from thingc.targets.sdf import model_element as sdf
 from thingc.targets.sdf.capabilities import CAPABILITIES as SDF
-from thingc.targets.sdf.zero import zero_state
-from thingc.targets.urdf import model as urdf
+from thingc.targets.sdf.zero_pose import zero_state
+from thingc.targets.urdf import links as urdf
 from thingc.targets.urdf.capabilities import CAPABILITIES as URDF
-from thingc.targets.usd import model as usd
+from thingc.targets.usd import stage as usd
 from thingc.targets.usd.capabilities import CAPABILITIES as USD
 from thingc.targets.usd.usda import rendered
-from thingc.targets.xml import write
+from thingc.targets.xml_writer import write
 
 MASS = "mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}"
 

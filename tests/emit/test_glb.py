@@ -23,12 +23,12 @@ from graph.builder import box, component, coordinates_of, kept, linked, mimic, m
 from thingc.base.diagnostics import Code, Report
 from thingc.base.pose import Pose
 from thingc.geometry.store.local import Store
-from thingc.model.resolve.model import Overrides
+from thingc.model.resolve.types import Overrides
 from thingc.model.robot.spanning_tree import root
 from thingc.model.robot.types import Closure
 from thingc.targets.artifact import Artifacts, Loss
-from thingc.targets.glb import emit
-from thingc.targets.mjcf import target as mjcf
+from thingc.targets.gltf import emit
+from thingc.targets.mjcf import emit as mjcf
 from thingc.targets.registry import chosen
 from thingc.targets.request import EmitRequest
 
@@ -163,7 +163,7 @@ def test_the_same_bytes_every_time(store: Store) -> None:
     """In other processes, with other hash seeds."""
     script = (
         "import hashlib, sys; from thingc.geometry.store.local import Store; from emit.small_robot import assembly, request;"
-        "from thingc.targets.glb import emit; s = Store(sys.argv[1]);"
+        "from thingc.targets.gltf import emit; s = Store(sys.argv[1]);"
         "print(*(hashlib.sha256(f).hexdigest() for f in emit(request(assembly(s), s)).files.values()))"
     )
     here = " ".join(hashlib.sha256(data).hexdigest() for data in emit(request(assembly(store), store)).files.values())  # type: ignore[arg-type]

@@ -12,17 +12,17 @@ import pytest
 
 from emit.graphs import arm, awkward, walker
 from emit.small_robot import assembly
-from thingc.base.shown import shown
+from thingc.base.safe_text import shown
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.hag import Hag
-from thingc.targets.graphs import hag_graph, link_graph, mate_graph
-from thingc.targets.hag import target as hag
-from thingc.targets.hag import words
+from thingc.targets.hag import emit as hag
+from thingc.targets.hag import labels
+from thingc.targets.networkx_export import hag_graph, link_graph, mate_graph
 
 
 @pytest.mark.parametrize("drawn", [arm(), walker(), awkward()], ids=["arm", "walker", "awkward"])
 def test_the_assembly_graph_is_read_back(drawn: Hag) -> None:
-    graph = hag_graph(drawn, words.quantities(drawn))
+    graph = hag_graph(drawn, labels.quantities(drawn))
     assert list(graph) == [one.text for one in drawn.definitions] and graph.number_of_edges() == len(drawn.edges)
     assert networkx.is_directed_acyclic_graph(graph)
     for node, quantity in graph.nodes(data="quantity"):  # in a multigraph, paths by their edges

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from emit.graphs import NASTY, arm, awkward, graph, walker
-from thingc.base.shown import shown
+from thingc.base.safe_text import shown
 from thingc.model.assembly.hag import Hag
-from thingc.targets.drawing.layered import Drawing, Line, Rectangle, Size, draw
-from thingc.targets.hag import target as hag
+from thingc.targets.hag import emit as hag
+from thingc.targets.hag.layered_layout import Drawing, Line, Rectangle, Size, draw
 
 SVG = "{http://www.w3.org/2000/svg}"
 GRAPHS = pytest.mark.parametrize("drawn", [arm(), walker(), awkward()], ids=["arm", "walker", "awkward"])

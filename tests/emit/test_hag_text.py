@@ -10,10 +10,10 @@ from itertools import pairwise
 import pytest
 
 from emit.graphs import LABELS, NASTY, SCREW, XM430, arm, awkward, graph, walker
-from thingc.base.shown import shown
+from thingc.base.safe_text import shown
 from thingc.model.assembly.hag import DefinitionEdge, Hag
-from thingc.targets.hag import target as hag
-from thingc.targets.hag import words
+from thingc.targets.hag import emit as hag
+from thingc.targets.hag import labels
 
 NASTY_SHOWN = NASTY.replace("\x07", "\\x07").replace("\ud800", "\\ud800")
 
@@ -30,10 +30,10 @@ def unrolled(graph: Hag, node: str) -> dict[str, int]:
 
 @pytest.mark.parametrize("drawn", [arm(), walker(), awkward()], ids=["arm", "walker", "awkward"])
 def test_quantities(drawn: Hag) -> None:
-    counted = words.quantities(drawn)
+    counted = labels.quantities(drawn)
     assert counted.pop(drawn.root) == 1
     assert counted == unrolled(drawn, drawn.root)
-    assert words.quantities(arm())[XM430] == 4 and words.quantities(arm())[SCREW] == 10
+    assert labels.quantities(arm())[XM430] == 4 and labels.quantities(arm())[SCREW] == 10
 
 
 def test_the_tree() -> None:
@@ -93,7 +93,7 @@ def test_dot_has_every_definition_and_every_component(drawn: Hag) -> None:
     assert list(nodes.values()) == [shown(d.label) for d in drawn.definitions]
     edges = re.findall(r'^  (n\d+) -> (n\d+) \[label=("(?:[^"\\]|\\.)*")', text, flags=re.MULTILINE)
     assert [(nodes[a], nodes[b], strings(label)[0]) for a, b, label in edges] == [
-        (label_of(e.parent), label_of(e.child), "\n".join(filter(None, (e.component, words.how(e))))) for e in drawn.edges
+        (label_of(e.parent), label_of(e.child), "\n".join(filter(None, (e.component, labels.how(e))))) for e in drawn.edges
     ]
 
 
@@ -134,9 +134,9 @@ def test_mermaid_lists_the_components() -> None:
 
 def test_what_a_repeat_made_is_one_entry() -> None:
     screws = [edge for edge in arm().edges if edge.component.startswith("screw_")]
-    assert words.entries(screws) == [("screw_0 ... screw_7", "head -> plate.hole_*")]
-    assert words.entries(screws[:2]) == [("screw_0", "head -> plate.hole_0"), ("screw_1", "head -> plate.hole_1")]
-    assert words.entries([screws[0], *screws[2:]]) == [
+    assert labels.entries(screws) == [("screw_0 ... screw_7", "head -> plate.hole_*")]
+    assert labels.entries(screws[:2]) == [("screw_0", "head -> plate.hole_0"), ("screw_1", "head -> plate.hole_1")]
+    assert labels.entries([screws[0], *screws[2:]]) == [
         ("screw_0", "head -> plate.hole_0"), ("screw_2 ... screw_7", "head -> plate.hole_*"),
     ]
     assert all(a.component < b.component for a, b in pairwise(screws))

@@ -15,7 +15,7 @@ import thingc
 from emit.small_robot import assembly, request, span
 from thingc.driver.output import verify, write_build
 from thingc.geometry.store.local import Store
-from thingc.targets import bom, jsontext, modes, stl
+from thingc.targets import bom, json_writer, modes_json, stl
 from thingc.targets.artifact import Content, Loss, Stored
 from thingc.targets.manifest import DISTRIBUTIONS, Choice, manifest, versions
 
@@ -36,7 +36,7 @@ def made(store: Store, files: dict[str, Content], documents: dict[str, str], par
 def test_a_real_build(tmp_path: Path) -> None:
     store = Store(str(tmp_path / "store"))
     asked = request(assembly(store), store)
-    files = stl.emit(asked).files | bom.emit(asked).files | modes.emit(asked).files
+    files = stl.emit(asked).files | bom.emit(asked).files | modes_json.emit(asked).files
     text = made(store, files, {"arm.yaml": "0" * 64}, {"reach": "120 mm"})
     folder = Path(write_build(str(tmp_path), "arm", {**files, "manifest.json": text}, store, "arm.yaml"))
     found = json.loads((folder / "manifest.json").read_bytes())
@@ -98,12 +98,12 @@ class TestJson:
     def test_it_is_json(self) -> None:
         value = {"a": [1, 2.5, None, True, "ü\n\"\\"], "rows": [[1.0, 0.1], [0.30000000000000004, 1e-9]], "empty": {}, "none": [],
                  "deep": {"x": [{"y": [1]}]}}
-        assert json.loads(jsontext.encode(value)) == value
+        assert json.loads(json_writer.encode(value)) == value
 
     def test_a_matrix_has_a_row_per_line(self) -> None:
-        assert jsontext.encode({"X": ((1.0, -0.0), (0.0, 1.0))}) == b'{\n  "X": [\n    [1.0, 0.0],\n    [0.0, 1.0]\n  ]\n}\n'
+        assert json_writer.encode({"X": ((1.0, -0.0), (0.0, 1.0))}) == b'{\n  "X": [\n    [1.0, 0.0],\n    [0.0, 1.0]\n  ]\n}\n'
 
     @pytest.mark.parametrize("value", [float("nan"), float("inf"), [-float("inf")]])
     def test_what_json_cannot_say(self, value: object) -> None:
         with pytest.raises(ValueError, match="not JSON compliant"):
-            jsontext.encode({"x": value})
+            json_writer.encode({"x": value})

@@ -16,7 +16,7 @@ from scipy.linalg import expm
 from emit.small_robot import LIFT, YAW, assembly, request
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly
-from thingc.targets.modes import emit
+from thingc.targets.modes_json import emit
 
 Matrix = NDArray[np.float64]
 MODES = ("bench", "drawing", "adrift")

@@ -25,21 +25,21 @@ from emit import small_robot
 from graph.builder import MATE, box, component, coordinates_of, linked, mimic, mode, pose, ref, rz, t, where
 from graph.builder import assembly as document
 from thingc.base.diagnostics import Code, Report
-from thingc.base.packaging import About
+from thingc.base.package_info import About
 from thingc.base.pose import NO_POSE
 from thingc.base.primitives import Primitive
 from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
 from thingc.model.resolve.coordinates import Dynamics, Limit
-from thingc.model.resolve.model import Drive, Joint
+from thingc.model.resolve.types import Drive, Joint
 from thingc.model.robot.spanning_tree import root as rooted
 from thingc.targets.artifact import Artifacts
-from thingc.targets.mjcf.target import emit as emit_mjcf
-from thingc.targets.names import package_name
+from thingc.targets.mjcf.emit import emit as emit_mjcf
+from thingc.targets.name_mangling import package_name
 from thingc.targets.request import EmitRequest
-from thingc.targets.ros import meeting
-from thingc.targets.ros.target import emit
-from thingc.targets.urdf.target import emit as emit_urdf
+from thingc.targets.ros import collision_matrix
+from thingc.targets.ros.emit import emit
+from thingc.targets.urdf.emit import emit as emit_urdf
 from thingc.tools.cli.main import main
 
 MOUNTS = {"in": MATE, "out": t(0.1, 0.0, 0.0)}
@@ -432,7 +432,7 @@ def test_modes_with_other_drives_have_controllers_of_their_own(tmp_path: Path) -
 
 
 def test_what_cannot_move_needs_no_control(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(meeting, "_Sampler", None)  # nor does anybody look for contacts where nothing can touch
+    monkeypatch.setattr(collision_matrix, "_Sampler", None)  # nor does anybody look for contacts where nothing can touch
     made = emit(asked(document("r", balls(1, {}), modes=[mode("m", ref("c0.out"))]), {}, str(tmp_path)))
     assert xml(made, "urdf/r_m.urdf").find("ros2_control") is None
     assert list(xml(made, "config/r_m.srdf")) == []
@@ -624,7 +624,7 @@ def test_what_was_found_is_kept_and_found_again(tmp_path: Path, monkeypatch: pyt
     ranges = (3.0, 3.0, 0.5)
     first, again = chain(ranges, tmp_path / "a"), chain(ranges, tmp_path / "b")
     assert first.files == again.files, "the same bytes each time"
-    monkeypatch.setattr(meeting, "_Sampler", None)
+    monkeypatch.setattr(collision_matrix, "_Sampler", None)
     assert chain(ranges, tmp_path / "a").files == first.files, "from the store"
     with pytest.raises(TypeError):
         chain((3.0, 3.0, 0.6), tmp_path / "a")
@@ -635,7 +635,7 @@ def test_shapes_that_mujoco_refuses_are_a_loss(tmp_path: Path, monkeypatch: pyte
     def refused(*_: Any) -> None:
         raise fault
 
-    monkeypatch.setattr(meeting, "_Sampler", refused)
+    monkeypatch.setattr(collision_matrix, "_Sampler", refused)
     made = chain((1.0, 1.0, 1.0), tmp_path)
     assert set(unchecked(made).values()) == {"Adjacent"}
     assert ("m", "which links never meet: MuJoCo does not read their shapes") in {(loss.mode, loss.what) for loss in made.losses}

@@ -37,7 +37,7 @@ from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Artifacts
 from thingc.targets.request import EmitRequest
-from thingc.targets.sdf.target import emit
+from thingc.targets.sdf.emit import emit
 from thingc.tools.cli.main import main
 
 Array = Any

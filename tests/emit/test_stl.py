@@ -15,7 +15,7 @@ from thingc.base.diagnostics import Code
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.types import Assembly
-from thingc.model.resolve.model import BomEntry, Overrides
+from thingc.model.resolve.types import BomEntry, Overrides
 from thingc.targets.artifact import Loss, Stored
 from thingc.targets.stl import emit
 

@@ -39,16 +39,16 @@ from thingc.base.pose import Pose, placed, rpy_of
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.coordinates import Dynamics, Limit
-from thingc.model.resolve.model import Drive
+from thingc.model.resolve.types import Drive
 from thingc.model.robot.spanning_tree import root as rooted
 from thingc.model.robot.tree import in_link
 from thingc.targets.artifact import Artifacts
 from thingc.targets.geometry import Shape
-from thingc.targets.mjcf.target import emit as emit_mjcf
-from thingc.targets.names import Names
+from thingc.targets.mjcf.emit import emit as emit_mjcf
+from thingc.targets.name_mangling import Names
 from thingc.targets.request import EmitRequest
-from thingc.targets.urdf.model import parts
-from thingc.targets.urdf.target import emit
+from thingc.targets.urdf.emit import emit
+from thingc.targets.urdf.links import parts
 from thingc.tools.cli.main import main
 
 trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just(tuple(COUNTS)))

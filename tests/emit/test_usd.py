@@ -33,8 +33,8 @@ from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
-from thingc.targets.usd.model import moments_of
-from thingc.targets.usd.target import emit
+from thingc.targets.usd.emit import emit
+from thingc.targets.usd.stage import moments_of
 
 FLOAT = 3e-6
 """How far a chain of UsdPhysics's frames, which are floats, may end from where it should [m and 1]."""

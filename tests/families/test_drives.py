@@ -12,9 +12,9 @@ import pytest
 
 import thingc
 from thingc.batch.families import NoModel
-from thingc.batch.patching.exact import differing
+from thingc.batch.mujoco_arrays.equality import differing
+from thingc.driver.edit_document import write_values
 from thingc.driver.environment import Options
-from thingc.driver.writing import write_values
 
 PARTS = """\
     from build123d import Box, Location

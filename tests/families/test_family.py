@@ -20,7 +20,7 @@ import pytest
 import thingc
 from thingc.batch import FamilyError
 from thingc.batch.families import Space
-from thingc.batch.patching.exact import differing
+from thingc.batch.mujoco_arrays.equality import differing
 from thingc.driver.output import OutputError
 from thingc.driver.pipeline import UnknownChoice
 from thingc.tools.cli.main import main

@@ -17,7 +17,7 @@ import pytest
 import thingc
 from thingc.batch import apply
 from thingc.batch.families import Explanation, NoModel
-from thingc.batch.patching.exact import differing
+from thingc.batch.mujoco_arrays.equality import differing
 from thingc.driver.pipeline import UnknownChoice
 
 NUMBERS: dict[str, float] = {

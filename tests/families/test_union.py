@@ -12,9 +12,9 @@ import pytest
 
 import thingc
 from thingc.batch import apply
-from thingc.batch.families.specs import KeptSpec
-from thingc.batch.families.texts import TextTemplate
-from thingc.batch.patching.exact import differing
+from thingc.batch.families.mjspec_recompile import KeptSpec
+from thingc.batch.families.model_template import TextTemplate
+from thingc.batch.mujoco_arrays.equality import differing
 from thingc.driver.output import OutputError
 from thingc.geometry.store.local import StoreUnusable
 

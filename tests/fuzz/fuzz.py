@@ -25,9 +25,9 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from thingc.base.diagnostic_output import as_json, as_text
 from thingc.base.diagnostics import Diagnostic
-from thingc.base.printing import as_json, as_text
-from thingc.base.shown import json_text
+from thingc.base.safe_text import json_text
 from thingc.driver.environment import Options
 from thingc.tools.cli.check import without_code
 from thingc.tools.reporting.github import as_github

@@ -33,7 +33,7 @@ from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.linking import link
 from thingc.model.assembly.types import Assembly, MountFrame, Occurrence
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
-from thingc.model.resolve.model import (
+from thingc.model.resolve.types import (
     AssemblyDefinition,
     At,
     Attach,

@@ -25,7 +25,7 @@ from graph.builder import (
     whole,
 )
 from thingc.model.assembly.hag import Definition, DefinitionEdge
-from thingc.model.resolve.model import BomEntry
+from thingc.model.resolve.types import BomEntry
 
 PLATE = box("p:Plate", mounts={"top": t(0, 0, 0.02), "foot": rx(np.pi) @ t(0, 0, 0.02)})
 LEG = assembly(

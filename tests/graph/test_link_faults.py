@@ -26,7 +26,7 @@ from graph.builder import (
 )
 from thingc.base.diagnostics import Code, Report
 from thingc.model.assembly.linking import link
-from thingc.model.resolve.model import AssemblyDefinition
+from thingc.model.resolve.types import AssemblyDefinition
 
 # --- mounts --------------------------------------------------------------------------------------------------------
 

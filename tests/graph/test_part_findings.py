@@ -29,7 +29,7 @@ from graph.builder import (
     warnings,
 )
 from thingc.geometry.record import Mesh, PartRecord
-from thingc.model.resolve.model import AssemblyDefinition, BomEntry, Component, Process
+from thingc.model.resolve.types import AssemblyDefinition, BomEntry, Component, Process
 
 
 def hand(**exported: str) -> AssemblyDefinition:

@@ -23,9 +23,9 @@ from graph.builder import (
     stated,
     warnings,
 )
+from thingc.geometry.print_slices import Moments, Sliced, Slicing, Unsliced
 from thingc.geometry.record import PartRecord, PartSchema
-from thingc.geometry.slices import Moments, Sliced, Slicing, Unsliced
-from thingc.model.assembly.prints import likely_slicings, slicings_of
+from thingc.model.assembly.print_settings import likely_slicings, slicings_of
 from thingc.model.assembly.types import Occurrence
 
 SIZE = (0.1, 0.06, 0.04)

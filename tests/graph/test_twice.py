@@ -14,7 +14,7 @@ from graph.builder import record
 from thingc.base.pose import NO_POSE
 from thingc.base.primitives import Primitive
 from thingc.geometry.record import ActuatorRecord, Expectation, Mesh, MountRecord, PartRecord, Stated
-from thingc.model.assembly.twice import FIELDS, LEFT_OUT, differences
+from thingc.model.assembly.inconsistent_parts import FIELDS, LEFT_OUT, differences
 from thingc.tools.cli.main import main
 
 PARTS = """\

@@ -12,7 +12,7 @@ import pytest
 from thingc.base.diagnostics import Report
 from thingc.tools.cli.main import main
 from thingc.tools.importing.importing import import_robot
-from thingc.tools.importing.merging import Unmergeable, merged, read_text
+from thingc.tools.importing.three_way_merge import Unmergeable, merged, read_text
 
 URDF = """<robot name="lamp">
   <link name="foot"><inertial><mass value="2"/><inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>

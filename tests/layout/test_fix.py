@@ -11,7 +11,7 @@ import pytest
 
 from layout.mutants import slips
 from thingc.base.source import Edit, Span
-from thingc.base.typos import meant
+from thingc.base.suggestions import meant
 from thingc.documents.format.autofix import located
 from thingc.tools.cli.main import main
 

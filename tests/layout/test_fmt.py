@@ -14,12 +14,12 @@ import tomlkit
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
+from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Report
-from thingc.base.printing import as_text
 from thingc.documents.format import toml_layout
 from thingc.documents.format.formatting import format_document
-from thingc.documents.format.order import FIRST, ordered
-from thingc.documents.spec.shapes import model_keys
+from thingc.documents.format.key_order import FIRST, ordered
+from thingc.documents.spec.annotation_types import model_keys
 from thingc.tools.cli.main import main
 
 UNTIDY = b"""\

@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, assume, given, settings
 from ruamel.yaml import YAML
 
 from layout.written import documents
+from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Report
-from thingc.base.printing import as_text
 from thingc.documents.format.formatting import format_document
 
 pytestmark = pytest.mark.slow

@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 
 from thingc.base.diagnostics import Report
 from thingc.base.source import Document, MappingNode
-from thingc.documents.format.setting import Unsettable, with_values, without
+from thingc.documents.format.value_edits import Unsettable, with_values, without
 from thingc.documents.load.documents import read_tree
 from thingc.tools.cli.main import main
 

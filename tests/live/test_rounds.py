@@ -17,13 +17,13 @@ from types import SimpleNamespace
 import pytest
 
 from live.documents import DOCUMENTS, FINGER, ROBOT, write
-from thingc.driver import building
-from thingc.driver.building import Wish
+from thingc.driver import build_document
+from thingc.driver.build_document import Wish
 from thingc.driver.environment import Options, attempted
+from thingc.geometry.build_reasons import Decision
 from thingc.geometry.client import EndingWorkers
-from thingc.geometry.decisions import Decision
-from thingc.tools.cli.common import of_exception
-from thingc.tools.live.rounds import Live, Round
+from thingc.tools.cli.console import of_exception
+from thingc.tools.live.rebuild_loop import Live, Round
 
 WISH = Wish(targets=("mjcf", "bom"))
 PATIENCE = 300.0
@@ -67,9 +67,9 @@ class Working:
         found: dict[str, str] = json.loads((self.folder / "build/robot/manifest.json").read_text())["files"]
         return found
 
-    def alone(self) -> building.Built:
+    def alone(self) -> build_document.Built:
         """What a build by itself says and writes."""
-        return attempted(self.document, self.options, partial(building.build, wish=WISH))
+        return attempted(self.document, self.options, partial(build_document.build, wish=WISH))
 
 
 @pytest.fixture
@@ -240,7 +240,7 @@ def test_an_exception_ends_one_round_and_not_the_watch(working: Working, monkeyp
     said: list[Exception] = []
     monkeypatch.setattr(working.live, "_refused", lambda fault: (said.append(fault), of_exception(OSError(2, "no", "file")))[1])
     with monkeypatch.context() as patched:
-        patched.setattr(building, "build", broken)
+        patched.setattr(build_document, "build", broken)
         made = working.save("robot.yaml", f"# 1\n{ROBOT}")
     assert not made.good and [str(fault) for fault in said] == ["a defect"]
     assert working.save("robot.yaml", f"# 2\n{ROBOT}").mended
@@ -248,32 +248,32 @@ def test_an_exception_ends_one_round_and_not_the_watch(working: Working, monkeyp
 
 def test_a_save_while_a_round_is_under_way_is_not_lost(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
     """And what was read of both is not written."""
-    build, texts = building.build, iter([ROBOT.replace("120 deg", "124 deg")])
+    build, texts = build_document.build, iter([ROBOT.replace("120 deg", "124 deg")])
 
-    def slow(*arguments: object) -> building.Built:
+    def slow(*arguments: object) -> build_document.Built:
         built = build(*arguments)  # type: ignore[arg-type]
         for text in texts:
             (working.folder / "robot.yaml").write_text(text)
         return built
 
-    monkeypatch.setattr(building, "build", slow)
+    monkeypatch.setattr(build_document, "build", slow)
     made = working.save("robot.yaml", ROBOT.replace("120 deg", "123 deg"))
     assert made.number == 2 and "2.164" in (working.folder / "build/robot/mjcf/robot_bench.xml").read_text()  # 124 deg
     assert working.silent()
 
 
 def test_what_was_modelled_for_a_round_that_was_given_up_is_told_by_the_next(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
-    build, texts = building.build, iter([ROBOT.replace("120 deg", "124 deg")])
+    build, texts = build_document.build, iter([ROBOT.replace("120 deg", "124 deg")])
     modelled = Decision(text="things:Weight", reused=False, reason="first time")
 
-    def slow(*arguments: object) -> building.Built:
+    def slow(*arguments: object) -> build_document.Built:
         built = build(*arguments)  # type: ignore[arg-type]
         for text in texts:
             (working.folder / "robot.yaml").write_text(text)
             built = replace(built, compilation=replace(built.compilation, decisions={modelled.text: modelled}))
         return built
 
-    monkeypatch.setattr(building, "build", slow)
+    monkeypatch.setattr(build_document, "build", slow)
     made = working.save("robot.yaml", ROBOT.replace("120 deg", "123 deg"))
     assert made.number == 2 and made.modelled == {"things:Weight": "things:Weight"}
     assert working.save("robot.yaml", ROBOT).modelled == {}

@@ -22,7 +22,7 @@ import pytest
 
 from editor.language_server import wait_until
 from live.documents import ROBOT, write
-from thingc.targets.html.target import Page
+from thingc.targets.html.emit import Page
 from thingc.tools.cli.main import main
 from thingc.tools.live.server import Server
 from viewer.browser import chromium, needed, opened

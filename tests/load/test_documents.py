@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from thingc.base.diagnostics import Code, Report
+from thingc.documents.load.discovery import MOST_FILES, MOST_FOLDERS, documents_in
 from thingc.documents.load.documents import Documents, load
-from thingc.documents.load.finding import MOST_FILES, MOST_FOLDERS, documents_in
 from thingc.documents.workspace import Workspace
 
 HEAD = "thingc: assembly/1\nname: x\n"

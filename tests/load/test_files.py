@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from thingc.base.files import NoPlainFile, beginning
-from thingc.driver.stamp import state_of
+from thingc.base.filesystem import NoPlainFile, beginning
+from thingc.driver.up_to_date import state_of
 from thingc.geometry.key.file_states import state_of as state_of_read
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from thingc.base.diagnostic_output import as_json, as_text
 from thingc.base.diagnostics import Report
-from thingc.base.printing import as_json, as_text
 from thingc.documents.load.documents import load
 from thingc.documents.spec.validation import part_references, validate
 from thingc.documents.workspace import Workspace

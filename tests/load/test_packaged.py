@@ -32,7 +32,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "nuts/notes.yaml": "shopping: [milk]\n", "bolts/__init__.py": "", "bolts/metals.yaml": NUTS,
     })
     (site / "nuts" / "away.yaml").symlink_to("/etc/passwd")
-    monkeypatch.setattr("thingc.base.installed.import_path", lambda: (str(site), *sys.path))
+    monkeypatch.setattr("thingc.base.installed_packages.import_path", lambda: (str(site), *sys.path))
     return site
 
 

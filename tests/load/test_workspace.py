@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.packaging import About
+from thingc.base.package_info import About
 from thingc.documents.workspace import Tessellation, Workspace, _explained, _read
 
 

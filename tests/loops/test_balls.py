@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from loops.robots import BALL, Array, Built, at_key, compiled
-from thingc.driver.testing.reaching import farthest
+from thingc.driver.testing.reach_search import farthest
 from thingc.model.assembly.types import MountAt
 from thingc.model.robot.kinematics import body_poses
 from thingc.model.statics.efforts import static_efforts

@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from graph.builder import as_matrix, as_pose
 from robot.test_spanning_tree_properties import Tree, build, robots
 from thingc.model.assembly.kinematics import joints_of
-from thingc.model.robot.dense import solve
 from thingc.model.robot.kinematics import body_poses
+from thingc.model.robot.least_squares import solve
 from thingc.model.robot.loop_solver import Loops, SolverState, orthonormal, rotation_vector
 from thingc.model.robot.types import Closure, Robot
 

@@ -15,7 +15,7 @@ import pytest
 from live.documents import DOCUMENTS, write
 from thingc.driver.environment import Options
 from thingc.model.resolve import assembly
-from thingc.tools.cli.common import of_exception
+from thingc.tools.cli.console import of_exception
 from thingc.tools.lsp import open_documents
 from thingc.tools.lsp.analysis import Analysis, OpenText, analyse
 from thingc.tools.lsp.open_documents import OpenDocuments, Superseded

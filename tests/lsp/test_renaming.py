@@ -14,16 +14,15 @@ import pytest
 from lsp.walkers import WALKER, write
 from thingc.base.diagnostics import Report
 from thingc.batch import plan
+from thingc.documents.names.index import Name
+from thingc.documents.names.rename import RenameRefused, renamed
+from thingc.documents.names.workspace_index import Sight, sight_of
 from thingc.documents.workspace import Workspace
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import compile
 from thingc.tools.diff.comparing import compare
-from thingc.tools.diff.portrait import Portrait
 from thingc.tools.diff.reading import portrait
-from thingc.tools.lsp.analysis import RequestRefused
-from thingc.tools.lsp.names import Name
-from thingc.tools.lsp.renaming import renamed
-from thingc.tools.lsp.sight import Sight, sight_of
+from thingc.tools.diff.snapshot import Portrait
 
 ROOT = Path(__file__).parents[2]
 REFUSED = {
@@ -63,7 +62,7 @@ def test_the_walker_means_everything_that_can_be_meant(walker: Sight) -> None:
     """So that a new way to name something is tried below."""
     from typing import get_args
 
-    from thingc.documents.spec.named import Declared, Declares, Means, Meant
+    from thingc.documents.spec.name_types import Declared, Declares, Means, Meant
 
     said = {mention.names for written in walker.documents.values() for mention in written.mentions}
     of_parts = {Means("part"), Means("parameter of a part")}  # in the arm
@@ -83,7 +82,7 @@ def exchanged(sight: Sight, old: str, new: str) -> tuple[Sight, dict[str, str]]:
             continue
         try:
             sight = renamed(sight, name, new + name.text.removeprefix(old)).after
-        except RequestRefused as fault:
+        except RenameRefused as fault:
             refused[f"{name.what} {name.text}"] = str(fault)
     return sight, refused
 

@@ -33,7 +33,7 @@ from thingc.model.assembly.types import (
     RootChoice,
 )
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
-from thingc.model.resolve.model import Material, NamedPose, Overrides, RawAttribute
+from thingc.model.resolve.types import Material, NamedPose, Overrides, RawAttribute
 from thingc.model.robot.types import Body, CoreJoint, Keyframe, Robot, Site
 from thingc.targets.request import EmitRequest
 

@@ -23,13 +23,13 @@ from thingc.base.diagnostics import Code
 from thingc.documents.workspace import CONSUMERS as NAMES
 from thingc.geometry.store.local import Store
 from thingc.model.resolve.coordinates import Dynamics, Limit
-from thingc.model.resolve.model import Overrides
+from thingc.model.resolve.types import Overrides
 from thingc.targets.artifact import Loss
-from thingc.targets.mjcf import model as tree
-from thingc.targets.mjcf import target
+from thingc.targets.mjcf import body_tree as tree
+from thingc.targets.mjcf import emit
 from thingc.targets.mjcf.compat import CONSUMERS
+from thingc.targets.mjcf.compat.contact_pairs import pairs
 from thingc.targets.mjcf.compat.mjx import LACKING, SIDES, prism
-from thingc.targets.mjcf.compat.touching import pairs
 from thingc.targets.mjcf.limits import taken
 from thingc.targets.request import EmitRequest
 from thingc.tools.cli.main import main
@@ -56,19 +56,19 @@ def robot(store: Store, *shapes: str, **said: object) -> Made:
     return Made(segments, keyframes=(("rest", turns),), **said)  # type: ignore[arg-type]
 
 
-def emitted(made: Made, store: Store, compat: Sequence[str], *modes: tuple[str, str]) -> tuple[EmitRequest, target.Models]:
+def emitted(made: Made, store: Store, compat: Sequence[str], *modes: tuple[str, str]) -> tuple[EmitRequest, emit.Models]:
     request = replace(made.request(store, *modes or (("bench", "fixed"),)), compat=tuple(compat))
-    return request, target.models(request)
+    return request, emit.models(request)
 
 
-def compiled(request: EmitRequest, models: target.Models, number: int = 0) -> mujoco.MjModel:
+def compiled(request: EmitRequest, models: emit.Models, number: int = 0) -> mujoco.MjModel:
     """The scene of a mode, read by MuJoCo."""
     one = models.candidates[number]
     assets = {file: request.store.read(stored.sha256) for file, stored in models.assets.items()}
     return mujoco.MjModel.from_xml_string(one.scene.text, {**assets, one.file: one.model.text.encode()})
 
 
-def lost(models: target.Models) -> list[tuple[str, str, str]]:
+def lost(models: emit.Models) -> list[tuple[str, str, str]]:
     return [(one.path, one.what, one.how) for one in models.losses]
 
 
@@ -144,7 +144,7 @@ def test_a_prism_is_where_its_cylinder_was(store: Store) -> None:
     assert len(corners) == 2 * SIDES
 
 
-def magnet(store: Store, base: str, *, on: bool = True) -> tuple[EmitRequest, target.Models]:
+def magnet(store: Store, base: str, *, on: bool = True) -> tuple[EmitRequest, emit.Models]:
     made = robot(store, "hull", "box", "box", adhesions=(("arm/sole", "arm/part_0", 20.0),), control={"arm/sole": 20.0 if on else 0.0})
     return emitted(made, store, ["mjx"], ("bench", base))
 
@@ -310,9 +310,9 @@ def test_without_being_asked_nothing_is_changed(store: Store) -> None:
     """Elements stand in the trees of several modes: those of a build for another reader are its own."""
     made = robot(store, "box", "cylinder", "box", "cylinder")
     request = made.request(store, ("bench", "fixed"), ("adrift", "free"))
-    plain = [one.texts for one in target.models(request).candidates]
-    target.models(replace(request, compat=NAMES, made={}))
-    assert [one.texts for one in target.models(replace(request, made={})).candidates] == plain
+    plain = [one.texts for one in emit.models(request).candidates]
+    emit.models(replace(request, compat=NAMES, made={}))
+    assert [one.texts for one in emit.models(replace(request, made={})).candidates] == plain
 
 
 @pytest.mark.parametrize(("base", "lost"), [("held", True), ("fixed", False), ("free", False)])

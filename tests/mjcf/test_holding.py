@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from mjcf.handmade import Made, Piece, Segment, box_part, cylinder_part, material, matrix, raw
-from thingc.base.printing import as_json
+from thingc.base.diagnostic_output import as_json
 from thingc.geometry.store.local import Store
-from thingc.model.resolve.model import Overrides
-from thingc.targets.mjcf.holding import CLASS
-from thingc.targets.mjcf.target import emit
+from thingc.model.resolve.types import Overrides
+from thingc.targets.mjcf.adhesion_contacts import CLASS
+from thingc.targets.mjcf.emit import emit
 
 G, SLIDE, CREEP = 9.81, 0.5, 5e-5
 WALL, CEILING = (-G, 0.0, 0.0), (0.0, 0.0, G)

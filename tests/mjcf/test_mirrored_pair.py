@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import thingc
-from thingc.targets.hag.target import text as hag_text
+from thingc.targets.hag.emit import text as hag_text
 
 PART = """
     from build123d import *

@@ -20,7 +20,7 @@ from mjcf.test_mjcf_model import arm, load
 from thingc.base.diagnostics import Diagnostic
 from thingc.base.memo import Memo
 from thingc.geometry.store.local import Store
-from thingc.targets.mjcf.target import emit
+from thingc.targets.mjcf.emit import emit
 
 
 @pytest.fixture
@@ -276,23 +276,23 @@ def test_two_definitions_of_one_file_name(store: Store) -> None:
 def compiled(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The sizes of the asset files of every compilation from now on, all by one thread: of several that compile with the same files MuJoCo
     gives one the model of another, now and then."""
-    from thingc.targets.mjcf import check
+    from thingc.targets.mjcf import verify
 
     counted: list[int] = []
     sizes: list[int] = []
-    true, in_memory, thread = check.attempt, check.in_memory, threading.get_ident()
+    true, in_memory, thread = verify.attempt, verify.in_memory, threading.get_ident()
 
     def sized(data: dict[str, bytes]) -> Any:
         sizes.append(sum(map(len, data.values())))
         return in_memory(data)
 
-    def counting(text: str, files: Any) -> check.Verdict:
+    def counting(text: str, files: Any) -> verify.Verdict:
         counted.append(sizes[-1])
         assert threading.get_ident() == thread
         return true(text, files)
 
-    monkeypatch.setattr(check, "in_memory", sized)
-    monkeypatch.setattr(check, "attempt", counting)
+    monkeypatch.setattr(verify, "in_memory", sized)
+    monkeypatch.setattr(verify, "attempt", counting)
     return counted
 
 
@@ -321,17 +321,17 @@ def test_one_of_several_models_is_warned_of(store: Store, monkeypatch: pytest.Mo
 
 def test_modes_that_differ_in_names_and_gravity_start_alike(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     """They are all compiled, and one of them is looked at in its first instant."""
-    from thingc.targets.mjcf import check
+    from thingc.targets.mjcf import verify
 
     looked: list[str] = []
     counted = compiled(monkeypatch)
-    true = check.start.look
+    true = verify.start.look
 
-    def looking(model: Any, robot: Any) -> check.start.Start:
+    def looking(model: Any, robot: Any) -> verify.start.Start:
         looked.append(robot.mode.name)
         return true(model, robot)
 
-    monkeypatch.setattr(check.start, "look", looking)
+    monkeypatch.setattr(verify.start, "look", looking)
 
     def of_three(made: Made) -> list[str]:
         request = made.request(store, ("floor", "fixed"), ("wall", "fixed"), ("adrift", "free"))
@@ -387,17 +387,17 @@ def test_of_what_starts_otherwise_only_what_touches_is_read_again(store: Store, 
 
 
 def test_textures_are_painted_once(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    from thingc.targets.mjcf import check
+    from thingc.targets.mjcf import verify
 
     pixels: list[int] = []
-    true = check.attempt
+    true = verify.attempt
 
-    def painting(text: str, files: Any) -> check.Verdict:
+    def painting(text: str, files: Any) -> verify.Verdict:
         verdict = true(text, files)
         pixels.append(verdict.model.ntexdata)
         return verdict
 
-    monkeypatch.setattr(check, "attempt", painting)
+    monkeypatch.setattr(verify, "attempt", painting)
     assert said(arm(store), store, ("bench", "fixed"), ("adrift", "free")) == []
     assert pixels[0] > 100_000 and pixels[1] < 100
 
@@ -449,7 +449,7 @@ def test_an_unchanged_model_needs_no_mujoco(store: Store, tmp_path: Path) -> Non
         "import sys; sys.path[:0] = sys.argv[2:]\n"
         "import pickle\n"
         "request = pickle.load(open(sys.argv[1], 'rb'))\n"
-        "from thingc.targets.mjcf.target import emit\n"
+        "from thingc.targets.mjcf.emit import emit\n"
         "emit(request); assert not request.report.diagnostics, request.report.diagnostics\n"
         "print([name for name in ('mujoco', 'numpy') if name in sys.modules])\n"
     )

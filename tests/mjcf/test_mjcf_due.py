@@ -10,7 +10,7 @@ import pytest
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
 from thingc.model.resolve.sources import Settings
-from thingc.targets.mjcf import check
+from thingc.targets.mjcf import verify
 
 DOCUMENT = """\
 thingc: assembly/1
@@ -32,13 +32,13 @@ def test_one_in_so_many_is_asked_about(
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "scale.yaml").write_text(DOCUMENT)
     found: list[int] = []
-    doubtful = check.doubtful
+    doubtful = verify.doubtful
 
     def counting(candidates: Any, *arguments: Any, **named: Any) -> Any:
         found.append(len(candidates))
         return doubtful(candidates, *arguments, **named)
 
-    monkeypatch.setattr(check, "doubtful", counting)
+    monkeypatch.setattr(verify, "doubtful", counting)
     with Session(str(tmp_path / "scale.yaml"), Options(store=shared_store)) as session:
         assert session.sources is not None, session.report.ordered()
         for index in range(9):

@@ -21,10 +21,10 @@ from mjcf.test_mjcf_model import arm
 from thingc.geometry.store.local import BlobMissing, Store
 from thingc.targets import stl
 from thingc.targets.artifact import Content, Stored
-from thingc.targets.mjcf.target import emit
+from thingc.targets.mjcf.emit import emit
 from thingc.targets.registry import TARGETS, emitter, targets
 from thingc.targets.request import EmitRequest
-from thingc.targets.xml import Element, number, write
+from thingc.targets.xml_writer import Element, number, write
 
 
 @pytest.fixture
@@ -129,7 +129,7 @@ def test_same_input_same_bytes(store: Store, tmp_path: Path) -> None:
     assert everything(arm(other).request(other, *MODES)) == first
     program = (
         "import sys, pickle, hashlib; sys.path[:0] = sys.argv[2:]\n"
-        "from thingc.targets.mjcf.target import emit\n"
+        "from thingc.targets.mjcf.emit import emit\n"
         "from thingc.targets.mjcf import archive\n"
         "request = pickle.load(open(sys.argv[1], 'rb'))\n"
         "files = {**emit(request).files, **archive.emit(request).files}\n"
@@ -306,7 +306,7 @@ def test_lines_lead_to_elements() -> None:
 def test_the_table_of_targets() -> None:
     assert targets()[: len(TARGETS)] == tuple(TARGETS)
     assert emitter("stl") is stl.emit
-    assert TARGETS["mjcf"].emitters == ("thingc.targets.mjcf.target:emit", "thingc.targets.modes:emit")
+    assert TARGETS["mjcf"].emitters == ("thingc.targets.mjcf.emit:emit", "thingc.targets.modes_json:emit")
     with pytest.raises(KeyError):
         emitter("nothing")
 

@@ -10,7 +10,7 @@ import numpy
 import pytest
 import trimesh
 
-from thingc.targets.mjcf import check
+from thingc.targets.mjcf import verify
 from thingc.tools.cli.main import main
 
 DOCUMENT = """thingc: assembly/1
@@ -58,14 +58,14 @@ class Said:
 
     def __init__(self, document: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
         self.given: list[list[int]] = []
-        true = check.in_memory
+        true = verify.in_memory
 
         def sized(data: dict[str, bytes]) -> Any:
             self.given.append(sorted(map(len, data.values())))
             return true(data)
 
         with tempfile.TemporaryDirectory() as folder, monkeypatch.context() as patched:
-            patched.setattr(check, "in_memory", sized)
+            patched.setattr(verify, "in_memory", sized)
             self.code = main(["build", str(document), "--emit", "mjcf", "--store", folder])
         self.text = capsys.readouterr().err
 
@@ -75,7 +75,7 @@ def test_what_is_said_is_the_same(heap: Path, capsys: pytest.CaptureFixture[str]
     at_once = Said(heap, capsys, monkeypatch)
     assert len(at_once.given) == 1 and at_once.code == 0
     assert "warning[TC611]: mode `bench` starts with `base` 10.2 mm deep in `hand`" in at_once.text
-    monkeypatch.setattr(check, "MANY", 0)
+    monkeypatch.setattr(verify, "MANY", 0)
     apart = Said(heap, capsys, monkeypatch)
     assert apart.text == at_once.text and apart.code == 0
     *each, boxes, hulls = apart.given
@@ -85,7 +85,7 @@ def test_what_is_said_is_the_same(heap: Path, capsys: pytest.CaptureFixture[str]
 
 def test_what_is_not_near_is_seen_by_boxes(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     heap.write_text(DOCUMENT.replace("wrist: {xyz: 10 -5 5 mm}", "wrist: {xyz: 10 200 5 mm}"))
-    monkeypatch.setattr(check, "MANY", 0)
+    monkeypatch.setattr(verify, "MANY", 0)
     apart = Said(heap, capsys, monkeypatch)
     assert apart.code == 0 and "TC611" not in apart.text and max(apart.given[-1]) < 700
 
@@ -94,7 +94,7 @@ def test_what_is_wrong_is_found_where_it_is(heap: Path, capsys: pytest.CaptureFi
     heap.write_text(DOCUMENT + "raw: {mjcf: {joint: {turn: {solimplimit: 1 2 3 4 5 6 7}}}}\n")
     at_once = Said(heap, capsys, monkeypatch)
     assert at_once.code == 1 and "error[TC702]" in at_once.text and len(at_once.given) == 1
-    monkeypatch.setattr(check, "MANY", 0)
+    monkeypatch.setattr(verify, "MANY", 0)
     apart = Said(heap, capsys, monkeypatch)
     assert apart.text == at_once.text
     assert {*apart.given[-1][1:]} == {*at_once.given[0]}, "what touches is read as it is, once more"
@@ -103,14 +103,14 @@ def test_what_is_wrong_is_found_where_it_is(heap: Path, capsys: pytest.CaptureFi
 def test_a_model_may_be_looked_at_again(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Contacts, which drives are tried without, are there once more."""
     seen: list[int] = []
-    true = check.start.look
+    true = verify.start.look
 
     def twice(model: Any, robot: Any) -> Any:
         found = [true(model, robot) for _ in range(2)]
         seen.extend(len(one.inside) for one in found)
         return found[0]
 
-    monkeypatch.setattr(check.start, "look", twice)
+    monkeypatch.setattr(verify.start, "look", twice)
     Said(heap, capsys, monkeypatch)
     first, *others = seen
     assert first > 0 and others == [first]

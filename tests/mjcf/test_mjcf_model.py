@@ -27,15 +27,15 @@ from mjcf.handmade import (
     spin,
     total,
 )
+from thingc.base.diagnostic_output import as_json
 from thingc.base.inertia import LEAST_MASS, LEAST_MOMENT, MassProperties
 from thingc.base.pose import NO_POSE, Pose
 from thingc.base.primitives import Primitive
-from thingc.base.printing import as_json
 from thingc.geometry.store.local import Store
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
-from thingc.model.resolve.model import Overrides
+from thingc.model.resolve.types import Overrides
+from thingc.targets.mjcf.emit import emit
 from thingc.targets.mjcf.inertial import inertial
-from thingc.targets.mjcf.target import emit
 from thingc.targets.request import EmitRequest
 
 NEAR = 1e-9

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from thingc.targets.mjcf.start import Gains, gains_of
+from thingc.targets.mjcf.initial_state_checks import Gains, gains_of
 
 STEPS = 4000
 INERTIA, DT = 2e-5, 2e-3

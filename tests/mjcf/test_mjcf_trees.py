@@ -19,7 +19,7 @@ from thingc.base.diagnostics import Report
 from thingc.geometry.store.local import Store
 from thingc.model.robot.kinematics import mass_properties
 from thingc.model.robot.tree import in_link
-from thingc.targets.mjcf.target import emit
+from thingc.targets.mjcf.emit import emit
 from thingc.targets.request import EmitRequest
 
 trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just(WITHOUT_LEAD))

@@ -33,8 +33,8 @@ from thingc.model.robot.spanning_tree import root
 from thingc.modes import Modes
 from thingc.modes.state import State
 from thingc.modes.tree import Mode
-from thingc.targets import modes as modes_json
-from thingc.targets.mjcf import target as mjcf
+from thingc.targets import modes_json
+from thingc.targets.mjcf import emit as mjcf
 from thingc.targets.request import EmitRequest
 
 BASES = ("free", "held", "fixed")

@@ -11,7 +11,7 @@ import pytest
 from graph.builder import Array, as_pose, assembly, box, component, joint, linked, mode, pose, ref, rx, rz, t, where, whole
 from modes.switching_robots import Made, bodies, emitted, frame, jacobian, joints_of, mass_matrix, same_motion, stir
 from thingc.base.diagnostics import Code
-from thingc.model.resolve.model import Cut, Hold
+from thingc.model.resolve.types import Cut, Hold
 from thingc.modes import BaseElsewhere, BaseMoves, WrongData
 
 COUNT = 9

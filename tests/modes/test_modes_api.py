@@ -18,7 +18,7 @@ import thingc
 from graph.builder import assembly, box, component, joint, linked, mode, pose, rx, t, whole
 from modes.switching_robots import Made, driven, emitted, same_motion, stir
 from thingc.model.assembly.types import Adhesion, Assembly
-from thingc.model.resolve.model import Drive
+from thingc.model.resolve.types import Drive
 from thingc.modes import Modes, ModesError, State, UnknownMode, WrongData
 
 

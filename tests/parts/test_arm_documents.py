@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thingc
-from thingc.base.printing import as_text
+from thingc.base.diagnostic_output import as_text
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 

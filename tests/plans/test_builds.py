@@ -13,8 +13,8 @@ import pytest
 
 from families.documents import EVERYTHING, INERTIA, TOOL
 from thingc.base.pose import shifted
-from thingc.batch.plans import builds
-from thingc.batch.plans.builds import Builds
+from thingc.batch.plans import build_templates
+from thingc.batch.plans.build_templates import Builds
 from thingc.batch.plans.tape import Tape
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
@@ -50,7 +50,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(builds, "PATIENCE", 2)
+    monkeypatch.setattr(build_templates, "PATIENCE", 2)
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +75,7 @@ def given(k: int) -> Settings:
 def test_builds_are_those_of_every_pass(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     own = made(
         session, measured=lambda compilation: {"mass": compilation.robots[0].assembly.links[1].properties.mass, "name": "x"},
-        targets=tuple(builds.FOLLOWED),
+        targets=tuple(build_templates.FOLLOWED),
     )
     assert own.planned(given(0)) is None
     assert own.planned(given(1)) is not None  # the second that no plan is of
@@ -97,11 +97,11 @@ def test_the_file_of_the_whole_robot_is_of_the_values_that_it_depends_on() -> No
     """No number on a tape gets to the kernel."""
     tape = Tape()
     placed = [Placed(path=name, definition="d", brep="b", pose=shifted(0.0, 0.0, 1.0), color=None) for name in ("a", "b")]
-    kernel = builds._Kernel(SimpleNamespace(assemble=lambda name, instances: (name, instances)))
+    kernel = build_templates._Kernel(SimpleNamespace(assemble=lambda name, instances: (name, instances)))
     assert kernel.assemble("whole", placed) == ("whole", placed)
     length = tape.variable(3.0)
     moved = replace(placed[0], pose=replace(placed[0].pose, translation=(0.0, length, 0.0)))
-    kernel = builds._Kernel(None)
+    kernel = build_templates._Kernel(None)
     assert kernel.assemble("whole", [moved, placed[1]]).size == 0 and tape.pinned == [length]
 
 
@@ -131,7 +131,7 @@ def test_what_a_plan_is_not_of_goes_through_every_pass(session: Session) -> None
 def test_a_plan_that_gives_other_files_is_given_up(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     own = made(session, verify=3)
     assert [own.planned(given(k)) is not None for k in range(4)] == [False, True, True, True]
-    monkeypatch.setattr(builds._Template, "files", lambda self, numbers, settings: {MANIFEST: b"{}"})
+    monkeypatch.setattr(build_templates._Template, "files", lambda self, numbers, settings: {MANIFEST: b"{}"})
     assert own.planned(given(4)) is None  # the first after three others: time to look
     (form,) = own._forms.kept.values()
     assert form.plans == [] and (form.refused or "").startswith("a plan gave other files for {'joints.lift.limit.upper': 1.29")
@@ -140,6 +140,6 @@ def test_a_plan_that_gives_other_files_is_given_up(session: Session, monkeypatch
 
 
 def test_a_plan_is_made_when_it_pays(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(builds, "PATIENCE", 4)
+    monkeypatch.setattr(build_templates, "PATIENCE", 4)
     own = made(session)
     assert [own.planned(given(k)) is not None for k in range(5)] == [False, False, False, True, True]

@@ -11,8 +11,8 @@ import pytest
 from graph.builder import record
 from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
-from thingc.batch.plans.exchange import Exchange, Exchanged, Modelled, TracedParts
-from thingc.batch.plans.planning import PAYS, Form
+from thingc.batch.plans.numeric_plan import PAYS, Form
+from thingc.batch.plans.part_exchange import Exchange, Exchanged, Modelled, TracedParts
 from thingc.batch.plans.tape import Tape
 from thingc.driver.settings import Read
 from thingc.geometry.record import (

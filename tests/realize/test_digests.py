@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from thingc.geometry.store import digests
-from thingc.geometry.store.digests import LARGE, digest_of
+from thingc.geometry.store import file_digests
+from thingc.geometry.store.file_digests import LARGE, digest_of
 from thingc.geometry.store.local import Store
 
 
 @pytest.fixture
 def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Store:
-    monkeypatch.setattr(digests, "SETTLED", -1)
+    monkeypatch.setattr(file_digests, "SETTLED", -1)
     return Store(str(tmp_path / "store"))
 
 
@@ -52,6 +52,6 @@ def test_small_files_and_those_that_have_just_changed_are_not_kept(store: Store,
     small, young = tmp_path / "small.stl", tmp_path / "young.stl"
     small.write_bytes(b"a")
     assert digest_of(str(small), store) == sha256(small) and kept(store, small) is None
-    monkeypatch.setattr(digests, "SETTLED", 3_600_000_000_000)
+    monkeypatch.setattr(file_digests, "SETTLED", 3_600_000_000_000)
     young.write_bytes(b"a" * LARGE)
     assert digest_of(str(young), store) == sha256(young) and kept(store, young) is None

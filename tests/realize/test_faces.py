@@ -21,8 +21,8 @@ from thingc.geometry.key import versions
 from thingc.geometry.record import Mesh, PartDefinition, PartFailure, PartRecord, definition_text
 from thingc.geometry.worker.kernel.meshing import Triangles
 from thingc.geometry.worker.kernel.simplifying import deviation, simplified
-from thingc.geometry.worker.session import NoPart
-from thingc.model.resolve.model import Overrides
+from thingc.geometry.worker.part_session import NoPart
+from thingc.model.resolve.types import Overrides
 
 
 def filed(name: str, faces: int | None) -> PartDefinition:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from thingc.geometry.worker.kernel.fits import smallest_ball
+from thingc.geometry.worker.kernel.bounding_primitives import smallest_ball
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-12, 1e-10, 1e-8])

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from thingc.geometry.inputs import part_inputs
+from thingc.geometry.part_inputs import part_inputs
 
 
 @pytest.mark.parametrize("trusted", [True, False])

@@ -11,7 +11,7 @@ import pytest
 
 from realize.conftest import Place, file_part, part
 from thingc.base.primitives import Primitive
-from thingc.geometry.lock.values import read_record, record_values
+from thingc.geometry.lock.json_format import read_record, record_values
 from thingc.geometry.record import PartFailure, PartRecord
 from thingc.geometry.record_json import record_from_json, record_to_json
 from thingc.geometry.store.meshes import arrays

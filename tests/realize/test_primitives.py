@@ -43,7 +43,7 @@ from OCP.TopAbs import TopAbs_IN, TopAbs_OUT
 from thingc.base.primitives import Primitive
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
-from thingc.geometry.worker.kernel.measure import solids_of
+from thingc.geometry.worker.kernel.integrals import solids_of
 from thingc.geometry.worker.kernel.primitives import primitive_of
 
 STRAIGHT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -14,8 +14,8 @@ import pytest
 import thingc
 from thingc.geometry.client import Workers
 from thingc.geometry.record import PartFailure, PartRecord
-from thingc.geometry.worker.printed import MOST, NAME, SHOWN, WIDTH, keep, lines_of
-from thingc.tools.cli.common import show_printed
+from thingc.geometry.worker.captured_output import MOST, NAME, SHOWN, WIDTH, keep, lines_of
+from thingc.tools.cli.console import show_printed
 from thingc.tools.cli.main import main
 
 TALKING = """\

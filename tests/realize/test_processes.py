@@ -16,7 +16,7 @@ from typing import Any
 import psutil
 import pytest
 
-from thingc.base.later import Later
+from thingc.base.background import Later
 from thingc.geometry.client import Workers
 from thingc.geometry.record import PartRecord
 
@@ -310,7 +310,7 @@ def test_progress(place: Any, define: Callable[..., Any]) -> None:
 def test_imports_put_off_are_made_when_they_are_needed(tmp_path: Path) -> None:
     script = f"""
         import sys
-        from thingc.geometry.worker.deferred import import_cheaply
+        from thingc.geometry.worker.lazy_build123d import import_cheaply
         from thingc.geometry.key.modules import SELDOM_USED
         import_cheaply("build123d")
         assert not SELDOM_USED & set(sys.modules), SELDOM_USED & set(sys.modules)
@@ -334,7 +334,7 @@ def test_imports_put_off_are_made_when_they_are_needed(tmp_path: Path) -> None:
         assert abs(Triangle(a=3, b=4, c=5).area - 6) < 1e-9
         assert full_round(Rectangle(2, 4).edges().sort_by(Axis.X)[0])
         import ezdxf, scipy.optimize
-        from thingc.geometry.worker.deferred import Deferred, _StandIn
+        from thingc.geometry.worker.lazy_build123d import Deferred, _StandIn
         left = [
             (name, key) for name, module in sys.modules.items() if name.startswith("build123d")
             for key, value in vars(module).items()
@@ -353,7 +353,7 @@ def test_an_import_that_goes_wrong_is_made_plainly(tmp_path: Path) -> None:
     script = """
         import sys
         sys.path.insert(0, sys.argv[1])
-        from thingc.geometry.worker.deferred import import_cheaply
+        from thingc.geometry.worker.lazy_build123d import import_cheaply
         assert import_cheaply("user", frozenset({"slow_library"})).TABLE == [0, 0, 0]
         assert sys.modules["slow_library"].VALUE == 3
     """

@@ -14,11 +14,11 @@ from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.session import Session
 from thingc.geometry.client import Workers
-from thingc.geometry.lock.values import BadLock, read_record, record_values
+from thingc.geometry.lock.json_format import BadLock, read_record, record_values
+from thingc.geometry.print_slices import Sliced, Slicing, Unsliced
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord
 from thingc.geometry.record_json import record_from_json, record_to_json
 from thingc.geometry.service import GeometryService
-from thingc.geometry.slices import Sliced, Slicing, Unsliced
 from thingc.model.resolve.sources import Settings
 
 HOW = Slicing(up=(0.0, 0.0, 1.0), layer=0.0002, line_width=0.00045, walls=3, top=4, bottom=4)

@@ -11,7 +11,7 @@ import pytest
 from manifold3d import Manifold
 
 from thingc.base.pose import Vector
-from thingc.geometry.slices import Moments, Sliced, Slicing
+from thingc.geometry.print_slices import Moments, Sliced, Slicing
 from thingc.geometry.worker.kernel.meshing import Triangles
 from thingc.geometry.worker.kernel.slicing import JOINED, NotSliced, slice_part
 

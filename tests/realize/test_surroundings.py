@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from thingc.geometry.client import Workers
-from thingc.geometry.key.environment import FIXED, HOMES, TEMPORARY, environment
+from thingc.geometry.key.environment_variables import FIXED, HOMES, TEMPORARY, environment
 from thingc.geometry.record import PartFailure, PartRecord
 from thingc.geometry.worker.scratch import PREFIX, Scratch
 
@@ -99,15 +99,15 @@ def test_one_thread_on_any_processor(place: Any, define: Callable[..., Any]) -> 
 
 
 def test_a_variable_that_is_passed_is_in_the_key(place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    from thingc.driver import stamp
+    from thingc.driver import up_to_date
 
     place.write("parts/arm.py", "from build123d import Box\ndef plate():\n    return Box(1, 1, 1)\n")
     monkeypatch.delenv("LD_LIBRARY_PATH", raising=False)
-    before = stamp.fingerprint()
+    before = up_to_date.fingerprint()
     with place.service() as service:
         service.realize([define("arm:plate")])
     monkeypatch.setenv("LD_LIBRARY_PATH", "/another/kernel")
-    assert stamp.fingerprint() != before
+    assert up_to_date.fingerprint() != before
     with place.service() as service:
         service.realize([define("arm:plate")])
         assert service.decisions["arm:plate"].reason == "variable LD_LIBRARY_PATH is new"

@@ -41,10 +41,10 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
-from thingc.geometry.worker.kernel import tessellating
-from thingc.geometry.worker.kernel.measure import explored, solids_of
+from thingc.geometry.worker.kernel import tessellation
+from thingc.geometry.worker.kernel.integrals import explored, solids_of
 from thingc.geometry.worker.kernel.meshing import Triangles
-from thingc.geometry.worker.kernel.tessellating import tessellate
+from thingc.geometry.worker.kernel.tessellation import tessellate
 
 LINEAR, ANGULAR = 0.1, math.radians(15.0)
 
@@ -126,7 +126,7 @@ def test_what_has_only_planes_is_exact_and_not_the_kernel_s(monkeypatch: pytest.
     def refused(*_: Any) -> None:
         raise AssertionError("the kernel was asked for triangles")
 
-    monkeypatch.setattr(tessellating, "BRepMesh_IncrementalMesh", refused)
+    monkeypatch.setattr(tessellation, "BRepMesh_IncrementalMesh", refused)
     prism = Location((1, 2, 3), (10, 20, 30)) * extrude(RegularPolygon(5, 6), 7)
     mesh = tessellate(prism.wrapped, LINEAR, ANGULAR)
     assert mesh.closed and (len(mesh.vertices), len(mesh.faces)) == (12, 20)
@@ -142,7 +142,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         counts.append(len([*explored(shape, TopAbs_FACE)]))
         return BRepMesh_IncrementalMesh(shape, *arguments)
 
-    monkeypatch.setattr(tessellating, "BRepMesh_IncrementalMesh", noted)
+    monkeypatch.setattr(tessellation, "BRepMesh_IncrementalMesh", noted)
     return counts
 
 

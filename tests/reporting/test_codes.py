@@ -18,7 +18,7 @@ import pytest
 
 from thingc.base.diagnostics import Code
 from thingc.tools.cli.main import COMMANDS, main
-from thingc.tools.reporting.explanations import explained, find, near, sections
+from thingc.tools.reporting.explain import explained, find, near, sections
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 

@@ -19,7 +19,7 @@ import pytest
 from reporting.test_github import parsed
 from reporting.test_sarif import checked
 from thingc.base.diagnostics import Code
-from thingc.tools.cli.common import of_exception
+from thingc.tools.cli.console import of_exception
 from thingc.tools.cli.main import main
 
 CASES = Path(__file__).resolve().parents[1] / "cases"

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from reporting.reports import repository, span
 from reporting.test_github import parsed
 from reporting.test_sarif import checked
+from thingc.base.diagnostic_output import as_json, as_text
 from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
-from thingc.base.printing import as_json, as_text
-from thingc.base.shown import LONGEST, LONGEST_QUOTE, json_text, shortened, shown
+from thingc.base.safe_text import LONGEST, LONGEST_QUOTE, json_text, shortened, shown
 from thingc.driver.testing.junit import as_junit
 from thingc.tools.reporting.github import as_github
 from thingc.tools.reporting.sarif import as_sarif

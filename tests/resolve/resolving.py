@@ -13,9 +13,9 @@ from thingc.documents.load.documents import load
 from thingc.documents.spec.validation import validate
 from thingc.documents.workspace import Workspace
 from thingc.geometry.record import ParameterSchema, PartFailure, PartSchema
-from thingc.model.resolve.model import AssemblyDefinition, Component, Joint, Mode, NamedPose
 from thingc.model.resolve.resolver import resolve
 from thingc.model.resolve.sources import Settings, Sources
+from thingc.model.resolve.types import AssemblyDefinition, Component, Joint, Mode, NamedPose
 
 
 def schema(reference: str, *parameters: ParameterSchema, actuator: bool = False, material: str | None = None) -> PartSchema:

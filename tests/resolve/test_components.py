@@ -12,8 +12,8 @@ import pytest
 
 from resolve.resolving import run
 from thingc.geometry.record import PartDefinition
-from thingc.model.resolve.model import At, Attach, BomEntry, Overrides, Process
 from thingc.model.resolve.nested import part_definitions
+from thingc.model.resolve.types import At, Attach, BomEntry, Overrides, Process
 
 ARM = """
 thingc: assembly/1

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from resolve.resolving import run
 from resolve.test_joints_and_modes import FILES
 from resolve.test_wrong_documents import CASES
-from thingc.model.resolve.model import AssemblyDefinition
+from thingc.model.resolve.types import AssemblyDefinition
 
 YAML = """
 thingc: assembly/1

@@ -9,7 +9,7 @@ import pytest
 
 from resolve.resolving import run
 from thingc.model.resolve.coordinates import Dynamics, Limit
-from thingc.model.resolve.model import Drive
+from thingc.model.resolve.types import Drive
 
 ROBOT = """
 thingc: assembly/1

@@ -15,8 +15,8 @@ from thingc.base.units import LENGTH, Quantity
 from thingc.documents.load.documents import load
 from thingc.documents.spec.validation import validate
 from thingc.documents.workspace import Workspace
-from thingc.model.resolve.model import AssemblyDefinition
 from thingc.model.resolve.parameters import AssemblyParameters
+from thingc.model.resolve.types import AssemblyDefinition
 
 DOCUMENT = """
 thingc: assembly/1

@@ -12,8 +12,8 @@ from resolve.resolving import run
 from thingc.base.pose import Pose, placed, rotation_of
 from thingc.base.primitives import Primitive
 from thingc.model.resolve.link_definition import LinkDefinition
-from thingc.model.resolve.model import At
-from thingc.tools.diff.pairing import equal
+from thingc.model.resolve.types import At
+from thingc.tools.diff.name_mapping import equal
 from thingc.tools.diff.reading import _pose
 
 DOCUMENT = """

@@ -7,7 +7,7 @@ import re
 import mujoco
 import pytest
 
-from thingc.model.resolve.raw_fixed import CLASSES, MOTION, PLACE, REFERRING, fixed
+from thingc.model.resolve.raw_protected import CLASSES, MOTION, PLACE, REFERRING, fixed
 from thingc.targets.mjcf.raw import NAMED
 
 PLACES = {

@@ -13,9 +13,9 @@ from resolve.resolving import run
 from thingc.base.diagnostics import Report
 from thingc.base.source import Document, MappingNode, Span
 from thingc.geometry.record import PartDefinition
-from thingc.model.resolve.model import AssemblyDefinition, Attach
 from thingc.model.resolve.references import indexed
 from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.types import AssemblyDefinition, Attach
 
 HEXAPOD = {
     "hexapod.yaml": """

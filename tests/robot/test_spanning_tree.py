@@ -38,7 +38,7 @@ from thingc.base.pose import Vector
 from thingc.model.assembly.types import Assembly
 from thingc.model.robot.kinematics import body_poses, link_names, mass_properties, occurrence_poses
 from thingc.model.robot.spanning_tree import root
-from thingc.model.robot.starting import check_starts
+from thingc.model.robot.start_pose_checks import check_starts
 from thingc.model.robot.types import Robot
 
 SEAT = t(0.04, 0.0, 0.02) @ ry(0.3)

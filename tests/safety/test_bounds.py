@@ -13,7 +13,7 @@ from bombs import BOMBS
 from harness import ran
 
 from thingc.base.diagnostics import Diagnostic
-from thingc.tools.cli import confined as bounds
+from thingc.tools.cli import sandboxed_check as bounds
 
 pytestmark = pytest.mark.slow
 

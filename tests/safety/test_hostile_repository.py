@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from thingc.base.files import BadPath, check_tree, hash_name, write_tree
+from thingc.base.filesystem import BadPath, check_tree, hash_name, write_tree
 from thingc.geometry.store.local import BlobMissing, Store
-from thingc.tools.affected.changes import NotARepository, changed_since
+from thingc.tools.affected.git_changes import NotARepository, changed_since
 from thingc.tools.cli.main import main
 from thingc.tools.diff.revisions import Repository, Revision
 

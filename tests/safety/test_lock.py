@@ -12,7 +12,7 @@ from conformance.harness import Ran, thingc_here
 from thingc.base.diagnostics import Severity
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
-from thingc.geometry.lock.values import BadLock, read_schema, schema_values
+from thingc.geometry.lock.json_format import BadLock, read_schema, schema_values
 from thingc.geometry.record import ParameterSchema, PartSchema
 
 _CORNERS = ((0, 0, 0), (10, 0, 0), (0, 10, 0), (0, 0, 10))

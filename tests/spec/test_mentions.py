@@ -7,9 +7,9 @@ from typing import get_args
 
 import pytest
 
-from thingc.documents.spec.mentions import SettingWord, setting_words
-from thingc.documents.spec.named import Declared, Declares, Means, Meant
-from thingc.documents.spec.shapes import AnnotationShape, alternatives, model_keys, shape_of
+from thingc.documents.names.occurrences import SettingWord, setting_words
+from thingc.documents.spec.annotation_types import AnnotationShape, alternatives, model_keys, shape_of
+from thingc.documents.spec.name_types import Declared, Declares, Means, Meant
 from thingc.documents.spec.validation import KINDS, model_of
 
 WORDS = ("a name", "a reference", "a comparison", "a parameter or the path of a value", "the path of a choice")

@@ -10,8 +10,8 @@ import jsonschema
 import pytest
 
 from thingc.base.diagnostics import Report
+from thingc.documents.load.discovery import is_document
 from thingc.documents.load.documents import read_tree
-from thingc.documents.load.finding import is_document
 from thingc.documents.spec.schema import json_schema, text_of, write
 from thingc.documents.spec.validation import KINDS
 

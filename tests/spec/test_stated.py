@@ -9,7 +9,7 @@ from thingc.base.units import LENGTH, MASS, NUMBER, Quantity
 from thingc.documents.expressions.terms import Expression
 from thingc.documents.load.documents import Documents, load
 from thingc.documents.spec.assembly import AssemblySpec
-from thingc.documents.spec.stated import stated_choices, stated_value
+from thingc.documents.spec.settable_values import stated_choices, stated_value
 from thingc.documents.spec.validation import validate
 from thingc.documents.workspace import Workspace
 

@@ -12,7 +12,7 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.joints.kinds import KINDS
 from thingc.documents.load.documents import Documents, load
 from thingc.documents.spec.assembly import AssemblySpec
-from thingc.documents.spec.elsewhere import WORDS
+from thingc.documents.spec.foreign_keywords import WORDS
 from thingc.documents.spec.materials import MaterialsSpec
 from thingc.documents.spec.validation import part_references, validate
 from thingc.documents.workspace import Workspace
@@ -416,4 +416,4 @@ def test_no_word_of_the_machinery_reaches_a_person(tmp_path: Path) -> None:
 
 def test_a_kind_of_joint_is_no_word_for_another() -> None:
     taken = sorted({*WORDS} & {*KINDS})
-    assert not taken, f"{taken}: kinds now; take them out of `WORDS` in compiler/thingc/documents/spec/elsewhere.py"
+    assert not taken, f"{taken}: kinds now; take them out of `WORDS` in compiler/thingc/documents/spec/foreign_keywords.py"

@@ -22,14 +22,14 @@ import pytest
 from scipy.optimize import linprog, minimize
 
 from statics.test_statics import at_rest, oracle
-from thingc.batch.measure import measure
+from thingc.batch.measurements import measure
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Robot
 from thingc.model.statics.efforts import static_efforts
-from thingc.model.statics.footing import lifted, stance
+from thingc.model.statics.support import lifted, stance
 from thingc.model.statics.types import Efforts
 from thingc.modes import Modes
 from thingc.tools.cli import info

@@ -17,7 +17,7 @@ from thingc import compile
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.testing.poses import keyframe, posed
-from thingc.model.resolve.model import NamedPose
+from thingc.model.resolve.types import NamedPose
 from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Robot
 from thingc.model.statics.efforts import static_efforts

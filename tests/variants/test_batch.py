@@ -18,7 +18,7 @@ import pytest
 
 from thingc.base.diagnostics import Code
 from thingc.batch import BatchFault, Summary, plan, run
-from thingc.batch.description import job_of
+from thingc.batch.batch_json import job_of
 from thingc.batch.job import Task
 from thingc.batch.journal import Journal, in_order, lines
 from thingc.batch.runner import Runner
@@ -72,7 +72,7 @@ def test_runners_build_by_plans_what_they_build_by_passes(tmp_path: Path, monkey
         return whole(session, *given)
 
     monkeypatch.setattr(Session, "compile", spied)
-    monkeypatch.setattr("thingc.batch.plans.builds.PATIENCE", 2)
+    monkeypatch.setattr("thingc.batch.plans.build_templates.PATIENCE", 2)
     for verify in (1, 64):
         folder = tmp_path / f"{verify}"
         (folder / "variants").mkdir(parents=True)
@@ -550,15 +550,15 @@ def test_a_dry_run_counts_what_limits_and_poses_will_refuse(tmp_path: Path, shar
 
 
 def test_a_dry_run_of_very_many_looks_at_some(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    from thingc.batch import forecast, plan
+    from thingc.batch import dry_run, plan
 
-    monkeypatch.setattr(forecast, "MOST", 5)
+    monkeypatch.setattr(dry_run, "MOST", 5)
     here = workspace(tmp_path, stops=STOPS.format(of="pendulum"))
     options = Options(store=shared_store)
-    found = forecast.forecast(plan(str(here / "stops.yaml"), options=options), options)
+    found = dry_run.forecast(plan(str(here / "stops.yaml"), options=options), options)
     assert found.count == 18 and found.failing == {"steps < 5": 6} and found.left == 12  # those are counted of all
     assert 0 < found.looked_at <= 5 and 0 < found.unsound["TC601"] <= found.looked_at
-    again = forecast.forecast(plan(str(here / "stops.yaml"), options=options), options)
+    again = dry_run.forecast(plan(str(here / "stops.yaml"), options=options), options)
     assert (again.looked_at, again.unsound) == (found.looked_at, found.unsound)
 
 

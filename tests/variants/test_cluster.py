@@ -21,8 +21,10 @@ import psutil
 import pytest
 
 from thingc.base.diagnostics import Code
-from thingc.batch import BatchFault, cluster, dask_cluster
-from thingc.batch.slurm_cluster import SlurmSettings, settings_of
+from thingc.batch import BatchFault
+from thingc.batch.cluster import connection as cluster
+from thingc.batch.cluster import dask_executor
+from thingc.batch.cluster.slurm import SlurmSettings, settings_of
 from variants.robots import environment, thingc, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run
 from variants.test_faults import assert_gone, assert_whole, descendants, journal, listed, started, table, wait_for_lines
@@ -131,7 +133,7 @@ def test_dask_writes_what_the_local_engine_writes(tmp_path: Path, shared_store: 
 def test_a_worker_that_dies_during_the_check_is_left_out(tmp_path: Path, shared_store: str) -> None:
     """A stopped worker does not answer, and is killed while the driver waits for it; another one is there."""
     with dask(tmp_path / "dask", environment(shared_store), 2) as two:
-        engine = dask_cluster.DaskCluster(two.address)
+        engine = dask_executor.DaskCluster(two.address)
         two.workers[0].send_signal(signal.SIGSTOP)
         killing = threading.Timer(1.0, two.workers[0].kill)
         killing.start()
@@ -186,7 +188,7 @@ def test_a_scheduler_that_goes_is_said_and_the_batch_goes_on_here(tmp_path: Path
 def test_workers_that_see_other_files_are_named(tmp_path: Path, three: Dask) -> None:
     document = tmp_path / "robot.yaml"
     document.write_text("one")
-    with dask_cluster.DaskCluster(three.address) as found:
+    with dask_executor.DaskCluster(three.address) as found:
         found.check({str(document): hashlib.sha256(b"one").hexdigest()})
         with pytest.raises(BatchFault, match="sees another content of .*robot.yaml"):
             found.check({str(document): hashlib.sha256(b"two").hexdigest()})
@@ -196,14 +198,14 @@ def test_workers_that_see_other_files_are_named(tmp_path: Path, three: Dask) -> 
 
 @pytest.mark.slow
 def test_workers_with_other_versions_are_named(tmp_path: Path, three: Dask, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dask_cluster, "versions", lambda: {"thingc": "0.0.1"})
+    monkeypatch.setattr(dask_executor, "versions", lambda: {"thingc": "0.0.1"})
     other = r"other versions: .*thingc \S+ instead of 0.0.1"
-    with dask_cluster.DaskCluster(three.address) as found, pytest.raises(BatchFault, match=other):
+    with dask_executor.DaskCluster(three.address) as found, pytest.raises(BatchFault, match=other):
         found.check({})
 
 
 def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(dask_cluster, "TIMEOUT", 1.0)
+    monkeypatch.setattr(dask_executor, "TIMEOUT", 1.0)
     started = time.monotonic()
     with pytest.raises(BatchFault) as caught:
         cluster.connect("tcp://127.0.0.1:9", folder=str(tmp_path / "jobs"))
@@ -213,7 +215,7 @@ def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
 
 @pytest.mark.slow
 def test_a_scheduler_without_workers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, shared_store: str) -> None:
-    monkeypatch.setattr(dask_cluster, "TIMEOUT", 3.0)
+    monkeypatch.setattr(dask_executor, "TIMEOUT", 3.0)
     with dask(tmp_path / "dask", environment(shared_store), 0) as none, pytest.raises(BatchFault, match="has no worker"):
         cluster.connect(none.address, folder=str(tmp_path / "jobs"))
 
@@ -222,9 +224,9 @@ def test_a_scheduler_without_workers(monkeypatch: pytest.MonkeyPatch, tmp_path: 
 def test_the_last_worker_is_waited_for_and_then_said_to_be_gone(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, shared_store: str,
 ) -> None:
-    monkeypatch.setattr(dask_cluster, "PATIENCE", 1.5)
-    monkeypatch.setattr(dask_cluster, "LOOK", 0.1)
-    with dask(tmp_path / "dask", environment(shared_store), 1) as one, dask_cluster.DaskCluster(one.address) as found:
+    monkeypatch.setattr(dask_executor, "PATIENCE", 1.5)
+    monkeypatch.setattr(dask_executor, "LOOK", 0.1)
+    with dask(tmp_path / "dask", environment(shared_store), 1) as one, dask_executor.DaskCluster(one.address) as found:
         assert found.fault() is None and found.ahead == 2
         one.workers[0].kill()
         killed = time.monotonic()

@@ -11,7 +11,7 @@ import mujoco.rollout
 import numpy as np
 import pytest
 
-from thingc.batch import Family, FamilyError, NotInPlace, apply, fields, in_place, load, run, write
+from thingc.batch import Family, FamilyError, NotInPlace, apply, fields, load, run, shared_model, write
 from thingc.driver.environment import Options
 from variants.families import arrays
 from variants.robots import workspace
@@ -183,16 +183,16 @@ def test_every_array_of_a_model_may_differ_or_is_refused(sliders: Family) -> Non
         other = copy.copy(model)
         array = getattr(other, name)
         array.flat[array.size - 1] = array.flat[array.size - 1] + 1 if array.dtype != bool else not array.flat[array.size - 1]
-        if name in in_place.NUMBERS | in_place.SHORTCUTS:
-            in_place._same_structure(model, other, sliders[0], sliders[1])
+        if name in shared_model.NUMBERS | shared_model.SHORTCUTS:
+            shared_model._same_structure(model, other, sliders[0], sliders[1])
             checked["may"] += 1
             continue
         with pytest.raises(NotInPlace) as refused:
-            in_place._same_structure(model, other, sliders[0], sliders[1])
+            shared_model._same_structure(model, other, sliders[0], sliders[1])
         assert refused.value.field == name or name.startswith(("mesh_", "name")), name
         checked["may not"] += 1
     assert checked["may"] > 60 and checked["may not"] > 90
-    assert all(hasattr(model, name) for name in in_place.NUMBERS | in_place.SHORTCUTS)
+    assert all(hasattr(model, name) for name in shared_model.NUMBERS | shared_model.SHORTCUTS)
 
 
 def test_who_differs_is_said(sliders: Family) -> None:
@@ -206,11 +206,11 @@ def test_who_differs_is_said(sliders: Family) -> None:
         array = getattr(other, field)
         array[-1] = not array[-1]
         with pytest.raises(NotInPlace, match=words):
-            in_place._same_structure(model, other, sliders[0], sliders[1])
+            shared_model._same_structure(model, other, sliders[0], sliders[1])
     other = copy.copy(model)
     other.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     with pytest.raises(NotInPlace, match="the option `integrator` differs"):
-        in_place._same_structure(model, other, sliders[0], sliders[1])
+        shared_model._same_structure(model, other, sliders[0], sliders[1])
 
 
 def test_fields_of_another_batch_are_refused_and_nothing_is_changed(sliders: Family, some: Family) -> None:

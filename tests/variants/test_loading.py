@@ -17,7 +17,7 @@ import mujoco
 import pytest
 
 from thingc.batch import BuiltVariant, Family, FamilyError, UnknownVariant, load
-from thingc.batch.patching.exact import differing
+from thingc.batch.mujoco_arrays.equality import differing
 from thingc.modes import Modes
 from variants.families import arrays, built
 
@@ -117,9 +117,9 @@ def test_meshes_with_links_are_read_once_and_the_right_ones_are_used(boards: Pat
 
 
 def test_meshes_in_memory_are_bounded(boards: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from thingc.batch import loading
+    from thingc.batch import results
 
-    monkeypatch.setattr(loading._Meshes.__init__, "__defaults__", (1,))
+    monkeypatch.setattr(results._Meshes.__init__, "__defaults__", (1,))
     family = load(boards)
     for variant in family:
         assert variant.model().nmesh > 0
@@ -252,7 +252,7 @@ def test_models_of_other_structure_are_each_compiled(some: Path, boards: Path, a
 
 def test_where_an_array_is_written_wrongly_models_are_compiled(sliders: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first that comes without a compilation is compared with one."""
-    from thingc.batch.patching import arrays as patched
+    from thingc.batch.mujoco_arrays import arrays as patched
 
     family = load(sliders)
     monkeypatch.setattr(patched.Statistics, "write", lambda self, values, index: None)
@@ -261,7 +261,7 @@ def test_where_an_array_is_written_wrongly_models_are_compiled(sliders: Path, mo
 
 def test_variants_with_the_same_meshes_share_what_mujoco_was_given(tmp_path: Path) -> None:
     """Each has links to them in a folder of its own."""
-    from thingc.batch.loading import _Meshes
+    from thingc.batch.results import _Meshes
 
     meshes, seen = _Meshes(), []
     (tmp_path / "mesh.obj").write_bytes(b"v 0 0 0")

@@ -11,7 +11,7 @@ import numpy
 import pytest
 
 import thingc
-from thingc.batch.measure import UnknownMount, lengths, measure
+from thingc.batch.measurements import UnknownMount, lengths, measure
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation

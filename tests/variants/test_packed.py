@@ -17,11 +17,11 @@ import pyarrow.parquet
 import pytest
 
 from thingc.base.diagnostics import Code
-from thingc.batch import BatchFault, FamilyError, UnknownVariant, chunks, load, page, plan, records, run
-from thingc.batch.adopting import meant
-from thingc.batch.chunks import Chunk, seal
+from thingc.batch import BatchFault, FamilyError, UnknownVariant, build_records, load, packed_layout, page, plan, run
+from thingc.batch.adopt_variant import meant
+from thingc.batch.build_records import in_order
 from thingc.batch.journal import Journal
-from thingc.batch.records import in_order
+from thingc.batch.packed_layout import Chunk, seal
 from thingc.batch.showing import show_again
 from thingc.driver.environment import Options
 from thingc.tools.cli.main import main
@@ -37,8 +37,8 @@ pytestmark = pytest.mark.slow
 def small() -> Iterator[None]:
     """Five variants to a chunk, two to a group: for batches that are driven in this process."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(chunks, "CHUNK", 5)
-        patch.setattr(chunks, "GROUP", 2)
+        patch.setattr(packed_layout, "CHUNK", 5)
+        patch.setattr(packed_layout, "GROUP", 2)
         yield
 
 
@@ -152,7 +152,7 @@ def test_a_kill_while_a_chunk_is_sealed_loses_nothing(here: Path, tmp_path: Path
     ours = load(out)
     assert [one.id for one in ours] == [one.id for one in load(here / "build" / "some")] and ours[4].sizes("flying").nq == 9
     assert list(in_order(str(out))) == list(in_order(str(here / "build" / "some")))
-    count, some_lines = records.spread(str(out), 4)
+    count, some_lines = build_records.spread(str(out), 4)
     assert count == 12 and list(some_lines) == list(in_order(str(out)))[::3]
     summary = run(str(other / "some.yaml"), options=Options(store=shared_store), jobs=1, resume=True)
     assert summary.before == 12 and tree(out / "chunks") == expected
@@ -169,7 +169,7 @@ def test_what_failed_is_packed_when_it_is_built_later(tmp_path: Path, shared_sto
     emitter.write_text(emitter.read_text().replace('fault == "raise"', 'fault == "never"').replace('fault == "kill"', 'fault == "never"'))
     assert run(str(here / "faults.yaml"), options=options, jobs=1, resume=True).statuses == {"built": 5, "failed": 3}
     times = []
-    monkeypatch.setattr(chunks, "seal", lambda folder, number: (times.append(number), seal(folder, number)))
+    monkeypatch.setattr(packed_layout, "seal", lambda folder, number: (times.append(number), seal(folder, number)))
     done = run(str(here / "faults.yaml"), options=options, jobs=1, resume=True, retry=True)
     assert done.statuses == {"built": 8} and done.before == 5 and times == [0, 1]  # each chunk once
     assert load(here / "build/faults")[1].sizes("flying").nq == 9
@@ -256,7 +256,7 @@ def test_a_chunk_of_somebody_else_writes_and_reads_nothing_outside(
     shutil.copytree(here, tmp_path / "copy")
     out = tmp_path / "copy" / "build" / "some"
     (tmp_path / "secret").write_text("mine")
-    batch = records.read(str(out))
+    batch = build_records.read(str(out))
     index, name = batch.built[0], batch.line(batch.built[0])["name"]
     file = out / "chunks" / f"{index // 5:06d}.parquet"
     table = pyarrow.parquet.read_table(file)
@@ -277,7 +277,7 @@ def test_a_chunk_of_somebody_else_writes_and_reads_nothing_outside(
     pyarrow.parquet.write_table(table.replace_schema_metadata(pyarrow.parquet.read_schema(file).metadata), file)
     before = tree(tmp_path)
     with pytest.raises(OSError, match=r"^(expected a hash of (64|12) hex digits|'.*' is )"):
-        records.unpack(str(out), index)
+        build_records.unpack(str(out), index)
     assert main(["batch", str(tmp_path / "copy" / "some.yaml"), "-o", str(out.parent), "--unpack", name]) == 2
     assert "[TC923]" in (said := capsys.readouterr().err) and "is damaged" in said
     assert tree(tmp_path) == before

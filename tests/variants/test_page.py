@@ -17,7 +17,7 @@ import pytest
 from PIL import Image
 
 from thingc.base.diagnostics import Code
-from thingc.batch import places
+from thingc.batch import folder_layout
 from thingc.batch.page import write_page
 from thingc.batch.pictures import along_the_axes, draw, usual
 from thingc.batch.tables import Column, columns
@@ -273,7 +273,7 @@ def made(folder: Path, count: int, text: str = "plain") -> tuple[Path, list[Colu
     """A page of so many rows from a journal written by hand, with `text` wherever a document or a part could have put it."""
     folder.mkdir(parents=True)
     wanted = list(columns([Column(name="length", kind="number", unit="m"), Column(name="label", kind="text")], [], []))
-    with (folder / places.JOURNAL).open("w") as stream:
+    with (folder / folder_layout.JOURNAL).open("w") as stream:
         for index in range(count):
             stream.write(json.dumps({
                 "index": index, "id": f"{index:012x}", "name": f"{text} {index}", "status": "refused" if index % 3 == 2 else "built",

@@ -18,12 +18,12 @@ from scipy.stats import qmc
 
 from thingc.base.diagnostics import Code
 from thingc.base.units import ANGLE, FREQUENCY, INERTIA, LENGTH, MASS, NUMBER, TORQUE, Dimension, Quantity, parse_quantity
-from thingc.batch import Plan, PlanError, description, places, plan
+from thingc.batch import Plan, PlanError, batch_json, folder_layout, plan
 from thingc.batch.sampling import points
 from thingc.batch.values import spaced
-from thingc.documents.expressions.texts import text_of
+from thingc.documents.expressions.value_text import text_of
 from thingc.driver.environment import Options
-from thingc.driver.stamp import state_of
+from thingc.driver.up_to_date import state_of
 from variants.robots import workspace
 
 
@@ -322,7 +322,7 @@ def test_a_grid_of_two_quadrillion_is_refused_before_it_is_worked_out(
     assert "the grid has 2000000000000000 variants (100000 x 100000 x 100000 x 2), and a batch has at most 1000000" in str(raised.value)
     (tmp_path / "v.yaml").write_text("thingc: variants/1\nname: v\nassembly: r.yaml\nparameters:\n"
                                      "  a: {from: 0 mm, to: 9 mm, count: 10}\n  b: {from: 0 mm, to: 9 mm, count: 10}\n")
-    monkeypatch.setattr("thingc.batch.reading.MOST", 100)
+    monkeypatch.setattr("thingc.batch.variants_document.MOST", 100)
     assert plan(str(tmp_path / "v.yaml"), options=Options(store=shared_store)).count == 100, "as many as may be"
 
 
@@ -338,7 +338,7 @@ def test_machines_are_asked_for_files_of_the_workspace_alone(tmp_path: Path, sha
     document.write_text(re.sub(r"materials:\n( +.*\n){2}", listed, text, count=1))
     found = plan(str(tmp_path / "family.yaml"), options=Options(store=shared_store))
     (tmp_path / "batch").mkdir()
-    (tmp_path / "batch" / places.BATCH).write_text("{}")
-    files = description.seen(found, str(tmp_path / "batch"))
+    (tmp_path / "batch" / folder_layout.BATCH).write_text("{}")
+    files = batch_json.seen(found, str(tmp_path / "batch"))
     assert any("thingc_stock.materials" in name for name in found.inputs) and str(document) in files
     assert {path: state_of(path) for path in files} == files

@@ -25,8 +25,9 @@ import pytest
 
 from realize.test_shared_store import SERVER
 from thingc.base.diagnostics import Code
-from thingc.batch import BatchFault, run, shipping
-from thingc.batch.dask_cluster import DaskCluster
+from thingc.batch import BatchFault, run
+from thingc.batch.cluster import remote_workers
+from thingc.batch.cluster.dask_executor import DaskCluster
 from thingc.driver.environment import Options
 from variants.robots import environment, thingc, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run
@@ -317,7 +318,7 @@ def test_workers_open_nothing_of_the_drivers_folder(
         return found
 
     monkeypatch.setattr(DaskCluster, "ask", counting)
-    monkeypatch.setattr(shipping, "PULL_BYTES", 5000)
+    monkeypatch.setattr(remote_workers, "PULL_BYTES", 5000)
     monkeypatch.chdir(here)
     with DaskCluster(beside.dask.address, jobs=1) as cluster:
         summary = run("faults.yaml", executor=cluster, ship=True, options=Options(store=str(tmp_path / "store")), pictures=0)
@@ -402,12 +403,12 @@ def test_a_worker_that_is_gone_is_not_waited_for(tmp_path: Path, shared_store: s
     with dask(tmp_path / "dask", environment(shared_store), 1) as one, DaskCluster(one.address) as cluster:
         (worker,) = cluster._client.nthreads()
         assert cluster.ask(worker, os.getpid) == one.workers[0].pid
-        with pytest.raises(shipping.WorkerLost, match="no workspace"):
-            cluster.ask(worker, shipping.read_there, "nothing", [], [])
+        with pytest.raises(remote_workers.WorkerLost, match="no workspace"):
+            cluster.ask(worker, remote_workers.read_there, "nothing", [], [])
         one.workers[0].kill()
         one.workers[0].wait()
         begun = time.monotonic()
-        with pytest.raises(shipping.WorkerLost):
+        with pytest.raises(remote_workers.WorkerLost):
             for _ in range(50):
                 cluster.ask(worker, os.getpid)
         assert time.monotonic() - begun < 10.0

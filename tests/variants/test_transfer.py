@@ -15,8 +15,9 @@ from pathlib import Path
 import pytest
 
 from thingc.base.diagnostics import Code
-from thingc.batch import BatchFault, plan, transfer
-from thingc.batch.transfer import Transfer, pack
+from thingc.batch import BatchFault, plan
+from thingc.batch.cluster import workspace_archive
+from thingc.batch.cluster.workspace_archive import Transfer, pack
 from variants.robots import workspace
 
 
@@ -112,7 +113,7 @@ def test_a_workspace_that_is_too_large(tmp_path: Path, monkeypatch: pytest.Monke
     (here / "videos").mkdir()
     (here / "videos" / "walk.mp4").write_bytes(bytes(1_990_000))
     (here / "videos" / "run.mp4").write_bytes(bytes(20_000))
-    monkeypatch.setattr(transfer, bound, value)
+    monkeypatch.setattr(workspace_archive, bound, value)
     with pytest.raises(BatchFault, match=f"has more than {words}, which is the bound for --ship.*`videos`") as caught:
         packed(here)
     assert caught.value.diagnostic.code is Code.TOO_LARGE and "thingc.toml" in str(caught.value.diagnostic.help)
@@ -138,7 +139,7 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
 
 def test_a_file_that_goes_while_it_is_looked_for(tmp_path: Path) -> None:
     here = workspace(tmp_path)
-    search = transfer._Search(plan(str(here / "sweep.yaml")).workspace, ())
+    search = workspace_archive._Search(plan(str(here / "sweep.yaml")).workspace, ())
     with pytest.raises(BatchFault, match=r"cannot read `.*draft.yaml~` to ship it: no such file"):
         search._add(str(here / "draft.yaml~"))
 

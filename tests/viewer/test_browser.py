@@ -23,9 +23,9 @@ from thingc.geometry.store.local import Store
 from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.robot.kinematics import body_poses, link_names
 from thingc.model.statics.loads import loads
-from thingc.targets.html.described import describe
-from thingc.targets.html.packed import Packed
-from thingc.targets.html.target import Page
+from thingc.targets.html.emit import Page
+from thingc.targets.html.mesh_packing import Packed
+from thingc.targets.html.viewer_data import describe
 from viewer.browser import address, drawn, links, needed, opened, spot, undrawn
 from viewer.conftest import Pages
 from viewer.test_page import element

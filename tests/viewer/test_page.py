@@ -20,8 +20,8 @@ from emit import small_robot
 from thingc.geometry.store.local import Store
 from thingc.geometry.store.meshes import arrays
 from thingc.targets.artifact import Artifacts
-from thingc.targets.html.packed import Packed
-from thingc.targets.html.target import emit
+from thingc.targets.html.emit import emit
+from thingc.targets.html.mesh_packing import Packed
 from viewer.conftest import Pages
 
 

@@ -10,10 +10,10 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
-from thingc.base.brief import Brief
-from thingc.base.shown import shortened
+from thingc.base.one_line_repr import Brief
+from thingc.base.safe_text import shortened
 from thingc.base.source import Edit, Node, Origin, Span, stands_in
-from thingc.base.typos import Hint
+from thingc.base.suggestions import Hint
 
 
 class Severity(str, Enum):

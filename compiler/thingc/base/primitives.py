@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Literal, assert_never
 
-from thingc.base.brief import Brief
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import MassProperties
+from thingc.base.one_line_repr import Brief
 from thingc.base.pose import NO_POSE, Matrix, Pose, Vector, dot, transpose
 from thingc.base.summing import hypot
 

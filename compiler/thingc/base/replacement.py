@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
-from thingc.base.files import NO_ROOM, opened, write_new
+from thingc.base.filesystem import NO_ROOM, opened, write_new
 
 Change = tuple[bytes | None, bytes | None]
 """The bytes of a file as they were read, and as they are to be. None is a file that does not exist."""

@@ -11,7 +11,7 @@ import re
 from typing import TYPE_CHECKING, Union
 
 from thingc.base.frozen import dataclass
-from thingc.base.typos import Hint, meant, nearest
+from thingc.base.suggestions import Hint, meant, nearest
 from thingc.base.unit_spellings import SYNONYMS, spellings
 
 if TYPE_CHECKING:

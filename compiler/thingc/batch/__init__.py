@@ -15,11 +15,11 @@ from thingc.base.exports import exported
 if TYPE_CHECKING:
     from thingc.batch.batch import run
     from thingc.batch.folder import BatchFault
-    from thingc.batch.in_place import NotInPlace, apply, fields, write
-    from thingc.batch.loading import BuiltVariant, Family, FamilyError, UnknownVariant, load
     from thingc.batch.planning import Plan, PlanError, Variant
     from thingc.batch.progress import Interrupted, Progress, Summary
-    from thingc.batch.reading import plan, read_plan
+    from thingc.batch.results import BuiltVariant, Family, FamilyError, UnknownVariant, load
+    from thingc.batch.shared_model import NotInPlace, apply, fields, write
+    from thingc.batch.variants_document import plan, read_plan
 
 __all__ = [
     "BatchFault", "BuiltVariant", "Family", "FamilyError", "Interrupted", "NotInPlace", "Plan", "PlanError", "Progress",

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from numbers import Integral, Real
 from typing import Any
 
-from thingc.batch.loading import FamilyError
+from thingc.batch.results import FamilyError
 
 
 def is_whole(value: Any, least: int) -> bool:

@@ -13,7 +13,7 @@ from thingc.batch.by_path import Paths, as_value, of_kind
 from thingc.batch.values import is_whole, spaced, spaced_si
 from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, plain, words_of
 from thingc.documents.expressions.terms import Expression
-from thingc.documents.expressions.texts import text_of
+from thingc.documents.expressions.value_text import text_of
 from thingc.documents.spec.variants import AxisSpec
 from thingc.geometry.record import Value
 from thingc.model.resolve.parameters import AssemblyParameters

@@ -17,12 +17,13 @@ from itertools import islice
 from typing import Any
 
 from thingc.base.diagnostics import Code, Diagnostic, shown_path
-from thingc.batch import places
-from thingc.batch.asked import RunOptions, check, check_engine, planned
-from thingc.batch.chunks import Packing, sealed_path
-from thingc.batch.description import describe, job_of, seen
+from thingc.batch import folder_layout
+from thingc.batch.batch_json import describe, job_of, seen
+from thingc.batch.build_records import lengths_in, losses, outcomes
+from thingc.batch.cluster.protocol import Carrier, Cluster
+from thingc.batch.cluster.remote_workers import Shipping
+from thingc.batch.cluster.workspace_archive import Transfer, pack
 from thingc.batch.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBroken, evaluate
-from thingc.batch.executors import Carrier, Cluster
 from thingc.batch.folder import (
     FOLDERS,
     MANY,
@@ -41,15 +42,14 @@ from thingc.batch.folder import (
 )
 from thingc.batch.job import STOPPED, Row, Task
 from thingc.batch.journal import Journal, Line
+from thingc.batch.packed_layout import Packing, sealed_path
 from thingc.batch.page import write_page
 from thingc.batch.pictures import OnPicture, usual
 from thingc.batch.planning import Plan, Variant
 from thingc.batch.progress import Interrupted, OnProgress, Progress, Summary
-from thingc.batch.records import lengths_in, losses, outcomes
-from thingc.batch.shipping import Shipping
+from thingc.batch.run_options import RunOptions, check, check_engine, planned
 from thingc.batch.showing import parameter_columns, show
 from thingc.batch.tables import Column, columns, write_tables
-from thingc.batch.transfer import Transfer, pack
 from thingc.driver.environment import Options, store_of
 from thingc.targets.artifact import HOW
 
@@ -81,7 +81,7 @@ def run(
 ) -> Summary:
     """Build the variants of a `variants/1` document into `<output>/<name>/` (`output` None: the workspace's build folder).
 
-    `executor` is somebody else's engine (`thingc.batch.cluster.connect` makes some); it calls `thingc.batch.engine.evaluate`,
+    `executor` is somebody else's engine (`thingc.batch.cluster.connection.connect` makes some); it calls `thingc.batch.engine.evaluate`,
     and its workers see the documents and the folder under the same paths. With `ship` they see neither: it is a cluster that can carry
     files (one of dask), the workspace goes to each of its workers, and built variants come back. None: runners on this machine, `jobs`
     of them (0: one per core; of another's executor: how many chunks are under way at once). `emit` replaces the document's targets,
@@ -175,7 +175,7 @@ class _Batch:
                     Code.BATCH_CHANGED, f"the batch in `{shown_path(self.folder)}` was begun with something else: {'; '.join(words)}",
                     "undo the change, or begin anew: delete the folder, or write into another one with -o",
                 )
-            places.sweep(self.folder)
+            folder_layout.sweep(self.folder)
             self._remember(retry=retry)
         write_batch(self.folder, self._described(finished=False))
         lay_out(self.folder, self.layout)
@@ -187,7 +187,7 @@ class _Batch:
         """Where variants are noted that are done."""
         if self.layout == PACKED:
             return Packing(self.folder, self.done)
-        return Journal(os.path.join(self.folder, places.JOURNAL))
+        return Journal(os.path.join(self.folder, folder_layout.JOURNAL))
 
     def _remember(self, *, retry: bool) -> None:
         """What an earlier run has done. A variant that is said to be built and is not there is not, nor, with `retry`, is one
@@ -231,7 +231,7 @@ class _Batch:
             if not whole:
                 raise Interrupted(self.folder, self._total(), self.count)
             if own is None:
-                places.sweep(self.folder)  # workers that died left what they were writing
+                folder_layout.sweep(self.folder)  # workers that died left what they were writing
             journal.sync()
             write_batch(self.folder, self._described(finished=True, wanted=self._tables()))
         statuses = self.earlier + self.counts
@@ -245,7 +245,7 @@ class _Batch:
 
     def _tables(self) -> tuple[Column, ...]:
         """Write the tables, unless they are there and nothing is new; their columns."""
-        names = places.TABLE_CSV, places.TABLE_PARQUET
+        names = folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET
         if not self.counts and self.before.get("finished") and unchanged(self.folder, *names):
             return tuple(Column(name=one["name"], kind=one["kind"], unit=one["unit"]) for one in self.before["columns"])
         wanted = write_tables(self.folder, self.parameters, self.plan.choice_paths)
@@ -395,7 +395,7 @@ class _Batch:
 
     def _path(self, variant: Variant) -> str:
         """Where a built variant lies in the batch's folder."""
-        return sealed_path(variant.index) if self.layout == PACKED else f"{places.VARIANTS}/{variant.id}"
+        return sealed_path(variant.index) if self.layout == PACKED else f"{folder_layout.VARIANTS}/{variant.id}"
 
     def _drain(self, journal: Journal | Packing) -> None:
         """Note what has been done up to the end of the runners."""

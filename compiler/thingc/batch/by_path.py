@@ -11,7 +11,7 @@ from thingc.base.units import Quantity
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.load.documents import Documents
-from thingc.documents.spec.stated import stated_value
+from thingc.documents.spec.settable_values import stated_value
 from thingc.documents.spec.variants import AxisSpec, VariantsSpec
 
 

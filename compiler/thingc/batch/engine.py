@@ -14,7 +14,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
 from thingc.base.diagnostics import Code
-from thingc.base.line_process import LineProcess, Lost
+from thingc.base.json_lines_process import LineProcess, Lost
 from thingc.batch.job import STOPPED, Job, Row, Task, row
 
 LOADING = 120.0

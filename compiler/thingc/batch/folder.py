@@ -14,14 +14,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
-from thingc.base.files import BadPath, listing
-from thingc.base.shown import quoted
-from thingc.batch import places
-from thingc.batch.chunks import DamagedChunk, complete
+from thingc.base.filesystem import BadPath, listing
+from thingc.base.safe_text import quoted
+from thingc.batch import folder_layout
+from thingc.batch.packed_layout import DamagedChunk, complete
 from thingc.driver.output import NOTHING, same_file
 from thingc.driver.output import unexpected_files as unexpected_in_build
-from thingc.driver.stamp import state_of
-from thingc.geometry.store.digests import Digests
+from thingc.driver.up_to_date import state_of
+from thingc.geometry.store.file_digests import Digests
 
 KIND = "batch/1"
 _VARIANT = re.compile(r"[0-9a-f]{12}")
@@ -29,7 +29,7 @@ _CHUNK = re.compile(r"[0-9]{6}(\.run)?\.parquet|[0-9]{6}\.jsonl")
 _ASSET = re.compile(r"[0-9a-f]{64}")
 _PICTURE = re.compile(r"[0-9a-f]{12}\.png")
 _OLD = re.compile(r"\.old-[0-9]+-[0-9a-f]{8}")
-INNER = (places.VARIANTS, places.CHUNKS, places.ASSETS, places.PICTURES)
+INNER = (folder_layout.VARIANTS, folder_layout.CHUNKS, folder_layout.ASSETS, folder_layout.PICTURES)
 """The folders in a batch's folder."""
 FOLDERS, PACKED = "folders", "packed"
 """The layouts: a folder for each variant, or many variants in a file."""
@@ -74,7 +74,7 @@ def locked(folder: str) -> Iterator[None]:
 def read_batch(folder: str) -> dict[str, Any] | None:
     """What `batch.json` says; None where there is none of ours."""
     try:
-        with open(os.path.join(folder, places.BATCH), encoding="utf-8") as stream:
+        with open(os.path.join(folder, folder_layout.BATCH), encoding="utf-8") as stream:
             described = json.load(stream)
     except (OSError, ValueError):
         return None
@@ -97,7 +97,7 @@ def whole(folder: str, described: Mapping[str, Any]) -> None:
 
 def write_batch(folder: str, batch: Mapping[str, Any]) -> None:
     """Write `batch.json`; it appears as a whole."""
-    _write(os.path.join(folder, places.BATCH), json.dumps({"thingc": KIND, **batch}, indent=2, sort_keys=True, ensure_ascii=False))
+    _write(os.path.join(folder, folder_layout.BATCH), json.dumps({"thingc": KIND, **batch}, indent=2, sort_keys=True, ensure_ascii=False))
 
 
 def _write(path: str, text: str) -> None:
@@ -118,13 +118,13 @@ def forget(folder: str, name: str) -> None:
 
 def _note(folder: str, states: Mapping[str, str | None]) -> None:
     noted = {name: state for name, state in {**_noted(folder), **states}.items() if state is not None}
-    _write(os.path.join(folder, places.SHOWN), json.dumps(noted, indent=2, sort_keys=True))
+    _write(os.path.join(folder, folder_layout.SHOWN), json.dumps(noted, indent=2, sort_keys=True))
 
 
 def _noted(folder: str) -> dict[str, str]:
     """What has been noted of files; nothing where the note is gone or damaged."""
     try:
-        with open(os.path.join(folder, places.SHOWN), encoding="utf-8") as stream:
+        with open(os.path.join(folder, folder_layout.SHOWN), encoding="utf-8") as stream:
             states = json.load(stream)
     except (OSError, ValueError):
         return {}
@@ -140,7 +140,7 @@ def unchanged(folder: str, *names: str) -> bool:
 def _edited(folder: str) -> list[str]:
     """The files that people open which are others than those that were written; one that is gone, or empty, is nothing to lose."""
     known = _noted(folder)
-    mine = (places.TABLE_CSV, places.TABLE_PARQUET, places.PAGE)
+    mine = (folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE)
     return [name for name in mine if name in known and state_of(os.path.join(folder, name)) not in (known[name], None, NOTHING)]
 
 
@@ -180,17 +180,17 @@ def begin(folder: str, document: str, assembly: str) -> None:
 
 def lay_out(folder: str, layout: str) -> None:
     """Make the inner folders that a batch of this layout needs. Its `batch.json` is there: a kill before this costs nothing."""
-    for inner in (places.CHUNKS if layout == PACKED else places.VARIANTS, places.ASSETS):
+    for inner in (folder_layout.CHUNKS if layout == PACKED else folder_layout.VARIANTS, folder_layout.ASSETS):
         os.makedirs(os.path.join(folder, inner), exist_ok=True)
 
 
 def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
     """Take a finished batch out of the way. A kill on the way leaves one that has not finished and can be gone on with."""
     write_batch(folder, {**{key: value for key, value in before.items() if key != "thingc"}, "finished": False})
-    for name in (places.JOURNAL, places.TABLE_CSV, places.TABLE_PARQUET, places.PAGE):
+    for name in (folder_layout.JOURNAL, folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE):
         with contextlib.suppress(FileNotFoundError):
             os.unlink(os.path.join(folder, name))
-    old = os.path.join(folder, places.set_aside())
+    old = os.path.join(folder, folder_layout.set_aside())
     os.mkdir(old)
     for inner in INNER:
         with contextlib.suppress(FileNotFoundError):
@@ -222,25 +222,26 @@ def _delete(folders: list[str], stopped: threading.Event) -> None:
             for name in listing(place):
                 if stopped.is_set():
                     return
-                places.remove(os.path.join(place, name))
+                folder_layout.remove(os.path.join(place, name))
         shutil.rmtree(folder, ignore_errors=True)
 
 
 def unexpected_files(folder: str, assembly: str) -> list[str]:
     """Everything in the folder that no batch over `assembly` wrote, or that was changed since, by path in it, sorted."""
     known: Digests = {}  # variants share their meshes
-    paths = [name for name in os.listdir(folder) if name.removesuffix(".new") not in places.OWN and not _OLD.fullmatch(name)]
+    paths = [name for name in os.listdir(folder) if name.removesuffix(".new") not in folder_layout.OWN and not _OLD.fullmatch(name)]
     for inner, pattern in (
-        (places.VARIANTS, _VARIANT), (places.CHUNKS, _CHUNK), (places.ASSETS, _ASSET), (places.PICTURES, _PICTURE),
+        (folder_layout.VARIANTS, _VARIANT), (folder_layout.CHUNKS, _CHUNK), (folder_layout.ASSETS, _ASSET),
+        (folder_layout.PICTURES, _PICTURE),
     ):
         place = os.path.join(folder, inner)
         for name in os.listdir(place) if os.path.isdir(place) else ():  # one that cannot be read may hold anything
-            if name.startswith(places.NEW):
+            if name.startswith(folder_layout.NEW):
                 continue
             path = f"{inner}/{name}"
             if not pattern.fullmatch(name):
                 paths.append(path)
-            elif inner == places.VARIANTS:
+            elif inner == folder_layout.VARIANTS:
                 paths.extend(f"{path}/{one}" for one in unexpected_in_build(os.path.join(folder, path), assembly, known=known).names)
     return sorted(paths)
 

@@ -13,10 +13,10 @@ from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Any
 
-from thingc.base.shown import shown
-from thingc.base.webpage import in_script, pieces
-from thingc.batch import places
-from thingc.batch.records import spread
+from thingc.base.html_page import in_script, pieces
+from thingc.base.safe_text import shown
+from thingc.batch import folder_layout
+from thingc.batch.build_records import spread
 from thingc.batch.tables import RUN, Column, cells
 from thingc.batch.values import size_of
 
@@ -29,12 +29,12 @@ def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Colum
 
     `described` is what `batch.json` says, `wanted` the columns of the table. A row is in memory at a time.
     """
-    path = os.path.join(folder, places.PAGE)
+    path = os.path.join(folder, folder_layout.PAGE)
     wanted = [column for column in wanted if column.name not in RUN]
     units = _units(wanted)
     before, after = _frame(described)
     done, lines = spread(folder, MOST)
-    pictures = places.pictured(folder)
+    pictures = folder_layout.pictured(folder)
     fresh = f"{path}.new"
     with open(fresh, "w", encoding="utf-8", newline="\n") as stream:
         stream.write(before)

@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity
-from thingc.base.files import listing, write_tree
-from thingc.base.line_process import LineProcess, Lost
+from thingc.base.filesystem import listing, write_tree
+from thingc.base.json_lines_process import LineProcess, Lost
 from thingc.base.summing import plain_sum
-from thingc.batch import places
-from thingc.batch.chunks import packed
-from thingc.batch.records import Files, read
+from thingc.batch import folder_layout
+from thingc.batch.build_records import Files, read
+from thingc.batch.packed_layout import packed
 
 MOST = 48
 """Pictures of a batch, unless the caller says otherwise: one takes some tenths of a second without a graphics card."""
@@ -100,7 +100,7 @@ def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[t
             id, files = str(records.line(index)["id"]), records.files(index)
             name = _model(files, mode)
             assert name is not None
-            place = os.path.join(places.variant_folder(folder, id), "mjcf")
+            place = os.path.join(folder_layout.variant_folder(folder, id), "mjcf")
             if packed(folder):
                 place = os.path.join(scratch, id)
                 meshes = {f"{id}/assets/{mesh}": path for mesh, (_, path) in files.meshes().items()}
@@ -117,7 +117,7 @@ def draw(
     What was drawn before and is not chosen now is deleted. Interrupted, it leaves the pictures that are there. Raises `OSError`
     when the system refuses.
     """
-    place = os.path.join(folder, places.PICTURES)
+    place = os.path.join(folder, folder_layout.PICTURES)
     with _laid_out(folder, mode, chosen(folder, mode, most) if most != 0 else ()) as shots:
         return _draw(place, pose, shots, jobs, on_picture)
 

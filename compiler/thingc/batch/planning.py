@@ -11,9 +11,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from thingc.base.brief import Brief
+from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Diagnostic
-from thingc.base.printing import as_text
+from thingc.base.one_line_repr import Brief
 from thingc.base.units import Dimension, Quantity
 from thingc.batch.axes import Axis
 from thingc.batch.by_path import Paths
@@ -22,12 +22,12 @@ from thingc.batch.sampling import points
 from thingc.batch.values import identity, unit_of
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, plain
 from thingc.documents.expressions.terms import Expression, ExpressionError
-from thingc.documents.expressions.texts import text_of
+from thingc.documents.expressions.value_text import text_of
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.documents.spec.variants import Method
 from thingc.documents.workspace import Workspace
 from thingc.geometry.record import Value
-from thingc.model.resolve.model import AssemblyDefinition
+from thingc.model.resolve.types import AssemblyDefinition
 
 OUTSIDE = "outside:"
 """What the names of inputs begin with that lie outside of the workspace."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from thingc.base.brief import Brief, counted
 from thingc.base.diagnostics import Diagnostic
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief, counted
 
 
 class Interrupted(Exception):

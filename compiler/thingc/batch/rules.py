@@ -7,11 +7,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.base.frozen import dataclass
 from thingc.base.source import Document, Path
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.base.units import INERTIA, LENGTH, MASS, NUMBER, Dimension, Quantity
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate
 from thingc.documents.expressions.terms import Expression, ExpressionError
-from thingc.documents.spec.saying import within
+from thingc.documents.spec.validation_messages import within
 
 RESULTS: dict[str, Dimension] = {
     "mass": MASS,

@@ -19,14 +19,14 @@ import traceback
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from thingc.base.diagnostic_output import as_json
 from thingc.base.diagnostics import Code, Diagnostic, Severity
-from thingc.base.printing import as_json
 from thingc.base.units import Dimension, Quantity
-from thingc.batch.chunks import FILES, SHARED
+from thingc.batch.folder_layout import keep_asset, write_variant
 from thingc.batch.job import STOPPED, Job, Row, Task, refusal, row
-from thingc.batch.measure import Results, UnknownMount, measure
-from thingc.batch.places import keep_asset, write_variant
-from thingc.batch.plans.builds import Builds
+from thingc.batch.measurements import Results, UnknownMount, measure
+from thingc.batch.packed_layout import FILES, SHARED
+from thingc.batch.plans.build_templates import Builds
 from thingc.batch.rules import Rule, unkept
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.documents.expressions.parsing import parse_expression

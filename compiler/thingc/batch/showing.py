@@ -8,12 +8,12 @@ from typing import Any
 
 from thingc.base.diagnostics import Diagnostic
 from thingc.base.units import Quantity
-from thingc.batch import places, reading
+from thingc.batch import folder_layout, variants_document
+from thingc.batch.build_records import lengths_in
 from thingc.batch.folder import begun, forget, in_words, locked, remember, whole
 from thingc.batch.page import write_page
 from thingc.batch.pictures import OnPicture, draw, usual
 from thingc.batch.planning import Plan
-from thingc.batch.records import lengths_in
 from thingc.batch.tables import Column, columns
 from thingc.driver.environment import Options
 
@@ -36,13 +36,13 @@ def show(
     Ctrl-C ends the drawing alone: the page shows what was drawn until then. Raises `OSError` when the system refuses.
     """
     warning = None
-    forget(folder, places.PAGE)
+    forget(folder, folder_layout.PAGE)
     try:
         warning = draw(folder, described["modes"][0], described["pose"], most=most, jobs=jobs, on_picture=on_picture)
     except KeyboardInterrupt:
         pass
     write_page(folder, described, wanted)
-    remember(folder, places.PAGE)
+    remember(folder, folder_layout.PAGE)
     return warning
 
 
@@ -55,7 +55,7 @@ def show_again(
 
     Raises `PlanError` for a document with errors, and `BatchFault` where there is no batch of it, or another one is under way.
     """
-    plan = reading.plan(document, options=options)
+    plan = variants_document.plan(document, options=options)
     folder = plan.folder_in(output)
     described = begun(plan.relative, folder, "build it first, without --page-only")
     try:
@@ -66,4 +66,4 @@ def show_again(
             warning = show(folder, described, wanted, most=most, jobs=jobs or os.cpu_count() or 1, on_picture=on_picture)
     except OSError as fault:
         raise in_words(folder, fault) from fault
-    return os.path.join(folder, places.PAGE), warning
+    return os.path.join(folder, folder_layout.PAGE), warning

@@ -12,12 +12,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from thingc.base.csvcell import cell
+from thingc.base.csv_text import cell
 from thingc.base.frozen import dataclass
-from thingc.batch import places
-from thingc.batch.columns import column
+from thingc.batch import folder_layout
+from thingc.batch.arrow_columns import column
+from thingc.batch.build_records import in_order, lengths_in
 from thingc.batch.journal import Line
-from thingc.batch.records import in_order, lengths_in
 from thingc.batch.rules import PARAMETERS, RESULTS, dimension_of
 from thingc.batch.values import unit_of
 
@@ -87,7 +87,7 @@ def cells(line: Line, wanted: Sequence[Column]) -> list[Any]:
 def write_tables(folder: str, parameters: Sequence[Column], choices: Sequence[str]) -> tuple[Column, ...]:
     """Write both files anew from what a batch has done; each appears as a whole. Returns their columns."""
     wanted = columns(parameters, choices, lengths_in(folder))
-    written = os.path.join(folder, places.TABLE_CSV), os.path.join(folder, places.TABLE_PARQUET)
+    written = os.path.join(folder, folder_layout.TABLE_CSV), os.path.join(folder, folder_layout.TABLE_PARQUET)
     with _csv(f"{written[0]}.new", wanted) as to_csv, _parquet(f"{written[1]}.new", wanted) as to_parquet:
         for line in in_order(folder):
             row = cells(line, wanted)

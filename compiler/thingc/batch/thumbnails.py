@@ -12,10 +12,10 @@ import os
 import sys
 from typing import Any
 
-from thingc.base.files import listing
-from thingc.batch.places import NEW
+from thingc.base.filesystem import listing
+from thingc.batch.folder_layout import NEW
 from thingc.targets.render.picture import NoGraphics, ready
-from thingc.targets.render.series import extent, small_picture
+from thingc.targets.render.thumbnail_series import extent, small_picture
 
 
 def read(path: str) -> tuple[str, dict[str, bytes]]:

@@ -15,13 +15,13 @@ from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.files import NoPlainFile, beginning
+from thingc.base.filesystem import NoPlainFile, beginning
 from thingc.base.frozen import dataclass
-from thingc.base.installed import dotted_name
-from thingc.base.packaging import KEYS, MEMORY, About
-from thingc.base.shown import is_text
+from thingc.base.installed_packages import dotted_name
+from thingc.base.package_info import KEYS, MEMORY, About
+from thingc.base.safe_text import is_text
 from thingc.base.source import MappingNode, Path, Span, line_of
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.base.units import ANGLE, LENGTH, TIME, Dimension, Quantity, checked, parse_quantity, shortened
 
 if TYPE_CHECKING:

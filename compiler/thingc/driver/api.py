@@ -7,11 +7,11 @@ from dataclasses import field
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from thingc.base.brief import Brief
+from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import MassProperties
-from thingc.base.printing import as_text
+from thingc.base.one_line_repr import Brief
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options, Printed, attempted
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from thingc.geometry.store.local import Store
     from thingc.model.assembly.types import Assembly
     from thingc.model.robot.types import Robot
-    from thingc.targets.html.target import Page
+    from thingc.targets.html.emit import Page
     from thingc.targets.request import EmitRequest
 
 
@@ -96,8 +96,8 @@ class Compiled(Brief):
     @property
     def hag(self) -> Any:
         """The assembly graph as a `networkx.MultiDiGraph`: definitions, and what is a subcomponent of what."""
-        from thingc.targets.graphs import hag_graph
-        from thingc.targets.hag.words import quantities
+        from thingc.targets.hag.labels import quantities
+        from thingc.targets.networkx_export import hag_graph
 
         hag = self.assembly.hag
         return hag_graph(hag, quantities(hag))
@@ -105,14 +105,14 @@ class Compiled(Brief):
     @property
     def links(self) -> Any:
         """The links and the joints between them as a `networkx.MultiDiGraph`, whatever the root."""
-        from thingc.targets.graphs import link_graph
+        from thingc.targets.networkx_export import link_graph
 
         return link_graph(self.assembly)
 
     @property
     def mates(self) -> Any:
         """The occurrences and the mates between them as a `networkx.MultiDiGraph`."""
-        from thingc.targets.graphs import mate_graph
+        from thingc.targets.networkx_export import mate_graph
 
         return mate_graph(self.assembly)
 
@@ -177,7 +177,7 @@ def _compiled(environment: Environment, others: Mapping[str, float], modes: Sequ
 
 
 def _page(request: EmitRequest) -> Page:
-    from thingc.targets.html.target import page_of
+    from thingc.targets.html.emit import page_of
 
     return page_of(request)
 

@@ -13,7 +13,7 @@ def inputs(environment: Environment, compilation: Compilation) -> dict[str, str 
 
     None where a file changed while it was being read: nobody knows which content the answer is of.
     """
-    from thingc.driver.stamp import state_of
+    from thingc.driver.up_to_date import state_of
 
     workspace, documents = environment.workspace, compilation.documents
     assert workspace is not None and documents is not None

@@ -15,9 +15,9 @@ from thingc.base.memo import Memo
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
-    from thingc.geometry.answers import PartAnswers
     from thingc.geometry.client import Workers
     from thingc.geometry.lock.lock import Lock
+    from thingc.geometry.part_source import PartAnswers
     from thingc.geometry.service import GeometryService
     from thingc.geometry.store.local import Store
 
@@ -106,7 +106,7 @@ class Environment:
             return self._lent(self.workspace, self.store)
         if self.options.code:
             return geometry_of(self.workspace, self.options, self.store, self._lock if self.options.lock else None)
-        from thingc.geometry.lock.locked import LockedGeometry
+        from thingc.geometry.lock.reader import LockedGeometry
 
         return LockedGeometry(self.workspace, self._lock())
 
@@ -132,7 +132,7 @@ class Environment:
     def say_gaps(self, report: Report) -> None:
         """What the lock could not tell of the parts realized last, and what is wrong with it: a warning where code may run, for
         then it is not needed."""
-        from thingc.geometry.answers import report_gaps
+        from thingc.geometry.part_source import report_gaps
 
         severity = Severity.WARNING if self.options.code else Severity.ERROR
         report.diagnostics.extend(replace(fault, severity=severity) for fault in self._lock_report.diagnostics)

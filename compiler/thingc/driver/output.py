@@ -22,12 +22,12 @@ import stat
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, NoReturn, Protocol
 
+from thingc.base.atomic_swap import exchange
 from thingc.base.diagnostics import Code, Report, shown_path
-from thingc.base.exchange import exchange
-from thingc.base.files import check_tree
+from thingc.base.filesystem import check_tree
 from thingc.base.frozen import dataclass
-from thingc.base.shown import quoted
-from thingc.geometry.store.digests import Digests, digest_of
+from thingc.base.safe_text import quoted
+from thingc.geometry.store.file_digests import Digests, digest_of
 from thingc.geometry.store.local import Store
 from thingc.targets.artifact import MANIFEST, Content, Stored
 from thingc.targets.registry import written

@@ -17,21 +17,21 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Report, Stage, shown_path
-from thingc.base.files import beginning
+from thingc.base.filesystem import beginning
 from thingc.base.frozen import dataclass
 from thingc.base.memo import Memo
-from thingc.base.shown import shortened
-from thingc.base.typos import did_you_mean
+from thingc.base.safe_text import shortened
+from thingc.base.suggestions import did_you_mean
 from thingc.driver.environment import Environment, Options
 
 if TYPE_CHECKING:
     from thingc.base.pose import Vector
     from thingc.documents.load.documents import Documents
-    from thingc.geometry.decisions import Decision
+    from thingc.geometry.build_reasons import Decision
     from thingc.geometry.record import Mesh, PartFailure, PartRecord, PartSchema
     from thingc.model.assembly.types import Assembly
-    from thingc.model.resolve.model import AssemblyDefinition
     from thingc.model.resolve.sources import Settings, Sources
+    from thingc.model.resolve.types import AssemblyDefinition
     from thingc.model.robot.types import Robot
     from thingc.targets.artifact import Artifacts, Content
     from thingc.targets.request import EmitRequest
@@ -121,7 +121,7 @@ def compile(
     told = settings(sources) if settings is not None and sources is not None else settings_of(environment.options)
     compilation = _passes(environment, sources, told, modes, None)
     if compilation.assembly is not None and not compilation.report.failed:
-        from thingc.model.robot.starting import check_starts
+        from thingc.model.robot.start_pose_checks import check_starts
 
         check_starts(compilation.robots, _corners(environment), compilation.report, environment.memo)
     return compilation
@@ -186,7 +186,7 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
         schemas = environment.geometry.describe(references, lambda: [*map(import_module, (*PASSES, *environment.options.ahead))])
     else:
         schemas = environment.parts.describe(references) if references else {}
-    from thingc.geometry.store.digests import digest_of
+    from thingc.geometry.store.file_digests import digest_of
     from thingc.model.resolve.sources import Sources
 
     kept = environment.store if environment.options.code else None
@@ -258,15 +258,15 @@ def _passes(
 ) -> Compilation:
     """From what was read to the robots. `of_text` has answers that hold as long as the documents stand as they are, line by line; those of
     the environment hold for all."""
-    from thingc.geometry.meshes.kept import mesh_records
+    from thingc.geometry.meshes.cache import mesh_records
     from thingc.model.assembly.linking import link
     from thingc.model.assembly.mesh_files import listed_meshes
-    from thingc.model.assembly.own_images import with_own_images
-    from thingc.model.assembly.prints import likely_slicings, slicings_of
+    from thingc.model.assembly.print_settings import likely_slicings, slicings_of
+    from thingc.model.assembly.symmetric_parts import with_own_images
     from thingc.model.resolve.nested import decomposed, part_definitions
     from thingc.model.resolve.resolver import resolve, resolve_materials
+    from thingc.model.robot.floor_height import stand
     from thingc.model.robot.spanning_tree import root
-    from thingc.model.robot.standing import stand
 
     report, memo = environment.report.continued(), environment.memo
     if own is None:
@@ -305,7 +305,7 @@ def _passes(
 def _say_hidden(environment: Environment, sources: Sources, report: Report) -> None:
     """Say which modules of parts hide others; most often there is none."""
     from thingc.documents.spec.validation import part_references
-    from thingc.geometry.answers import report_hidden
+    from thingc.geometry.part_source import report_hidden
 
     hiding = [reference for reference in sources.schemas if environment.parts.hiding(reference)]
     if hiding:

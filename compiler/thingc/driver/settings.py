@@ -13,16 +13,16 @@ from typing import Any
 from thingc.base.diagnostics import Code, Report
 from thingc.base.frozen import dataclass
 from thingc.base.source import SET, Document, MappingNode, Node
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.base.units import NUMBER, Quantity, UnitError, parse_quantity
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import Expression, ExpressionError
-from thingc.documents.expressions.texts import text_of
+from thingc.documents.expressions.value_text import text_of
 from thingc.documents.load.documents import Documents
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.choices import SECTIONS
-from thingc.documents.spec.stated import dimension_stated, nested_document, stated_parameter, stated_value
+from thingc.documents.spec.settable_values import dimension_stated, nested_document, stated_parameter, stated_value
 from thingc.model.resolve.parameters import AssemblyParameters
 from thingc.model.resolve.sources import Settings, Sources
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
-from thingc.base.line_process import LineProcess, Lines, Lost
-from thingc.geometry.key.environment import environment
+from thingc.base.json_lines_process import LineProcess, Lines, Lost
+from thingc.geometry.key.environment_variables import environment
 from thingc.geometry.worker import process_tree
 
 GRACE = 15.0

@@ -10,10 +10,10 @@ from thingc.base.frozen import dataclass
 from thingc.geometry.key.build_key import BuildKey, record_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.part_code import PartCode, file_state
-from thingc.geometry.key.results import Results
+from thingc.geometry.key.result_cache import Results
 from thingc.geometry.key.versions import OF_FILES, versions_of
+from thingc.geometry.print_slices import LikelySlicing
 from thingc.geometry.record import PartDefinition, PartFailure, PartSchema, Value
-from thingc.geometry.slices import LikelySlicing
 from thingc.geometry.store.local import Store
 
 if TYPE_CHECKING:

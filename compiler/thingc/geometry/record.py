@@ -12,12 +12,12 @@ from dataclasses import field, replace
 from enum import Enum
 from typing import Literal
 
-from thingc.base.brief import Brief
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
 from thingc.base.pose import Matrix, Pose, Vector
 from thingc.base.primitives import Primitive
 from thingc.base.units import ANGLE, LENGTH, MASS, NUMBER, Dimension, Quantity
-from thingc.geometry.slices import Sliced, Slicing, Unsliced
+from thingc.geometry.print_slices import Sliced, Slicing, Unsliced
 
 Value = float | int | bool | str
 """A canonical parameter value: SI floats for dimensioned ones, ints for whole numbers, text and flags as they are."""

@@ -11,24 +11,24 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.frozen import dataclass
-from thingc.geometry.convex_answers import ConvexAnswers
-from thingc.geometry.decisions import Decision, Recent, unchanged, why
-from thingc.geometry.kept_records import KeptRecords
+from thingc.geometry.build_reasons import Decision, Recent, unchanged, why
+from thingc.geometry.convex_piece_cache import ConvexAnswers
 from thingc.geometry.key.build_key import BuildKey, schema_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.modules import Module
 from thingc.geometry.key.part_code import PartCode
-from thingc.geometry.key.results import Kept, Results
+from thingc.geometry.key.result_cache import Kept, Results
 from thingc.geometry.key.versions import versions_of
 from thingc.geometry.lock.lock import LOCK_FILE, Lock
-from thingc.geometry.lock.locked import LockBeside
+from thingc.geometry.lock.reader import LockBeside
 from thingc.geometry.part_requests import Likely, PartRequest, PartRequests
+from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import AssemblyFailed, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
+from thingc.geometry.record_cache import KeptRecords
 from thingc.geometry.record_json import failure_from_json, record_from_json, schema_from_json, with_left
-from thingc.geometry.slices import Slicing
 from thingc.geometry.store.build_locks import BuildLocks
 from thingc.geometry.store.local import Store, StoreUnusable
-from thingc.geometry.store.slice_answers import SliceAnswers, lacking
+from thingc.geometry.store.slice_cache import SliceAnswers, lacking
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
@@ -491,6 +491,6 @@ class GeometryService:
 
     def _broken(self, subject: str, answer: dict[str, Any]) -> PartFailure:
         """A part that ended its worker. Such failures are not kept: the next run tries again."""
-        from thingc.geometry.worker.crash import failure_of
+        from thingc.geometry.worker.crash_report import failure_of
 
         return failure_of(subject, answer, self.timeout, self.workspace)

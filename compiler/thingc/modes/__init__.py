@@ -17,8 +17,8 @@ axes, then the angular velocity in the link's own axes, as a free joint has it.
 
 from __future__ import annotations
 
-from thingc.modes.catching import Caught, caught
-from thingc.modes.faults import BaseElsewhere, BaseMoves, ModesError, UnknownMode, WrongData
+from thingc.modes.errors import BaseElsewhere, BaseMoves, ModesError, UnknownMode, WrongData
+from thingc.modes.impact import Caught, caught
 from thingc.modes.inertias import Inertias
 from thingc.modes.robot import Modes, Switched
 from thingc.modes.state import State

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thingc.base.brief import Brief
+from thingc.base.one_line_repr import Brief
 from thingc.modes.frames import Array, quaternion_of, rotation_of, rotation_vector, turned
 
 

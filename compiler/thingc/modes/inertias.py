@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from thingc.base.brief import Brief
+from thingc.base.one_line_repr import Brief
 from thingc.modes.frames import Array
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from thingc.modes.faults import WrongData
+from thingc.modes.errors import WrongData
 from thingc.modes.frames import Array, pose, quaternion_of, rotation_of
 from thingc.modes.inertias import Inertias
 from thingc.modes.placements import find_displaced

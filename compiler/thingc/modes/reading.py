@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from thingc.modes.balls import Ball
-from thingc.modes.bases import PartBase
-from thingc.modes.faults import ModesError
+from thingc.modes.errors import ModesError
 from thingc.modes.frames import Array, inverse
+from thingc.modes.partial_bases import PartBase
 from thingc.modes.tree import Cut, Hold, Joint, Link, Mimic, Mode
 
 FILE = "modes.json"

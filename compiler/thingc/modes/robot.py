@@ -10,15 +10,15 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from thingc.base.brief import Brief
-from thingc.base.typos import did_you_mean
+from thingc.base.one_line_repr import Brief
+from thingc.base.suggestions import did_you_mean
 from thingc.modes import mjdata, reading
-from thingc.modes.bases import PartBase
-from thingc.modes.catching import Caught, at_point, caught
-from thingc.modes.cuts import coordinates, freedoms, usual
-from thingc.modes.faults import BaseElsewhere, BaseMoves, ModesError, UnknownMode
+from thingc.modes.cut_joints import coordinates, freedoms, usual
+from thingc.modes.errors import BaseElsewhere, BaseMoves, ModesError, UnknownMode
 from thingc.modes.frames import Array, angle_between, inverse, pose
+from thingc.modes.impact import Caught, at_point, caught
 from thingc.modes.inertias import Inertias
+from thingc.modes.partial_bases import PartBase
 from thingc.modes.state import State
 from thingc.modes.tree import Cut, Mode
 

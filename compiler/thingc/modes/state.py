@@ -9,8 +9,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thingc.base.brief import Brief
-from thingc.modes.faults import ModesError
+from thingc.base.one_line_repr import Brief
+from thingc.modes.errors import ModesError
 from thingc.modes.frames import Array
 
 

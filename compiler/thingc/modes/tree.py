@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thingc.base.brief import Brief
+from thingc.base.one_line_repr import Brief
+from thingc.base.suggestions import did_you_mean
 from thingc.base.summing import plain_sum
-from thingc.base.typos import did_you_mean
 from thingc.modes.balls import Ball
-from thingc.modes.bases import PartBase
-from thingc.modes.faults import ModesError
+from thingc.modes.errors import ModesError
 from thingc.modes.frames import Array, cross_matrix, exponential, pose, quaternion_of
 from thingc.modes.inertias import Inertias
+from thingc.modes.partial_bases import PartBase
 from thingc.modes.state import State
 
 

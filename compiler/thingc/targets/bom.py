@@ -6,11 +6,11 @@ import csv
 import io
 from itertools import count
 
-from thingc.base.csvcell import cell
+from thingc.base.csv_text import cell
 from thingc.base.frozen import dataclass
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.types import Assembly, Occurrence
-from thingc.targets import jsontext
+from thingc.targets import json_writer
 from thingc.targets.artifact import Artifacts
 from thingc.targets.request import EmitRequest
 
@@ -127,7 +127,7 @@ def csv_text(rows: tuple[BomRow, ...]) -> str:
 
 def json_text(rows: tuple[BomRow, ...]) -> bytes:
     """A list of objects with the keys `COLUMNS`; null where nothing is known."""
-    return jsontext.encode([{column: getattr(row, column) for column in COLUMNS} for row in rows])
+    return json_writer.encode([{column: getattr(row, column) for column in COLUMNS} for row in rows])
 
 
 def emit(request: EmitRequest) -> Artifacts:

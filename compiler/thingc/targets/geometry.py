@@ -16,7 +16,7 @@ from thingc.base.primitives import Primitive, PrimitiveShape
 from thingc.base.source import Origin
 from thingc.geometry.record import Mesh, PartDefinition
 from thingc.model.assembly.types import Assembly, Occurrence, Surface
-from thingc.model.resolve.model import Material
+from thingc.model.resolve.types import Material
 from thingc.targets.artifact import Loss, Stored
 
 PIECES = {"decompose": "convex"}

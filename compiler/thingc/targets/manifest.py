@@ -11,10 +11,10 @@ from dataclasses import field
 from typing import TYPE_CHECKING
 
 from thingc import __version__
-from thingc.base.files import listing
+from thingc.base.filesystem import listing
 from thingc.base.frozen import dataclass
 from thingc.model.assembly.types import Assembly
-from thingc.targets import jsontext
+from thingc.targets import json_writer
 from thingc.targets.artifact import MANIFEST, Content, Loss, Stored
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def manifest(
     if MANIFEST in files:
         raise ValueError(f"{MANIFEST} cannot list itself")
     links = assembly.links
-    return jsontext.encode(
+    return json_writer.encode(
         {
             "name": assembly.name,
             "document": document,

@@ -13,12 +13,12 @@ from collections.abc import Sequence
 from typing import Literal
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.model.assembly.types import Assembly
-from thingc.model.resolve.model import RawAttribute
+from thingc.model.resolve.types import RawAttribute
 from thingc.model.robot.types import Robot
-from thingc.targets.names import safe
-from thingc.targets.xml import NAMESPACES, Element, unwritable
+from thingc.targets.name_mangling import safe
+from thingc.targets.xml_writer import NAMESPACES, Element, unwritable
 
 KINDS = ("link", "joint")
 """Kinds of elements that have names."""

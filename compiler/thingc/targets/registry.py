@@ -15,10 +15,10 @@ from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code
-from thingc.base.files import listing
+from thingc.base.filesystem import listing
 from thingc.base.frozen import dataclass
-from thingc.base.shown import shortened
-from thingc.base.typos import did_you_mean
+from thingc.base.safe_text import shortened
+from thingc.base.suggestions import did_you_mean
 
 if TYPE_CHECKING:
     from thingc.targets.artifact import Artifacts, Loss
@@ -46,7 +46,7 @@ class Target:
 
 TARGETS: dict[str, Target] = {
     "mjcf": Target(  # `modes.json` states addresses in the models, so the two go together
-        says="MuJoCo models and scenes, one per mode", emitters=("thingc.targets.mjcf.target:emit", "thingc.targets.modes:emit"),
+        says="MuJoCo models and scenes, one per mode", emitters=("thingc.targets.mjcf.emit:emit", "thingc.targets.modes_json:emit"),
         writes=("mjcf/*.xml", "mjcf/assets/*.obj", "modes.json"), capabilities="thingc.targets.mjcf.capabilities", by_name=True,
     ),
     "mjz": Target(
@@ -55,15 +55,15 @@ TARGETS: dict[str, Target] = {
     "stl": Target(says="print files", emitters=("thingc.targets.stl:emit",), writes=("stl/*.stl",)),
     "step": Target(says="the whole robot", emitters=("thingc.targets.step:emit",), writes=("step/*.step",)),
     "glb": Target(
-        says="each mode for viewers of glTF", emitters=("thingc.targets.glb:emit",), writes=("glb/*.glb",), unasked=False,
-        capabilities="thingc.targets.glb", by_name=True,
+        says="each mode for viewers of glTF", emitters=("thingc.targets.gltf:emit",), writes=("glb/*.glb",), unasked=False,
+        capabilities="thingc.targets.gltf", by_name=True,
     ),
     "urdf": Target(
-        says="each mode for ROS", emitters=("thingc.targets.urdf.target:emit",), writes=("urdf/*.urdf", "urdf/meshes/*.obj"), unasked=False,
+        says="each mode for ROS", emitters=("thingc.targets.urdf.emit:emit",), writes=("urdf/*.urdf", "urdf/meshes/*.obj"), unasked=False,
         capabilities="thingc.targets.urdf.capabilities", by_name=True,
     ),
     "ros": Target(
-        says="a ROS 2 package with all modes", emitters=("thingc.targets.ros.target:emit",), unasked=False,
+        says="a ROS 2 package with all modes", emitters=("thingc.targets.ros.emit:emit",), unasked=False,
         writes=(
             "ros/*/package.xml", "ros/*/CMakeLists.txt", "ros/*/urdf/*.urdf", "ros/*/meshes/*.obj", "ros/*/launch/*.launch.py",
             "ros/*/config/*.srdf", "ros/*/config/*.yaml", "ros/*/config/*.rviz",
@@ -71,19 +71,19 @@ TARGETS: dict[str, Target] = {
         capabilities="thingc.targets.ros.capabilities", by_name=True,
     ),
     "sdf": Target(
-        says="each mode for Gazebo", emitters=("thingc.targets.sdf.target:emit",),
+        says="each mode for Gazebo", emitters=("thingc.targets.sdf.emit:emit",),
         writes=("sdf/*.sdf", "sdf/*/model.sdf", "sdf/*/model.config", "sdf/*/meshes/*.obj"), unasked=False,
         capabilities="thingc.targets.sdf.capabilities", by_name=True,
     ),
     "usd": Target(
-        says="each mode for Isaac Sim and Newton", emitters=("thingc.targets.usd.target:emit",), writes=("usd/*.usda",), unasked=False,
+        says="each mode for Isaac Sim and Newton", emitters=("thingc.targets.usd.emit:emit",), writes=("usd/*.usda",), unasked=False,
         capabilities="thingc.targets.usd.capabilities",
     ),
     "html": Target(
-        says="the robot in a browser", emitters=("thingc.targets.html.target:emit",), writes=("html/*.html",), unasked=False,
+        says="the robot in a browser", emitters=("thingc.targets.html.emit:emit",), writes=("html/*.html",), unasked=False,
     ),
     "bom": Target(says="bill of materials", emitters=("thingc.targets.bom:emit",), writes=("bom.csv", "bom.json")),
-    "hag": Target(says="assembly graph", emitters=("thingc.targets.hag.target:emit",), writes=("hag.dot", "hag.mmd", "hag.svg")),
+    "hag": Target(says="assembly graph", emitters=("thingc.targets.hag.emit:emit",), writes=("hag.dot", "hag.mmd", "hag.svg")),
 }
 """Ours, in the order in which a build writes them. A package that adds one says what its files are called in `WRITES` of the module."""
 
@@ -153,7 +153,7 @@ def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
 
 def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
     """Artifacts per target, in the order asked; each loss with the first target that has it."""
-    from thingc.targets.called import called
+    from thingc.targets.custom_names import called
 
     artifacts: dict[str, Artifacts] = {}
     told: dict[Loss, None] = {}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from functools import partial
 
+from thingc.base.background import Later
 from thingc.base.diagnostics import Code
 from thingc.base.frozen import dataclass
-from thingc.base.later import Later
 from thingc.geometry.record import AssemblyFailed, Placed, StoredFile
 from thingc.targets.artifact import Artifacts, Loss, Stored
 from thingc.targets.request import EmitRequest

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from thingc.base.pose import Vector
+from thingc.geometry.print_slices import UPRIGHT
 from thingc.geometry.record import PartDefinition
-from thingc.geometry.slices import UPRIGHT
 from thingc.model.assembly.types import Occurrence
 from thingc.targets.artifact import Artifacts, Content, Loss, Stored
 from thingc.targets.bom import make_of

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from thingc.batch.families.batching import Batched, Batches
     from thingc.batch.families.family import RobotFamily
     from thingc.batch.families.results import Evaluated, Explanation, NoModel
-    from thingc.batch.families.space import Space, SpaceDimension
+    from thingc.batch.families.search_space import Space, SpaceDimension
 
 __all__ = ["Batched", "Batches", "Evaluated", "Explanation", "NoModel", "RobotFamily", "Space", "SpaceDimension"]
 

@@ -7,12 +7,12 @@ import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from thingc.base.brief import Brief
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
+from thingc.batch.families.merged_mesh_model import ModelSource, likeness, united
 from thingc.batch.families.results import NoModel
-from thingc.batch.families.union import ModelSource, likeness, united
-from thingc.batch.in_place import LEADING, NUMBERS, OPTIONS, SHORTCUTS
-from thingc.batch.patching.exact import content, names
+from thingc.batch.mujoco_arrays.equality import content, names
+from thingc.batch.shared_model import LEADING, NUMBERS, OPTIONS, SHORTCUTS
 
 if TYPE_CHECKING:
     import mujoco
@@ -44,8 +44,8 @@ class Batches(Brief):
 
 def batched(models: Iterable[mujoco.MjModel | NoModel], source: Callable[[int], ModelSource] | None) -> Batches:
     """The models of settings, which may be lent, as groups. Models are of one group where they differ in nothing but numbers that a
-    simulation reads afresh (`thingc.batch.in_place`), and in meshes where `source` says what the model at a place is made from: the same
-    elements, limited and touching alike."""
+    simulation reads afresh (`thingc.batch.shared_model`), and in meshes where `source` says what the model at a place is made from: the
+    same elements, limited and touching alike."""
     groups: dict[bytes, _Group] = {}
     refused: dict[int, NoModel] = {}
     last: tuple[Any, _Group] | None = None

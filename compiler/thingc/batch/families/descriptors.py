@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.batch.families.family import RobotFamily
-from thingc.batch.loading import FamilyError, UnknownVariant
-from thingc.batch.tasks import Array
+from thingc.batch.gym.rewards import Array
+from thingc.batch.results import FamilyError, UnknownVariant
 
 
 class Descriptor:

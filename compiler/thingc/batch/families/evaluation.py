@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.batch.families.results import Evaluated
-from thingc.batch.measure import Results, UnknownMount, measure
-from thingc.batch.plans import planning
-from thingc.batch.plans.exchange import Exchange
-from thingc.batch.plans.planning import Form, Forms, NumericPlan, Varying
-from thingc.batch.plans.rehearsal import NotTraceable, Rehearsal, rehearse
+from thingc.batch.measurements import Results, UnknownMount, measure
+from thingc.batch.plans import numeric_plan
+from thingc.batch.plans.numeric_plan import Form, Forms, NumericPlan, Varying
+from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.tape import Tape
+from thingc.batch.plans.trace_compilation import NotTraceable, Rehearsal, rehearse
 from thingc.batch.rules import unkept
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.driver import pipeline
@@ -84,10 +84,10 @@ class Evaluation:
             shape = _Shape(rehearsal.made, first[1])
             return shape.outputs, shape
 
-        plan = planning.make(read, self.reader, attempt, finish, form, exchanged)
+        plan = numeric_plan.make(read, self.reader, attempt, finish, form, exchanged)
         if plan is None:
             return None
-        for sample in planning.samples(read, self.reader, form):
+        for sample in numeric_plan.samples(read, self.reader, form):
             outputs = plan.outputs(sample.values)
             whole = first if sample is read else self._measured(sample)
             if outputs is not None and whole[0] and whole != (plan.made.of(outputs), plan.made.problems):

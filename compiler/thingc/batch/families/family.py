@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any, overload
 
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.source import ScalarNode, node_at
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.base.units import Quantity
 from thingc.batch.arguments import at_least, is_whole
 from thingc.batch.families.batching import Batches, batched
 from thingc.batch.families.evaluation import Evaluation
+from thingc.batch.families.model_template import TextTemplate
 from thingc.batch.families.models import ModelsOfMode
 from thingc.batch.families.results import Evaluated, Explanation, NoModel
-from thingc.batch.families.space import Space, of_axes, of_parameters
-from thingc.batch.families.texts import TextTemplate
-from thingc.batch.loading import FamilyError
+from thingc.batch.families.search_space import Space, of_axes, of_parameters
 from thingc.batch.planning import Variant
-from thingc.batch.plans.builds import Builds
-from thingc.batch.plans.planning import Form
+from thingc.batch.plans.build_templates import Builds
+from thingc.batch.plans.numeric_plan import Form
+from thingc.batch.results import FamilyError
 from thingc.batch.values import unit_in
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, plain
 from thingc.documents.expressions.terms import Expression, ExpressionError
@@ -31,7 +31,7 @@ from thingc.driver.environment import Options
 from thingc.driver.pipeline import UnknownChoice, chosen_consumers
 from thingc.driver.session import Session
 from thingc.driver.settings import Read, SettingsReader
-from thingc.targets.modes import alone
+from thingc.targets.modes_json import alone
 
 if TYPE_CHECKING:
     import mujoco
@@ -210,7 +210,7 @@ class RobotFamily:
         """Make settings what the document of the assembly says, as `thingc set` does: comments and layout stay, and values are in the units
         in which documents write them. All that was said; with errors nothing is written. This family goes on with the documents as it has
         read them. Raises `OSError` where the document cannot be read."""
-        from thingc.driver.writing import write_values
+        from thingc.driver.edit_document import write_values
 
         _, read = self._read(settings)
         if read.report is not None:
@@ -313,7 +313,7 @@ class RobotFamily:
 
     def _written_units(self, names: Iterable[str]) -> dict[str, str]:
         """The units in which the document writes numbers: not those that it does not write, or that are expressions."""
-        from thingc.driver.writing import keys_of
+        from thingc.driver.edit_document import keys_of
 
         root = self._sources.documents.root
         nodes = {name: node_at(root.tree, keys_of(root, name)) for name in names}
@@ -333,7 +333,7 @@ class RobotFamily:
 
 def _planned(path: str, options: Options) -> Plan | None:
     """The plan of a document of variants; None of another document. Raises `CompileError` where it has errors."""
-    from thingc.batch.reading import read_plan
+    from thingc.batch.variants_document import read_plan
     from thingc.documents.workspace import Workspace
 
     report = Report()

@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 from thingc.base.diagnostics import Diagnostic, Report
+from thingc.batch.families.merged_mesh_model import ModelSource
+from thingc.batch.families.mjspec_recompile import KeptSpec, NotInSpec
+from thingc.batch.families.model_template import TextTemplate, plain_text
 from thingc.batch.families.results import NoModel
-from thingc.batch.families.specs import KeptSpec, NotInSpec
-from thingc.batch.families.texts import TextTemplate, plain_text
-from thingc.batch.families.union import ModelSource
-from thingc.batch.patching.arrays import TOGETHER, Arrays
-from thingc.batch.patching.exact import differing
-from thingc.batch.patching.places import NotInArrays
-from thingc.batch.plans import planning
-from thingc.batch.plans.exchange import Exchange
-from thingc.batch.plans.planning import Form, Forms, NumericPlan
-from thingc.batch.plans.rehearsal import Rehearsal, rehearse, written
+from thingc.batch.mujoco_arrays.arrays import TOGETHER, Arrays
+from thingc.batch.mujoco_arrays.entries import NotInArrays
+from thingc.batch.mujoco_arrays.equality import differing
+from thingc.batch.plans import numeric_plan
+from thingc.batch.plans.numeric_plan import Form, Forms, NumericPlan
+from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.tape import Traced
+from thingc.batch.plans.trace_compilation import Rehearsal, rehearse, written
 from thingc.driver import pipeline
 from thingc.driver.settings import Read, SettingsReader
 from thingc.geometry.store.local import BlobMissing, StoreUnusable
-from thingc.targets.mjcf.target import sources as model_sources
+from thingc.targets.mjcf.emit import sources as model_sources
 
 if TYPE_CHECKING:
     import mujoco
@@ -123,10 +123,10 @@ class ModelsOfMode:
             return template.outputs, template
 
         while True:
-            plan = planning.make(read, self.reader, attempt, finish, form, exchanged)
+            plan = numeric_plan.make(read, self.reader, attempt, finish, form, exchanged)
             if plan is None:
                 return None
-            wrong = self._compared(plan, planning.samples(read, self.reader, form), first)
+            wrong = self._compared(plan, numeric_plan.samples(read, self.reader, form), first)
             if not wrong:
                 return plan
             if isinstance(plan.made, TextTemplate):

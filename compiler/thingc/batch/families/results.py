@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from thingc.base.brief import Brief
 from thingc.base.diagnostics import Diagnostic, Severity
 from thingc.base.frozen import dataclass
-from thingc.base.typos import did_you_mean
-from thingc.batch.loading import UnknownVariant
+from thingc.base.one_line_repr import Brief
+from thingc.base.suggestions import did_you_mean
+from thingc.batch.results import UnknownVariant
 
 if TYPE_CHECKING:
     from thingc.driver.testing.results import Result as TestResult

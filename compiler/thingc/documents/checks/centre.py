@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.base.brief import Brief
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
 from thingc.base.units import LENGTH
 from thingc.documents.checks.kind import CheckKind
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import LengthField, fault
-from thingc.documents.spec.named import ComponentField, ModeNames, PoseNames, ShownMountField
+from thingc.documents.spec.name_types import ComponentField, ModeNames, PoseNames, ShownMountField
 
 if TYPE_CHECKING:
-    from thingc.model.resolve.model import Reference
     from thingc.model.resolve.tests import Reader
+    from thingc.model.resolve.types import Reference
 
 Interval = Annotated[list[LengthField], Field(min_length=2, max_length=2)]
 

@@ -7,8 +7,8 @@ from typing import Any, Generic, TypeVar
 
 from pydantic import ConfigDict
 
-from thingc.base.brief import Brief
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import fault
 

@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 
 from pydantic import model_validator
 
-from thingc.base.brief import Brief
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
 from thingc.base.units import MASS
 from thingc.documents.checks.kind import BOUNDED, CheckKind, require_bounds
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import MassField
-from thingc.documents.spec.named import ComponentField
+from thingc.documents.spec.name_types import ComponentField
 
 if TYPE_CHECKING:
-    from thingc.model.resolve.model import Reference
     from thingc.model.resolve.tests import Reader
+    from thingc.model.resolve.types import Reference
 
 
 class MassTest(Model):

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.base.brief import Brief
 from thingc.base.diagnostics import Code
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
 from thingc.base.source import Origin
 from thingc.base.units import ANGLE, LENGTH, NUMBER
 from thingc.documents.checks.kind import CheckKind
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import CountField, LengthField, Value, fault, quantity
-from thingc.documents.spec.named import ComponentField, JointPattern, ModeNames, PoseNames
+from thingc.documents.spec.name_types import ComponentField, JointPattern, ModeNames, PoseNames
 
 if TYPE_CHECKING:
-    from thingc.model.resolve.model import JointRange, Reference
     from thingc.model.resolve.tests import Reader
+    from thingc.model.resolve.types import JointRange, Reference
 
     JointBoundField = Value
 else:

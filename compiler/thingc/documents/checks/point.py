@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.base.brief import Brief
 from thingc.base.diagnostics import Code
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
 from thingc.base.pose import Vector
 from thingc.base.summing import hypot
 from thingc.base.units import ANGLE, LENGTH, NUMBER
 from thingc.documents.checks.kind import CheckKind
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import AngleField, LengthField, NumberField, Vector3Length, fault
-from thingc.documents.spec.named import ModeNames, ShownMountField
+from thingc.documents.spec.name_types import ModeNames, ShownMountField
 
 if TYPE_CHECKING:
-    from thingc.model.resolve.model import Reference
     from thingc.model.resolve.tests import Reader
+    from thingc.model.resolve.types import Reference
 
 ANGLE_OFF = math.radians(1.0)
 """How far a mount may be off the direction [rad] of a test that does not say."""

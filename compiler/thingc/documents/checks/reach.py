@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field, model_validator
 
-from thingc.base.brief import Brief
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
 from thingc.base.units import LENGTH
 from thingc.documents.checks.kind import BOUNDED, CheckKind, require_bounds
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import LengthField
-from thingc.documents.spec.named import ShownMountField
+from thingc.documents.spec.name_types import ShownMountField
 
 if TYPE_CHECKING:
-    from thingc.model.resolve.model import Reference
     from thingc.model.resolve.tests import Reader
+    from thingc.model.resolve.types import Reference
 
 
 class ReachTest(Model):

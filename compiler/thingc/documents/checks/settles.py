@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from thingc.base.brief import Brief
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
 from thingc.base.units import LENGTH, TIME
 from thingc.documents.checks.kind import CheckKind
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import LengthField, TimeField
-from thingc.documents.spec.named import ModeNames, PoseNames
+from thingc.documents.spec.name_types import ModeNames, PoseNames
 
 if TYPE_CHECKING:
     from thingc.model.resolve.tests import Reader

@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from thingc.base.brief import Brief
 from thingc.base.diagnostics import Code, noted
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
 from thingc.base.units import NUMBER
 from thingc.documents.checks.kind import CheckKind
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import NumberField
-from thingc.documents.spec.named import JointNames, ModeNames, PoseNames
+from thingc.documents.spec.name_types import JointNames, ModeNames, PoseNames
 
 if TYPE_CHECKING:
-    from thingc.model.assembly.findings import Findings
+    from thingc.model.assembly.report import Findings
     from thingc.model.assembly.types import JointEdge
-    from thingc.model.resolve.model import Mode, Test
     from thingc.model.resolve.tests import Reader
+    from thingc.model.resolve.types import Mode, Test
 
 
 class TorqueMarginTest(Model):

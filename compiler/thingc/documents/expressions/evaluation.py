@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Union
 
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.base.units import ANGLE, NUMBER, UNITS, Dimension, Quantity, fits, shortened
 from thingc.documents.expressions.terms import CONSTANTS, Binary, Call, Expression, ExpressionError, Literal, NameUse, Term, Unary
 

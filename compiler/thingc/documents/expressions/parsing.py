@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection
 from dataclasses import replace
 
-from thingc.base.typos import Hint, did_you_mean
+from thingc.base.suggestions import Hint, did_you_mean
 from thingc.base.units import MAX_TEXT, NUMBER, UNITS, Quantity, UnitError, converted, scan_number, scan_unit, shortened
 from thingc.documents.expressions.terms import (
     COMPARISONS,

@@ -6,11 +6,11 @@ import re
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode
-from thingc.documents.format.order import root_shape, shape_below, shape_for
-from thingc.documents.format.pieces import Unusual
+from thingc.documents.format.key_order import root_shape, shape_below, shape_for
 from thingc.documents.format.quantities import equal_values, takes_vectors
+from thingc.documents.format.segments import Unusual
 from thingc.documents.load.documents import document_kind, read_tree
-from thingc.documents.spec.shapes import AnnotationShape
+from thingc.documents.spec.annotation_types import AnnotationShape
 
 MODELINE = "# yaml-language-server: $schema="
 """What begins the comment in which the YAML language server looks for a schema."""

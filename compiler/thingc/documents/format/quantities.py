@@ -7,7 +7,7 @@ import re
 from pydantic_core import PydanticCustomError
 
 from thingc.base.units import UnitError, parse_quantity
-from thingc.documents.spec.shapes import AnnotationShape
+from thingc.documents.spec.annotation_types import AnnotationShape
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _GLUED = re.compile(rf"({_NUMBER}(?: {_NUMBER})*)( *)((?:[^\W\d_]|%).*)", re.ASCII)

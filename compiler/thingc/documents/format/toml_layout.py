@@ -7,10 +7,10 @@ from bisect import bisect_left
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from thingc.documents.format.flow import Inline
-from thingc.documents.format.order import ordered, shape_below, shape_for
-from thingc.documents.format.pieces import EndComment, Item, Piece, Unusual, commented, gap, tidy
-from thingc.documents.spec.shapes import AnnotationShape
+from thingc.documents.format.flow_style import Inline
+from thingc.documents.format.key_order import ordered, shape_below, shape_for
+from thingc.documents.format.segments import EndComment, Item, Piece, Unusual, commented, gap, tidy
+from thingc.documents.spec.annotation_types import AnnotationShape
 
 if TYPE_CHECKING:
     from tree_sitter import Node as Syntax

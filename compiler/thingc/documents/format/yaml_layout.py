@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from thingc.documents.format.flow import Inline, order_of, outline
-from thingc.documents.format.order import shape_below, shape_for
-from thingc.documents.format.pieces import Item, Piece, commented, shifted, tidy
-from thingc.documents.format.yaml_pieces import yaml_pieces
-from thingc.documents.spec.shapes import AnnotationShape
+from thingc.documents.format.flow_style import Inline, order_of, outline
+from thingc.documents.format.key_order import shape_below, shape_for
+from thingc.documents.format.segments import Item, Piece, commented, shifted, tidy
+from thingc.documents.format.yaml_segments import yaml_pieces
+from thingc.documents.spec.annotation_types import AnnotationShape
 
 INDENT = 2
 """Columns of one level."""

@@ -10,12 +10,12 @@ from dataclasses import field
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Note, Report
-from thingc.base.files import beginning
+from thingc.base.filesystem import beginning
 from thingc.base.frozen import dataclass
 from thingc.base.memo import Memo
-from thingc.base.shown import unseen
+from thingc.base.safe_text import unseen
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span
-from thingc.base.typos import did_you_mean, near_hint, nearest
+from thingc.base.suggestions import did_you_mean, near_hint, nearest
 from thingc.base.units import shortened
 from thingc.documents.load.packaged import find_packaged, is_packaged
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES, MESH_SUFFIXES, PART_SUFFIXES, find_file, libraries, named, refuse_name

@@ -8,10 +8,10 @@ import re
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.files import listing
-from thingc.base.installed import package_folder
+from thingc.base.filesystem import listing
+from thingc.base.installed_packages import package_folder
 from thingc.base.source import Span
-from thingc.base.typos import did_you_mean, near_hint
+from thingc.base.suggestions import did_you_mean, near_hint
 from thingc.base.units import shortened
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES
 
@@ -57,7 +57,7 @@ def find_packaged(text: str, *, where: Span | None, workspace: Workspace, looked
 
 def packaged_documents(workspace: Workspace) -> dict[str, str]:
     """The documents of materials at the top of every package in reach: absolute paths by what documents call them, sorted."""
-    from thingc.documents.load.finding import is_document
+    from thingc.documents.load.discovery import is_document
 
     documents: dict[str, str] = {}
     folders = [os.path.join(parts, name) for parts in workspace.parts for name in listing(parts) if name.isidentifier()]

@@ -7,9 +7,9 @@ import re
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.shown import is_text, shown, unseen
+from thingc.base.safe_text import is_text, shown, unseen
 from thingc.base.source import Span
-from thingc.base.typos import file_meant
+from thingc.base.suggestions import file_meant
 from thingc.base.units import shortened
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ from typing import Any
 
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.source import MappingNode, Node, Scalar, ScalarNode, SequenceNode, Span
-from thingc.base.typos import Hint, did_you_mean
+from thingc.base.suggestions import Hint, did_you_mean
 from thingc.base.units import scan_number, shortened
-from thingc.documents.load.scalars import core_value
 from thingc.documents.load.text import MAX_ALIAS_NODES, MAX_FAULTS, MAX_LEVELS, MAX_NODES, Source
+from thingc.documents.load.yaml_scalars import core_value
 from thingc.documents.load.yaml_syntax import explain
 
 

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from thingc.base.diagnostics import Allowance, Code
 from thingc.base.source import Document, Node, Path, Span, node_at
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.base.units import shortened
 from thingc.documents.spec.fields import Checked, fault, found
 

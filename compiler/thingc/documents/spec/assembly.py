@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from thingc.base.joints.kind import JointType
-from thingc.base.typos import Hint
+from thingc.base.suggestions import Hint
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
 from thingc.documents.spec.allowances import Allow, allow
 from thingc.documents.spec.base import Model, rule
@@ -29,10 +29,11 @@ from thingc.documents.spec.fields import (
     Vector3Angle,
     Vector3Length,
 )
-from thingc.documents.spec.listed import ShapeSpec
+from thingc.documents.spec.link_shapes import ShapeSpec
+from thingc.documents.spec.mass import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
 from thingc.documents.spec.materials import MaterialSpec, ProcessSpec
 from thingc.documents.spec.modes import ModeSpec, SimulationSpec
-from thingc.documents.spec.named import (
+from thingc.documents.spec.name_types import (
     AssemblyDocument,
     ComponentField,
     CoordinateField,
@@ -64,7 +65,6 @@ from thingc.documents.spec.names import NamesSpec
 from thingc.documents.spec.poses import PoseSpec
 from thingc.documents.spec.raw_fields import RawField
 from thingc.documents.spec.sensors import SensorSpec
-from thingc.documents.spec.stated_masses import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
 from thingc.documents.spec.tendons import TendonSpec
 from thingc.documents.spec.tests import TestSpec
 

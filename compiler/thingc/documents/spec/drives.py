@@ -18,7 +18,7 @@ from thingc.documents.spec.fields import (
     SpeedField,
     StiffnessField,
 )
-from thingc.documents.spec.named import ComponentField
+from thingc.documents.spec.name_types import ComponentField
 
 DriveKind = Literal["position", "velocity", "motor"]
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 
 from pydantic_core import PydanticCustomError, core_schema
 
-from thingc.base.typos import Hint, near_hint
+from thingc.base.suggestions import Hint, near_hint
 from thingc.base.units import (
     ACCELERATION,
     ANGLE,

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import ColorField, CountField, DensityField, LengthField, NumberField, RatioField
-from thingc.documents.spec.named import NewMaterial
+from thingc.documents.spec.name_types import NewMaterial
 
 
 class FrictionSpec(Model):

@@ -10,10 +10,10 @@ from typing import Any
 
 from thingc.base.source import Document, MappingNode, node_at
 from thingc.base.units import shortened
+from thingc.documents.spec.annotation_types import AnnotationShape, alternatives, likeness, model_keys
 from thingc.documents.spec.base import Model
-from thingc.documents.spec.keys import sections
 from thingc.documents.spec.pruning import MISPLACED, Fault
-from thingc.documents.spec.shapes import AnnotationShape, alternatives, likeness, model_keys
+from thingc.documents.spec.unknown_keys import sections
 
 
 def gathered(document: Document, root: type[Model], faults: list[Fault]) -> list[Fault]:

@@ -15,7 +15,7 @@ from thingc.documents.spec.fields import (
     TimeField,
     Vector3Acceleration,
 )
-from thingc.documents.spec.named import ComponentField, JointPattern, ModeField, OwnPoseKey, PoseField, RootField, ShownMountField
+from thingc.documents.spec.name_types import ComponentField, JointPattern, ModeField, OwnPoseKey, PoseField, RootField, ShownMountField
 from thingc.documents.spec.poses import PoseSpec
 
 StandsOn = Literal["floor", "wall", "ceiling"]

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from thingc.base.file_names import LONGEST, is_file_name
+from thingc.base.export_names import LONGEST, is_file_name
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import Checked, fault, found
-from thingc.documents.spec.named import DrivenKey, OwnComponentKey, OwnExportKey, OwnJointKey, OwnPoseKey, OwnTendonKey, SensorKey
+from thingc.documents.spec.name_types import DrivenKey, OwnComponentKey, OwnExportKey, OwnJointKey, OwnPoseKey, OwnTendonKey, SensorKey
 
 
 def _file_name(value: Any) -> str:

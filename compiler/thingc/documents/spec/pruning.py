@@ -7,9 +7,9 @@ from typing import Any
 
 from thingc.base.frozen import dataclass
 from thingc.base.source import Path
-from thingc.base.typos import nearest
-from thingc.documents.spec.doubts import ANY_NAME
-from thingc.documents.spec.shapes import AnnotationShape, model_keys
+from thingc.base.suggestions import nearest
+from thingc.documents.spec.annotation_types import AnnotationShape, model_keys
+from thingc.documents.spec.invalid_entries import ANY_NAME
 
 ROUNDS = 12
 """How often the rest of a document is looked at again: an entry may need the key that was taken out of it."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 from pydantic_core import PydanticCustomError
 
 from thingc.documents.spec.fields import Checked, fault, found, raise_all, within
-from thingc.documents.spec.named import Means
+from thingc.documents.spec.name_types import Means
 from thingc.documents.spec.patterns import raw_schema
 
 _WORDS = "text, a number, true or false, a list of such, or a mapping"

@@ -16,20 +16,7 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema
 
 from thingc.documents.checks import kinds
-from thingc.documents.spec import (
-    assembly,
-    drives,
-    listed,
-    materials,
-    modes,
-    names,
-    poses,
-    sensors,
-    stated_masses,
-    tendons,
-    variants,
-    workspace,
-)
+from thingc.documents.spec import assembly, drives, link_shapes, mass, materials, modes, names, poses, sensors, tendons, variants, workspace
 from thingc.documents.spec.validation import KINDS, model_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -42,7 +29,7 @@ def json_schema(kind: str) -> dict[str, Any]:
     schema = model.model_json_schema(schema_generator=_Generator)
     checks = [sys.modules[check.model.__module__] for check in kinds().values()]
     documented = _documentation(
-        poses, assembly, drives, listed, materials, modes, names, sensors, stated_masses, tendons, *checks, variants, workspace,
+        poses, assembly, drives, link_shapes, materials, modes, names, sensors, mass, tendons, *checks, variants, workspace,
     )
     documented["TestSpec"] = {check.name: check.summary for check in kinds().values()}
     for name, definition in {**schema.get("$defs", {}), model.__name__: schema}.items():

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ConfigDict, Field, model_validator
 
 from thingc.base.primitives import PrimitiveShape
-from thingc.base.sensing import SENSORS, ReadingName, SensorKey, SensorType
+from thingc.base.sensor_kinds import SENSORS, ReadingName, SensorKey, SensorType
 from thingc.base.units import ACCELERATION, ANGLE, ANGULAR_VELOCITY, FORCE, LENGTH, TORQUE, VELOCITY
+from thingc.documents.spec.annotation_types import one_of
 from thingc.documents.spec.base import Model, rule
 from thingc.documents.spec.fields import AngleField, LengthField, Value, Vector3Length, quantity
-from thingc.documents.spec.listed import LongSpec, RoundSpec
-from thingc.documents.spec.named import ComponentField, JointField, ShownMountField, TendonField
-from thingc.documents.spec.shapes import one_of
+from thingc.documents.spec.link_shapes import LongSpec, RoundSpec
+from thingc.documents.spec.name_types import ComponentField, JointField, ShownMountField, TendonField
 
 if TYPE_CHECKING:
     ReadingField = Value

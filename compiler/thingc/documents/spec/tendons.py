@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field, model_validator
 from thingc.documents.spec.base import Model, rule
 from thingc.documents.spec.drives import DriveSpec, DynamicsSpec
 from thingc.documents.spec.fields import JointValueField, LengthField, MultiplierField, NumberField
-from thingc.documents.spec.named import CoordinateKey, ShownMountField
+from thingc.documents.spec.name_types import CoordinateKey, ShownMountField
 
 
 class TendonLimitSpec(Model):

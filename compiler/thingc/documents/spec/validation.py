@@ -14,7 +14,7 @@ from thingc.base.source import Document, ScalarNode, SequenceNode, Span, walk
 from thingc.documents.spec.allowances import allowances
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.base import Model
-from thingc.documents.spec.doubts import Doubts, Specs
+from thingc.documents.spec.invalid_entries import Doubts, Specs
 from thingc.documents.spec.materials import MaterialsSpec
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def _sound(document: Document, report: Report) -> tuple[Model | None, Doubts]:
             return spec, Doubts()
     except ValidationError as raised:
         error = raised
-    from thingc.documents.spec.faults import sound_rest
+    from thingc.documents.spec.validation_errors import sound_rest
 
     return sound_rest(document, model, plain, error, empty, damaged, report)
 

@@ -12,7 +12,7 @@ from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.base import Model, rule
 from thingc.documents.spec.choices import EXAMPLES, VALUES, is_value, parse
 from thingc.documents.spec.fields import AnyQuantityField, Checked, CountField, Name, fault, found, name_of
-from thingc.documents.spec.named import AssemblyDocument, Means, ModeField, PoseField, ShownMountField
+from thingc.documents.spec.name_types import AssemblyDocument, Means, ModeField, PoseField, ShownMountField
 
 
 def _choice_path(value: Any) -> str:

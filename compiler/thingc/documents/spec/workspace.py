@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from thingc.base.packaging import MAINTAINER, MEMORY, VERSION, one_line
+from thingc.base.package_info import MAINTAINER, MEMORY, VERSION, one_line
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import AngleField, Checked, LengthField, TimeField, fault, found
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from xml.etree import ElementTree
 
+from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Diagnostic
-from thingc.base.printing import as_text
-from thingc.base.shown import shown
+from thingc.base.safe_text import shown
 from thingc.driver.testing.results import Result
 
 

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from thingc.base.diagnostics import Report
-from thingc.driver.testing.chain import quasi_random
+from thingc.driver.testing.numpy_tree import quasi_random
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import Assembly, LinkedMode
-from thingc.model.resolve.model import JointRange, NamedPose
+from thingc.model.resolve.types import JointRange, NamedPose
 from thingc.model.robot.spanning_tree import root
 from thingc.model.robot.types import Keyframe, Robot
 

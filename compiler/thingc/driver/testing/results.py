@@ -8,7 +8,7 @@ from thingc.base.diagnostics import Diagnostic
 from thingc.base.frozen import dataclass
 from thingc.driver.testing.outcome import Outcome
 from thingc.model.assembly.types import LinkedTest
-from thingc.model.resolve.model import Reference
+from thingc.model.resolve.types import Reference
 from thingc.model.robot.types import Keyframe, Robot
 from thingc.targets.request import EmitRequest
 

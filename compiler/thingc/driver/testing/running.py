@@ -15,7 +15,7 @@ from thingc.driver.testing.outcome import Failure, Outcome, unclosed
 from thingc.driver.testing.poses import keyframe, posed, starting_pose
 from thingc.driver.testing.results import Case, Result
 from thingc.model.assembly.types import Assembly, LinkedMode, LinkedTest
-from thingc.model.resolve.model import NamedPose
+from thingc.model.resolve.types import NamedPose
 from thingc.targets.request import EmitRequest
 
 

@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 
 from thingc.base.frozen import dataclass
-from thingc.base.shown import some
+from thingc.base.safe_text import some
 from thingc.documents.workspace import Workspace
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.record import PartDefinition, Value

@@ -6,8 +6,8 @@ import ast
 import os
 from collections.abc import Sequence
 
-from thingc.base.files import listing
-from thingc.base.syntax import syntax_tree
+from thingc.base.filesystem import listing
+from thingc.base.python_source import syntax_tree
 from thingc.geometry.key.module_key import ModuleSources
 from thingc.geometry.record import PartFailure
 

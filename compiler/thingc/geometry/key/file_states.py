@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import os
 
-from thingc.base.files import opened
+from thingc.base.filesystem import opened
 
 
 def state_of(path: str, *, listed: bool = False) -> str:

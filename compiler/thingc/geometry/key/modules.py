@@ -14,9 +14,9 @@ from collections.abc import Collection, Iterable, Sequence
 from functools import cache
 
 import thingc
-from thingc.base.files import listing
+from thingc.base.filesystem import listing
 from thingc.base.frozen import dataclass
-from thingc.base.installed import import_path, specification_of
+from thingc.base.installed_packages import import_path, specification_of
 
 OWN_FOLDER = os.path.dirname(os.path.abspath(thingc.__file__))
 """Where thingc itself lies."""

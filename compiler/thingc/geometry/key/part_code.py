@@ -6,7 +6,7 @@ import os
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from thingc.base.files import listing
+from thingc.base.filesystem import listing
 from thingc.geometry.key.module_key import CodeIngredients, ModuleSources, code_of, defined_in, may_have
 from thingc.geometry.key.modules import OWN, Finder, Module
 from thingc.geometry.key.versions import KERNEL, compiler_version, platform_versions, versions_of
@@ -16,7 +16,7 @@ from thingc.geometry.store.local import Store
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
-    from thingc.geometry.key.results import Results
+    from thingc.geometry.key.result_cache import Results
 
 FILES = (".step", ".stp", ".brep", ".brp", ".stl", ".3mf", ".obj")
 """Suffixes of files that can be parts."""

@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from thingc.base.syntax import syntax_tree
+from thingc.base.python_source import syntax_tree
 from thingc.geometry.key.modules import MAX_NAME
 
 TELLING = frozenset({

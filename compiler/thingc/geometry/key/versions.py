@@ -10,9 +10,9 @@ import sys
 from collections.abc import Callable, Iterable
 from functools import cache
 
-from thingc.base.files import listing
-from thingc.base.installed import import_path
-from thingc.geometry.key.environment import passed
+from thingc.base.filesystem import listing
+from thingc.base.installed_packages import import_path
+from thingc.geometry.key.environment_variables import passed
 from thingc.geometry.key.file_states import state_of
 from thingc.geometry.key.modules import OWN_FOLDER, is_installed
 from thingc.geometry.store.local import Store

@@ -17,7 +17,7 @@ from thingc.base.diagnostics import Code, Report, Severity
 from thingc.base.frozen import dataclass
 from thingc.base.source import Span, line_of
 from thingc.geometry.key.module_key import CodeIngredients
-from thingc.geometry.lock.values import BadLock, mapping, read_record, read_schema, text_at
+from thingc.geometry.lock.json_format import BadLock, mapping, read_record, read_schema, text_at
 from thingc.geometry.record import PartDefinition, PartRecord, PartSchema
 
 if TYPE_CHECKING:

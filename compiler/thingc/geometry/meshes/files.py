@@ -6,11 +6,11 @@ import hashlib
 import os
 from collections.abc import Callable
 
-from thingc.base.brief import Brief
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
 from thingc.base.pose import Vector
 from thingc.documents.load.paths import libraries
-from thingc.geometry.store.digests import digest_of
+from thingc.geometry.store.file_digests import digest_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from thingc.base.brief import Brief
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import MassProperties
+from thingc.base.one_line_repr import Brief
 from thingc.base.pose import Vector
 from thingc.geometry.record import Mesh
 

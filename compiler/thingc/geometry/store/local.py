@@ -22,7 +22,7 @@ import sys
 from collections.abc import Iterator
 from typing import Any
 
-from thingc.base.files import hash_name
+from thingc.base.filesystem import hash_name
 
 SEALED = 946_684_800
 """The modification time [s] every blob gets when it is whole (2000-01-01): a blob that was written to afterwards shows

@@ -11,8 +11,8 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from thingc.geometry.key.modules import Finder
-from thingc.geometry.worker import ran
-from thingc.geometry.worker.asking import builtins_for
+from thingc.geometry.worker import executed_functions
+from thingc.geometry.worker.impure_inputs import builtins_for
 
 _compiled: dict[tuple[str, str], types.CodeType] = {}
 """Code objects by file and the SHA-256 of its source, compiled once in the server and inherited by its children."""
@@ -30,7 +30,7 @@ def compile_ahead(file: str, sha256: str | None) -> bool:
             source = stream.read()
         digest = hashlib.sha256(source).hexdigest()
         if sha256 in (digest, None) and (file, digest) not in _compiled:
-            _compiled[file, digest] = ran.compiled(source, file, digest)
+            _compiled[file, digest] = executed_functions.compiled(source, file, digest)
             builtins_for(_compiled[file, digest])  # it remembers
             return True
     except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):

@@ -12,7 +12,7 @@ import shutil
 import tempfile
 from types import ModuleType
 
-from thingc.geometry.key.environment import HOMES, TEMPORARY
+from thingc.geometry.key.environment_variables import HOMES, TEMPORARY
 
 fcntl: ModuleType | None
 try:

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from thingc.geometry.worker.scratch import Scratch
 
 AHEAD = (
-    "importlib.metadata", "importlib.readers", "manifold3d", "numpy.ma", "thingc.geometry.worker.describing",
-    "thingc.geometry.worker.kernel.modelling", "thingc.geometry.worker.kernel.slicing", "thingc.geometry.things.adjust",
+    "importlib.metadata", "importlib.readers", "manifold3d", "numpy.ma", "thingc.geometry.worker.part_schemas",
+    "thingc.geometry.worker.kernel.build_part", "thingc.geometry.worker.kernel.slicing", "thingc.geometry.things.adjust",
     "thingc.geometry.things.assets", "thingc.geometry.things.inspection", "thingc.geometry.things.resolver", "thingc.documents.workspace",
 )
 """What children would each import again."""
@@ -75,7 +75,7 @@ def _load(answers: int) -> bool:
     """Import the kernel and everything requests need, once; False where that cannot be imported, which is said."""
     gc.disable()
     try:
-        from thingc.geometry.worker.deferred import import_cheaply
+        from thingc.geometry.worker.lazy_build123d import import_cheaply
 
         import_cheaply("build123d")
         for name in AHEAD:
@@ -83,13 +83,13 @@ def _load(answers: int) -> bool:
         _stay_single()
         _make_room()
         from thingc.geometry.key.modules import installed_roots
-        from thingc.geometry.worker import asking, ran
-        from thingc.geometry.worker.reads import wrap_importers
+        from thingc.geometry.worker import executed_functions, impure_inputs
+        from thingc.geometry.worker.file_reads import wrap_importers
 
         wrap_importers()
         installed_roots()  # each child would look for them again
-        ran.install()
-        asking.install()
+        executed_functions.install()
+        impure_inputs.install()
         sys.dont_write_bytecode = True  # what is imported from here on may lie in folders of others
     except BaseException as fault:
         import traceback
@@ -162,7 +162,7 @@ def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
     """Put what a request has left in its `folder` into the store, and remove the folder: the answer after that, with what the part has
     `printed`."""
     from thingc.geometry.store.local import Outbox, StoreUnusable
-    from thingc.geometry.worker.printed import lines_of
+    from thingc.geometry.worker.captured_output import lines_of
     from thingc.geometry.worker.scratch import remove
 
     try:
@@ -184,17 +184,17 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
     store = Outbox(request["store"], request["scratch"]) if "scratch" in request else Store(request["store"])
     operation = request["op"]
     if operation == "assemble":
-        from thingc.geometry.worker.kernel.assembling import assemble
+        from thingc.geometry.worker.kernel.step_assembly import assemble
 
         return assemble(request["name"], request["instances"], store)
-    from thingc.geometry.worker.session import RequestContext
+    from thingc.geometry.worker.part_session import RequestContext
 
     if operation == "decompose":
-        from thingc.geometry.worker.kernel.decomposing import decompose
+        from thingc.geometry.worker.kernel.convex_decomposition import decompose
 
         return {"pieces": decompose(request["mesh"], store)}
     if operation == "slice":
-        from thingc.geometry.slices import Slicing
+        from thingc.geometry.print_slices import Slicing
         from thingc.geometry.worker.kernel.slicing import slice_stored
 
         return slice_stored(request["mesh"], Slicing(**request["slicing"]), store)
@@ -203,11 +203,11 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
         plain=tuple(request["plain"]), store=request["store"], scratch=request["scratch"],
     )
     if operation == "describe":
-        from thingc.geometry.worker.describing import describe
+        from thingc.geometry.worker.part_schemas import describe
 
         return describe(request["references"], request["placed"], around)
     from thingc.documents.workspace import Tessellation
-    from thingc.geometry.worker.kernel.modelling import Tessellations, model
+    from thingc.geometry.worker.kernel.build_part import Tessellations, model
 
     asked = {name: Tessellation(**values) for name, values in request["tessellations"].items()}
     until = time.monotonic() + request["timeout"] / 2
@@ -218,7 +218,7 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any], bool]], store: Store) -> list[Any]:
     """Of a part that was modelled just now, each of the slicings that will likely be asked for (`LikelySlicing`), with what comes of it.
     What goes wrong is left for who asks for it."""
-    from thingc.geometry.slices import Slicing
+    from thingc.geometry.print_slices import Slicing
     from thingc.geometry.worker.kernel.slicing import slice_stored
 
     record = answer.get("record", {})
@@ -357,9 +357,9 @@ class _Server:
 def _prepare(request: Mapping[str, Any]) -> bool:
     """What children would each do again: compile the part files (without running them), load the packages they import, look at the modules
     that are there. Whether there was anything to do."""
+    from thingc.geometry.worker.file_reads import remember_loaded
     from thingc.geometry.worker.kernel.mesh_files import reads_with_trimesh
     from thingc.geometry.worker.loading import compile_ahead
-    from thingc.geometry.worker.reads import remember_loaded
 
     news = [compile_ahead(file, sha256) for file, sha256 in request.get("hashes", {}).items()]
     of_file = request.get("definition", {}).get("kind") == "file" and reads_with_trimesh(request["definition"]["reference"])

@@ -7,13 +7,13 @@ from dataclasses import replace
 from thingc.base.diagnostics import Code, Note, noted
 from thingc.base.joints.twist import Twist
 from thingc.base.source import Origin
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.geometry.record import ActuatorRecord
-from thingc.model.assembly.findings import Findings, written_at
+from thingc.model.assembly.instance_tree import Instance, Tree
+from thingc.model.assembly.report import Findings, written_at
 from thingc.model.assembly.types import ActuatorModel, JointEdge
-from thingc.model.assembly.unroll import Instance, Tree
 from thingc.model.resolve.coordinates import CoordinateName
-from thingc.model.resolve.model import Drive, Joint
+from thingc.model.resolve.types import Drive, Joint
 
 _INLINE = {"hinge": "`drive: {kind: position, kp: 20 N*m/rad}`", "slide": "`drive: {kind: position, kp: 200 N/m}`"}
 """By the joint of the core an example of a drive written in the document."""

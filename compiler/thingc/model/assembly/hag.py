@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal, assert_never
 
-from thingc.base.brief import Brief
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve.link_definition import LinkDefinition
-from thingc.model.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Reference
+from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Reference
 
 DefinitionKind = Literal["assembly", "part", "file", "link", "frame"]
 """What a node of the HAG is."""

@@ -8,24 +8,24 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.memo import Memo
 from thingc.base.pose import NO_POSE, Pose
 from thingc.geometry.record import PartFailure, PartRecord
-from thingc.model.assembly.between import links_between
-from thingc.model.assembly.contacts import check_contacts
-from thingc.model.assembly.expectations import check_expectations
-from thingc.model.assembly.findings import Findings
+from thingc.model.assembly.collision_shapes import check_contacts
+from thingc.model.assembly.inertia_checks import check_links, check_stated
+from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.kinematics import forward_kinematics, neighbourhood, on_loops
 from thingc.model.assembly.links import connected_components, links_of
-from thingc.model.assembly.listed import Meshes
+from thingc.model.assembly.massless_links import links_between
 from thingc.model.assembly.mates import check_loops, loops_in, mates_of, stated_joints
 from thingc.model.assembly.modes import added_of, adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of
+from thingc.model.assembly.mount_expectations import check_expectations
 from thingc.model.assembly.names import names_of
 from thingc.model.assembly.part_instances import PartInstances
-from thingc.model.assembly.physics import check_links, check_stated
-from thingc.model.assembly.plausible import check_plausible
+from thingc.model.assembly.plausibility import check_plausible
+from thingc.model.assembly.report import Findings
+from thingc.model.assembly.shape_links import Meshes
 from thingc.model.assembly.tendons import rested, tendons_of
 from thingc.model.assembly.tests import tests_of
 from thingc.model.assembly.types import Assembly, Connected, Mate, Occurrence
-from thingc.model.assembly.unroll import Instance, Tree
-from thingc.model.resolve.model import AssemblyDefinition
+from thingc.model.resolve.types import AssemblyDefinition
 
 
 def link(

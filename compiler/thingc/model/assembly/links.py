@@ -10,10 +10,10 @@ from thingc.base.inertia import MassProperties, total
 from thingc.base.memo import Memo
 from thingc.base.pose import NO_POSE, Pose
 from thingc.base.source import Origin
-from thingc.model.assembly.findings import Findings
+from thingc.model.assembly.instance_tree import Tree
 from thingc.model.assembly.kinematics import forward_kinematics, neighbourhood
+from thingc.model.assembly.report import Findings
 from thingc.model.assembly.types import Link, Mate, Occurrence
-from thingc.model.assembly.unroll import Tree
 
 
 def connected_components(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:

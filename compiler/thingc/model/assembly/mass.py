@@ -12,9 +12,9 @@ from typing import cast
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import ZERO, MassProperties
 from thingc.base.pose import Matrix, Vector
+from thingc.geometry.print_slices import BRIDGE_FLOW, OVERLAP, UPRIGHT, Sliced, Slicing
 from thingc.geometry.record import PartRecord
-from thingc.geometry.slices import BRIDGE_FLOW, OVERLAP, UPRIGHT, Sliced, Slicing
-from thingc.model.resolve.model import Overrides, Process
+from thingc.model.resolve.types import Overrides, Process
 
 NOTHING = MassProperties(mass=0.0)
 

@@ -12,17 +12,17 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from thingc.base.circles import MAX_CIRCLE, circles
 from thingc.base.diagnostics import Code, noted
+from thingc.base.graphs import MAX_CIRCLE, circles
 from thingc.base.joints.twist import Twist
 from thingc.base.memo import Memo
 from thingc.base.pose import IDENTITY, MATE, Pose, shifted, turned_x
 from thingc.base.source import Origin
 from thingc.model.assembly.drives import joint_edge, stated_edge
-from thingc.model.assembly.findings import Findings
+from thingc.model.assembly.instance_tree import FoundMount, Instance, Tree, unplaced
+from thingc.model.assembly.report import Findings
 from thingc.model.assembly.types import JointEdge, Link, Mate
-from thingc.model.assembly.unroll import FoundMount, Instance, Tree, unplaced
-from thingc.model.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Reference
+from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Reference
 
 UPSIDE_DOWN = turned_x(math.pi)
 """Its own inverse: the frame in which a mirrored joint moves, in that of its mounts."""

@@ -6,8 +6,8 @@ from thingc.base.source import Origin
 from thingc.geometry.meshes.files import MeshFile
 from thingc.model.assembly.mass import said_whole
 from thingc.model.resolve.link_definition import LinkDefinition, mesh_files_of
-from thingc.model.resolve.model import AssemblyDefinition
 from thingc.model.resolve.nested import assemblies_of
+from thingc.model.resolve.types import AssemblyDefinition
 
 
 def listed_meshes(model: AssemblyDefinition, *, drawn: bool) -> dict[MeshFile, tuple[Origin, bool]]:

@@ -7,10 +7,11 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 from thingc.base.diagnostics import Code, noted
+from thingc.base.suggestions import did_you_mean
 from thingc.base.summing import hypot
-from thingc.base.typos import did_you_mean
-from thingc.model.assembly.findings import Findings
+from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.kinematics import balls, coordinates
+from thingc.model.assembly.report import Findings
 from thingc.model.assembly.types import (
     Adhesion,
     ExportedMount,
@@ -22,9 +23,8 @@ from thingc.model.assembly.types import (
     LinkedSensor,
     RootChoice,
 )
-from thingc.model.assembly.unroll import Instance, Tree
-from thingc.model.resolve.model import AssemblyDefinition, Mode, NamedPose, RawAttribute, RawElement, Reference
-from thingc.model.resolve.raw_fixed import NAMING
+from thingc.model.resolve.raw_protected import NAMING
+from thingc.model.resolve.types import AssemblyDefinition, Mode, NamedPose, RawAttribute, RawElement, Reference
 
 _ROUNDING = 1e-9
 """How far past a limit a pose may be without being outside, relative: limits and poses may come from expressions."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.base.diagnostics import Code, noted
-from thingc.base.file_names import TAKEN
+from thingc.base.export_names import TAKEN
 from thingc.base.source import Origin
-from thingc.model.assembly.findings import Findings
+from thingc.model.assembly.instance_tree import Tree
+from thingc.model.assembly.report import Findings
 from thingc.model.assembly.types import Connected, FileNames, JointEdge, LinkedTendon, Occurrence
-from thingc.model.assembly.unroll import Tree
-from thingc.model.resolve.model import NamedKind, NamedPose, NameInFiles, Reference
+from thingc.model.resolve.types import NamedKind, NamedPose, NameInFiles, Reference
 
 Named = dict[NamedKind, dict[str, tuple[str, Origin]]]
 """By kind, and by the path that the thing has: its name in files, and where that is written."""

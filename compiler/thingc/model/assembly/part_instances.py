@@ -6,20 +6,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import cast
 
-from thingc.base.brief import counted
 from thingc.base.diagnostics import Code, Note, allow_hint, noted
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import MassProperties, physical_fault
 from thingc.base.memo import Memo
 from thingc.base.mirror import Mirror
+from thingc.base.one_line_repr import counted
 from thingc.base.pose import NO_POSE
 from thingc.base.source import Origin, line_of
-from thingc.base.typos import did_you_mean, nearest
+from thingc.base.suggestions import did_you_mean, nearest
+from thingc.geometry.print_slices import Unsliced
 from thingc.geometry.record import FailureKind, Outside, PartDefinition, PartFailure, PartRecord, PartWarning
-from thingc.geometry.slices import Unsliced
-from thingc.model.assembly.findings import Findings, written_at
 from thingc.model.assembly.hag import FRAME, Definition
-from thingc.model.assembly.listed import Meshes, Unweighed, listed, weigh_shapes
 from thingc.model.assembly.mass import (
     NOTHING,
     Density,
@@ -31,11 +29,13 @@ from thingc.model.assembly.mass import (
     unsaid_keys,
     weigh,
 )
-from thingc.model.assembly.prints import material_of, process_of
+from thingc.model.assembly.print_settings import material_of, process_of
+from thingc.model.assembly.report import Findings, written_at
+from thingc.model.assembly.shape_links import Meshes, Unweighed, listed, weigh_shapes
 from thingc.model.assembly.types import Listed, MountFrame
 from thingc.model.resolve.link_definition import LinkDefinition, mesh_files_of
-from thingc.model.resolve.model import AssemblyDefinition, BomEntry, Component, Material, Process
-from thingc.model.resolve.plausible import density_cure, density_doubt, mass_doubt, mass_words, said_by_file
+from thingc.model.resolve.plausibility import density_cure, density_doubt, mass_doubt, mass_words, said_by_file
+from thingc.model.resolve.types import AssemblyDefinition, BomEntry, Component, Material, Process
 
 _WRITE_WHERE = "let it write nothing, or into `tempfile.gettempdir()`, which is its own and goes with it"
 _FAILED: Mapping[FailureKind, tuple[Code, str, str]] = {

@@ -10,7 +10,7 @@ from thingc.base.joints.twist import Twist
 from thingc.base.mirror import Mirror
 from thingc.base.pose import multiply, transpose
 from thingc.base.summing import dist
-from thingc.model.assembly.findings import Findings
+from thingc.model.assembly.report import Findings
 from thingc.model.assembly.types import Assembly, Mate
 
 CLOSE = 1e-6

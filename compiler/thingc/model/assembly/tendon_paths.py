@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from thingc.base.brief import Brief
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
 from thingc.base.pose import Pose, Vector, cross, dot
 from thingc.base.summing import dist, hypot, plain_sum
 from thingc.model.assembly.types import LinkedMount, TendonStep

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 from thingc.base.diagnostics import Code
 from thingc.base.pose import Pose
-from thingc.model.assembly.findings import Findings
+from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.modes import mount_of
+from thingc.model.assembly.report import Findings
 from thingc.model.assembly.tendon_paths import course
 from thingc.model.assembly.types import ActuatorModel, LinkedMount, LinkedTendon, Occurrence, TendonStep
-from thingc.model.assembly.unroll import Instance, Tree
-from thingc.model.resolve.model import PathStep
+from thingc.model.resolve.types import PathStep
 
 
 def tendons_of(tree: Tree, link_of: Sequence[int], findings: Findings) -> tuple[LinkedTendon, ...]:

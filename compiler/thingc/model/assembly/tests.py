@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
 
 from thingc.documents.checks import kinds
-from thingc.model.assembly.findings import Findings
+from thingc.model.assembly.instance_tree import Tree
+from thingc.model.assembly.report import Findings
 from thingc.model.assembly.types import JointEdge, LinkedTest, MountAt
-from thingc.model.assembly.unroll import Tree
-from thingc.model.resolve.model import Reference, Test
+from thingc.model.resolve.types import Reference, Test
 
 
 def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge], findings: Findings) -> tuple[LinkedTest, ...]:

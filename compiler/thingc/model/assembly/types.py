@@ -5,22 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import field
 
-from thingc.base.brief import Brief
-from thingc.base.file_names import JointPath, LinkPath, PoseName, SensorPath, SitePath, TendonPath
+from thingc.base.export_names import JointPath, LinkPath, PoseName, SensorPath, SitePath, TendonPath
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import MassProperties
 from thingc.base.joints.bases import BaseType
 from thingc.base.joints.kind import JointKind
 from thingc.base.joints.twist import Twist
+from thingc.base.one_line_repr import Brief
 from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.primitives import Primitive
-from thingc.base.sensing import Measurement
+from thingc.base.sensor_kinds import Measurement
 from thingc.base.source import Origin
 from thingc.base.summing import plain_sum
 from thingc.geometry.record import DriveType, Mesh, PartRecord
 from thingc.model.assembly.hag import Definition, Hag, hag_of
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
-from thingc.model.resolve.model import (
+from thingc.model.resolve.types import (
     AssemblyDefinition,
     BomEntry,
     Component,

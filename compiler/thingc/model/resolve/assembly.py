@@ -15,25 +15,25 @@ from thingc.geometry.record import definition_label, definition_text
 from thingc.model.resolve import choices as chosen
 from thingc.model.resolve import references
 from thingc.model.resolve.components import components, nodes
+from thingc.model.resolve.defaults import Layers
+from thingc.model.resolve.document_scope import Context, Table
 from thingc.model.resolve.joints import joints
-from thingc.model.resolve.layers import Layers
 from thingc.model.resolve.materials import in_scope, unreadable
 from thingc.model.resolve.mimics import mimics
-from thingc.model.resolve.model import AssemblyDefinition, Component, LinkName
 from thingc.model.resolve.modes import modes, simulation, step_origin
 from thingc.model.resolve.names import names
 from thingc.model.resolve.parameters import canonical, check_bounds, declared, worked_out
 from thingc.model.resolve.placement import Places, check, own_placements
 from thingc.model.resolve.poses import poses
 from thingc.model.resolve.raw import raw
-from thingc.model.resolve.raw_added import added
+from thingc.model.resolve.raw_elements import added
 from thingc.model.resolve.repeats import check_names, unrolled
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.sensors import sensors
-from thingc.model.resolve.substituting import substituted
-from thingc.model.resolve.table import Context, Table
+from thingc.model.resolve.set_values import substituted
 from thingc.model.resolve.tendons import tendons
 from thingc.model.resolve.tests import tests
+from thingc.model.resolve.types import AssemblyDefinition, Component, LinkName
 
 MAX_DEFINITIONS = 2000
 """Nested documents with different parameters: two uses in each of thirty documents would make 2^30 of them."""

@@ -12,15 +12,15 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.base.source import ScalarNode, node_at
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.base.units import shortened
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT, named
 from thingc.documents.spec.assembly import UNIT_OF_ITS_OWN, AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
 from thingc.documents.spec.choices import DEFAULT_MATERIAL, EXAMPLES, KEYS, VALUES, ChoicePath, is_value, nested, parse
 from thingc.geometry.record import PartFailure
+from thingc.model.resolve.document_scope import Context, Node, Table
 from thingc.model.resolve.parts import missing_hint
 from thingc.model.resolve.repeats import Unrolled
-from thingc.model.resolve.table import Context, Node, Table
 
 Choices = tuple[tuple[str, str], ...]
 """Paths from one document down, and what is chosen there; sorted."""

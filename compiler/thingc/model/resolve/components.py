@@ -12,15 +12,15 @@ from thingc.documents.spec.assembly import AssemblySpec, ComponentSpec
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve import choices as choose
 from thingc.model.resolve import overrides as said
-from thingc.model.resolve.layers import Layers
+from thingc.model.resolve.defaults import Layers
+from thingc.model.resolve.document_scope import Context, Node, Table, names_in
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.mirroring import mirrored, other_axis
-from thingc.model.resolve.model import AssemblyDefinition, At, Attach, Component, Material
 from thingc.model.resolve.parameters import fitting
 from thingc.model.resolve.parts import of_code, of_file
 from thingc.model.resolve.repeats import MAX_OCCURRENCES, Unrolled
 from thingc.model.resolve.shapes import of_link
-from thingc.model.resolve.table import Context, Node, Table, names_in
+from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Material
 
 MAX_NESTING = 120
 """Documents inside each other: a little more than `load` follows, which reports the usual case."""

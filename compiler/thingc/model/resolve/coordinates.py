@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import re
 
-from thingc.base.brief import Brief
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
 from thingc.base.source import Origin
 from thingc.base.summing import plain_sum
 

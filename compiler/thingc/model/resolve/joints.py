@@ -20,12 +20,12 @@ from thingc.documents.spec.drives import DriveKind, DriveSpec
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
-from thingc.model.resolve.layers import Layers
-from thingc.model.resolve.model import Drive, Joint, Reference
+from thingc.model.resolve.defaults import Layers
+from thingc.model.resolve.document_scope import Table
 from thingc.model.resolve.placement import Places
 from thingc.model.resolve.repeats import Unrolled
 from thingc.model.resolve.scope import Scope
-from thingc.model.resolve.table import Table
+from thingc.model.resolve.types import Drive, Joint, Reference
 
 _ENDLESS = "; a joint that turns without end is `continuous`"
 

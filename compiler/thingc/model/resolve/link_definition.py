@@ -6,9 +6,9 @@ import hashlib
 from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
-from thingc.base.brief import Brief, counted
 from thingc.base.frozen import dataclass
 from thingc.base.mirror import Mirror
+from thingc.base.one_line_repr import Brief, counted
 from thingc.base.pose import NO_POSE, Pose
 from thingc.base.primitives import Primitive
 from thingc.base.source import Origin
@@ -16,7 +16,7 @@ from thingc.geometry.meshes.files import MeshFile
 from thingc.geometry.record import with_mirror
 
 if TYPE_CHECKING:
-    from thingc.model.resolve.model import Material
+    from thingc.model.resolve.types import Material
 
 NAMED = 3
 """How many shapes a label names."""

@@ -9,11 +9,11 @@ from thingc.base.source import Path
 from thingc.documents.spec.modes import HoldSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
-from thingc.model.resolve.layers import Layers
-from thingc.model.resolve.model import Cut, Hold
+from thingc.model.resolve.defaults import Layers
+from thingc.model.resolve.document_scope import Table
 from thingc.model.resolve.references import GLOB, suggested
 from thingc.model.resolve.scope import Scope
-from thingc.model.resolve.table import Table
+from thingc.model.resolve.types import Cut, Hold
 
 
 def holds(table: Table, scope: Scope, layers: Layers) -> tuple[Hold, ...]:

@@ -9,14 +9,14 @@ from typing import Any
 from thingc.base.diagnostics import Code, Note
 from thingc.base.inertia import DENSEST
 from thingc.base.source import Document, Origin, Path
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.base.units import DENSITY, LENGTH, NUMBER, shortened
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.materials import FrictionSpec, MaterialSpec, MaterialsSpec
-from thingc.model.resolve.layers import Layers
-from thingc.model.resolve.model import Material, Process
+from thingc.model.resolve.defaults import Layers
+from thingc.model.resolve.document_scope import Context
 from thingc.model.resolve.scope import Scope
-from thingc.model.resolve.table import Context
+from thingc.model.resolve.types import Material, Process
 
 _STAND_IN = 1000.0
 """Density [kg/m^3] of a material whose own was wrong and has been reported, so that no later pass says that it has none.

@@ -6,18 +6,18 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from thingc.base.circles import MAX_CIRCLE, circle_words, circles
 from thingc.base.diagnostics import Code, Note
 from thingc.base.frozen import dataclass
+from thingc.base.graphs import MAX_CIRCLE, circle_words, circles
 from thingc.base.source import Path
 from thingc.base.units import NUMBER, Dimension, Quantity
 from thingc.documents.spec.assembly import JointSpec, MimicSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName, Mimic
-from thingc.model.resolve.layers import Layers
-from thingc.model.resolve.model import Joint
+from thingc.model.resolve.defaults import Layers
+from thingc.model.resolve.document_scope import Table
 from thingc.model.resolve.repeats import Unrolled
-from thingc.model.resolve.table import Table
+from thingc.model.resolve.types import Joint
 
 
 def mimics(table: Table, items: Iterable[Unrolled[JointSpec]]) -> None:

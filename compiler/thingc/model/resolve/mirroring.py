@@ -20,7 +20,7 @@ from thingc.base.mirror import Mirror
 from thingc.base.pose import Vector
 from thingc.geometry.record import PartDefinition, with_mirror
 from thingc.model.resolve.link_definition import LinkDefinition
-from thingc.model.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Overrides, StatedValue
+from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Overrides, StatedValue
 
 AT_MOUNT = Mirror("y")
 """The reflection D in the frame of a mount."""

@@ -8,8 +8,8 @@ from fnmatch import fnmatchcase
 from itertools import product
 from typing import cast
 
-from thingc.base.circles import MAX_CIRCLE, circle_words, circles
 from thingc.base.diagnostics import Code, Note
+from thingc.base.graphs import MAX_CIRCLE, circle_words, circles
 from thingc.base.joints.bases import BaseType
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector
 from thingc.base.source import Origin, Path
@@ -17,13 +17,13 @@ from thingc.base.units import ACCELERATION, FORCE, LENGTH, NUMBER, TIME, Quantit
 from thingc.documents.spec.modes import ModeSpec, StandsOn
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
-from thingc.model.resolve.layers import Layers
+from thingc.model.resolve.defaults import Layers
+from thingc.model.resolve.document_scope import Table
+from thingc.model.resolve.floor_feet import standing
 from thingc.model.resolve.loops import cuts, holds
-from thingc.model.resolve.model import Hold, Mode, Reference
 from thingc.model.resolve.references import GLOB, suggested
 from thingc.model.resolve.scope import Scope
-from thingc.model.resolve.standing import standing
-from thingc.model.resolve.table import Table
+from thingc.model.resolve.types import Hold, Mode, Reference
 
 MAX_EXTENDED = 20
 MAX_EXCLUDED = 100_000

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from thingc.base.diagnostics import Code
-from thingc.base.file_names import TAKEN
+from thingc.base.export_names import TAKEN
 from thingc.base.source import Path
 from thingc.model.resolve.coordinates import CoordinateName
-from thingc.model.resolve.model import NamedKind, NameInFiles
+from thingc.model.resolve.document_scope import Table
 from thingc.model.resolve.references import suggested
 from thingc.model.resolve.scope import Scope
-from thingc.model.resolve.table import Table
+from thingc.model.resolve.types import NamedKind, NameInFiles
 
 
 def names(table: Table, scope: Scope) -> Iterator[NameInFiles]:

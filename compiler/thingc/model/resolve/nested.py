@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from thingc.geometry.record import PartDefinition
-from thingc.model.resolve.model import AssemblyDefinition
+from thingc.model.resolve.types import AssemblyDefinition
 
 
 def assemblies_of(model: AssemblyDefinition) -> Iterator[AssemblyDefinition]:

@@ -6,17 +6,17 @@ from thingc.base.diagnostics import Code
 from thingc.base.inertia import HEAVIEST, LARGEST_MOMENT
 from thingc.base.pose import NO_POSE, Vector
 from thingc.base.source import Path
+from thingc.base.suggestions import did_you_mean
 from thingc.base.summing import hypot
-from thingc.base.typos import did_you_mean
 from thingc.base.units import INERTIA, LENGTH, MASS, NUMBER
-from thingc.documents.spec.stated_masses import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
-from thingc.model.resolve.layers import Layers
+from thingc.documents.spec.mass import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
+from thingc.model.resolve.defaults import Layers
+from thingc.model.resolve.document_scope import Node
 from thingc.model.resolve.materials import process
-from thingc.model.resolve.model import BomEntry, ExtraMount, Material, Overrides, StatedValue
 from thingc.model.resolve.references import ORIGIN
 from thingc.model.resolve.repeats import check_names
 from thingc.model.resolve.scope import Scope
-from thingc.model.resolve.table import Node
+from thingc.model.resolve.types import BomEntry, ExtraMount, Material, Overrides, StatedValue
 
 NONE_SAID = Overrides()
 NO_BOM = BomEntry()

@@ -6,24 +6,24 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from thingc.base.circles import MAX_CIRCLE, circle_words
 from thingc.base.diagnostics import Code, Note, Report
+from thingc.base.graphs import MAX_CIRCLE, circle_words
 from thingc.base.source import Document, Path
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.base.units import NUMBER, Quantity, UnitError, parse_quantity, shortened
 from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, plain, words_of
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.load.text import forbidden
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
-from thingc.documents.spec.doubts import Doubts
+from thingc.documents.spec.invalid_entries import Doubts
 from thingc.geometry.record import Value
+from thingc.model.resolve.document_scope import Context, Declared
 from thingc.model.resolve.scope import Scope, dimension_message
-from thingc.model.resolve.table import Context, Declared
 
 if TYPE_CHECKING:
     from thingc.documents.load.documents import Documents
-    from thingc.documents.spec.doubts import Specs
+    from thingc.documents.spec.invalid_entries import Specs
     from thingc.documents.workspace import Workspace
 
 Complain = Callable[..., None]

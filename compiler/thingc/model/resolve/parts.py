@@ -6,11 +6,11 @@ import os
 import re
 from collections.abc import Collection, Mapping
 
-from thingc.base.brief import counted
 from thingc.base.diagnostics import MAX_FAULTS, Code, Note
-from thingc.base.shown import quoted
+from thingc.base.one_line_repr import counted
+from thingc.base.safe_text import quoted
 from thingc.base.source import Path, Span, line_of
-from thingc.base.typos import did_you_mean, near_hint, nearest
+from thingc.base.suggestions import did_you_mean, near_hint, nearest
 from thingc.base.units import NUMBER, Quantity, shortened
 from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, words_of
 from thingc.documents.load.paths import PART_SUFFIXES, named
@@ -27,8 +27,8 @@ from thingc.geometry.record import (
     Value,
     definition_text,
 )
+from thingc.model.resolve.document_scope import Context, Node
 from thingc.model.resolve.scope import Enough, Scope, dimension_message
-from thingc.model.resolve.table import Context, Node
 
 _FAILURES: Mapping[FailureKind, Code] = {
     "missing": Code.PART_MISSING, "refused": Code.PART_REFUSED, "raised": Code.PART_RAISED, "hung": Code.PART_HUNG,

@@ -5,13 +5,13 @@ from __future__ import annotations
 from functools import partial
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.shown import quoted
+from thingc.base.safe_text import quoted
 from thingc.base.source import Span
 from thingc.base.units import ANGLE, LENGTH
 from thingc.documents.spec.assembly import AttachSpec
 from thingc.model.resolve import references
-from thingc.model.resolve.model import At, Attach
-from thingc.model.resolve.table import Context, Node, Table
+from thingc.model.resolve.document_scope import Context, Node, Table
+from thingc.model.resolve.types import At, Attach
 
 Places = dict[str, list[tuple[str, Span]]]
 """By component name: how it is placed (`` `attach` ``, `` joint `yaw` ``) and where that is written."""

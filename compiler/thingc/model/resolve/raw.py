@@ -8,11 +8,11 @@ from typing import Any
 
 from thingc.base.diagnostics import Code
 from thingc.base.source import Path
-from thingc.base.typos import near_hint
-from thingc.model.resolve.model import RawAttribute
-from thingc.model.resolve.raw_added import ADD, IN_ORDER, ORDER, ORDERED, text
-from thingc.model.resolve.raw_fixed import fixed, fixed_in_all
+from thingc.base.suggestions import near_hint
+from thingc.model.resolve.raw_elements import ADD, IN_ORDER, ORDER, ORDERED, text
+from thingc.model.resolve.raw_protected import fixed, fixed_in_all
 from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.types import RawAttribute
 
 EXAMPLES = {
     "mjcf": "{solreflimit: 0.01 1}", "urdf": "{limit: {effort: 20}}", "sdf": "{axis: {limit: {effort: 20}}}",

@@ -9,11 +9,11 @@ from itertools import islice
 
 from thingc.base.diagnostics import Code, Note
 from thingc.base.source import Origin, Path, Span
-from thingc.base.typos import did_you_mean, nearest
-from thingc.model.resolve.model import COUNTED, AssemblyDefinition, Reference
-from thingc.model.resolve.repeats import RESERVED
+from thingc.base.suggestions import did_you_mean, nearest
+from thingc.documents.spec.name_types import RESERVED
+from thingc.model.resolve.document_scope import Node, Table
 from thingc.model.resolve.scope import Scope
-from thingc.model.resolve.table import Node, Table
+from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Reference
 
 ORIGIN = "origin"
 """The mount that every component has: its own frame."""

@@ -9,6 +9,7 @@ from thingc.base.diagnostics import Code, Note
 from thingc.base.frozen import dataclass
 from thingc.base.source import Path
 from thingc.documents.spec.assembly import ComponentSpec, JointSpec
+from thingc.documents.spec.name_types import RESERVED
 from thingc.model.resolve.scope import Scope
 
 MAX_REPEAT = 10_000
@@ -16,8 +17,6 @@ MAX_REPEAT = 10_000
 
 MAX_OCCURRENCES = 100_000
 """Occurrences of a robot, and items that the repeats of one document make."""
-
-RESERVED = frozenset({"world", "root", "origin"})
 
 Spec = TypeVar("Spec", ComponentSpec, JointSpec)
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import MAX_FAULTS, Code, Report
 from thingc.base.memo import Memo
-from thingc.model.resolve.model import AssemblyDefinition
 from thingc.model.resolve.sources import Settings, Sources
+from thingc.model.resolve.types import AssemblyDefinition
 
 if TYPE_CHECKING:
     pass
@@ -25,9 +25,9 @@ def resolve(
     from thingc.documents.spec.assembly import AssemblySpec
     from thingc.model.resolve import choices as choose
     from thingc.model.resolve.assembly import resolved
+    from thingc.model.resolve.document_scope import Context
     from thingc.model.resolve.parameters import from_command_line
     from thingc.model.resolve.scope import Enough
-    from thingc.model.resolve.table import Context
 
     root = sources.documents.root
     spec = sources.specs.get(root.relative)
@@ -54,9 +54,9 @@ def resolve(
 
 def resolve_materials(sources: Sources, report: Report) -> None:
     """Report what is wrong with a `materials/1` document that is checked by itself, and what is odd."""
+    from thingc.model.resolve.document_scope import Context
     from thingc.model.resolve.materials import of_document
-    from thingc.model.resolve.plausible import density_cure, density_doubt
-    from thingc.model.resolve.table import Context
+    from thingc.model.resolve.plausibility import density_cure, density_doubt
 
     context = Context(documents=sources.documents, specs=sources.specs, workspace=sources.workspace, schemas={}, report=report)
     for material in of_document(context, context.documents.root).values():

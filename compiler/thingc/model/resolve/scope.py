@@ -18,7 +18,7 @@ from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, k
 from thingc.documents.expressions.parsing import expression_hint
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.assembly import TurnSpec
-from thingc.documents.spec.doubts import NO_DOUBTS, Doubts
+from thingc.documents.spec.invalid_entries import NO_DOUBTS, Doubts
 from thingc.documents.spec.poses import PoseSpec
 
 NOTHING: frozenset[str] = frozenset()

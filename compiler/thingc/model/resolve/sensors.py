@@ -9,18 +9,18 @@ from typing import Any, Literal
 from thingc.base.diagnostics import Code
 from thingc.base.joints.dimensions import dimensions_of
 from thingc.base.pose import NO_POSE
-from thingc.base.sensing import SENSORS, ReadingName
+from thingc.base.sensor_kinds import SENSORS, ReadingName
 from thingc.base.source import Path
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.base.units import ANGLE, LENGTH, Dimension, Quantity
 from thingc.documents.spec.sensors import SensorSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
-from thingc.model.resolve.model import Joint, Reference, Sensor, Tendon
+from thingc.model.resolve.document_scope import Table
 from thingc.model.resolve.references import suggested
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.shapes import primitive
-from thingc.model.resolve.table import Table
+from thingc.model.resolve.types import Joint, Reference, Sensor, Tendon
 
 FOVY = math.radians(45.0)
 """The angle of view [rad] of a camera that does not state one: MuJoCo's."""

@@ -13,17 +13,17 @@ from thingc.base.primitives import FARTHEST, Primitive
 from thingc.base.source import Path
 from thingc.base.units import LENGTH, NUMBER, parse_quantity, shortened
 from thingc.documents.load.paths import MESH_SUFFIXES, SUFFIXES_WITH_UNIT, libraries, named
-from thingc.documents.spec.listed import ShapeSpec
+from thingc.documents.spec.link_shapes import ShapeSpec
 from thingc.documents.spec.sensors import VolumeSpec
 from thingc.geometry.mesh_bounds import LARGEST
 from thingc.geometry.meshes.files import MeshFile, mesh_file
 from thingc.geometry.record import FILE_UNIT
-from thingc.model.resolve.layers import Layers
+from thingc.model.resolve.defaults import Layers
+from thingc.model.resolve.document_scope import Context, Node, Table
 from thingc.model.resolve.link_definition import LinkDefinition, ListedShape, link_of
 from thingc.model.resolve.materials import friction
 from thingc.model.resolve.overrides import material
 from thingc.model.resolve.scope import Scope
-from thingc.model.resolve.table import Context, Node, Table
 
 
 def of_link(context: Context, table: Table, node: Node) -> LinkDefinition | None:

@@ -7,11 +7,11 @@ from dataclasses import field
 from typing import TYPE_CHECKING
 
 from thingc.base.frozen import dataclass
-from thingc.geometry.store.digests import digest_of
+from thingc.geometry.store.file_digests import digest_of
 
 if TYPE_CHECKING:
     from thingc.documents.load.documents import Documents
-    from thingc.documents.spec.doubts import Specs
+    from thingc.documents.spec.invalid_entries import Specs
     from thingc.documents.workspace import Workspace
     from thingc.geometry.record import PartFailure, PartSchema
 

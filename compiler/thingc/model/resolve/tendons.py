@@ -13,10 +13,10 @@ from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 from thingc.documents.spec.tendons import AroundSpec, PulleySpec, TendonSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
-from thingc.model.resolve.model import Drive, PathStep, Tendon
+from thingc.model.resolve.document_scope import Table
 from thingc.model.resolve.references import suggested
 from thingc.model.resolve.scope import Scope
-from thingc.model.resolve.table import Table
+from thingc.model.resolve.types import Drive, PathStep, Tendon
 
 
 def tendons(table: Table, scope: Scope) -> Iterator[Tendon]:

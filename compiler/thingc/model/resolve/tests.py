@@ -16,11 +16,11 @@ from thingc.documents.checks import kinds
 from thingc.documents.spec.tests import TestSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
-from thingc.model.resolve.model import Joint, JointRange, Mode, Reference, Test
+from thingc.model.resolve.document_scope import Context, Table
 from thingc.model.resolve.modes import components_fitting, driven
 from thingc.model.resolve.references import GLOB, suggested
 from thingc.model.resolve.scope import Scope
-from thingc.model.resolve.table import Context, Table
+from thingc.model.resolve.types import Joint, JointRange, Mode, Reference, Test
 
 ALL = "all"
 

@@ -10,13 +10,13 @@ from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.joints.bases import stays
 from thingc.base.memo import Memo
 from thingc.base.pose import MATE, NO_POSE, Pose
+from thingc.base.suggestions import did_you_mean
 from thingc.base.summing import plain_sum
-from thingc.base.typos import did_you_mean
 from thingc.model.assembly.kinematics import coordinates, joints_of, on_loops
 from thingc.model.assembly.types import Assembly, LinkedHold, LinkedMode
-from thingc.model.resolve.model import NamedPose
-from thingc.model.robot.cuts import closing
+from thingc.model.resolve.types import NamedPose
 from thingc.model.robot.kinematics import placed_bodies
+from thingc.model.robot.loop_cuts import closing
 from thingc.model.robot.loop_solver import Loops, Solution, SolverState
 from thingc.model.robot.tree import bodies_from, cut_closures, in_link, placing, root_pose
 from thingc.model.robot.types import Body, Closure, Keyframe, Unclosed, residual_words

@@ -23,8 +23,8 @@ from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, 
 from thingc.base.summing import dist, hypot, plain_sum
 from thingc.model.assembly.kinematics import balls, bent, coordinates, in_cones, leaders
 from thingc.model.assembly.types import JointEdge
-from thingc.model.robot.dense import solve
 from thingc.model.robot.kinematics import carried, in_world
+from thingc.model.robot.least_squares import solve
 from thingc.model.robot.types import Body, Closure
 
 CLOSED, ALIGNED = 1e-7, 1e-6

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from thingc.base.diagnostics import Code, Report
 from thingc.base.memo import Memo
 from thingc.base.pose import Pose
-from thingc.model.assembly.between import neighbours
 from thingc.model.assembly.kinematics import joints_of
+from thingc.model.assembly.massless_links import neighbours
 from thingc.model.assembly.types import Assembly, LinkedMode
-from thingc.model.robot.cuts import spanning
 from thingc.model.robot.loop_closure import closures_of, keyframes_of
+from thingc.model.robot.loop_cuts import spanning
 from thingc.model.robot.tree import base_moves, bodies_from, in_link, root_pose
 from thingc.model.robot.types import Robot, Site
 

@@ -6,12 +6,12 @@ import math
 from dataclasses import field
 from typing import Literal
 
-from thingc.base.brief import Brief
-from thingc.base.file_names import JointPath, PoseName, SitePath
+from thingc.base.export_names import JointPath, PoseName, SitePath
 from thingc.base.frozen import dataclass
 from thingc.base.joints.bases import BaseType
 from thingc.base.joints.kind import JointKind
 from thingc.base.joints.twist import Twist
+from thingc.base.one_line_repr import Brief
 from thingc.base.pose import Pose, Vector
 from thingc.base.source import Origin
 from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge, LinkedMode

@@ -6,7 +6,7 @@ loops' closing conditions and N a basis of what they leave free, the efforts t o
     N' (Q + S t) = 0
 
 A tree has no C: every coordinate is balanced by the drives on it, in closed form. Loops, holds and feet on the floor share the load by
-least squares (`statics/shared.py`, which alone needs numpy). Dry friction in joints holds nothing.
+least squares (`statics/load_sharing.py`, which alone needs numpy). Dry friction in joints holds nothing.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose])
     load, drives = problem(robot, q, bodies)
     if not robot.closures and not robot.carried and all(len(drive.moves) == 1 for drive in drives):
         return balance_tree(load, drives)
-    from thingc.model.statics.shared import balance_shared
+    from thingc.model.statics.load_sharing import balance_shared
 
     return balance_shared(robot, q, bodies, load, drives)
 

@@ -7,10 +7,10 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
 from thingc.base.frozen import dataclass
-from thingc.base.shown import shown
+from thingc.base.safe_text import shown
 from thingc.model.assembly.hag import Definition, DefinitionKind, Hag
-from thingc.targets.drawing.layered import Drawing, Line, Rectangle, Route, Size, draw
-from thingc.targets.hag.words import KINDS, Bundle, bundles, entries, how, quantities, short, total
+from thingc.targets.hag.labels import KINDS, Bundle, bundles, entries, how, quantities, short, total
+from thingc.targets.hag.layered_layout import Drawing, Line, Rectangle, Route, Size, draw
 
 MARGIN = 28.0
 HEAD = 62.0

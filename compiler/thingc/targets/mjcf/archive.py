@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from thingc.base.archives import MODEL, Deflated, deflate, zipped
+from thingc.base.zip_files import MODEL, Deflated, deflate, zipped
 from thingc.geometry.store.local import BlobMissing, Store
 from thingc.targets.artifact import Artifacts, Stored
-from thingc.targets.mjcf.target import models
+from thingc.targets.mjcf.emit import models
 from thingc.targets.request import EmitRequest
 
 

@@ -22,7 +22,7 @@ from thingc.targets.artifact import Loss
 from thingc.targets.capabilities import written
 from thingc.targets.mjcf.capabilities import CAPABILITIES
 from thingc.targets.mjcf.poses import pose_attributes
-from thingc.targets.xml import Element, numbers
+from thingc.targets.xml_writer import Element, numbers
 
 STIFFNESS = "0.999 0.9999 0.001"
 """`solimp` of a closure. MuJoCo's equalities give way; its own 0.9 lets a held foot sag by a part of a millimetre."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from thingc.model.assembly.types import ActuatorModel, LinkedTendon
 from thingc.model.resolve.coordinates import Limit
 from thingc.model.robot.types import CoreJoint
-from thingc.targets.xml import number, numbers
+from thingc.targets.xml_writer import number, numbers
 
 UNBOUNDED = 1e6
 """Where a joint is limited on one side only, the other side of its `range` [rad or m]: MuJoCo takes both or none."""

@@ -11,7 +11,7 @@ from thingc.base.pose import Pose, Vector
 from thingc.base.source import Origin
 from thingc.model.assembly.types import ActuatorModel
 from thingc.model.resolve.coordinates import Dynamics
-from thingc.model.resolve.model import Material
+from thingc.model.resolve.types import Material
 from thingc.model.robot.types import CoreJoint
 from thingc.targets import geometry
 from thingc.targets.geometry import MeshAsset, Shape, Shapes, channels, material_name, numbered
@@ -20,7 +20,7 @@ from thingc.targets.mjcf.inertial import inertial
 from thingc.targets.mjcf.limits import is_shell
 from thingc.targets.mjcf.lowering import ModelJoint, lowered
 from thingc.targets.mjcf.poses import pose_attributes
-from thingc.targets.xml import Element, number, numbers
+from thingc.targets.xml_writer import Element, number, numbers
 
 GRID = 0.1
 """How far [m] the lines of the grid are apart that MuJoCo may draw on a plane; it demands a number."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from thingc.base.inertia import LEAST_MOMENT, ZERO, MassProperties, physical_fault, principal_moments, within_triangle
-from thingc.targets.xml import number, numbers
+from thingc.targets.xml_writer import number, numbers
 
 
 def inertial(properties: MassProperties) -> dict[str, str]:

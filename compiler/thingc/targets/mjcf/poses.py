@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from thingc.base.pose import IDENTITY, Pose
-from thingc.targets.xml import numbers
+from thingc.targets.xml_writer import numbers
 
 
 def pose_attributes(pose: Pose) -> dict[str, str]:

@@ -12,13 +12,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.model.assembly.types import Assembly
-from thingc.model.resolve.model import RawAttribute
-from thingc.model.resolve.raw_added import IN_ORDER, ORDERED
+from thingc.model.resolve.raw_elements import IN_ORDER, ORDERED
+from thingc.model.resolve.types import RawAttribute
 from thingc.model.robot.types import Robot
-from thingc.targets.mjcf.model import class_name
-from thingc.targets.xml import Element, unwritable
+from thingc.targets.mjcf.body_tree import class_name
+from thingc.targets.xml_writer import Element, unwritable
 
 TARGET = "mjcf"
 

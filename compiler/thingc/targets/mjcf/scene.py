@@ -9,7 +9,7 @@ from thingc.base.source import Origin
 from thingc.base.summing import dist
 from thingc.model.robot.types import Robot
 from thingc.targets.extent import Box, bounds, placements
-from thingc.targets.xml import Element, Written, number, numbers, write
+from thingc.targets.xml_writer import Element, Written, number, numbers, write
 
 FLOOR = "floor"
 

@@ -10,16 +10,16 @@ from typing import assert_never
 
 from thingc.base.joints.bases import stays
 from thingc.base.pose import turned_y
-from thingc.base.sensing import SENSORS, ReadingName, SensorType
+from thingc.base.sensor_kinds import SENSORS, ReadingName, SensorType
 from thingc.model.assembly.types import LinkedSensor
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import How, Loss
 from thingc.targets.capabilities import written
-from thingc.targets.mjcf import joined, tendons
+from thingc.targets.mjcf import merged_joints, tendons
 from thingc.targets.mjcf.capabilities import CAPABILITIES
 from thingc.targets.mjcf.poses import pose_attributes
 from thingc.targets.sensors import body_of, elsewhere, on_free_root
-from thingc.targets.xml import Element, number, numbers
+from thingc.targets.xml_writer import Element, number, numbers
 
 LOOKING = turned_y(math.pi)
 """A camera of MuJoCo looks along its -z, up its y; ours looks along the mount's z, up the mount's y."""
@@ -49,7 +49,7 @@ ELEMENTS: Mapping[SensorType, Mapping[ReadingName, str]] = {
 
 def cameras(robot: Robot, bodies: Mapping[int, Element]) -> None:
     """A camera at each mount that has one. `fovy` is the vertical angle of view, in degrees whatever the file's angles are in."""
-    sites = joined.sites(robot)
+    sites = merged_joints.sites(robot)
     for sensor in robot.assembly.sensors:
         if written(CAPABILITIES["sensors"][sensor.kind]) == "camera" and (sensor.site or "") in sites and sensor.fovy is not None:
             site = sites[sensor.site or ""]
@@ -61,7 +61,7 @@ def cameras(robot: Robot, bodies: Mapping[int, Element]) -> None:
 
 def volumes(robot: Robot, bodies: Mapping[int, Element]) -> None:
     """A site of the shape of its volume at each mount that feels what touches there."""
-    sites = joined.sites(robot)
+    sites = merged_joints.sites(robot)
     for sensor in robot.assembly.sensors:
         if sensor.volume is not None and (sensor.site or "") in sites:
             site = sites[sensor.site or ""]
@@ -128,12 +128,12 @@ def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[s
 
 def _missing(robot: Robot, sensor: LinkedSensor) -> str:
     """What a mode has not got that a sensor needs, in the words of its loss; nothing of one that it has."""
-    sites = joined.sites(robot)
+    sites = merged_joints.sites(robot)
     if any(mount.path not in sites for mount in sensor.mounts):
         return "MuJoCo has nothing between two joints of a body that it could sit on"
     if sensor.kind == "force" and on_free_root(robot, sensor):
         return "nothing carries the root of a free base"
-    bodies = {body.link for body in joined.model_bodies(robot).values()}
+    bodies = {body.link for body in merged_joints.model_bodies(robot).values()}
     if not bodies.issuperset(sensor.touching):
         return "its link is none of MuJoCo's, which only joins two joints of a body"
     movable = {joint.path for body in robot.bodies for joint in body.joints}

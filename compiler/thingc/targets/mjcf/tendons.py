@@ -13,17 +13,17 @@ from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.tendons import course_of
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
-from thingc.targets.mjcf import joined
+from thingc.targets.mjcf import merged_joints
 from thingc.targets.mjcf.drives import drive_attributes, joint_range
 from thingc.targets.mjcf.elements import dynamics_attributes
 from thingc.targets.mjcf.poses import pose_attributes
-from thingc.targets.xml import Element, number, numbers
+from thingc.targets.xml_writer import Element, number, numbers
 
 
 def present(robot: Robot) -> tuple[LinkedTendon, ...]:
     """Those of a mode: all of whose joints are in its tree, and whose mounts are on its bodies."""
     there = {joint.path for body in robot.bodies for joint in body.joints}
-    sites = joined.sites(robot)
+    sites = merged_joints.sites(robot)
     return tuple(
         one for one in robot.assembly.tendons if there.issuperset(one.moves) and all(mount.path in sites for mount in one.mounts)
     )
@@ -66,7 +66,7 @@ def _shape(tendon: LinkedTendon, place: int) -> str:
 
 def shapes(robot: Robot, bodies: Mapping[int, Element]) -> None:
     """The spheres and cylinders that tendons go around: geoms that touch nothing, weigh nothing, and are drawn with what touches."""
-    sites = joined.sites(robot)
+    sites = merged_joints.sites(robot)
     for one in present(robot):
         for place, step in enumerate(one.steps):
             if step.mount is not None and step.radius is not None and step.shape is not None:

@@ -9,7 +9,7 @@ from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import ActuatorModel
 from thingc.model.robot.types import Robot
 from thingc.targets.ros.joints import Moving, joints, start, values
-from thingc.targets.xml import Element, number
+from thingc.targets.xml_writer import Element, number
 
 PLUGIN = "mock_components/GenericSystem"
 BROADCASTER = "joint_state_broadcaster"

@@ -12,7 +12,7 @@ from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import ActuatorModel
 from thingc.model.robot.types import Body, CoreJoint, Robot
 from thingc.targets.capabilities import drive_cell, written
-from thingc.targets.names import safe
+from thingc.targets.name_mangling import safe
 from thingc.targets.ros.capabilities import CAPABILITIES
 from thingc.targets.urdf.chain import Move, moves
 

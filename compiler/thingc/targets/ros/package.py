@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from thingc.base.packaging import About
-from thingc.targets.names import package_name
-from thingc.targets.xml import Element, write
+from thingc.base.package_info import About
+from thingc.targets.name_mangling import package_name
+from thingc.targets.xml_writer import Element, write
 
 RUN = (
     "ament_index_python", "controller_manager", "forward_command_controller", "hardware_interface", "joint_state_broadcaster",

@@ -10,11 +10,11 @@ from thingc.base.frozen import dataclass
 from thingc.base.source import Origin
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Robot, Site
-from thingc.targets.names import Names, safe
+from thingc.targets.name_mangling import Names, safe
+from thingc.targets.ros.collision_matrix import Meetings, adjacent, pair_of
 from thingc.targets.ros.joints import Moving, joints, values
-from thingc.targets.ros.meeting import Meetings, adjacent, pair_of
-from thingc.targets.urdf.model import WORLD
-from thingc.targets.xml import Element, number
+from thingc.targets.urdf.links import WORLD
+from thingc.targets.xml_writer import Element, number
 
 ALWAYS = 0.95
 """The share of configurations from which on links count as always meeting, as MoveIt's setup assistant has it."""

@@ -9,8 +9,8 @@ from thingc.model.robot.types import CoreJoint, Robot
 from thingc.targets.capabilities import drive_cell, written
 from thingc.targets.sdf.capabilities import CAPABILITIES, DriveForm
 from thingc.targets.sdf.chain import SdfJoint
-from thingc.targets.sdf.zero import ZeroState
-from thingc.targets.xml import Element, number
+from thingc.targets.sdf.zero_pose import ZeroState
+from thingc.targets.xml_writer import Element, number
 
 UNBOUNDED = 1e9
 """An effort [N m or N] where the drive has no limit: Gazebo's controllers have one of 1000."""

@@ -10,7 +10,7 @@ from thingc.targets.artifact import How, Loss
 from thingc.targets.connections import Connection, connections
 from thingc.targets.sdf.capabilities import CAPABILITIES
 from thingc.targets.sdf.chain import chain
-from thingc.targets.sdf.zero import ZeroState
+from thingc.targets.sdf.zero_pose import ZeroState
 from thingc.targets.sensors import elsewhere, on_free_root
 
 

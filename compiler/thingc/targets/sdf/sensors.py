@@ -10,10 +10,10 @@ from thingc.base.pose import Pose, Vector, rpy_of, shifted
 from thingc.model.assembly.types import LinkedSensor
 from thingc.model.robot.types import Robot, Site
 from thingc.targets.capabilities import written
-from thingc.targets.names import Names
+from thingc.targets.name_mangling import Names
 from thingc.targets.sdf.capabilities import CAPABILITIES, SensorForm
 from thingc.targets.sensors import body_of, on_free_root
-from thingc.targets.xml import Element, number, numbers
+from thingc.targets.xml_writer import Element, number, numbers
 
 LOOKING = Pose(rotation=((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
 """A camera of SDF looks along its x, up its z; ours looks along the mount's z, up the mount's y."""

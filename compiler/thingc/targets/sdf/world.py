@@ -6,8 +6,8 @@ from thingc.model.robot.types import Robot
 from thingc.targets.capabilities import written
 from thingc.targets.extent import bounds, placements
 from thingc.targets.sdf.capabilities import CAPABILITIES, SensorForm
-from thingc.targets.sdf.model import PLAIN
-from thingc.targets.xml import Element, number, numbers
+from thingc.targets.sdf.model_element import PLAIN
+from thingc.targets.xml_writer import Element, number, numbers
 
 GRIP = 100.0
 """The friction of the floor: Gazebo takes the lesser of two, so that it is the robot's that counts, as in MuJoCo."""

@@ -15,14 +15,14 @@ import sys
 from collections.abc import Sequence
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.shown import shown
-from thingc.base.typos import did_you_mean
+from thingc.base.safe_text import shown
+from thingc.base.suggestions import did_you_mean
 from thingc.model.assembly.types import Assembly
-from thingc.model.resolve.model import RawAttribute
+from thingc.model.resolve.types import RawAttribute
 from thingc.targets.raw import Fault, in_files
-from thingc.targets.usd.model import JOINTS, SCENE
+from thingc.targets.usd.stage import JOINTS, SCENE
 from thingc.targets.usd.usda import FLOAT_MAX, Prim, listed, quoted, several
-from thingc.targets.xml import NO_CHARACTER, number
+from thingc.targets.xml_writer import NO_CHARACTER, number
 
 KINDS = ("joint", "link", SCENE)
 """What attributes may be of; links and joints have names."""

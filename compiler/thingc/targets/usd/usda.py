@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from thingc.base.pose import IDENTITY, Pose, Quaternion
-from thingc.targets.xml import number
+from thingc.targets.xml_writer import number
 
 INDENT = "    "
 

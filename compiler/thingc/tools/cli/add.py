@@ -15,12 +15,12 @@ from thingc.base.memo import Memo
 from thingc.base.replacement import Change, provisional
 from thingc.base.source import Document
 from thingc.documents.format.formatting import format_document, is_laid_out
-from thingc.documents.format.setting import Unsettable, with_values, without
+from thingc.documents.format.value_edits import Unsettable, with_values, without
 from thingc.documents.load.documents import Documents, read_tree, remember
+from thingc.driver.edit_document import checked, document_change, opened
 from thingc.driver.environment import Options
-from thingc.driver.writing import checked, document_change, opened
-from thingc.tools.cli import common, interrupts
-from thingc.tools.cli.stubs import BASES, STUBS, Addition
+from thingc.tools.cli import console, signals
+from thingc.tools.cli.add_templates import BASES, STUBS, Addition
 
 EPILOG = """\
 Nothing is written unless all of the document would be right with what is added. It is a stub: change it as you like.
@@ -50,7 +50,7 @@ OPTIONS = {
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `add`."""
     parser.epilog = EPILOG
-    parser.add_argument("what", type=common.one_of(WHAT), metavar="{" + ",".join(WHAT) + "}", help="what is added")
+    parser.add_argument("what", type=console.one_of(WHAT), metavar="{" + ",".join(WHAT) + "}", help="what is added")
     parser.add_argument(
         "name", metavar="NAME", help="its name; of a part its class or MODULE:CLASS, of an assembly its document, there or not",
     )
@@ -70,7 +70,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--root", metavar="ROOT", help="of a mode: a component or a mount; that of the first mode unless given")
     parser.add_argument(
-        "--base", type=common.one_of(BASES), metavar="{" + ",".join(BASES) + "}",
+        "--base", type=console.one_of(BASES), metavar="{" + ",".join(BASES) + "}",
         help="of a mode: the first that no other mode with this root has, unless given",
     )
     parser.add_argument(
@@ -80,21 +80,21 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--pose", metavar="POSE", help="of a mode: where it starts; as the first mode does unless given")
     parser.add_argument("--gravity", metavar="GRAVITY", help="of a mode: wall, ceiling, or three accelerations; floor unless given")
     parser.add_argument(
-        "--type", type=common.one_of(get_args(JointType)), metavar="TYPE", help="of a joint: its kind; revolute unless given",
+        "--type", type=console.one_of(get_args(JointType)), metavar="TYPE", help="of a joint: its kind; revolute unless given",
     )
     parser.add_argument("--parent", metavar="MOUNT", help="of a joint: the mount that it is measured from")
     parser.add_argument("--child", metavar="MOUNT", help="of a joint: the mount that moves; what had placed its component is taken out")
     parser.add_argument("--loop", action="store_true", default=None, help="of a joint: closes a loop instead of placing the child")
     parser.add_argument("--kind", metavar="KIND", help="of a test: what it measures, for example mass")
-    common.add_format(parser)
-    common.add_geometry(parser)
+    console.add_format(parser)
+    console.add_geometry(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 where it is added."""
     try:
-        return _add(arguments, common.options_of(arguments))
-    except common.WrongCommandLine as fault:
+        return _add(arguments, console.options_of(arguments))
+    except console.WrongCommandLine as fault:
         return _say(arguments, [fault.diagnostic])
 
 
@@ -104,21 +104,21 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
         if getattr(arguments, option) is not None and what not in owners:
             written = "--name" if option == "component" else "--" + option.replace("_", "-")
             meant = " or ".join(map(_article, owners))
-            raise common.WrongCommandLine(f"{written} is for {meant}, and this is {_article(what)}", "take it out")
+            raise console.WrongCommandLine(f"{written} is for {meant}, and this is {_article(what)}", "take it out")
     if arguments.to is None:
         if what not in ("part", "assembly"):
-            raise common.WrongCommandLine(
+            raise console.WrongCommandLine(
                 f"{_article(what)} belongs to a document", f"write for example `thingc add {what} {arguments.name} --to robot.yaml`",
             )
         for option in ("on", "at", "by"):
             if getattr(arguments, option) is not None:
-                raise common.WrongCommandLine(f"--{option} places it in the document that --to names", "write --to as well")
+                raise console.WrongCommandLine(f"--{option} places it in the document that --to names", "write --to as well")
         return _write(arguments, options, None, STUBS[what](arguments, None))
     if arguments.on is not None and arguments.at is not None:
-        raise common.WrongCommandLine("--on and --at both say where it is", "keep one of them: --on attaches a mount, --at lays a frame")
+        raise console.WrongCommandLine("--on and --at both say where it is", "keep one of them: --on attaches a mount, --at lays a frame")
     if arguments.by is not None and arguments.on is None:
-        raise common.WrongCommandLine("--by names what meets a mount, and which mount is not said", "write --on as well")
-    common.require_document(arguments.to)
+        raise console.WrongCommandLine("--by names what meets a mount, and which mount is not said", "write --on as well")
+    console.require_document(arguments.to)
     memo = Memo()
     documents = opened(arguments.to, options, memo)
     if documents is None:
@@ -143,7 +143,7 @@ def _write(
                 _, already = checked(root.path, options)
                 return _say(arguments, already) if _wrong(already) else _say(arguments, diagnostics, texts={root.path: changed.text})
             changes[root.path] = before, after
-        with interrupts.held():
+        with signals.held():
             keep(changes)
     where = [] if documents is None else [f"{shown_path(documents.root.path)}: {'.'.join(keys)}" for keys in addition.values]
     done = [*(shown_path(path) for path in addition.files), *where]
@@ -162,7 +162,7 @@ def _with_addition(root: Document, addition: Addition) -> Document:
             document = without(document, keys)
         document = with_values(document, addition.values)
     except Unsettable as fault:
-        raise common.WrongCommandLine(str(fault), "write it by hand") from fault
+        raise console.WrongCommandLine(str(fault), "write it by hand") from fault
     laid_out = format_document(document.path, document.text.encode(), Report(), tree=document.tree) if is_laid_out(root) else None
     if laid_out is None or laid_out == document.text.encode():
         return document
@@ -179,8 +179,8 @@ def _say(
 ) -> int:
     """Print what was added, or why nothing was; `texts` are those of documents as they would be."""
     if arguments.format == "text":
-        common.say(*done)
-        common.print_text(diagnostics, stream=sys.stdout, debug=arguments.debug, texts=texts)
+        console.say(*done)
+        console.print_text(diagnostics, stream=sys.stdout, debug=arguments.debug, texts=texts)
     else:
-        common.print_json(diagnostics, added=list(done))
-    return common.exit_code(diagnostics)
+        console.print_json(diagnostics, added=list(done))
+    return console.exit_code(diagnostics)

@@ -7,8 +7,8 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from thingc.base.brief import counted
 from thingc.base.diagnostics import Diagnostic, Report, shown_path
+from thingc.base.one_line_repr import counted
 from thingc.base.replacement import replace_files
 from thingc.documents.format.autofix import Looked, TextEdit, autofix
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES
@@ -16,7 +16,7 @@ from thingc.documents.workspace import Workspace
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation
-from thingc.tools.cli import common
+from thingc.tools.cli import console
 
 ReportOf = Callable[[Environment, Compilation], Report]
 
@@ -26,16 +26,16 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
     says."""
     try:
         if not arguments.fix:
-            raise common.WrongCommandLine("--diff belongs to --fix", "write `thingc check --fix --diff`")
+            raise console.WrongCommandLine("--diff belongs to --fix", "write `thingc check --fix --diff`")
         if arguments.no_code:
-            raise common.WrongCommandLine("--fix and --no-code do not go together", "mend documents that you trust")
-    except common.WrongCommandLine as fault:
+            raise console.WrongCommandLine("--fix and --no-code do not go together", "mend documents that you trust")
+    except console.WrongCommandLine as fault:
         return _say(arguments, [fault.diagnostic], [])
     disk = _Disk()
     texts: dict[str, bytes] = {}
     mended: list[TextEdit] = []
     diagnostics: list[Diagnostic] = []
-    for document in common.present(documents, diagnostics):
+    for document in console.present(documents, diagnostics):
         done, texts, left = _autofix(document, replace(options, lock=True), texts, disk, report_of, strict=arguments.strict)
         mended += done
         diagnostics.extend(d for d in left if d not in diagnostics)
@@ -44,8 +44,8 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
     elif arguments.format == "text":
         _print_diff(texts, disk)
         places = counted(len(mended), "place")
-        common.say(f"{places} would be mended, {counted(len(diagnostics), 'diagnostic')} would be left")
-        return common.exit_code(diagnostics)
+        console.say(f"{places} would be mended, {counted(len(diagnostics), 'diagnostic')} would be left")
+        return console.exit_code(diagnostics)
     return _say(arguments, diagnostics, mended)
 
 
@@ -61,7 +61,7 @@ def _autofix(
         if environment.workspace is not None:
             spaces.append(environment.workspace)
         read = () if compilation.documents is None else tuple(compilation.documents.by_path.values())
-        return Looked(found=common.final(report, strict=strict), documents=read)
+        return Looked(found=console.final(report, strict=strict), documents=read)
 
     def allowed(file: str) -> bool:
         return file.lower().endswith(DOCUMENT_SUFFIXES) and bool(spaces) and spaces[-1].contains(file)
@@ -96,17 +96,17 @@ def _say(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], mende
     ]
     if arguments.format == "text":
         for one in mended:
-            common.say(f"{shown_path(one.file)}:{one.line}: mended `{one.written}` -> `{one.replacement}`")
+            console.say(f"{shown_path(one.file)}:{one.line}: mended `{one.written}` -> `{one.replacement}`")
         if not mended and any(d.fixes for d in diagnostics):
-            common.say("nothing is mended: a change is made where it can have meant one thing only and leaves fewer faults")
+            console.say("nothing is mended: a change is made where it can have meant one thing only and leaves fewer faults")
         if diagnostics and (mended or any(d.fixes for d in diagnostics)):
-            common.say("")
-    common.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, mended=rows)
+            console.say("")
+    console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, mended=rows)
     if arguments.format == "text" and not diagnostics:
-        common.say(f"{counted(len(mended), 'place')} mended, nothing is left")
-    return common.exit_code(diagnostics)
+        console.say(f"{counted(len(mended), 'place')} mended, nothing is left")
+    return console.exit_code(diagnostics)
 
 
 def _print_diff(texts: Mapping[str, bytes], disk: _Disk) -> None:
     for file, data in sorted(texts.items()):
-        common.say_diff(shown_path(file), *(one.decode("utf-8-sig") for one in (disk.read(file) or b"", data)))
+        console.say_diff(shown_path(file), *(one.decode("utf-8-sig") for one in (disk.read(file) or b"", data)))

@@ -10,17 +10,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from thingc.base.brief import counted
 from thingc.base.diagnostics import Diagnostic, shown_path
-from thingc.batch.chunks import CHUNK
+from thingc.base.one_line_repr import counted
 from thingc.batch.folder import FOLDERS, PACKED
+from thingc.batch.packed_layout import CHUNK
 from thingc.batch.pictures import ALL, MANY, MOST
 from thingc.driver.environment import Options
-from thingc.tools.cli import common
-from thingc.tools.cli.interrupts import INTERRUPTED
+from thingc.tools.cli import console
+from thingc.tools.cli.signals import INTERRUPTED
 
 if TYPE_CHECKING:
-    from thingc.batch.forecast import Forecast
+    from thingc.batch.dry_run import Forecast
     from thingc.batch.planning import Plan
     from thingc.batch.progress import Progress, Summary
 
@@ -50,7 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--emit", metavar="T", action="append", default=[], help="only this target (may be repeated; default: those of the document)",
     )
-    parser.add_argument("--limit", metavar="N", type=common.positive, help="only the first N variants")
+    parser.add_argument("--limit", metavar="N", type=console.positive, help="only the first N variants")
     parser.add_argument("--resume", action="store_true", help="go on with a batch that was stopped")
     parser.add_argument("--retry", action="store_true", help="with --resume: build variants again that failed")
     parser.add_argument("--adopt", metavar="ID", help="write what one variant says into the assembly document, and build nothing")
@@ -74,8 +74,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--verify", choices=tuple(VERIFY), default="some",
         help="the models that MuJoCo is asked about: all, none, or the first and every 64th of those that differ in numbers only (default)",
     )
-    common.add_format(parser)
-    common.add_geometry(parser, jobs="variants built at once")
+    console.add_format(parser)
+    console.add_geometry(parser, jobs="variants built at once")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -85,15 +85,15 @@ def run(arguments: argparse.Namespace) -> int:
     from thingc.batch.progress import Interrupted
 
     try:
-        common.require_document(arguments.document)
-        options = replace(common.options_of(arguments), progress=None)
+        console.require_document(arguments.document)
+        options = replace(console.options_of(arguments), progress=None)
         if arguments.ship and arguments.cluster is None:
-            raise common.WrongCommandLine("--ship says how files get to other machines, and there are none", "add --cluster tcp://HOST:8786")
+            raise console.WrongCommandLine("--ship says how files get to other machines, and there are none", "add --cluster tcp://HOST:8786")
         exclusive = ("--adopt", "--dry-run", "--page-only", "--unpack", "--resume")
         said = [option for option in exclusive if getattr(arguments, option[2:].replace("-", "_"))]
         if len(said) > 1:
-            raise common.WrongCommandLine(f"{said[0]} builds nothing, and {said[1]} asks for something else", "leave one of them out")
-        timeout = None if arguments.timeout is None else common.time_of("--timeout", arguments.timeout)
+            raise console.WrongCommandLine(f"{said[0]} builds nothing, and {said[1]} asks for something else", "leave one of them out")
+        timeout = None if arguments.timeout is None else console.time_of("--timeout", arguments.timeout)
         targets = _targets(arguments.emit)
         if arguments.adopt is not None:
             return _adopt(arguments, options)
@@ -107,12 +107,12 @@ def run(arguments: argparse.Namespace) -> int:
     except PlanError as fault:
         return _refuse(arguments, fault.diagnostics)
     except BatchFault as fault:
-        common.say_in_place()
+        console.say_in_place()
         return _refuse(arguments, [fault.diagnostic])
     except Interrupted as fault:
-        common.say_in_place()
+        console.say_in_place()
         done = f"{fault.done} of {counted(fault.count, 'variant')} are done"
-        common.say(f"interrupted: {done}; go on with: {_again(arguments)}", stream=sys.stderr)
+        console.say(f"interrupted: {done}; go on with: {_again(arguments)}", stream=sys.stderr)
         return INTERRUPTED
     return _answer(arguments, summary)
 
@@ -136,7 +136,7 @@ def _targets(words: Sequence[str]) -> tuple[str, ...]:
     from thingc.targets.registry import chosen, unknown
 
     for _, message, hint in unknown(words):
-        raise common.WrongCommandLine(message, hint)
+        raise console.WrongCommandLine(message, hint)
     return chosen(words) if words else ()
 
 
@@ -147,7 +147,7 @@ def _build(
     import os
 
     from thingc.batch.batch import TIMEOUT, run
-    from thingc.batch.cluster import connect
+    from thingc.batch.cluster.connection import connect
 
     with contextlib.ExitStack() as leaving:
         cluster = None
@@ -161,7 +161,7 @@ def _build(
             on_picture=_draw if arguments.format == "text" else None, ship=arguments.ship, retry=arguments.retry,
             layout=arguments.layout,
         )
-    common.say_in_place()
+    console.say_in_place()
     return summary
 
 
@@ -178,15 +178,15 @@ class _Show:
         estimate = f", {_time(left)} left" if left is not None else ""
         line = f"{progress.done} of {counted(progress.count, 'variant')} ({counts}); {progress.rate:.3g} a second{estimate}"
         if sys.stderr.isatty():
-            common.say_in_place(line)
+            console.say_in_place(line)
         elif time.monotonic() - self.said >= PAUSE:
             self.said = time.monotonic()
-            common.say(line, stream=sys.stderr)
+            console.say(line, stream=sys.stderr)
 
 
 def _draw(done: int, count: int) -> None:
     """How many pictures are drawn, on a terminal."""
-    common.say_in_place(f"{done} of {counted(count, 'picture')}")
+    console.say_in_place(f"{done} of {counted(count, 'picture')}")
 
 
 def _page(arguments: argparse.Namespace, options: Options) -> int:
@@ -196,13 +196,13 @@ def _page(arguments: argparse.Namespace, options: Options) -> int:
         arguments.document, output=arguments.output, pictures=arguments.pictures, jobs=options.jobs, options=options,
         on_picture=_draw if arguments.format == "text" else None,
     )
-    common.say_in_place()
+    console.say_in_place()
     diagnostics = [warning] if warning is not None else []
     if arguments.format == "json":
-        common.print_json(diagnostics, page=shown_path(path))
+        console.print_json(diagnostics, page=shown_path(path))
     else:
-        common.print_text(diagnostics, stream=sys.stderr, debug=False)
-        common.say(shown_path(path), stream=sys.stderr)
+        console.print_text(diagnostics, stream=sys.stderr, debug=False)
+        console.say(shown_path(path), stream=sys.stderr)
     return 0
 
 
@@ -211,7 +211,7 @@ def _pictures(text: str) -> int:
     if text in ("none", "all"):
         return 0 if text == "none" else ALL
     try:
-        return common.positive(text)
+        return console.positive(text)
     except argparse.ArgumentTypeError:
         raise argparse.ArgumentTypeError(f"expected a whole number from 1, `none` or `all`, found `{text}`") from None
 
@@ -225,12 +225,12 @@ def _time(seconds: float) -> str:
 def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     code = 1 if summary.statuses.get("refused") or summary.statuses.get("failed") else 0
     if arguments.format == "json":
-        common.print_json(
+        console.print_json(
             summary.notes, folder=shown_path(summary.folder), layout=summary.layout, count=summary.count, statuses=summary.statuses,
             modelled=summary.modelled, duplicates=summary.duplicates, losses=summary.losses,
         )
         return code
-    common.print_text(summary.notes, stream=sys.stderr, debug=False)
+    console.print_text(summary.notes, stream=sys.stderr, debug=False)
     counts = ", ".join(f"{summary.statuses[status]} {spoken}" for status, spoken in STATUSES.items() if status in summary.statuses)
     earlier = f" ({summary.before} of them before)" if summary.before else ""
     modelled = f"{counted(summary.modelled, 'part')} modelled"
@@ -238,11 +238,11 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     lines += [f"{summary.duplicates} more are equal to one of these"] if summary.duplicates else []
     if summary.lossy:
         number = counted(sum(summary.losses.values()), "thing")
-        how = common.losses_in_words(summary.losses)
+        how = console.losses_in_words(summary.losses)
         lines.append(f"{counted(summary.lossy, 'variant')} with targets that cannot say {number} ({how}): see `losses` in the table")
     lines += _packed(arguments, summary) + _unpictured(arguments, summary.count)
     lines += _complaints(summary.folder) if code else []
-    common.say(*lines, stream=sys.stderr)
+    console.say(*lines, stream=sys.stderr)
     return code
 
 
@@ -268,7 +268,7 @@ def _unpictured(arguments: argparse.Namespace, count: int) -> list[str]:
 
 def _complaints(folder: str) -> list[str]:
     """One line for each code with which variants were refused or failed: how many, and what was said of the first."""
-    from thingc.batch.records import in_order
+    from thingc.batch.build_records import in_order
 
     first: dict[str, dict[str, Any]] = {}
     counts: dict[str, int] = {}
@@ -280,15 +280,15 @@ def _complaints(folder: str) -> list[str]:
 
 
 def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]) -> int:
-    from thingc.batch.forecast import forecast
-    from thingc.batch.reading import plan
+    from thingc.batch.dry_run import forecast
+    from thingc.batch.variants_document import plan
 
     planned = plan(arguments.document, options=options)
     if targets:
         planned = replace(planned, emit=targets)
     foreseen = forecast(planned, options, arguments.limit)
     if arguments.format == "json":
-        common.print_json(
+        console.print_json(
             planned.notes, count=foreseen.count, of=planned.count, duplicates=planned.written - planned.count,
             axes=[{"name": axis.key, "values": len(axis.values) or None} for axis in planned.axes], failing=foreseen.failing,
             looked_at=foreseen.looked_at, unsound=foreseen.unsound, parts=foreseen.parts, modelled=foreseen.parts - foreseen.known,
@@ -297,25 +297,25 @@ def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[st
                    for one in foreseen.first],
         )
         return 0
-    common.print_text(list(planned.notes), stream=sys.stderr, debug=False)
-    common.say(*_told(planned, foreseen))
+    console.print_text(list(planned.notes), stream=sys.stderr, debug=False)
+    console.say(*_told(planned, foreseen))
     return 0
 
 
 def _unpack(arguments: argparse.Namespace, options: Options) -> int:
     """Write the folder of one variant, and say where it is."""
     from thingc.batch.folder import begun, in_words, locked
-    from thingc.batch.loading import FamilyError, load
-    from thingc.batch.reading import plan
+    from thingc.batch.results import FamilyError, load
+    from thingc.batch.variants_document import plan
 
     planned = plan(arguments.document, options=options)
     folder = planned.folder_in(arguments.output)
     begun(planned.relative, folder, "build it first, without --unpack")
     try:
         with locked(folder):
-            common.say(shown_path(load(folder)[arguments.unpack].unpack()))
+            console.say(shown_path(load(folder)[arguments.unpack].unpack()))
     except FamilyError as fault:
-        raise common.WrongCommandLine(str(fault), "the identifiers stand in results.csv") from fault
+        raise console.WrongCommandLine(str(fault), "the identifiers stand in results.csv") from fault
     except OSError as fault:
         raise in_words(folder, fault) from fault
     return 0
@@ -323,23 +323,23 @@ def _unpack(arguments: argparse.Namespace, options: Options) -> int:
 
 def _adopt(arguments: argparse.Namespace, options: Options) -> int:
     """Write the settings of a variant into the document of the assembly, as `thingc set` does."""
-    from thingc.batch.adopting import meant
-    from thingc.batch.reading import plan
+    from thingc.batch.adopt_variant import meant
+    from thingc.batch.variants_document import plan
     from thingc.tools.cli.set import write
 
     planned = plan(arguments.document, options=options)
     adopted = meant(planned, arguments.adopt, planned.folder_in(arguments.output))
     if adopted is None:
-        raise common.WrongCommandLine(
+        raise console.WrongCommandLine(
             f"`{planned.name}` has no variant `{arguments.adopt}`",
             "the identifiers stand in results.csv, and `--dry-run` says the first of them",
         )
     variant, rule = adopted
     if rule is not None:
-        common.say(f"{variant.name} does not keep the rule `{rule}`", stream=sys.stderr)
+        console.say(f"{variant.name} does not keep the rule `{rule}`", stream=sys.stderr)
     settings = {**variant.parameters, **variant.choices}
     if not settings:
-        common.say(f"{variant.id} is what {planned.assembly_relative} says")
+        console.say(f"{variant.id} is what {planned.assembly_relative} says")
         return 0
     return write(shown_path(planned.assembly), settings, options, arguments)
 
@@ -376,8 +376,8 @@ def _told(planned: Plan, forecast: Forecast) -> list[str]:
 
 
 def _refuse(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic]) -> int:
-    common.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug)
-    return common.exit_code(diagnostics)
+    console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug)
+    return console.exit_code(diagnostics)
 
 
 

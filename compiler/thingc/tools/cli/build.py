@@ -12,18 +12,18 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from thingc.base.brief import counted
 from thingc.base.diagnostics import Diagnostic, shown_path
-from thingc.base.shown import quoted
-from thingc.driver import building, dependencies, pipeline, stamp
-from thingc.driver.building import Built, Wish
+from thingc.base.one_line_repr import counted
+from thingc.base.safe_text import quoted
+from thingc.driver import build_document, dependencies, pipeline, up_to_date
+from thingc.driver.build_document import Built, Wish
 from thingc.driver.environment import Environment, Options, attempted, store_of
 from thingc.driver.output import OutputError, build_folder, listed, unswept, verify
 from thingc.driver.pipeline import UnknownChoice
 from thingc.geometry.store.local import Store
 from thingc.targets.artifact import CARRIED, counts_of
-from thingc.tools.cli import common
-from thingc.tools.cli.targets import add_building, chosen_targets, in_words
+from thingc.tools.cli import console
+from thingc.tools.cli.emit_option import add_building, chosen_targets, in_words
 
 EPILOG = """\
 {about}
@@ -39,35 +39,35 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `build`."""
     about = f"Everything appears at once in build/NAME/ (or DIR/NAME/), or nothing does. {in_words()}"
     parser.epilog = EPILOG.format(about=textwrap.fill(about, 120))
-    common.add_document(parser)
+    console.add_document(parser)
     add_building(parser)
     parser.add_argument(
         "--twice", action="store_true", help="to debug parts: model each two times, whatever the store has; one that differs is an error"
     )
-    common.add_format(parser, common.FINDINGS)
-    common.add_compiling(parser)
+    console.add_format(parser, console.FINDINGS)
+    console.add_compiling(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 when the folder was written, or already holds what it should."""
     try:
-        common.require_document(arguments.document)
-        options = common.options_of(arguments)
+        console.require_document(arguments.document)
+        options = console.options_of(arguments)
         targets, diagnostics = chosen_targets(arguments)
         answer = None
         if not diagnostics:
             options = replace(options, ahead=pipeline.modules_of_build(targets))
             diagnostics, answer = _build(arguments, options, targets)
-    except (UnknownChoice, OutputError, common.WrongCommandLine) as fault:
-        diagnostics, answer = [common.of_exception(fault)], None
+    except (UnknownChoice, OutputError, console.WrongCommandLine) as fault:
+        diagnostics, answer = [console.of_exception(fault)], None
     more: dict[str, list[str]] = {"artifacts": [], "modelled": [], "reused": []}
     if answer is not None:
         artifacts = [shown_path(os.path.join(answer["folder"], path)) for path in answer["artifacts"]]
         more = {"artifacts": artifacts, "modelled": answer["modelled"], "reused": answer["reused"]}
-    common.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug, **more)
+    console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug, **more)
     if answer is not None and arguments.format != "json":
         tell(answer, arguments)
-    return common.exit_code(diagnostics)
+    return console.exit_code(diagnostics)
 
 
 def _build(
@@ -75,13 +75,13 @@ def _build(
 ) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
     """What there is to say, and the answer where the build succeeded; from the stamp of an earlier build where nothing has changed.
     Raises `UnknownChoice` and `OutputError`."""
-    key = stamp.key_of("build", arguments.document, {
+    key = up_to_date.key_of("build", arguments.document, {
         "parameters": dict(options.parameters), "choices": dict(options.choices), "modes": arguments.mode, "targets": targets,
         "compat": options.compat, "strict": arguments.strict,
         "output": os.path.abspath(arguments.output) if arguments.output else None, "deny_loss": arguments.deny_loss,
     })
     store = store_of(options)
-    earlier = stamp.load(store, key) if not arguments.twice else None
+    earlier = up_to_date.load(store, key) if not arguments.twice else None
     if earlier is not None:
         said, answer = earlier
         if _stands(answer, store):
@@ -100,19 +100,19 @@ def wish_of(arguments: argparse.Namespace, targets: tuple[str, ...]) -> Wish:
 
 def _built(wish: Wish, key: str, environment: Environment) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
     """Build, write, and remember it under `key`."""
-    built = building.build(environment, wish)
+    built = build_document.build(environment, wish)
     diagnostics = list(built.diagnostics)
     if built.files is None:
         return diagnostics, None
     before = listed(build_folder(*built.place))
-    folder = building.write(environment, built, wish, common.say_waiting)
+    folder = build_document.write(environment, built, wish, console.say_waiting)
     if wish.targets and (gone := before - built.files.keys()):
-        common.say(f"{shown_path(folder)}: {counted(len(gone), 'file')} of the build before {'is' if len(gone) == 1 else 'are'} gone, "
+        console.say(f"{shown_path(folder)}: {counted(len(gone), 'file')} of the build before {'is' if len(gone) == 1 else 'are'} gone, "
                    f"{_some(gone)}: a build holds what its --emit asks for", stream=sys.stderr)
     answer = {
-        **answer_of(built, folder), "place": built.place, "manifest": stamp.state_of(os.path.join(folder, "manifest.json")),
+        **answer_of(built, folder), "place": built.place, "manifest": up_to_date.state_of(os.path.join(folder, "manifest.json")),
     }
-    stamp.save(environment.store, key, dependencies.inputs(environment, built.compilation), diagnostics, answer)
+    up_to_date.save(environment.store, key, dependencies.inputs(environment, built.compilation), diagnostics, answer)
     return diagnostics, {**answer, "twice": built.twice}
 
 
@@ -136,14 +136,14 @@ def _stands(answer: Mapping[str, Any], store: Store) -> bool:
     folder = answer["folder"]
     if build_folder(*answer["place"]) != folder or unswept(folder):
         return False
-    return stamp.state_of(os.path.join(folder, "manifest.json")) == answer["manifest"] and verify(folder, store) is not None
+    return up_to_date.state_of(os.path.join(folder, "manifest.json")) == answer["manifest"] and verify(folder, store) is not None
 
 
 def unsaid(counts: Mapping[str, int]) -> str:
     """`3 things it cannot say (1 omitted, 2 approximated), 4 kept in its files as custom data`: nothing acts on those by itself."""
     lost = {how: count for how, count in counts.items() if how != CARRIED}
     carried = counts.get(CARRIED, 0)
-    words = [f"{counted(sum(lost.values()), 'thing')} it cannot say ({common.losses_in_words(lost)})"] if lost else []
+    words = [f"{counted(sum(lost.values()), 'thing')} it cannot say ({console.losses_in_words(lost)})"] if lost else []
     words += [f"{carried if lost else counted(carried, 'thing')} kept in its files as custom data"] if carried else []
     return ", ".join(words)
 
@@ -151,15 +151,15 @@ def unsaid(counts: Mapping[str, int]) -> str:
 def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
     """What happened, for people, on standard error."""
     if answer.get("twice"):
-        common.say(f"{counted(answer['twice'], 'part')} modelled twice: equal", stream=sys.stderr)
+        console.say(f"{counted(answer['twice'], 'part')} modelled twice: equal", stream=sys.stderr)
     folder = shown_path(answer["folder"])
     count = len(answer["artifacts"])
     if answer.get("unchanged"):
-        common.say(f"{folder}: nothing changed ({counted(count, 'file')})", stream=sys.stderr)
+        console.say(f"{folder}: nothing changed ({counted(count, 'file')})", stream=sys.stderr)
     else:
         modelled, reused = len(answer["modelled"]), len(answer["reused"])
-        common.say(f"{folder}: {counted(count, 'file')}; {counted(modelled, 'part')} modelled, {reused} reused", stream=sys.stderr)
+        console.say(f"{folder}: {counted(count, 'file')}; {counted(modelled, 'part')} modelled, {reused} reused", stream=sys.stderr)
     words = shlex.join(["thingc", "why", "--losses", arguments.document, *(f"--emit={word}" for word in arguments.emit),
                         *(f"--compat={word}" for word in arguments.compat)])
     for target, counts in answer["losses"].items():
-        common.say(f"{target}: {unsaid(counts)}: {words}", stream=sys.stderr)
+        console.say(f"{target}: {unsaid(counts)}: {words}", stream=sys.stderr)

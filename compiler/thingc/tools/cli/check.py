@@ -9,12 +9,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-from thingc.base.brief import counted
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, shown_path
-from thingc.driver import dependencies, pipeline, stamp
+from thingc.base.one_line_repr import counted
+from thingc.driver import dependencies, pipeline, up_to_date
 from thingc.driver.environment import Environment, Options, attempted, store_of
 from thingc.driver.pipeline import Compilation
-from thingc.tools.cli import common
+from thingc.tools.cli import console
 
 EPILOG = """\
 Every key, name, unit, reference, limit and mass of the document and of those it uses, for every mode. Parts are looked
@@ -51,24 +51,24 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--fix", action="store_true", help="mend in the documents what can only have meant one thing, then say what is left"
     )
     parser.add_argument("--diff", action="store_true", help="with --fix: write nothing, show what would be mended")
-    common.add_format(parser, common.FINDINGS)
-    common.add_compiling(parser)
+    console.add_format(parser, console.FINDINGS)
+    console.add_compiling(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 when nothing is wrong with any of the documents."""
     diagnostics: list[Diagnostic] = []
     try:
-        options = common.options_of(arguments)
+        options = console.options_of(arguments)
         if not arguments.document and arguments.touched:
-            raise common.WrongCommandLine("missing: files that have changed", "`git diff --name-only main...` names them")
+            raise console.WrongCommandLine("missing: files that have changed", "`git diff --name-only main...` names them")
         arguments.document = arguments.document or ["."]
         trusted = arguments.touched and not arguments.no_code
         documents = concerned(arguments.document, arguments.store) if trusted else arguments.document
         folders = not arguments.touched and any(os.path.isdir(word) for word in arguments.document)
         if folders:
-            documents = common.expanded(documents)
-    except common.WrongCommandLine as fault:
+            documents = console.expanded(documents)
+    except console.WrongCommandLine as fault:
         return _answer(arguments, [fault.diagnostic], [])
     if arguments.fix or arguments.diff:
         from thingc.tools.cli.autofix import run_fix
@@ -76,29 +76,29 @@ def run(arguments: argparse.Namespace) -> int:
         return run_fix(arguments, documents, options, report_of)
     if arguments.no_code:
         return _answer(arguments, *_untrusted(arguments, documents, options), of=len(documents) if folders else None)
-    found = {document: check(document, options, strict=arguments.strict) for document in common.present(documents, diagnostics)}
+    found = {document: check(document, options, strict=arguments.strict) for document in console.present(documents, diagnostics)}
     return _answer(arguments, *_merged(found, diagnostics), of=len(documents) if folders else None)
 
 
 def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options: Options) -> tuple[list[Diagnostic], list[str]]:
     """The findings, and the documents without any, of documents that nobody trusts: each is looked at in a process of its own."""
-    from thingc.tools.cli.confined import confined
+    from thingc.tools.cli.sandboxed_check import confined
 
     diagnostics: list[Diagnostic] = []
     found: dict[str, list[Diagnostic]] = {}
     try:
-        common.refuse_modules_of_others()
-        seconds = common.time_of("--time-limit", arguments.time_limit)
-    except common.WrongCommandLine as fault:
+        console.refuse_modules_of_others()
+        seconds = console.time_of("--time-limit", arguments.time_limit)
+    except console.WrongCommandLine as fault:
         return [fault.diagnostic], []
     if arguments.touched:
         names = confined(partial(_concerned_without_code, documents), seconds)
         if isinstance(names, Diagnostic):
             return [names], []
         documents = names
-    for document in common.present(documents, diagnostics):
+    for document in console.present(documents, diagnostics):
         answer = confined(partial(_packed, document, options, arguments.strict), seconds)
-        unpacked = [replace(answer, path=document)] if isinstance(answer, Diagnostic) else [stamp.unpacked(one) for one in answer]
+        unpacked = [replace(answer, path=document)] if isinstance(answer, Diagnostic) else [up_to_date.unpacked(one) for one in answer]
         found[document] = unpacked
     return _merged(found, diagnostics)
 
@@ -120,11 +120,11 @@ def findings(environment: Environment, compilation: Compilation, *, strict: bool
     report = report_of(environment, compilation)
     needed = sorted((one.where for one in report.needed), key=lambda where: (where.file, where.line, where.column))
     notes = [Diagnostic(code=Code.UNNEEDED, severity=Severity.NOTE, message="is needed", span=where) for where in needed]
-    return [*common.final(report, strict=strict), *notes]
+    return [*console.final(report, strict=strict), *notes]
 
 
 def _concerned_without_code(files: Sequence[str]) -> list[str]:
-    from thingc.tools.affected.touched import touched
+    from thingc.tools.affected.dependents import touched
 
     return [shown_path(path) for path in touched([os.path.abspath(file) for file in files], os.getcwd(), None).documents]
 
@@ -136,7 +136,7 @@ def without_code(document: str, options: Options, *, strict: bool) -> list[Diagn
 
 
 def _packed(document: str, options: Options, strict: bool) -> list[dict[str, object]]:
-    return [stamp.packed(d) for d in without_code(document, options, strict=strict)]
+    return [up_to_date.packed(d) for d in without_code(document, options, strict=strict)]
 
 
 def concerned(files: Sequence[str], store: str | None) -> list[str]:
@@ -148,22 +148,22 @@ def concerned(files: Sequence[str], store: str | None) -> list[str]:
 
 def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: list[str], of: int | None = None) -> int:
     """Print what was found; `of` is how many documents were found in folders that were named."""
-    common.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug)
+    console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug)
     if arguments.format == "text":
         for document in good:
-            common.say(f"{document}: ok")
+            console.say(f"{document}: ok")
         if of is not None:
-            common.say(f"{counted(of, 'document')} checked, {'all' if len(good) == of else len(good)} ok")
-    return common.exit_code(diagnostics)
+            console.say(f"{counted(of, 'document')} checked, {'all' if len(good) == of else len(good)} ok")
+    return console.exit_code(diagnostics)
 
 
 def check(document: str, options: Options, *, strict: bool = False) -> list[Diagnostic]:
     """What there is to say about one document; from the stamp of an earlier run where nothing has changed."""
     store = store_of(options)
-    key = stamp.key_of("check", document, {
+    key = up_to_date.key_of("check", document, {
         "parameters": dict(options.parameters), "choices": dict(options.choices), "strict": strict,
     })
-    earlier = stamp.load(store, key)
+    earlier = up_to_date.load(store, key)
     if earlier is not None:
         return earlier[0]
 
@@ -171,7 +171,7 @@ def check(document: str, options: Options, *, strict: bool = False) -> list[Diag
         compilation = pipeline.check(environment)
         diagnostics = findings(environment, compilation, strict=strict)
         if not compilation.report.failed and compilation.documents is not None and compilation.documents.root.kind != "variants":
-            stamp.save(store, key, dependencies.inputs(environment, compilation), diagnostics, {})
+            up_to_date.save(store, key, dependencies.inputs(environment, compilation), diagnostics, {})
         return diagnostics
 
     return attempted(document, replace(options, lock=True), work)
@@ -181,7 +181,7 @@ def report_of(environment: Environment, compilation: Compilation) -> Report:
     """What is said of a document that was checked, of variants, too."""
     if compilation.documents is None or compilation.documents.root.kind != "variants":
         return compilation.report
-    from thingc.batch.reading import read_plan
+    from thingc.batch.variants_document import read_plan
 
     report = Report()
     read_plan(environment.document, environment.options, report)

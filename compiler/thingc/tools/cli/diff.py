@@ -13,15 +13,15 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Diagnostic
-from thingc.base.typos import did_you_mean
-from thingc.tools.cli import common
+from thingc.base.suggestions import did_you_mean
+from thingc.tools.cli import console
 
 if TYPE_CHECKING:
     from thingc.driver.environment import Options
-    from thingc.tools.diff.answer import Differences
+    from thingc.tools.diff.arguments import Asked
+    from thingc.tools.diff.checkouts import Both, BrokenSide
     from thingc.tools.diff.comparing import Comparison
-    from thingc.tools.diff.sides import Asked
-    from thingc.tools.diff.states import Both, BrokenSide
+    from thingc.tools.diff.results import Differences
 
 EPILOG = """\
 Meaning, not text: components, joints, mates, parameters, modes, poses, materials, tests, and what follows for masses, geometry,
@@ -60,48 +60,48 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--html", metavar="FILE", help="also write a page with pictures, and a slider from before to after")
     parser.add_argument("--pictures", metavar="FOLDER", help="also write pictures: before, after, and what changed in colours")
-    common.add_format(parser, FORMS)
-    common.add_geometry(parser)
+    console.add_format(parser, FORMS)
+    console.add_geometry(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0, or 1 where something changed that must not; 1 where a side does not compile."""
     from thingc.targets.render.picture import NoGraphics
-    from thingc.tools.affected.changes import NotARepository
-    from thingc.tools.diff.answer import as_json
-    from thingc.tools.diff.sides import UnknownSide, asked
-    from thingc.tools.diff.states import BrokenSide
-    from thingc.tools.diff.telling import as_markdown, as_text
+    from thingc.tools.affected.git_changes import NotARepository
+    from thingc.tools.diff.arguments import UnknownSide, asked
+    from thingc.tools.diff.checkouts import BrokenSide
+    from thingc.tools.diff.results import as_json
+    from thingc.tools.diff.text_report import as_markdown, as_text
 
     try:
         watched = fail_on(arguments.fail_on)
-        options = common.options_of(arguments)
+        options = console.options_of(arguments)
         wanted = asked(arguments.side, arguments.behind)
         with ExitStack() as stack:
             answer = _answer(arguments, wanted, options, stack)
     except UnknownSide as fault:
-        raise common.WrongCommandLine(str(fault), fault.hint) from fault
+        raise console.WrongCommandLine(str(fault), fault.hint) from fault
     except NotARepository as fault:
-        raise common.WrongCommandLine(f"git cannot say: {fault}", "run this in a repository, or name two documents") from fault
+        raise console.WrongCommandLine(f"git cannot say: {fault}", "run this in a repository, or name two documents") from fault
     except NoGraphics as fault:
-        raise common.WrongCommandLine(fault.message, fault.hint, Code.NO_GRAPHICS) from fault
+        raise console.WrongCommandLine(fault.message, fault.hint, Code.NO_GRAPHICS) from fault
     if isinstance(answer, BrokenSide):
         if arguments.format == "json":
-            common.print_json(answer.diagnostics)
+            console.print_json(answer.diagnostics)
         else:
-            common.print_text(answer.diagnostics, stream=sys.stdout, debug=arguments.debug, texts=answer.texts)
+            console.print_text(answer.diagnostics, stream=sys.stdout, debug=arguments.debug, texts=answer.texts)
         return 1
     try:
         pictures = _written(arguments, answer)
     except OSError as fault:
         message = f"cannot write `{fault.filename}`: {(fault.strerror or str(fault)).lower()}"
-        raise common.WrongCommandLine(message, "choose another file", Code.OUTPUT) from fault
+        raise console.WrongCommandLine(message, "choose another file", Code.OUTPUT) from fault
     if arguments.format == "json":
-        common.print_data(as_json(answer))
+        console.print_data(as_json(answer))
     elif arguments.format == "markdown":
-        common.hand_on(as_markdown(answer, pictures))
+        console.hand_on(as_markdown(answer, pictures))
     else:
-        common.say(*as_text(answer))
+        console.say(*as_text(answer))
     return 1 if any(change.what in watched for change in answer.changes) else 0
 
 
@@ -136,7 +136,7 @@ def fail_on(words: Sequence[str]) -> frozenset[str]:
     named: set[str] = set()
     for word in (one.strip() for text in words for one in text.split(",")):
         if word not in known:
-            raise common.WrongCommandLine(
+            raise console.WrongCommandLine(
                 f"--fail-on: expected what may change, found `{word}`", did_you_mean(word, known if word else WHATS, what="words"),
             )
         named.add(known[word])
@@ -146,8 +146,8 @@ def fail_on(words: Sequence[str]) -> frozenset[str]:
 def _answer(arguments: argparse.Namespace, wanted: Asked, options: Options, stack: ExitStack) -> Differences | BrokenSide:
     """Raises `UnknownSide`, `NotARepository`, `NoGraphics`, `WrongCommandLine`."""
     from thingc.targets.render.picture import ready
-    from thingc.tools.diff.answer import answered
-    from thingc.tools.diff.states import compared, laid_out
+    from thingc.tools.diff.checkouts import compared, laid_out
+    from thingc.tools.diff.results import answered
 
     options = replace(options, lock=arguments.no_code, code=not arguments.no_code)
     names = (wanted.old.name, wanted.new.name)
@@ -156,16 +156,16 @@ def _answer(arguments: argparse.Namespace, wanted: Asked, options: Options, stac
         ready()  # before the tests import MuJoCo, which decides then how it draws
     work: Callable[[Both], Comparison | BrokenSide] = partial(compared, options=options, tests=tests, names=names, draw=draw)
     if arguments.no_code:
-        common.refuse_modules_of_others()
-        work = partial(_apart, work, common.time_of("--time-limit", arguments.time_limit))
+        console.refuse_modules_of_others()
+        work = partial(_apart, work, console.time_of("--time-limit", arguments.time_limit))
     return answered(*names, laid_out(wanted, stack, code=options.code), work)
 
 
 def _apart(work: Callable[[Both], Comparison | BrokenSide], seconds: float, both: Both) -> Comparison | BrokenSide:
     """A document compared in a bounded process of its own."""
-    from thingc.tools.cli.confined import confined
+    from thingc.tools.cli.sandboxed_check import confined
+    from thingc.tools.diff.checkouts import BrokenSide
     from thingc.tools.diff.packing import pack, unpack
-    from thingc.tools.diff.states import BrokenSide
 
     answer = confined(lambda: pack(work(both)), seconds)
     if isinstance(answer, Diagnostic):

@@ -6,8 +6,8 @@ import argparse
 import sys
 
 from thingc.base.diagnostics import Code
-from thingc.tools.cli import common
-from thingc.tools.reporting.explanations import as_page, explained, find, near, sections
+from thingc.tools.cli import console
+from thingc.tools.reporting.explain import as_page, explained, find, near, sections
 
 EPILOG = """\
 Without CODE it lists all codes.
@@ -21,7 +21,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `explain`."""
     parser.epilog = EPILOG
     parser.add_argument("code", metavar="CODE", nargs="?", help="a code such as TC302, also without the TC (default: all of them)")
-    common.add_format(parser)
+    console.add_format(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -31,13 +31,13 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     code = find(arguments.code)
     if code is None:
-        diagnostics = [common.WrongCommandLine(f"there is no code `{arguments.code}`", _hint(near(arguments.code))).diagnostic]
-        common.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=False)
-        return common.USAGE
+        diagnostics = [console.WrongCommandLine(f"there is no code `{arguments.code}`", _hint(near(arguments.code))).diagnostic]
+        console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=False)
+        return console.USAGE
     if arguments.format == "json":
-        common.print_data(explained(code))
+        console.print_data(explained(code))
     else:
-        common.say(*as_page(code).removesuffix("\n").split("\n"))
+        console.say(*as_page(code).removesuffix("\n").split("\n"))
     return 0
 
 
@@ -50,7 +50,7 @@ def _hint(codes: list[Code]) -> str:
 def _list(form: str) -> None:
     if form == "json":
         listed = [{"code": code.code, "title": code.title, "cure": code.cure} for _, codes in sections() for code in codes]
-        common.print_data({"codes": listed})
+        console.print_data({"codes": listed})
         return
     for title, codes in sections():
-        common.say(title, *(f"  {code.code}  {code.title}" for code in codes), "")
+        console.say(title, *(f"  {code.code}  {code.title}" for code in codes), "")

@@ -8,13 +8,13 @@ import os
 import sys
 from collections.abc import Iterator
 
-from thingc.base.brief import counted
 from thingc.base.diagnostics import Code, Report, shown_path
+from thingc.base.one_line_repr import counted
 from thingc.base.replacement import ReplacementRefused, replace_files
 from thingc.documents.format.formatting import format_document, schema_path
-from thingc.documents.load.finding import documents_in, is_document
+from thingc.documents.load.discovery import documents_in, is_document
 from thingc.documents.workspace import OWN_FILE, Workspace
-from thingc.tools.cli import common
+from thingc.tools.cli import console
 
 EPILOG = """\
 Keys in the order of the language reference (names that you choose stay in your order), two spaces for each level, one
@@ -51,17 +51,17 @@ def run(arguments: argparse.Namespace) -> int:
     changed = count = 0
     try:
         paths = list(_documents(arguments))
-    except common.WrongCommandLine as fault:
-        common.print_text([fault.diagnostic], stream=sys.stdout, debug=False)
-        return common.USAGE
+    except console.WrongCommandLine as fault:
+        console.print_text([fault.diagnostic], stream=sys.stdout, debug=False)
+        return console.USAGE
     for path in paths:
         count += 1
         changed += _one(path, arguments, report)
-    common.print_text(report.ordered(), stream=sys.stdout, debug=False)
-    code = common.exit_code(report.diagnostics)
+    console.print_text(report.ordered(), stream=sys.stdout, debug=False)
+    code = console.exit_code(report.diagnostics)
     if not arguments.diff:
         would = " would be" if arguments.check else ""
-        common.say(f"{changed} of {counted(count, 'document')}{would} changed")
+        console.say(f"{changed} of {counted(count, 'document')}{would} changed")
     return code or int(arguments.check and changed > 0)
 
 
@@ -76,8 +76,8 @@ def _documents(arguments: argparse.Namespace) -> Iterator[str]:
             paths = [word] if is_document(word) or os.path.basename(word) == OWN_FILE and os.path.isfile(word) else []
         else:
             if word == STANDARD_INPUT:
-                raise common.WrongCommandLine("`-` stands alone", "name documents, or only `-` for standard input")
-            common.require_document(word)
+                raise console.WrongCommandLine("`-` stands alone", "name documents, or only `-` for standard input")
+            console.require_document(word)
             paths = [word]
         for path in paths:
             if os.path.realpath(path) not in seen:
@@ -105,20 +105,20 @@ def _one(path: str, arguments: argparse.Namespace, report: Report) -> bool:
     if arguments.diff:
         _print_diff(path, data, formatted)
     elif arguments.check:
-        common.say(f"{path}: would be changed")
+        console.say(f"{path}: would be changed")
     else:
         try:
             replace_files({path: (data, formatted)})
         except ReplacementRefused as fault:
             report.say(fault.diagnostic)
             return False
-        common.say(f"{path}: changed")
+        console.say(f"{path}: changed")
     return True
 
 
 def _print_diff(path: str, before: bytes, after: bytes) -> None:
     old, new = (data.decode("utf-8-sig").splitlines(keepends=True) for data in (before, after))
-    common.say_lines_of_documents(line.rstrip("\r\n") for line in difflib.unified_diff(old, new, path, path))
+    console.say_lines_of_documents(line.rstrip("\r\n") for line in difflib.unified_diff(old, new, path, path))
 
 
 def _standard_input(arguments: argparse.Namespace) -> int:
@@ -130,11 +130,11 @@ def _standard_input(arguments: argparse.Namespace) -> int:
     formatted = format_document(name, data, report)
     if formatted is None:
         texts = {name: data.decode("utf-8-sig", errors="replace")}
-        common.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)
-        return common.exit_code(report.diagnostics)
+        console.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)
+        return console.exit_code(report.diagnostics)
     changed = formatted != data
     if arguments.diff:
         _print_diff("<stdin>", data, formatted)
     elif not arguments.check:
-        common.hand_on(formatted)
+        console.hand_on(formatted)
     return int(arguments.check and changed)

@@ -7,7 +7,7 @@ import sys
 
 from thingc.driver.environment import attempted
 from thingc.driver.pipeline import compile
-from thingc.tools.cli import common
+from thingc.tools.cli import console
 
 EPILOG = """\
 Nodes are definitions (a part with its parameters, a document with its parameters): what is used twice is one node. Edges say
@@ -23,25 +23,25 @@ Nodes are definitions (a part with its parameters, a document with its parameter
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `hag`."""
     parser.epilog = EPILOG
-    common.add_document(parser)
-    common.add_format(parser, ("text", "dot", "mermaid", "svg", "graphml", "json"))
-    common.add_compiling(parser)
+    console.add_document(parser)
+    console.add_format(parser, ("text", "dot", "mermaid", "svg", "graphml", "json"))
+    console.add_compiling(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Prints the graph; diagnostics go to standard error."""
     try:
-        common.require_document(arguments.document)
-        options = common.options_of(arguments)
-    except common.WrongCommandLine as fault:
-        common.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
-        return common.USAGE
+        console.require_document(arguments.document)
+        options = console.options_of(arguments)
+    except console.WrongCommandLine as fault:
+        console.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
+        return console.USAGE
     compilation = attempted(arguments.document, options, compile)
-    diagnostics = common.final(compilation.report, strict=arguments.strict)
-    common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-    code = common.exit_code(diagnostics)
+    diagnostics = console.final(compilation.report, strict=arguments.strict)
+    console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    code = console.exit_code(diagnostics)
     if code == 0 and compilation.assembly is not None:
-        from thingc.targets.hag import target as hag
+        from thingc.targets.hag import emit as hag
 
-        common.say(*getattr(hag, arguments.format)(compilation.assembly.hag).rstrip("\n").split("\n"))
+        console.say(*getattr(hag, arguments.format)(compilation.assembly.hag).rstrip("\n").split("\n"))
     return code

@@ -8,17 +8,17 @@ import shlex
 import sys
 from typing import TYPE_CHECKING
 
-from thingc.base.brief import counted
 from thingc.base.diagnostics import Diagnostic, Report, Severity, shown_path
+from thingc.base.one_line_repr import counted
 from thingc.base.replacement import provisional
-from thingc.base.shown import quoted
+from thingc.base.safe_text import quoted
 from thingc.base.source import dotted
 from thingc.driver.output import OutputError, write_new
-from thingc.tools.cli import common, interrupts
+from thingc.tools.cli import console, signals
 
 if TYPE_CHECKING:
     from thingc.tools.importing.importing import Imported
-    from thingc.tools.importing.updating import Earlier, Update
+    from thingc.tools.importing.update_import import Earlier, Update
 
 MOST_SAID = 20
 """Changes that are printed; `git diff` shows all."""
@@ -68,7 +68,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 where the document is written, 1 where the file is at fault, 2 for a wrong command line."""
     from thingc.tools.importing.importing import import_robot
-    from thingc.tools.importing.updating import earlier_import
+    from thingc.tools.importing.update_import import earlier_import
 
     report = Report()
     packages = dict(_package(word) for word in arguments.package)
@@ -84,20 +84,20 @@ def run(arguments: argparse.Namespace) -> int:
             if imported.earlier is not None:
                 texts = _again(arguments, imported, imported.earlier, report)
             elif arguments.check:
-                common.say(*_would(arguments, imported))
+                console.say(*_would(arguments, imported))
             else:
-                with interrupts.held():
+                with signals.held():
                     folder = write_new(arguments.output or imported.name, imported.files)
-                common.say(*_told(arguments, imported, folder, []))
+                console.say(*_told(arguments, imported, folder, []))
         except OutputError as fault:
             fault.diagnose(report)
-    common.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)
-    return common.exit_code(report.diagnostics)
+    console.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)
+    return console.exit_code(report.diagnostics)
 
 
 def _again(arguments: argparse.Namespace, imported: Imported, earlier: Earlier, report: Report) -> dict[str, str]:
     """Import into a folder that has an import already; the text of the document that is spoken of. Raises `OutputError`."""
-    from thingc.tools.importing.updating import update
+    from thingc.tools.importing.update_import import update
 
     if earlier.source != os.path.basename(arguments.file) and not arguments.update:
         message = f"`{shown_path(earlier.folder)}` has been imported from another file, `{earlier.source}` with the robot `{earlier.robot}`"
@@ -112,7 +112,7 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: Earlier, 
     document = os.path.join(earlier.folder, earlier.document)
     texts = {document: now.merged.text}
     if arguments.check:
-        common.say(*_would(arguments, imported), *_merged(now, disputed=report.failed))
+        console.say(*_would(arguments, imported), *_merged(now, disputed=report.failed))
         return texts
     fresh = {path: change for path, change in now.changes.items() if change[0] is None}
     with provisional(fresh) as keep:
@@ -121,16 +121,16 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: Earlier, 
             for fault in faults:
                 report.say(fault)
             return texts
-        with interrupts.held():
+        with signals.held():
             keep({path: change for path, change in now.changes.items() if path not in fresh})
-    common.say(*_told(arguments, imported, earlier.folder, _merged(now, disputed=report.failed)))
+    console.say(*_told(arguments, imported, earlier.folder, _merged(now, disputed=report.failed)))
     return texts
 
 
 def _faults(document: str, text: str) -> list[Diagnostic]:
     """What would be wrong with a document of that text."""
+    from thingc.driver.edit_document import checked
     from thingc.driver.environment import Options
-    from thingc.driver.writing import checked
 
     return [one for one in checked(document, Options(texts={document: text.encode()}))[1] if one.severity is Severity.ERROR]
 
@@ -147,7 +147,7 @@ def _merged(now: Update, *, disputed: bool) -> list[str]:
 
 def _became(old: str, new: str) -> str:
     """What stands at a place of the document now, and what stood there."""
-    from thingc.tools.importing.merging import NOTHING
+    from thingc.tools.importing.three_way_merge import NOTHING
 
     if new == NOTHING:
         return f"taken out, was {old}"
@@ -170,14 +170,15 @@ def _package(word: str) -> tuple[str, str]:
     """`NAME=DIR`. Raises `WrongCommandLine`."""
     name, _, folder = word.partition("=")
     if not name or not os.path.isdir(folder):
-        raise common.WrongCommandLine(f"--package: expected NAME=DIR with a folder, found `{word}`", "write --package my_robot=../my_robot")
+        message = f"--package: expected NAME=DIR with a folder, found `{word}`"
+        raise console.WrongCommandLine(message, "write --package my_robot=../my_robot")
     return name, folder
 
 
 def _folder(word: str) -> str:
     """The absolute path of a folder. Raises `WrongCommandLine`."""
     if not os.path.isdir(word):
-        raise common.WrongCommandLine(f"--mesh-root: expected a folder, found `{word}`", "write --mesh-root ../meshes")
+        raise console.WrongCommandLine(f"--mesh-root: expected a folder, found `{word}`", "write --mesh-root ../meshes")
     return os.path.abspath(word)
 
 
@@ -185,7 +186,7 @@ def _argument(word: str) -> tuple[str, str]:
     """`NAME=VALUE`. Raises `WrongCommandLine`."""
     name, equals, value = word.partition("=")
     if not name or not equals:
-        raise common.WrongCommandLine(f"--arg: expected NAME=VALUE, found `{word}`", "write --arg prefix=left_")
+        raise console.WrongCommandLine(f"--arg: expected NAME=VALUE, found `{word}`", "write --arg prefix=left_")
     return name, value
 
 

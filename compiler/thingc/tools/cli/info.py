@@ -6,17 +6,17 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from thingc.base.brief import counted
+from thingc.base.one_line_repr import counted
 from thingc.base.summing import plain_sum
 from thingc.driver.environment import attempted
 from thingc.driver.pipeline import compile
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.model.robot.types import Robot
-from thingc.tools.cli import common
+from thingc.tools.cli import console
 from thingc.tools.cli.tables import axes, millimetres, table
 
 if TYPE_CHECKING:
-    from thingc.targets.graphs import Loop
+    from thingc.targets.networkx_export import Loop
 
 EPILOG = """\
 Masses are exact integrals over the geometry times density, or what the document or the part states; every one says which
@@ -31,27 +31,27 @@ Masses are exact integrals over the geometry times density, or what the document
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `info`."""
     parser.epilog = EPILOG
-    common.add_document(parser)
+    console.add_document(parser)
     parser.add_argument("--mates", action="store_true", help="also print how mounts meet: which child axis lies along which parent axis")
-    common.add_format(parser)
-    common.add_compiling(parser)
+    console.add_format(parser)
+    console.add_compiling(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Prints the answer; in text, diagnostics go to standard error."""
-    common.require_document(arguments.document)
-    compilation = attempted(arguments.document, common.options_of(arguments), compile)
-    diagnostics = common.final(compilation.report, strict=arguments.strict)
-    code = common.exit_code(diagnostics)
+    console.require_document(arguments.document)
+    compilation = attempted(arguments.document, console.options_of(arguments), compile)
+    diagnostics = console.final(compilation.report, strict=arguments.strict)
+    code = console.exit_code(diagnostics)
     assembly = compilation.assembly if code == 0 else None
     if arguments.format == "json":
-        common.print_json(diagnostics, **(as_data(assembly, compilation.robots) if assembly is not None else {}))
+        console.print_json(diagnostics, **(as_data(assembly, compilation.robots) if assembly is not None else {}))
         return code
-    common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
     if assembly is not None:
-        common.say(*as_text(assembly, compilation.robots))
+        console.say(*as_text(assembly, compilation.robots))
         if arguments.mates:
-            common.say("", *mates_text(assembly))
+            console.say("", *mates_text(assembly))
     return code
 
 
@@ -159,7 +159,7 @@ def _loops(robot: Robot) -> list[str]:
 def _cut(robot: Robot) -> tuple[Loop, ...]:
     if all(closure.hold for closure in robot.closures):
         return ()
-    from thingc.targets.graphs import loops_of
+    from thingc.targets.networkx_export import loops_of
 
     return loops_of(robot)
 

@@ -8,20 +8,20 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from thingc.base.brief import counted
 from thingc.base.diagnostics import Code, Report, shown_path
-from thingc.base.shown import json_text
+from thingc.base.one_line_repr import counted
+from thingc.base.safe_text import json_text
 from thingc.base.source import Span, line_of
 from thingc.driver.environment import Environment, Options, geometry_of
 from thingc.driver.pipeline import read
 from thingc.geometry.lock.lock import LOCK_FILE, MAX_BYTES, REMAKE, lock_path, read_lock, top_of
 from thingc.geometry.record import PartDefinition, PartFailure
-from thingc.tools.cli import common
+from thingc.tools.cli import console
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
+    from thingc.geometry.print_slices import Slicing
     from thingc.geometry.service import GeometryService
-    from thingc.geometry.slices import Slicing
 
 EPILOG = """\
 Writes parts.lock.json at the root of the workspace: parameters with units, defaults and bounds, mounts, volumes, masses and a hash of
@@ -38,8 +38,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument("folder", metavar="FOLDER", nargs="?", default=".", help="the workspace of this folder (default: the current one)")
     parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 where the lock is not what would be written")
-    common.add_format(parser, common.FINDINGS)
-    common.add_geometry(parser)
+    console.add_format(parser, console.FINDINGS)
+    console.add_geometry(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -47,23 +47,23 @@ def run(arguments: argparse.Namespace) -> int:
     report = Report()
     written = None
     try:
-        options = common.options_of(arguments)
+        options = console.options_of(arguments)
         if not os.path.isdir(arguments.folder):
-            raise common.WrongCommandLine(f"`{arguments.folder}` is no folder", "name the folder of a workspace")
+            raise console.WrongCommandLine(f"`{arguments.folder}` is no folder", "name the folder of a workspace")
         written = _lock(arguments.folder, options, report, check=arguments.check)
         diagnostics = report.ordered()
-    except common.WrongCommandLine as fault:
+    except console.WrongCommandLine as fault:
         diagnostics = [fault.diagnostic]
-    common.print_found(diagnostics, arguments.format, stream=sys.stdout if arguments.check else sys.stderr, debug=arguments.debug)
+    console.print_found(diagnostics, arguments.format, stream=sys.stdout if arguments.check else sys.stderr, debug=arguments.debug)
     if written is not None and arguments.format == "text":
-        common.say(written)
-    return common.exit_code(diagnostics)
+        console.say(written)
+    return console.exit_code(diagnostics)
 
 
 def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str | None:
     """Write the lock, or compare it; the closing words, None where something is wrong (reported)."""
     from thingc.documents.workspace import Workspace
-    from thingc.geometry.lock.locking import differences, lock_text, locked
+    from thingc.geometry.lock.writer import differences, lock_text, locked
 
     workspace = Workspace.find(os.path.join(folder, "thingc.toml"), report)
     if workspace is None:
@@ -103,8 +103,8 @@ def _used(
     workspace: Workspace, geometry: GeometryService, options: Options, report: Report,
 ) -> tuple[list[str], list[PartDefinition], dict[str, set[Slicing]]]:
     """What the assembly documents of a workspace use: `module:Class`, definitions, and how these are sliced, by their text."""
-    from thingc.documents.load.finding import documents_in
-    from thingc.model.assembly.prints import slicings_of
+    from thingc.documents.load.discovery import documents_in
+    from thingc.model.assembly.print_settings import slicings_of
     from thingc.model.resolve.nested import part_definitions
     from thingc.model.resolve.resolver import resolve
     from thingc.model.resolve.sources import Settings

@@ -7,7 +7,7 @@ import os
 import sys
 from dataclasses import replace
 
-from thingc.tools.cli import common, interrupts
+from thingc.tools.cli import console, signals
 
 EPILOG = """\
 An editor starts it; it speaks the Language Server Protocol over standard input and output.
@@ -23,7 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `lsp`."""
     parser.epilog = EPILOG
     parser.add_argument("--stdio", action="store_true", help="what it does anyway; editors say so")
-    common.add_geometry(parser)
+    console.add_geometry(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -31,12 +31,12 @@ def run(arguments: argparse.Namespace) -> int:
     from importlib.util import find_spec
 
     if find_spec("pygls") is None:
-        raise common.WrongCommandLine("`thingc lsp` needs pygls, which is not installed", "pip install 'thingc[lsp]'")
-    options = replace(common.options_of(arguments), progress=None, printed=None)
+        raise console.WrongCommandLine("`thingc lsp` needs pygls, which is not installed", "pip install 'thingc[lsp]'")
+    options = replace(console.options_of(arguments), progress=None, printed=None)
     from thingc import __version__
     from thingc.tools.lsp.server import serve
 
-    interrupts.leave_at_once()
+    signals.leave_at_once()
     protocol = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # whatever is printed is no message of the protocol
-    return 0 if serve(options, __version__, common.of_exception, sys.stdin.buffer, protocol) else 1
+    return 0 if serve(options, __version__, console.of_exception, sys.stdin.buffer, protocol) else 1

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from thingc.tools.cli.interrupts import INTERRUPTED, has_come
+from thingc.tools.cli.signals import INTERRUPTED, has_come
 
 COMMANDS = {
     "new": "make a workspace that builds at once, with a robot to change",
@@ -96,7 +96,7 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
     """The command line understood; None where only help was wanted, which has been printed. Raises `WrongUsage`."""
     command = next((word for word in words if not word.startswith("-")), None)
     if command is not None and command not in COMMANDS:
-        from thingc.base.typos import near_hint
+        from thingc.base.suggestions import near_hint
 
         raise WrongUsage(f"there is no command `{command}`", near_hint(command, COMMANDS) or "`thingc --help` lists them")
     empty = next((word for word in words if re.fullmatch(r"-\w--|--[\w-]+=--", word)), None)
@@ -115,7 +115,7 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
     if behind is not None:
         options.behind = list(behind)
     if unknown:
-        from thingc.base.typos import nearest
+        from thingc.base.suggestions import nearest
 
         word = unknown[0].partition("=")[0]
         what = "option" if word.startswith("-") else "argument"
@@ -128,9 +128,9 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
         raise WrongUsage(f"there is no {what} `{word}`{of}" if what == "option" else f"`{word}` is one word too many", help)
     if options.version:
         from thingc import __version__
-        from thingc.tools.cli import common
+        from thingc.tools.cli import console
 
-        common.say(f"thingc {__version__}")
+        console.say(f"thingc {__version__}")
         return None
     if options.command is None:
         parser.print_help()
@@ -164,55 +164,55 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _interrupted()
     except Exception as fault:
-        from thingc.tools.cli import common
+        from thingc.tools.cli import console
 
         if has_come():
             return _interrupted()
-        diagnostic, debug = common.of_exception(fault), getattr(options, "debug", False)
+        diagnostic, debug = console.of_exception(fault), getattr(options, "debug", False)
         try:
-            common.print_found([diagnostic], _form(getattr(options, "format", "text")), stream=sys.stderr, debug=debug)
+            console.print_found([diagnostic], _form(getattr(options, "format", "text")), stream=sys.stderr, debug=debug)
             sys.stdout.flush()
         except OSError:  # standard output is what cannot be written
-            common.print_text([diagnostic], stream=sys.stderr, debug=debug)
-        return common.exit_code([diagnostic])
+            console.print_text([diagnostic], stream=sys.stderr, debug=debug)
+        return console.exit_code([diagnostic])
     return code
 
 
 def _interrupted() -> int:
     """Say that an interrupt has ended the command."""
-    from thingc.tools.cli import common
+    from thingc.tools.cli import console
 
-    common.say("interrupted; what was written is whole", stream=sys.stderr)
+    console.say("interrupted; what was written is whole", stream=sys.stderr)
     return INTERRUPTED
 
 
 def _document_meant() -> str:
     """The document that is meant where none is named, which is said. Raises `WrongUsage`."""
-    from thingc.tools.cli import common
+    from thingc.tools.cli import console
 
     try:
-        document = common.document_meant()
-    except common.WrongCommandLine as fault:
+        document = console.document_meant()
+    except console.WrongCommandLine as fault:
         raise WrongUsage(fault.diagnostic.message, fault.diagnostic.help or "") from fault
-    common.say(f"taking {document}, the only robot here", stream=sys.stderr)
+    console.say(f"taking {document}, the only robot here", stream=sys.stderr)
     return document
 
 
 def _refuse(fault: WrongUsage, words: Sequence[str]) -> int:
     """Say what is wrong with the command line."""
-    from thingc.tools.cli import common
+    from thingc.tools.cli import console
 
-    diagnostics = [common.WrongCommandLine(str(fault), fault.hint).diagnostic]
+    diagnostics = [console.WrongCommandLine(str(fault), fault.hint).diagnostic]
     asked = [after for word, after in zip(words, words[1:]) if word == "--format"]
     asked += [word.removeprefix("--format=") for word in words if word.startswith("--format=")]
     # Who asks for a form that the command has not, is told so in text.
     form = _form(asked[-1]) if asked and not str(fault).startswith("--format") else "text"
-    common.print_found(diagnostics, form, stream=sys.stderr, debug=False)
-    return common.USAGE
+    console.print_found(diagnostics, form, stream=sys.stderr, debug=False)
+    return console.USAGE
 
 
 def _form(asked: str) -> str:
     """The form in which diagnostics are printed where `asked` is one of theirs or of a command's own."""
-    from thingc.tools.cli import common
+    from thingc.tools.cli import console
 
-    return asked if asked in common.FINDINGS else "text"
+    return asked if asked in console.FINDINGS else "text"

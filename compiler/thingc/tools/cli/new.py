@@ -10,9 +10,9 @@ import sys
 
 from thingc.base.diagnostics import Report, shown_path
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES
-from thingc.documents.load.scalars import core_value
+from thingc.documents.load.yaml_scalars import core_value
 from thingc.driver.output import OutputError, write_new
-from thingc.tools.cli import common, interrupts
+from thingc.tools.cli import console, signals
 from thingc.tools.templates import TEMPLATES, files_of
 
 EPILOG = """\
@@ -34,7 +34,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument("place", metavar="NAME", help="the folder that is made; its last word is the robot's name")
     parser.add_argument(
-        "--template", type=common.one_of(list(TEMPLATES)), metavar="{" + ",".join(TEMPLATES) + "}", default=next(iter(TEMPLATES)),
+        "--template", type=console.one_of(list(TEMPLATES)), metavar="{" + ",".join(TEMPLATES) + "}", default=next(iter(TEMPLATES)),
         help="the robot to begin with (default: %(default)s)",
     )
 
@@ -45,16 +45,16 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         name = robot_name(arguments.place)
         files = files_of(arguments.template, name)
-        with interrupts.held():  # for an instant; nothing would be half there, but the lock might stay
+        with signals.held():  # for an instant; nothing would be half there, but the lock might stay
             folder = write_new(arguments.place, files)
     except ValueError as fault:
         hint = f"write for example `thingc new {name}_robot`"
-        raise common.WrongCommandLine(f"a robot cannot be called so: {fault}", hint) from fault
+        raise console.WrongCommandLine(f"a robot cannot be called so: {fault}", hint) from fault
     except OutputError as fault:
         fault.diagnose(report)
-        common.print_text(report.diagnostics, stream=sys.stderr, debug=False)
-        return common.exit_code(report.diagnostics)
-    common.say(*_next_steps(arguments, folder, name))
+        console.print_text(report.diagnostics, stream=sys.stderr, debug=False)
+        return console.exit_code(report.diagnostics)
+    console.say(*_next_steps(arguments, folder, name))
     return 0
 
 
@@ -64,23 +64,23 @@ def robot_name(place: str) -> str:
     here = place != "" and os.path.normpath(place) == os.curdir
     word = os.path.basename(os.getcwd() if here else os.path.normpath(place)) if place else ""
     if word in ("", os.pardir):
-        raise common.WrongCommandLine(f"`{place}` names no folder that could be made", "write for example `thingc new rover`")
+        raise console.WrongCommandLine(f"`{place}` names no folder that could be made", "write for example `thingc new rover`")
     stem, ending = os.path.splitext(word)
     if ending.lower() in DOCUMENT_SUFFIXES and not here:
         near = shlex.quote(os.path.join(os.path.dirname(place), stem))
-        raise common.WrongCommandLine(
+        raise console.WrongCommandLine(
             f"`{word}` is what a document is called, and a folder is made", f"write `thingc new {near}`: its document lies in it",
         )
     if word.startswith("-") and not here:
-        raise common.WrongCommandLine(f"`{word}` is taken for an option wherever it is typed", "choose a name that begins with a letter")
+        raise console.WrongCommandLine(f"`{word}` is taken for an option wherever it is typed", "choose a name that begins with a letter")
     name = re.sub(r"[-. ]+", "_", _plain(word)).strip("_")
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         near = re.sub(r"\W+", "_", f"robot_{name}", flags=re.ASCII).strip("_")
-        raise common.WrongCommandLine(
+        raise console.WrongCommandLine(
             f"`{word}` is no name for a robot: a letter (a to z), then letters, digits and `_`", f"write for example `thingc new {near}`",
         )
     if name.lower() in RESERVED or not isinstance(core_value(name), str):
-        raise common.WrongCommandLine(
+        raise console.WrongCommandLine(
             f"a robot cannot be called `{name}`: its files mean something else by that", f"write for example `thingc new {name}_robot`",
         )
     return name

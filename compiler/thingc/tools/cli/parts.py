@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.base.source import line_of
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.geometry.key.catalogue import classes_installed, installed_modules
 from thingc.geometry.record import NO_PARTS, MountRecord, ParameterSchema, PartFailure, PartRecord, PartSchema
-from thingc.tools.cli import common
+from thingc.tools.cli import console
 from thingc.tools.cli.tables import axes, millimetres, table
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument("part", metavar="PART", nargs="*", help="only these, as module:Class, module or package")
     parser.add_argument("-C", "--workspace", metavar="DIR", default=".", help="the workspace of this folder (default: the current one)")
-    common.add_format(parser)
-    common.add_geometry(parser)
+    console.add_format(parser)
+    console.add_geometry(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -48,26 +48,26 @@ def run(arguments: argparse.Namespace) -> int:
     report = Report()
     listed: list[tuple[PartSchema, PartRecord | None]] = []
     try:
-        options = common.options_of(arguments)
+        options = console.options_of(arguments)
         if not os.path.isdir(arguments.workspace):
-            raise common.WrongCommandLine(f"`{arguments.workspace}` is no folder", "name the folder of a workspace")
+            raise console.WrongCommandLine(f"`{arguments.workspace}` is no folder", "name the folder of a workspace")
         workspace = Workspace.find(os.path.join(arguments.workspace, "thingc.toml"), report)
         if workspace is not None:
             with geometry_of(workspace, options) as geometry:
                 listed = _listed(geometry, arguments.part, report)
         diagnostics = report.ordered()
-    except common.WrongCommandLine as fault:
+    except console.WrongCommandLine as fault:
         diagnostics = [fault.diagnostic]
     if arguments.format == "json":
-        common.print_json(diagnostics, parts=[_as_data(schema, record) for schema, record in listed])
+        console.print_json(diagnostics, parts=[_as_data(schema, record) for schema, record in listed])
     else:
-        common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+        console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
         if listed:
             whole = bool(arguments.part)
-            common.say(*[line for schema, record in listed for line in ("", *_as_text(schema, record, whole=whole))][1:])
+            console.say(*[line for schema, record in listed for line in ("", *_as_text(schema, record, whole=whole))][1:])
         elif not diagnostics:
-            common.say("no parts in reach; they are looked for in the `parts` folders of the workspace", stream=sys.stderr)
-    return common.exit_code(diagnostics)
+            console.say("no parts in reach; they are looked for in the `parts` folders of the workspace", stream=sys.stderr)
+    return console.exit_code(diagnostics)
 
 
 def _listed(
@@ -76,7 +76,7 @@ def _listed(
     references = _named(geometry, wanted) if wanted else geometry.catalogue()
     if not wanted:
         report.diagnostics.extend(_failed(failure.subject, failure) for failure in geometry.not_python())
-    from thingc.geometry.answers import report_hidden
+    from thingc.geometry.part_source import report_hidden
 
     report_hidden(geometry, ((reference, None) for reference in references), report)
     schemas: list[PartSchema] = []
@@ -111,13 +111,13 @@ def _named(geometry: GeometryService, words: list[str]) -> list[str]:
             named = [word]  # a function, or what an installed package takes from elsewhere
         modules = [module for module in installed if module.startswith(f"{word}.")]
         if not named and modules:
-            raise common.WrongCommandLine(
+            raise console.WrongCommandLine(
                 f"`{word}` is a package of {len(modules)} modules, more than is listed at once",
                 f"name modules of it, or classes in them: {', '.join(f'`{module}`' for module in modules)}",
             )
         if not named:
             known = {*references, *(one.partition(":")[0] for one in references), *installed}
-            raise common.WrongCommandLine(f"there is no part `{word}` in reach", did_you_mean(word, known, what="parts"))
+            raise console.WrongCommandLine(f"there is no part `{word}` in reach", did_you_mean(word, known, what="parts"))
         chosen.update(dict.fromkeys(named))
     return sorted(chosen)
 

@@ -9,13 +9,13 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Report, shown_path
-from thingc.base.files import beginning
+from thingc.base.filesystem import beginning
 from thingc.base.replacement import replace_files
-from thingc.tools.cli import common, interrupts
+from thingc.tools.cli import console, signals
 
 if TYPE_CHECKING:
-    from thingc.tools.lsp.names import Name
-    from thingc.tools.lsp.sight import Sight
+    from thingc.documents.names.index import Name
+    from thingc.documents.names.workspace_index import Sight
 
 EPILOG = """\
 What is renamed is named by its path. Documents that use it, tests, variants, and the Python of parts follow; where something would
@@ -37,57 +37,56 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 where it is renamed (with `--diff`: could be)."""
+    from thingc.documents.names.rename import RenameRefused, renamed
+    from thingc.documents.names.workspace_index import on_disk, sight_of
     from thingc.documents.workspace import Workspace
-    from thingc.tools.lsp.analysis import RequestRefused
-    from thingc.tools.lsp.renaming import renamed
-    from thingc.tools.lsp.sight import on_disk, sight_of
 
     report = Report()
     try:
-        common.require_document(arguments.document)
+        console.require_document(arguments.document)
         workspace = Workspace.find(os.path.abspath(arguments.document), report)
         if workspace is None:
-            common.print_text(report.ordered(), stream=sys.stdout, debug=False)
-            return common.exit_code(report.diagnostics)
+            console.print_text(report.ordered(), stream=sys.stdout, debug=False)
+            return console.exit_code(report.diagnostics)
         sight = sight_of(workspace, {}, disk=cache(on_disk))  # of each file one state is read
         declared = _named(sight, arguments.document, arguments.path)
         done = renamed(sight, declared, arguments.name)
-    except common.WrongCommandLine as fault:
-        common.print_text([fault.diagnostic], stream=sys.stdout, debug=False)
-        return common.USAGE
-    except RequestRefused as fault:
-        common.print_text([common.WrongCommandLine(str(fault)).diagnostic], stream=sys.stdout, debug=False)
-        return common.USAGE
+    except console.WrongCommandLine as fault:
+        console.print_text([fault.diagnostic], stream=sys.stdout, debug=False)
+        return console.USAGE
+    except RenameRefused as fault:
+        console.print_text([console.WrongCommandLine(str(fault)).diagnostic], stream=sys.stdout, debug=False)
+        return console.USAGE
     before = {file: sight.read(file) or "" for file in done.texts}
     for file, text in done.texts.items():
         if arguments.diff:
-            common.say_diff(shown_path(file), before[file], text)
+            console.say_diff(shown_path(file), before[file], text)
     if not arguments.diff:
         marks = {file: mark if beginning(file, 3) == (mark := b"\xef\xbb\xbf") else b"" for file in before}
-        with interrupts.held():
+        with signals.held():
             replace_files({file: (marks[file] + before[file].encode(), marks[file] + text.encode()) for file, text in done.texts.items()})
         for file in done.texts:
             count = sum(span.file == file for span in done.places)
-            common.say(f"{shown_path(file)}: {declared.text} -> {arguments.name} ({count})")
+            console.say(f"{shown_path(file)}: {declared.text} -> {arguments.name} ({count})")
     return 0
 
 
 def _named(sight: Sight, document: str, path: str) -> Name:
     """What a document declares at a path. Raises `common.WrongCommandLine`."""
     from thingc.base.source import node_at
-    from thingc.base.typos import did_you_mean
+    from thingc.base.suggestions import did_you_mean
 
     keys = tuple(path.split("."))
     written = sight.documents.get(os.path.abspath(document))
     if written is None:
-        raise common.WrongCommandLine(f"`{document}` cannot be read", f"`thingc check {document}` says why")
+        raise console.WrongCommandLine(f"`{document}` cannot be read", f"`thingc check {document}` says why")
     names = getattr(node_at(written.document.tree, keys[:-1]), "entries", {})
     if keys[-1] not in names:
-        raise common.WrongCommandLine(
+        raise console.WrongCommandLine(
             f"`{document}` has no `{path}`", did_you_mean(keys[-1], names, what="names") if names else "",
         )
     span = written.document.span(keys, key=True)
     place = sight.index.at(written.path, span.line, span.column + 1)
     if place is None or not span.holds(place.span) or place.role != "declared":
-        raise common.WrongCommandLine(f"`{path}` is no name", "name for example `components.NAME` or `joints.NAME`")
+        raise console.WrongCommandLine(f"`{path}` is no name", "name for example `components.NAME` or `joints.NAME`")
     return place.name

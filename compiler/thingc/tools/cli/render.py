@@ -13,13 +13,13 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, attempted
 from thingc.driver.pipeline import UnknownChoice
 from thingc.model.robot.types import Robot
 from thingc.targets.render.picture import NoGraphics, Shot, picture, ready
-from thingc.tools.cli import common
+from thingc.tools.cli import console
 
 if TYPE_CHECKING:
     from thingc.targets.render.frames import Mark
@@ -42,7 +42,7 @@ LARGEST = 8192
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `render`."""
     parser.epilog = EPILOG
-    common.add_document(parser)
+    console.add_document(parser)
     parser.add_argument("--mode", metavar="M", help="in this mode (default: the first)")
     parser.add_argument("--pose", metavar="P", help="in this pose (default: the mode's own)")
     parser.add_argument("-o", "--output", metavar="PNG", help="the file to write (default: NAME_MODE_POSE.png in this folder)")
@@ -60,20 +60,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--joints", action="store_true", help="draw the axes of the joints, with arrows the way that coordinates grow")
     parser.add_argument("--root", action="store_true", help="draw the frame of the mode's root")
-    common.add_compiling(parser)
+    console.add_compiling(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 when the picture was written; diagnostics go to standard error."""
-    common.require_document(arguments.document)
-    options = replace(common.options_of(arguments), compat=())  # a picture is of MuJoCo's own model
+    console.require_document(arguments.document)
+    options = replace(console.options_of(arguments), compat=())  # a picture is of MuJoCo's own model
     _check_output(arguments.output)
     try:
         diagnostics = attempted(arguments.document, options, partial(_render, arguments))
     except NoGraphics as fault:
         diagnostics = [Diagnostic(code=Code.NO_GRAPHICS, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
-    common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-    return common.exit_code(diagnostics)
+    console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    return console.exit_code(diagnostics)
 
 
 def _check_output(path: str | None) -> None:
@@ -81,26 +81,26 @@ def _check_output(path: str | None) -> None:
     if path is None:
         return
     if not path.lower().endswith(".png"):
-        raise common.WrongCommandLine(f"-o: expected the name of a .png file, found `{path}`", "write for example -o arm.png")
+        raise console.WrongCommandLine(f"-o: expected the name of a .png file, found `{path}`", "write for example -o arm.png")
     folder = os.path.dirname(path) or "."
     if not os.path.isdir(folder):
-        raise common.WrongCommandLine(f"-o: there is no folder `{folder}`", "make the folder, or choose another one", Code.OUTPUT)
+        raise console.WrongCommandLine(f"-o: there is no folder `{folder}`", "make the folder, or choose another one", Code.OUTPUT)
 
 
 def _render(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
     """What there is to say; the picture is written where that is no error. Raises `UnknownChoice` and `NoGraphics`."""
     compilation = pipeline.compile(environment, [arguments.mode] if arguments.mode is not None else [])
-    diagnostics = common.final(compilation.report, strict=arguments.strict)
-    if common.exit_code(diagnostics):
+    diagnostics = console.final(compilation.report, strict=arguments.strict)
+    if console.exit_code(diagnostics):
         return diagnostics
     robot = compilation.robots[0]
     assembly = robot.assembly
     pose = _pose(robot, arguments.pose, environment.document)
-    marks = _marks(robot, arguments, next((frame.q for frame in robot.keyframes if frame.name == pose), {}))
+    render_overlay = _marks(robot, arguments, next((frame.q for frame in robot.keyframes if frame.name == pose), {}))
     ready()
     artifacts = pipeline.build(environment, replace(compilation, robots=(robot,)), ["mjcf"])["mjcf"]
-    diagnostics = common.final(compilation.report, strict=arguments.strict)
-    if common.exit_code(diagnostics):
+    diagnostics = console.final(compilation.report, strict=arguments.strict)
+    if console.exit_code(diagnostics):
         return diagnostics
     read = {
         path: content if isinstance(content, bytes) else environment.store.read(content.sha256)
@@ -113,13 +113,13 @@ def _render(arguments: argparse.Namespace, environment: Environment) -> list[Dia
         pose=pose if assembly.names is None or pose is None else assembly.names.poses.get(pose, pose),
         gravity=robot.gravity,
         shot=Shot(size=arguments.size, azimuth=arguments.azimuth, elevation=arguments.elevation),
-        marks=marks,
+        marks=render_overlay,
     )
     named = "_".join(word for word in (robot.name, robot.mode.name, pose) if word is not None)
     path = arguments.output if arguments.output is not None else f"{named}.png"
     _write(path, png)
     posed = f", pose {pose}" if pose is not None else ""
-    common.say(f"{shown_path(os.path.abspath(path))}: mode {robot.mode.name}{posed}", stream=sys.stderr)
+    console.say(f"{shown_path(os.path.abspath(path))}: mode {robot.mode.name}{posed}", stream=sys.stderr)
     return diagnostics
 
 
@@ -127,11 +127,11 @@ def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) 
     """What is to be drawn over the picture at `q`, each thing once. Raises `UnknownChoice`."""
     if not (arguments.mounts or arguments.mounts_of or arguments.joints or arguments.root):
         return []
-    from thingc.tools.cli import marks
+    from thingc.tools.cli import render_overlay
 
     drawn = [
-        *(marks.root(robot) if arguments.root else ()), *(marks.joints(robot, q) if arguments.joints else ()),
-        *(marks.mounts(robot, q) if arguments.mounts else ()), *marks.mounts_of(robot, q, arguments.mounts_of),
+        *(render_overlay.root(robot) if arguments.root else ()), *(render_overlay.joints(robot, q) if arguments.joints else ()),
+        *(render_overlay.mounts(robot, q) if arguments.mounts else ()), *render_overlay.mounts_of(robot, q, arguments.mounts_of),
     ]
     return list(dict.fromkeys(drawn))
 
@@ -161,7 +161,7 @@ def _write(path: str, data: bytes) -> None:
     except OSError as fault:
         if os.path.exists(aside):
             os.unlink(aside)
-        raise common.WrongCommandLine(
+        raise console.WrongCommandLine(
             f"cannot write `{path}`: {(fault.strerror or str(fault)).lower()}", "choose another file with -o", Code.OUTPUT
         ) from fault
 

@@ -8,14 +8,14 @@ import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from thingc.base.brief import counted
 from thingc.base.diagnostics import Code, Report, shown_path
-from thingc.tools.cli import common
+from thingc.base.one_line_repr import counted
+from thingc.tools.cli import console
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
     from thingc.driver.environment import Options
-    from thingc.tools.editor.refresh import RefreshOutcome
+    from thingc.tools.schemas.refresh_schemas import RefreshOutcome
 
 EPILOG = """\
 Writes .thingc/schema/<document>.json for every document of the workspace. To use one without `thingc lsp`, name it in the first line of the
@@ -40,33 +40,33 @@ def configure(parser: argparse.ArgumentParser) -> None:
     for removed in ("--watch", "--no-wire"):
         parser.add_argument(removed, action="append_const", dest="removed", const=removed, help=argparse.SUPPRESS)
     parser.add_argument("--no-model", action="store_true", help="do not start the CAD kernel: use only what is known about parts")
-    common.add_geometry(parser)
+    console.add_geometry(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the schemas. Wrong documents get the schema of their sound rest."""
     for option in arguments.removed or ():
-        raise common.WrongCommandLine(f"`{option}` was removed", REMOVED)
+        raise console.WrongCommandLine(f"`{option}` was removed", REMOVED)
     report = Report()
-    options = common.options_of(arguments)
+    options = console.options_of(arguments)
     for workspace, only in _workspaces(arguments.place, report):
         _write(workspace, only, arguments.no_model, options)
     diagnostics = report.ordered()
-    common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-    return common.exit_code(diagnostics)
+    console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    return console.exit_code(diagnostics)
 
 
 def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list[str] | None]]:
     """Each workspace that is named, with the documents that are named of it (None: all). Raises `WrongCommandLine`."""
-    from thingc.documents.load.finding import is_document
+    from thingc.documents.load.discovery import is_document
     from thingc.documents.workspace import OWN_FILE, Workspace
 
     by_root: dict[str, tuple[Workspace, list[str] | None]] = {}
     for place in places:
         if not os.path.isdir(place):
-            common.require_document(place)
+            console.require_document(place)
             if not is_document(place):
-                raise common.WrongCommandLine(
+                raise console.WrongCommandLine(
                     f"`{place}` does not begin as a document does", "its first line is for example `thingc: assembly/1`",
                     Code.NO_DOCUMENT,
                 )
@@ -83,7 +83,7 @@ def _write(workspace: Workspace, only: list[str] | None, no_model: bool, options
     from thingc.driver.environment import geometry_of
     from thingc.geometry.client import NoWorkers
     from thingc.geometry.lock.lock import read_lock
-    from thingc.tools.editor.refresh import Schemas
+    from thingc.tools.schemas.refresh_schemas import Schemas
 
     quiet = replace(options, progress=None if no_model else options.progress, printed=None)
     workers = NoWorkers() if no_model else None
@@ -92,13 +92,13 @@ def _write(workspace: Workspace, only: list[str] | None, no_model: bool, options
 
 
 def _print_outcome(workspace: Workspace, outcome: RefreshOutcome) -> None:
-    from thingc.tools.editor.folder import SCHEMAS
+    from thingc.tools.schemas.folder import SCHEMAS
 
     folder = shown_path(os.path.join(workspace.root, SCHEMAS))
     same = len(outcome.documents) - len(outcome.written) - len(outcome.kept)
     said = [f"{len(outcome.written)} written", f"{same} as they were"]
     said += [f"{len(outcome.removed)} removed"] if outcome.removed else []
-    common.say(f"{folder}: schemas of {counted(len(outcome.documents), 'document')}: {', '.join(said)}")
+    console.say(f"{folder}: schemas of {counted(len(outcome.documents), 'document')}: {', '.join(said)}")
     for name in outcome.kept:
         document = shown_path(os.path.join(workspace.root, name))
-        common.say(f"{document}: not well-formed just now; it keeps its last schema")
+        console.say(f"{document}: not well-formed just now; it keeps its last schema")

@@ -7,11 +7,11 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from thingc.base.diagnostic_output import OPTIONS
 from thingc.base.diagnostics import Diagnostic, Severity, shown_path
-from thingc.base.printing import OPTIONS
+from thingc.driver.edit_document import named, write_values
 from thingc.driver.environment import Options
-from thingc.driver.writing import named, write_values
-from thingc.tools.cli import common
+from thingc.tools.cli import console
 
 EPILOG = """\
 A value is named as by --set of the other commands, by its path; a parameter of the document by its name, or as parameters.NAME.
@@ -29,20 +29,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
     parser.add_argument("value", metavar="PATH=VALUE", nargs="+", help="a path, or the name of a parameter, and what shall stand there")
     parser.add_argument("--diff", action="store_true", help="write nothing, show what would change")
-    common.add_format(parser)
+    console.add_format(parser)
     parser.add_argument("--strict", action="store_true", help="warnings are errors")
-    common.add_geometry(parser)
+    console.add_geometry(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 where the values are written (with `--diff`: could be)."""
     try:
-        common.require_document(arguments.document)
-        options = common.options_of(arguments)
+        console.require_document(arguments.document)
+        options = console.options_of(arguments)
         given = settings(arguments.value)
-    except common.WrongCommandLine as fault:
-        common.print_found([fault.diagnostic], arguments.format, stream=sys.stdout, debug=False)
-        return common.USAGE
+    except console.WrongCommandLine as fault:
+        console.print_found([fault.diagnostic], arguments.format, stream=sys.stdout, debug=False)
+        return console.USAGE
     return write(arguments.document, given, options, arguments, diff=arguments.diff)
 
 
@@ -52,9 +52,9 @@ def settings(words: Sequence[str]) -> dict[str, str]:
     for word in words:
         path, equals, value = (piece.strip() for piece in word.partition("="))
         if not equals or not path or not value:
-            raise common.WrongCommandLine(f"expected PATH=VALUE, found `{word}`", "write for example 'joints.elbow.limit.upper=90 deg'")
+            raise console.WrongCommandLine(f"expected PATH=VALUE, found `{word}`", "write for example 'joints.elbow.limit.upper=90 deg'")
         if named(path) in map(named, values):
-            raise common.WrongCommandLine(f"`{path}` is set twice", "keep one of them")
+            raise console.WrongCommandLine(f"`{path}` is set twice", "keep one of them")
         values[path] = value
     return values
 
@@ -69,8 +69,8 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
         return _say(arguments, [_as_typed(one, typed) for one in outcome.found])
     wrong = any(d.severity is Severity.ERROR for d in outcome.found)
     if diff and not wrong:
-        common.say_diff(shown_path(root.path), root.text, text)
-        return common.exit_code(outcome.found)
+        console.say_diff(shown_path(root.path), root.text, text)
+        return console.exit_code(outcome.found)
     return _say(arguments, outcome.found, done=outcome.done, texts={root.path: text} if wrong else None)
 
 
@@ -90,10 +90,10 @@ def _say(
     """Print what was found and done; `texts` are those of documents as they would be."""
     if arguments.format == "text":
         for path, old, new in done:
-            common.say(f"{path}: {'' if old is None else old + ' -> '}{new}")
+            console.say(f"{path}: {'' if old is None else old + ' -> '}{new}")
         if done and diagnostics:
-            common.say("")
-        common.print_text(diagnostics, stream=sys.stdout, debug=arguments.debug, texts=texts)
+            console.say("")
+        console.print_text(diagnostics, stream=sys.stdout, debug=arguments.debug, texts=texts)
     else:
-        common.print_json(diagnostics, set=[{"path": path, "before": old, "after": new} for path, old, new in done])
-    return common.exit_code(diagnostics)
+        console.print_json(diagnostics, set=[{"path": path, "before": old, "after": new} for path, old, new in done])
+    return console.exit_code(diagnostics)

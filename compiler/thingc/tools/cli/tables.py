@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from thingc.base.pose import Matrix, Vector
-from thingc.base.shown import shown
+from thingc.base.safe_text import shown
 
 
 def table(rows: Sequence[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[str]:

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from thingc.base.brief import counted
 from thingc.base.diagnostics import Diagnostic, Severity, Stage, shown_path
-from thingc.base.typos import did_you_mean
+from thingc.base.one_line_repr import counted
+from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, attempted
 from thingc.driver.pipeline import UnknownChoice
-from thingc.tools.cli import common
+from thingc.tools.cli import console
 
 if TYPE_CHECKING:
     from thingc.driver.testing.results import Result
@@ -35,7 +35,7 @@ contradicts. The exit code is 0 when every test passed.
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `test`."""
     parser.epilog = EPILOG
-    common.add_document(parser)
+    console.add_document(parser)
     parser.add_argument(
         "--only", metavar="NAME", action="append", default=[], help="only tests of this name, patterns allowed (may be repeated)",
     )
@@ -43,8 +43,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--mode", metavar="M", action="append", default=[],
         help="of tests that run in modes only these (may be repeated; default: the modes of each test)",
     )
-    common.add_format(parser, ("text", "json", "junit"))
-    common.add_compiling(parser)
+    console.add_format(parser, ("text", "json", "junit"))
+    console.add_compiling(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -52,21 +52,21 @@ def run(arguments: argparse.Namespace) -> int:
     results: list[Result] = []
     name = "thingc"
     try:
-        common.require_document(arguments.document)
-        diagnostics, name = attempted(arguments.document, common.options_of(arguments), partial(_run, arguments, results))
-    except (UnknownChoice, common.WrongCommandLine) as fault:
-        diagnostics = [common.of_exception(fault)]
+        console.require_document(arguments.document)
+        diagnostics, name = attempted(arguments.document, console.options_of(arguments), partial(_run, arguments, results))
+    except (UnknownChoice, console.WrongCommandLine) as fault:
+        diagnostics = [console.of_exception(fault)]
     _tell(arguments, name, results, diagnostics)
-    return common.exit_code(diagnostics)
+    return console.exit_code(diagnostics)
 
 
 def _run(arguments: argparse.Namespace, results: list[Result], environment: Environment) -> tuple[list[Diagnostic], str]:
     """Compile and run; what there is to say, and the robot's name. Raises `UnknownChoice`."""
     results.clear()
     compilation = pipeline.compile(environment)
-    diagnostics = common.final(compilation.report, strict=arguments.strict)
+    diagnostics = console.final(compilation.report, strict=arguments.strict)
     assembly = compilation.assembly
-    if common.exit_code(diagnostics) or assembly is None:
+    if console.exit_code(diagnostics) or assembly is None:
         return diagnostics, "thingc"
     from thingc.driver.testing.running import run as run_tests
 
@@ -76,12 +76,12 @@ def _run(arguments: argparse.Namespace, results: list[Result], environment: Envi
     def on_result(result: Result) -> None:
         results.append(result)
         if arguments.format == "text":
-            common.say(_line(result, width))
+            console.say(_line(result, width))
 
     run_tests(pipeline.request_of(environment, compilation), selection, on_result)
     if not selection.only and not selection.modes:
         pipeline.say_unneeded(compilation, [Stage.CHECK, Stage.TEST])
-    return common.final(compilation.report, strict=arguments.strict), assembly.name
+    return console.final(compilation.report, strict=arguments.strict), assembly.name
 
 
 def _selection(arguments: argparse.Namespace, assembly: Assembly) -> Selection:
@@ -110,22 +110,22 @@ def _line(result: Result, width: int) -> str:
 def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], diagnostics: Sequence[Diagnostic]) -> None:
     """The answer in the form that was asked for, apart from the lines that were printed on the way."""
     if arguments.format == "json":
-        common.print_json(diagnostics, tests=[_data(result) for result in results])
+        console.print_json(diagnostics, tests=[_data(result) for result in results])
         return
     if arguments.format == "junit":
         from thingc.driver.testing.junit import as_junit
 
-        common.hand_on(as_junit(name, results, _beside(results, diagnostics)))
+        console.hand_on(as_junit(name, results, _beside(results, diagnostics)))
         return
     if results:
-        common.say("")
-    common.print_text(diagnostics, stream=sys.stdout, debug=arguments.debug)
+        console.say("")
+    console.print_text(diagnostics, stream=sys.stdout, debug=arguments.debug)
     passed = sum(1 for result in results if result.passed)
     if results:
-        common.say(f"{counted(len(results), 'test')}: {passed} passed, {len(results) - passed} failed")
-    elif not common.exit_code(list(diagnostics)):
+        console.say(f"{counted(len(results), 'test')}: {passed} passed, {len(results) - passed} failed")
+    elif not console.exit_code(list(diagnostics)):
         chosen = " that run in the modes chosen" if arguments.mode else ""
-        common.say(f"{shown_path(arguments.document)}: no tests{chosen}")
+        console.say(f"{shown_path(arguments.document)}: no tests{chosen}")
 
 
 def _beside(results: Sequence[Result], diagnostics: Sequence[Diagnostic]) -> list[Diagnostic]:

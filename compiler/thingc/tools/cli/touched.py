@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 
 from thingc.base.diagnostics import shown_path
-from thingc.tools.cli import common
+from thingc.tools.cli import console
 
 EPILOG = """\
 Names the documents below this folder that depend on the files given: through the documents that they nest, their
@@ -31,21 +31,21 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--store", metavar="DIR", help="where modelled parts are kept (default: THINGC_STORE, else the user's cache folder)"
     )
-    common.add_format(parser)
+    console.add_format(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0, whether anything is touched or not; 2 where git cannot say what has changed."""
     if arguments.null and arguments.format == "json":
-        raise common.WrongCommandLine("-0 and --format json are two forms of one answer", "leave one of them out")
+        raise console.WrongCommandLine("-0 and --format json are two forms of one answer", "leave one of them out")
     paths = documents(arguments.files, arguments.since, everything=arguments.all, roots=arguments.roots, store=arguments.store)
     shown = [shown_path(path) for path in paths]
     if arguments.format == "json":
-        common.print_json([], documents=shown)
+        console.print_json([], documents=shown)
     elif arguments.null:
-        common.hand_on(b"".join(os.fsencode(path) + b"\0" for path in shown))
+        console.hand_on(b"".join(os.fsencode(path) + b"\0" for path in shown))
     else:
-        common.say(*shown)
+        console.say(*shown)
     return 0
 
 
@@ -57,21 +57,21 @@ def documents(
     Raises `WrongCommandLine` where nothing was asked, where a folder is named, or where git cannot answer.
     """
     from thingc.driver.environment import Options, store_of
-    from thingc.tools.affected.changes import NotARepository, changed_since
-    from thingc.tools.affected.touched import touched
+    from thingc.tools.affected.dependents import touched
+    from thingc.tools.affected.git_changes import NotARepository, changed_since
 
     if not files and since is None and not everything:
-        raise common.WrongCommandLine("expected files that have changed, or --since", "write for example --since origin/main")
+        raise console.WrongCommandLine("expected files that have changed, or --since", "write for example --since origin/main")
     for file in files:
         if os.path.isdir(file) and not os.path.islink(file):
             hint = "name the files that have changed, or write --all"
-            raise common.WrongCommandLine(f"`{file}` is a folder, and files were expected", hint)
+            raise console.WrongCommandLine(f"`{file}` is a folder, and files were expected", hint)
     changed = [os.path.abspath(file) for file in files]
     if since is not None:
         try:
             changed += changed_since(since, os.getcwd())
         except NotARepository as fault:
             hint = "name a branch, a tag or a commit of this repository; a shallow clone may not have it (git fetch --unshallow)"
-            raise common.WrongCommandLine(f"--since {since}: {fault}", hint) from fault
+            raise console.WrongCommandLine(f"--since {since}: {fault}", hint) from fault
     affected = touched(None if everything else changed, os.getcwd(), store_of(Options(store=store)))
     return affected.roots if roots else affected.documents

@@ -16,15 +16,15 @@ from pathlib import Path
 from urllib.parse import quote
 
 from thingc.base.diagnostics import Code, Diagnostic, shown_path
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
-from thingc.driver.building import Wish
+from thingc.driver.build_document import Wish
 from thingc.driver.environment import Environment, Options, attempted
 from thingc.targets.artifact import MANIFEST
-from thingc.targets.html.target import Page, page_of
-from thingc.tools.cli import common
+from thingc.targets.html.emit import Page, page_of
+from thingc.tools.cli import console
 from thingc.tools.cli.watch import Lines, hopeless, until_interrupted
-from thingc.tools.live.rounds import Live, Round
+from thingc.tools.live.rebuild_loop import Live, Round
 from thingc.tools.live.server import Server, findings_of
 
 EDITOR = "vscode://file{file}:{line}"
@@ -52,7 +52,7 @@ turn, with what `thingc check` says on top. Nothing is written. A build folder w
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `view`."""
     parser.epilog = EPILOG
-    common.add_document(parser, what="an assembly document (YAML or TOML), a build folder with html/, or its page", metavar="DOC|BUILD")
+    console.add_document(parser, what="an assembly document (YAML or TOML), a build folder with html/, or its page", metavar="DOC|BUILD")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
     parser.add_argument("--against", metavar="DOC", help="a second document, or this one as it is now, to be seen through the robot")
     parser.add_argument("--port", metavar="N", type=_port, default=0, help="the port to listen on (default: a free one)")
@@ -61,27 +61,27 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--editor", metavar="URL", default=EDITOR,
         help="what links to documents and part files open, with {file} and {line} (default: %(default)s)",
     )
-    common.add_compiling(parser)
+    console.add_compiling(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 after Ctrl-C, or when a build is opened; 2 where there is nothing to show."""
     if os.path.isdir(arguments.document) or _is_page(arguments.document):
         return _open_build(arguments)
-    common.require_document(arguments.document)
-    options = common.options_of(arguments)
+    console.require_document(arguments.document)
+    options = console.options_of(arguments)
     before, beside, turn = None, None, threading.Lock()
     if arguments.against is not None:
-        common.require_document(arguments.against)
+        console.require_document(arguments.against)
         plain = replace(options, parameters={}, choices={})
         if not os.path.samefile(arguments.against, arguments.document):
             beside = _Beside(arguments, plain, turn)
         else:
             before, diagnostics = attempted(arguments.against, plain, _page)
             if before is None:
-                common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-                return common.exit_code(diagnostics)
-    live = Live(arguments.document, options, partial(_wish, arguments), common.of_exception, writes=False, turn=turn)
+                console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+                return console.exit_code(diagnostics)
+    live = Live(arguments.document, options, partial(_wish, arguments), console.of_exception, writes=False, turn=turn)
     server = _server(arguments)
     if before is not None:
         server.tell_against(before)
@@ -93,9 +93,9 @@ def run(arguments: argparse.Namespace) -> int:
         server.tell(page, made.seconds, diagnostics, kernel=made.kernel)
         lines.say(made)
         if made.number == 1 and not hopeless(made):
-            common.say(server.address)
+            console.say(server.address)
             if not arguments.no_open and not webbrowser.open(server.address):
-                common.say("no browser could be started: open that address in one", stream=sys.stderr)
+                console.say("no browser could be started: open that address in one", stream=sys.stderr)
 
     with server, nullcontext() if beside is None else beside.followed(server):
         return until_interrupted(live, hear)
@@ -114,7 +114,7 @@ def _shown(live: Live, made: Round) -> tuple[Round, Page | None, list[dict[str, 
         try:
             page = page_of(pipeline.request_of(environment, made.built.compilation))
         except Exception as fault:  # the next save may mend it
-            made = replace(made, good=False, diagnostics=(*made.diagnostics, common.of_exception(fault)))
+            made = replace(made, good=False, diagnostics=(*made.diagnostics, console.of_exception(fault)))
     return made, page, findings_of(made.diagnostics, environment.workspace)
 
 
@@ -125,7 +125,7 @@ class _Beside:
     def __init__(self, arguments: argparse.Namespace, options: Options, turn: threading.Lock) -> None:
         self._turn = turn
         wish = Wish(targets=(), strict=arguments.strict)
-        self._live = Live(arguments.against, options, lambda: wish, common.of_exception, writes=False, turn=turn)
+        self._live = Live(arguments.against, options, lambda: wish, console.of_exception, writes=False, turn=turn)
         self._lines = Lines(arguments, of=shown_path(arguments.against))
         self._stop = threading.Event()
 
@@ -154,7 +154,7 @@ class _Beside:
 def _page(environment: Environment) -> tuple[Page | None, list[Diagnostic]]:
     """The page of a document as it stands, None where it has errors; and what is said of it."""
     compilation = pipeline.compile(environment)
-    diagnostics = common.final(compilation.report, strict=False)
+    diagnostics = console.final(compilation.report, strict=False)
     return None if compilation.report.failed else page_of(pipeline.request_of(environment, compilation)), diagnostics
 
 
@@ -169,7 +169,7 @@ def _server(arguments: argparse.Namespace) -> Server:
         return Server(arguments.port, editor, arguments.document, _key())
     except OSError as fault:
         reason = fault.strerror or str(fault)
-        raise common.WrongCommandLine(f"port {arguments.port} cannot be had: {reason}", "leave --port out: a free one is taken") from fault
+        raise console.WrongCommandLine(f"port {arguments.port} cannot be had: {reason}", "leave --port out: a free one is taken") from fault
 
 
 def _key() -> bytes | None:
@@ -196,16 +196,16 @@ def _open_build(arguments: argparse.Namespace) -> int:
     folder = Path(arguments.document) if _is_page(arguments.document) else _build_meant(arguments.document)
     pages = [folder] if folder.is_file() else sorted(folder.glob("html/*.html"))
     if not pages:
-        raise common.WrongCommandLine(
+        raise console.WrongCommandLine(
             f"the build `{shown_path(str(folder))}` has no page", "build it with `--emit html`, or name its document", Code.NO_DOCUMENT
         )
     given = [name for key, name in OF_DOCUMENTS.items() if getattr(arguments, key) not in ([], 0, None, False, EDITOR)]
     if given:
-        raise common.WrongCommandLine(
+        raise console.WrongCommandLine(
             f"{given[0]} is about documents, and `{shown_path(str(folder))}` is a build", "name its document, or leave the option out"
         )
     for page in pages:
-        common.say(shown_path(str(page)))
+        console.say(shown_path(str(page)))
         if not arguments.no_open:
             webbrowser.open(page.resolve().as_uri())
     return 0
@@ -218,7 +218,7 @@ def _is_page(name: str) -> bool:
 
 def _build_meant(name: str) -> Path:
     """The build that a folder is, or the only one that it holds. Raises `WrongCommandLine` with what to type."""
-    from thingc.documents.load.finding import documents_near, is_document
+    from thingc.documents.load.discovery import documents_near, is_document
 
     folder = Path(name)
     if (folder / MANIFEST).is_file():
@@ -229,10 +229,10 @@ def _build_meant(name: str) -> Path:
         return builds[0]
     if builds:
         hint = did_you_mean("", [shown_path(str(one)) for one in builds], what="builds")
-        raise common.WrongCommandLine(f"`{name}` holds {len(builds)} builds", f"name one of them: {hint}", Code.NO_DOCUMENT)
+        raise console.WrongCommandLine(f"`{name}` holds {len(builds)} builds", f"name one of them: {hint}", Code.NO_DOCUMENT)
     robots = [shown_path(path) for path in documents_near(name, None) if is_document(path, "assembly/")]
     hint = did_you_mean("", robots, what="robots") if robots else "name a document, or a build with html/"
-    raise common.WrongCommandLine(f"`{name}` is a folder without a build", hint, Code.NO_DOCUMENT)
+    raise console.WrongCommandLine(f"`{name}` is a folder without a build", hint, Code.NO_DOCUMENT)
 
 
 def _port(text: str) -> int:

@@ -11,16 +11,16 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from thingc.base.brief import counted
+from thingc.base.diagnostic_output import as_json
 from thingc.base.diagnostics import Diagnostic, shown_path
-from thingc.base.printing import as_json
-from thingc.base.shown import json_text
+from thingc.base.one_line_repr import counted
+from thingc.base.safe_text import json_text
 from thingc.driver import pipeline
-from thingc.driver.building import Wish
-from thingc.tools.cli import common, interrupts
+from thingc.driver.build_document import Wish
+from thingc.tools.cli import console, signals
 from thingc.tools.cli.build import answer_of, tell, wish_of
-from thingc.tools.cli.targets import add_building, chosen_targets
-from thingc.tools.live.rounds import Live, Round
+from thingc.tools.cli.emit_option import add_building, chosen_targets
+from thingc.tools.live.rebuild_loop import Live, Round
 
 EPILOG = """\
 Whatever the build depends on is watched: documents, part modules and the files that they read, materials, thingc.toml. A save with errors
@@ -35,29 +35,29 @@ shows them, and the last good build stays. The CAD kernel is loaded once.
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `watch`."""
     parser.epilog = EPILOG
-    common.add_document(parser)
+    console.add_document(parser)
     add_building(parser)
-    common.add_format(parser)
-    common.add_compiling(parser)
+    console.add_format(parser)
+    console.add_compiling(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 after Ctrl-C; 2 where there is nothing to watch."""
     try:
         live = live_of(arguments)
-    except common.WrongCommandLine as fault:
+    except console.WrongCommandLine as fault:
         if arguments.format == "json":
             _say_line({"diagnostics": as_json([fault.diagnostic])})
         else:
-            common.print_text([fault.diagnostic], stream=sys.stderr, debug=arguments.debug)
-        return common.USAGE
+            console.print_text([fault.diagnostic], stream=sys.stderr, debug=arguments.debug)
+        return console.USAGE
     return until_interrupted(live, Lines(arguments).say if arguments.format == "text" else say_json)
 
 
 def live_of(arguments: argparse.Namespace) -> Live:
     """What the command line wants built after every save. Raises `WrongCommandLine`."""
-    common.require_document(arguments.document)
-    options = common.options_of(arguments)
+    console.require_document(arguments.document)
+    options = console.options_of(arguments)
     targets, _ = chosen_targets(arguments)
     options = replace(options, ahead=pipeline.modules_of_build(targets))
 
@@ -65,24 +65,24 @@ def live_of(arguments: argparse.Namespace) -> Live:
         targets, wrong = chosen_targets(arguments)
         return wrong or wish_of(arguments, targets)
 
-    return Live(arguments.document, options, wish, common.of_exception, common.say_waiting)
+    return Live(arguments.document, options, wish, console.of_exception, console.say_waiting)
 
 
 def until_interrupted(live: Live, hear: Callable[[Round], None]) -> int:
     """Go through the rounds until Ctrl-C or SIGTERM; nothing of them is alive then."""
-    interrupts.heed(ignored=True)
+    signals.heed(ignored=True)
     with contextlib.suppress(KeyboardInterrupt), live:
         for made in live.rounds(threading.Event()):
             hear(made)
             if hopeless(made):
-                return common.USAGE
-    common.say_in_place()
+                return console.USAGE
+    console.say_in_place()
     return 0
 
 
 def hopeless(made: Round) -> bool:
     """Whether nothing is followed after this round: the first one, where the command line is to blame, and no save mends that."""
-    return made.number == 1 and common.exit_code(made.diagnostics) == common.USAGE
+    return made.number == 1 and console.exit_code(made.diagnostics) == console.USAGE
 
 
 def say_json(made: Round) -> None:
@@ -102,7 +102,7 @@ def say_json(made: Round) -> None:
 def _say_line(value: Mapping[str, object]) -> None:
     import json
 
-    common.hand_on(json_text(json.dumps(value, ensure_ascii=False)) + "\n")
+    console.hand_on(json_text(json.dumps(value, ensure_ascii=False)) + "\n")
     sys.stdout.flush()
 
 
@@ -119,22 +119,22 @@ class Lines:
 
     def say(self, made: Round) -> None:
         """Say what came of a save."""
-        common.say_in_place()
+        console.say_in_place()
         known = made.good and made.diagnostics == self._said
         if not known:
-            common.print_text(made.diagnostics, stream=sys.stderr, debug=self._arguments.debug)
+            console.print_text(made.diagnostics, stream=sys.stderr, debug=self._arguments.debug)
         self._said = made.diagnostics
         if made.number > 1:
             saved = _enumerated([shown_path(path) for path in made.saved])
             outcome = _outcome(made) if self._built or not made.good else f"built in {made.seconds:.2f} s"
             stand = f"; {counted(len(made.diagnostics), 'warning')} as before" if known and made.diagnostics else ""
             of = f"{self._of}, " if self._of is not None else ""
-            common.say(f"{time.strftime('%H:%M:%S')} {saved}: {of}{outcome}{stand}", stream=sys.stderr)
+            console.say(f"{time.strftime('%H:%M:%S')} {saved}: {of}{outcome}{stand}", stream=sys.stderr)
         if made.built is not None and made.folder is not None and not self._built:
             tell(answer_of(made.built, made.folder), self._arguments)
         self._built = self._built or made.good
         if made.number == 1 and self._of is None and not hopeless(made):
-            common.say(f"{'' if made.good else 'nothing is built yet; '}{self._doing}; Ctrl-C ends it", stream=sys.stderr)
+            console.say(f"{'' if made.good else 'nothing is built yet; '}{self._doing}; Ctrl-C ends it", stream=sys.stderr)
 
 
 def _outcome(made: Round) -> str:

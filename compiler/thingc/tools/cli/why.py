@@ -9,13 +9,13 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 
 from thingc.base.diagnostics import Diagnostic, shown_path
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, attempted
 from thingc.driver.pipeline import Compilation
 from thingc.targets.artifact import Loss
-from thingc.tools.cli import common
-from thingc.tools.cli.targets import add_compat, add_emit, chosen_targets
+from thingc.tools.cli import console
+from thingc.tools.cli.emit_option import add_compat, add_emit, chosen_targets
 
 EPILOG = """\
   thingc why assemblies/arm.yaml hand/cap       would it be modelled again, and what has changed since last time?
@@ -29,38 +29,38 @@ _NUMBER = re.compile(r"(?<![\w.^])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.])")
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `why`."""
     parser.epilog = EPILOG
-    common.add_document(parser)
+    console.add_document(parser)
     parser.add_argument("occurrence", metavar="OCCURRENCE", nargs="?", help="the path of a part, such as hand/cap")
     parser.add_argument("--losses", action="store_true", help="list what each target cannot say")
     add_emit(parser)
     add_compat(parser)
-    common.add_compiling(parser)
+    console.add_compiling(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Prints the reason; exit code 2 for an occurrence that is not there."""
     if (arguments.occurrence is None) != arguments.losses:
-        raise common.WrongCommandLine(
+        raise console.WrongCommandLine(
             "`why` wants an occurrence, or --losses", "write for example: thingc why assemblies/arm.yaml hand/cap"
         )
-    common.require_document(arguments.document)
-    diagnostics = attempted(arguments.document, common.options_of(arguments), partial(_answered, arguments))
-    common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-    return common.exit_code(diagnostics)
+    console.require_document(arguments.document)
+    diagnostics = attempted(arguments.document, console.options_of(arguments), partial(_answered, arguments))
+    console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    return console.exit_code(diagnostics)
 
 
 def _answered(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
     """Print the answer; what there is to say."""
     compilation = pipeline.compile(environment)
-    diagnostics = common.final(compilation.report, strict=arguments.strict)
-    if common.exit_code(diagnostics):
+    diagnostics = console.final(compilation.report, strict=arguments.strict)
+    if console.exit_code(diagnostics):
         return diagnostics
     if arguments.losses:
         targets, wrong = chosen_targets(arguments)
         if wrong:
             return wrong
         _losses(environment, compilation, targets)
-        return common.final(compilation.report, strict=False)
+        return console.final(compilation.report, strict=False)
     _reason(compilation, arguments.occurrence)
     return diagnostics
 
@@ -74,26 +74,26 @@ def _reason(compilation: Compilation, wanted: str) -> None:
     if path not in by_path:
         inside = [p for p in by_path if p.startswith(path + "/")]
         hint = f"it is an assembly; its parts are {', '.join(f'`{p}`' for p in inside)}" if inside else did_you_mean(path, by_path)
-        raise common.WrongCommandLine(f"there is no occurrence `{wanted}`", hint)
+        raise console.WrongCommandLine(f"there is no occurrence `{wanted}`", hint)
     occurrence = by_path[path]
     text = occurrence.definition.text
     if text not in compilation.decisions:
-        common.say(f"{path} is a frame: there is nothing to model")
+        console.say(f"{path} is a frame: there is nothing to model")
         return
     decision = compilation.decisions[text]
-    common.say(f"{path} is {occurrence.definition.label}", f"{'reused' if decision.reused else 'modelled'}: {decision.reason}")
+    console.say(f"{path} is {occurrence.definition.label}", f"{'reused' if decision.reused else 'modelled'}: {decision.reason}")
     users = [o.path for o in assembly.occurrences if o.definition.text == text]
     if len(users) > 1:
-        common.say(f"shared by {', '.join(users)}")
+        console.say(f"shared by {', '.join(users)}")
 
 
 def _losses(environment: Environment, compilation: Compilation, targets: Sequence[str]) -> None:
     artifacts = pipeline.build(environment, compilation, targets)
     losses = [loss for target in artifacts.values() for loss in target.losses]
     for alike in _alike(losses):
-        common.say(_in_words(alike))
-    if not losses and not common.exit_code(common.final(compilation.report, strict=False)):
-        common.say("every target says everything")
+        console.say(_in_words(alike))
+    if not losses and not console.exit_code(console.final(compilation.report, strict=False)):
+        console.say("every target says everything")
 
 
 def _alike(losses: Iterable[Loss]) -> Iterable[list[Loss]]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import field
 
-from thingc.base.brief import Brief
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
 from thingc.tools.diff.change import Change
-from thingc.tools.diff.following import Farthest, compare_following
-from thingc.tools.diff.pairing import Pairing
-from thingc.tools.diff.portrait import Portrait
-from thingc.tools.diff.stated import compare_stated
+from thingc.tools.diff.consequences import Farthest, compare_following
+from thingc.tools.diff.document_changes import compare_stated
+from thingc.tools.diff.name_mapping import Pairing
+from thingc.tools.diff.snapshot import Portrait
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

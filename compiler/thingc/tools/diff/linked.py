@@ -10,7 +10,7 @@ from thingc.base.source import line_of
 from thingc.geometry.record import PartDefinition, PartRecord
 from thingc.model.assembly.types import Assembly, Mate, Occurrence
 from thingc.targets.bom import with_pieces
-from thingc.tools.diff.portrait import Edge, LinkOf, OccurrenceOf, PartShape, Row
+from thingc.tools.diff.snapshot import Edge, LinkOf, OccurrenceOf, PartShape, Row
 
 
 def edges_of(assembly: Assembly) -> Iterator[Edge]:

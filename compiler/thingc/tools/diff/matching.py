@@ -17,7 +17,7 @@ from typing import Any
 
 from thingc.base.frozen import dataclass
 from thingc.base.summing import dist
-from thingc.tools.diff.portrait import ComponentNode, Portrait
+from thingc.tools.diff.snapshot import ComponentNode, Portrait
 
 RESIDUE = 30
 """Components that may be left for an isomorphism to be looked for."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from thingc.base.source import Span
-from thingc.driver.stamp import packed, unpacked
+from thingc.driver.up_to_date import packed, unpacked
 from thingc.tools.diff.change import Change, Told
+from thingc.tools.diff.checkouts import BrokenSide
 from thingc.tools.diff.comparing import Comparison
-from thingc.tools.diff.states import BrokenSide
 
 
 def pack(answer: Comparison | BrokenSide) -> list[Any]:

@@ -6,9 +6,9 @@ import base64
 from collections.abc import Iterable, Iterator
 from html import escape
 
-from thingc.base.shown import shown
-from thingc.tools.diff.answer import Differences
-from thingc.tools.diff.telling import NOTHING, TITLES, Sentence, made, outcomes_and_more
+from thingc.base.safe_text import shown
+from thingc.tools.diff.results import Differences
+from thingc.tools.diff.text_report import NOTHING, TITLES, Sentence, made, outcomes_and_more
 
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1d1d22; background: #fff }

@@ -11,7 +11,8 @@ from thingc.base.pose import Pose, rpy_of
 from thingc.base.source import Origin, Span
 from thingc.geometry.record import PartDefinition
 from thingc.model.assembly.types import Assembly, JointEdge
-from thingc.model.resolve.model import (
+from thingc.model.resolve.nested import assemblies_of
+from thingc.model.resolve.types import (
     AssemblyDefinition,
     At,
     Attach,
@@ -24,10 +25,10 @@ from thingc.model.resolve.model import (
     Reference,
     StatedValue,
 )
-from thingc.model.resolve.nested import assemblies_of
 from thingc.tools.diff.change import What
 from thingc.tools.diff.linked import edges_of, links_of, occurrences_of, rows_of
-from thingc.tools.diff.portrait import (
+from thingc.tools.diff.sensors import sensor_values
+from thingc.tools.diff.snapshot import (
     ComponentNode,
     Fact,
     Named,
@@ -36,9 +37,8 @@ from thingc.tools.diff.portrait import (
     TestOutcome,
     Value,
 )
-from thingc.tools.diff.sensors import sensor_values
+from thingc.tools.diff.source_locations import DocumentTrees
 from thingc.tools.diff.tendons import tendon_facts
-from thingc.tools.diff.written import DocumentTrees
 
 if TYPE_CHECKING:
     from thingc.driver.pipeline import Compilation

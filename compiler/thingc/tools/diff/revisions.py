@@ -14,11 +14,11 @@ import tempfile
 import tomllib
 from collections.abc import Collection, Iterable, Iterator, Mapping
 
-from thingc.base.brief import Brief
-from thingc.base.files import BadPath, check_tree, write_tree
+from thingc.base.filesystem import BadPath, check_tree, write_tree
 from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
 from thingc.documents.workspace import DEFAULT_PARTS, OWN_FILE, SHARED_FILE
-from thingc.tools.affected.changes import NotARepository, git, run_git
+from thingc.tools.affected.git_changes import NotARepository, git, run_git
 
 LOCK_FILE = "parts.lock.json"
 DOCUMENTS = (".yaml", ".yml", ".toml")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from thingc.model.assembly.types import Assembly, LinkedSensor
-from thingc.tools.diff.portrait import Named, Value
+from thingc.tools.diff.snapshot import Named, Value
 
 
 def sensor_values(assembly: Assembly, sensor: LinkedSensor) -> Iterator[tuple[tuple[str, ...], Value]]:

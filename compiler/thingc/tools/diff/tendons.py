@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from thingc.model.assembly.types import Assembly, TendonStep
-from thingc.tools.diff.portrait import Fact, Value
+from thingc.tools.diff.snapshot import Fact, Value
 
 
 def tendon_facts(assembly: Assembly) -> dict[str, Fact]:

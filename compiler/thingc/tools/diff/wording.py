@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from thingc.base.joints.kinds import KINDS
 from thingc.base.units import Dimension, Quantity, UnitError, parse_quantity
-from thingc.tools.diff.pairing import Pair
-from thingc.tools.diff.portrait import Fact, Portrait, StatedThing, Value
+from thingc.tools.diff.name_mapping import Pair
+from thingc.tools.diff.snapshot import Fact, Portrait, StatedThing, Value
 
 POSITIONS = frozenset({"limit.lower", "limit.upper", "limit.cone", "offset"})
 LONGEST = 40

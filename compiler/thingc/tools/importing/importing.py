@@ -9,24 +9,24 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.files import beginning
+from thingc.base.filesystem import beginning
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import MassProperties
-from thingc.base.shown import shown
-from thingc.base.typos import did_you_mean
-from thingc.tools.importing.bounds import refuse_endless
-from thingc.tools.importing.document import Draft, document_of
-from thingc.tools.importing.expanding import expanded
+from thingc.base.safe_text import shown
+from thingc.base.suggestions import did_you_mean
 from thingc.tools.importing.inertias import Repair, Repaired, repaired, warn_of_mirror_pairs
 from thingc.tools.importing.meshes import gathered, matter_of, warn_of_units
 from thingc.tools.importing.mjcf.reader import read_mjcf
-from thingc.tools.importing.model import SourceLoss, SourceRobot
 from thingc.tools.importing.naming import plain_name
 from thingc.tools.importing.packages import Packages
 from thingc.tools.importing.sdf import read_sdf
+from thingc.tools.importing.size_checks import refuse_endless
+from thingc.tools.importing.source_model import SourceLoss, SourceRobot
 from thingc.tools.importing.tree import warn_of_depth
-from thingc.tools.importing.updating import RECORD, Earlier
+from thingc.tools.importing.update_import import RECORD, Earlier
 from thingc.tools.importing.urdf import read_urdf
+from thingc.tools.importing.write_document import Draft, document_of
+from thingc.tools.importing.xacro import expanded
 from thingc.tools.importing.xml_source import MOST_BYTES, read_xml
 
 ENDINGS = (".urdf", ".xml", ".sdf", ".xacro")

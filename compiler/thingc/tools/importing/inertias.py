@@ -30,7 +30,7 @@ from thingc.base.inertia import (
 )
 from thingc.base.pose import NO_POSE, Matrix, Pose, multiply, transpose
 from thingc.base.primitives import Primitive
-from thingc.tools.importing.model import SourceLink, SourceRobot, SourceShape, Weight
+from thingc.tools.importing.source_model import SourceLink, SourceRobot, SourceShape, Weight
 from thingc.tools.importing.tree import by_parent
 
 Repair = Literal["nearest", "shapes"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 
 from thingc.base.source import Span
-from thingc.tools.importing.model import SourceLoss
+from thingc.tools.importing.source_model import SourceLoss
 from thingc.tools.importing.xml_source import SourceElement
 
 

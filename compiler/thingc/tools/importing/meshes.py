@@ -11,17 +11,17 @@ import struct
 from collections.abc import Callable, Mapping
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.files import beginning
+from thingc.base.filesystem import beginning
 from thingc.base.inertia import MassProperties
 from thingc.base.summing import dist
 from thingc.documents.load.paths import libraries
 from thingc.geometry.mesh_bounds import BadMesh, bounded
+from thingc.geometry.meshes.cache import measured
 from thingc.geometry.meshes.files import mesh_file
-from thingc.geometry.meshes.kept import measured
 from thingc.tools.importing.losses import Losses
-from thingc.tools.importing.model import SourceLoss, SourceRobot, SourceShape
 from thingc.tools.importing.naming import distinct
 from thingc.tools.importing.packages import MOST_BYTES, NotFound, Packages
+from thingc.tools.importing.source_model import SourceLoss, SourceRobot, SourceShape
 
 READ = (".stl", ".obj", ".dae", ".ply", ".glb")
 FOLDER = "meshes"

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 
-from thingc.documents.load.scalars import core_value
+from thingc.documents.load.yaml_scalars import core_value
+from thingc.documents.spec.name_types import RESERVED
 
-RESERVED = frozenset({"world", "root", "origin"})
 LONGEST = 100
 """Characters of a name: of more, the first ones."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")

@@ -10,7 +10,7 @@ from glob import escape, glob
 from urllib.parse import unquote
 
 from thingc.base.diagnostics import shown_path
-from thingc.base.files import beginning
+from thingc.base.filesystem import beginning
 
 MOST_BYTES = 200_000_000
 MANIFEST = "package.xml"

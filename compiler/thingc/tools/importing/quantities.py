@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from decimal import Decimal
 
 from thingc.base.pose import Pose, Vector, rpy_of
-from thingc.base.shown import shown
-from thingc.tools.importing.model import ShapeKind, Sizes
+from thingc.base.safe_text import shown
+from thingc.tools.importing.source_model import ShapeKind, Sizes
 
 TURNS = ("revolute", "continuous", "ball", "screw")
 """Kinds of joints whose q is an angle."""

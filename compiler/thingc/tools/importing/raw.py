@@ -7,10 +7,19 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from thingc.documents.load.scalars import core_value
-from thingc.tools.importing.model import Raw, SourceAdded, SourceJoint, SourceLink, SourcePose, SourceShape, SourceTarget, SourceTendon
+from thingc.documents.load.yaml_scalars import core_value
+from thingc.tools.importing.document_names import Words
 from thingc.tools.importing.quantities import quantity
-from thingc.tools.importing.words import Words
+from thingc.tools.importing.source_model import (
+    Raw,
+    SourceAdded,
+    SourceJoint,
+    SourceLink,
+    SourcePose,
+    SourceShape,
+    SourceTarget,
+    SourceTendon,
+)
 
 
 def raw_of(words: Words) -> dict[tuple[str, ...], str]:

@@ -14,9 +14,12 @@ from dataclasses import replace
 from thingc.base.diagnostics import Code, Report
 from thingc.base.inertia import MassProperties
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector, along, rotate
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.tools.importing.losses import Losses
-from thingc.tools.importing.model import (
+from thingc.tools.importing.packages import Packages
+from thingc.tools.importing.sdf_frames import WORLD, Frames, NamedFrame, key_of
+from thingc.tools.importing.sdf_includes import Includes
+from thingc.tools.importing.source_model import (
     FAR,
     Ends,
     Following,
@@ -31,12 +34,9 @@ from thingc.tools.importing.model import (
     SourceSite,
     Weight,
 )
-from thingc.tools.importing.packages import Packages
-from thingc.tools.importing.sdf_frames import WORLD, Frames, NamedFrame, key_of
-from thingc.tools.importing.sdf_includes import Includes
 from thingc.tools.importing.tree import look_at_mimics, root_of, spanned
-from thingc.tools.importing.values import ChildValues
 from thingc.tools.importing.xml_source import SourceElement, read_robot
+from thingc.tools.importing.xml_values import ChildValues
 
 KINDS: dict[str, tuple[Kind, ...]] = {
     "revolute": ("revolute",), "continuous": ("continuous",), "prismatic": ("prismatic",), "ball": ("ball",), "fixed": (),

@@ -8,13 +8,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from thingc.base.circles import circle_words
 from thingc.base.diagnostics import Code, Note
 from thingc.base.frozen import dataclass
+from thingc.base.graphs import circle_words
 from thingc.base.pose import NO_POSE, Pose, placed
-from thingc.base.typos import did_you_mean
-from thingc.tools.importing.values import ChildValues
+from thingc.base.suggestions import did_you_mean
 from thingc.tools.importing.xml_source import SourceElement
+from thingc.tools.importing.xml_values import ChildValues
 
 WORLD = "world"
 MODEL = "__model__"

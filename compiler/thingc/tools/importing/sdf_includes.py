@@ -8,8 +8,8 @@ from dataclasses import replace
 from thingc.base.diagnostics import Code, Report
 from thingc.tools.importing.losses import Losses
 from thingc.tools.importing.packages import NotFound, Packages
-from thingc.tools.importing.values import ChildValues
 from thingc.tools.importing.xml_source import SourceElement, read_robot, read_xml
+from thingc.tools.importing.xml_values import ChildValues
 
 MOST_INCLUDES = 100
 READ = ("uri", "name", "pose", "placement_frame", "static")

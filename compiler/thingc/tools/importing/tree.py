@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence, Set
 from typing import TypeVar
 
-from thingc.base.circles import circle_words, circles
 from thingc.base.diagnostics import Code, Note, Report
-from thingc.base.shown import quoted
+from thingc.base.graphs import circle_words, circles
+from thingc.base.safe_text import quoted
 from thingc.base.source import Span
-from thingc.base.typos import did_you_mean
-from thingc.tools.importing.model import Hanging, SourceLink, SourceRobot
+from thingc.base.suggestions import did_you_mean
+from thingc.tools.importing.source_model import Hanging, SourceLink, SourceRobot
 
 Named = TypeVar("Named", SourceLink, Hanging)
 MOST_LINKS = 10_000

@@ -9,9 +9,9 @@ from dataclasses import replace
 from thingc.base.diagnostics import Code, Report
 from thingc.base.inertia import MassProperties
 from thingc.base.pose import NO_POSE
-from thingc.base.typos import did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.tools.importing.losses import Losses
-from thingc.tools.importing.model import (
+from thingc.tools.importing.source_model import (
     Ends,
     Following,
     Hanging,
@@ -27,8 +27,8 @@ from thingc.tools.importing.model import (
 )
 from thingc.tools.importing.tree import look_at_mimics, root_of
 from thingc.tools.importing.urdf_blocks import TAGS, Blocks
-from thingc.tools.importing.values import Values
 from thingc.tools.importing.xml_source import SourceElement, read_robot
+from thingc.tools.importing.xml_values import Values
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 Color = tuple[float, float, float, float]

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from xml.parsers import expat
 
-from thingc.geometry.worker import children, confining, process_tree
+from thingc.geometry.worker import children, process_tree, sandbox
 from thingc.geometry.worker.scratch import Scratch
 from thingc.tools.importing.packages import NotFound, Packages, within
 from thingc.tools.importing.xml_source import MARK, utf8_of
@@ -54,7 +54,7 @@ def _expand(asked: Mapping[str, Any]) -> dict[str, Any]:
     resource.setrlimit(resource.RLIMIT_CPU, (asked["seconds"], asked["seconds"]))
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
     resource.setrlimit(resource.RLIMIT_FSIZE, (FILE_BYTES, FILE_BYTES))
-    confining.begin(asked["scratch"], asked["readable"])
+    sandbox.begin(asked["scratch"], asked["readable"])
     return _Expanding(asked["path"], asked["packages"]).expanded(asked["arguments"])
 
 

@@ -23,10 +23,10 @@ from typing import Any
 
 from thingc.base.diagnostics import Diagnostic
 from thingc.base.frozen import dataclass
-from thingc.base.shown import json_text
+from thingc.base.safe_text import json_text
 from thingc.base.source import Span
 from thingc.documents.workspace import Workspace
-from thingc.targets.html.target import Page, waiting
+from thingc.targets.html.emit import Page, waiting
 
 LOOPBACK = "127.0.0.1"
 SILENCE = 15.0

@@ -11,28 +11,24 @@ from thingc.base.diagnostics import Code, Diagnostic, Report
 from thingc.base.frozen import dataclass
 from thingc.base.memo import Memo
 from thingc.base.source import Document, MappingNode
-from thingc.batch.reading import read_plan
+from thingc.batch.variants_document import read_plan
 from thingc.documents.load.documents import load
 from thingc.documents.workspace import OWN_FILE
 from thingc.driver import dependencies, pipeline
 from thingc.driver.environment import Environment, Lend, Options
-from thingc.tools.editor.facts import Facts, facts_of
 from thingc.tools.lsp.positions import TextLines, uri_of
+from thingc.tools.schemas.document_facts import Facts, facts_of
 
 if TYPE_CHECKING:
     from thingc.documents.load.documents import Documents
     from thingc.documents.workspace import Workspace
     from thingc.geometry.record import PartFailure, PartRecord, PartSchema
     from thingc.model.assembly.types import Assembly
-    from thingc.model.resolve.model import AssemblyDefinition
+    from thingc.model.resolve.types import AssemblyDefinition
     from thingc.model.robot.types import Robot
-    from thingc.tools.lsp.in_reach import InReach
+    from thingc.tools.lsp.available_names import InReach
 
 SUFFIXES = (".yaml", ".yml", ".toml")
-
-
-class RequestRefused(Exception):
-    """A request that cannot be answered, in words for the person who asked."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

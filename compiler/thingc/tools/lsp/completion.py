@@ -17,10 +17,10 @@ from thingc.base.units import ANGLE, LENGTH, UNITS, Dimension, Quantity, fits, p
 from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.cursor import Cursor, cursor_at
-from thingc.tools.lsp.frames import frame_words
+from thingc.tools.lsp.expression_values import bounds_of, comes_to, parameters_of
+from thingc.tools.lsp.mount_frames import frame_words
 from thingc.tools.lsp.positions import TextPlace
 from thingc.tools.lsp.schema_walk import KeyOffer, SchemaWalk
-from thingc.tools.lsp.values import bounds_of, comes_to, parameters_of
 
 MAX_ITEMS = 500
 

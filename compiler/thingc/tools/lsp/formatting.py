@@ -7,7 +7,7 @@ from typing import Any
 from thingc.base.diagnostics import Report
 from thingc.documents.format.formatting import format_document
 from thingc.tools.lsp.analysis import Analysis
-from thingc.tools.lsp.edits import edits
+from thingc.tools.lsp.line_edits import edits
 from thingc.tools.lsp.positions import TextPlace
 
 

@@ -14,10 +14,10 @@ from thingc.base.units import ANGLE, FORCE, MASS, TORQUE, Dimension, Quantity
 from thingc.model.assembly.types import Assembly, JointEdge, Mate
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.cursor import Cursor, cursor_at
-from thingc.tools.lsp.frames import direction_words, frame_words, in_words, length_words
+from thingc.tools.lsp.expression_values import comes_to, parameters_of, shown
+from thingc.tools.lsp.mount_frames import direction_words, frame_words, in_words, length_words
 from thingc.tools.lsp.positions import TextPlace
 from thingc.tools.lsp.schema_walk import SchemaWalk, described, described_as
-from thingc.tools.lsp.values import comes_to, parameters_of, shown
 
 _CODES = {code.code: code for code in Code}
 

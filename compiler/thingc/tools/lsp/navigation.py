@@ -12,13 +12,13 @@ from typing import Any
 
 from thingc.base.diagnostics import Report
 from thingc.base.source import Span, line_of
+from thingc.documents.names.index import NamePlace
+from thingc.documents.names.rename import RenameRefused, renamable, renamed
+from thingc.documents.names.workspace_index import Sight, sight_of
 from thingc.documents.workspace import Workspace
-from thingc.tools.lsp.analysis import Analysis, RequestRefused
-from thingc.tools.lsp.names import NamePlace
+from thingc.tools.lsp.analysis import Analysis
+from thingc.tools.lsp.line_map import steady
 from thingc.tools.lsp.positions import TextLines, TextPlace
-from thingc.tools.lsp.renaming import renamable, renamed
-from thingc.tools.lsp.sight import Sight, sight_of
-from thingc.tools.lsp.steady import steady
 
 _TEXT, _READ, _WRITE = 1, 2, 3
 _KINDS = {
@@ -111,22 +111,22 @@ def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 
 def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """The name at a place, None where there is none. Raises `RequestRefused` where it cannot be exchanged."""
+    """The name at a place, None where there is none. Raises `RenameRefused` where it cannot be exchanged."""
     named = _found(analysis, place)
     if named is None:
         return None
     names, here = named
     renamable(names.sight, here.name)
     if here.role == "fits":
-        raise RequestRefused(f"`{here.name.text}` only fits the pattern that is written here: rename it where it stands")
+        raise RenameRefused(f"`{here.name.text}` only fits the pattern that is written here: rename it where it stands")
     return {"range": names.range(here.span), "placeholder": here.name.text}
 
 
 def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """The edits that give the name at a place another one, wherever it is written. Raises `RequestRefused`, in words."""
+    """The edits that give the name at a place another one, wherever it is written. Raises `RenameRefused`, in words."""
     named = _found(analysis, place)
     if named is None:
-        raise RequestRefused("there is no name here")
+        raise RenameRefused("there is no name here")
     names, here = named
     prepare_rename(analysis, text, place, params)
     done = renamed(names.sight, here.name, params["newName"])

@@ -11,25 +11,25 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import Diagnostic, Report
+from thingc.base.file_watcher import Watched, looks
 from thingc.base.memo import Memo
-from thingc.base.watching import Watched, looks
-from thingc.documents.load.finding import has_header
+from thingc.documents.load.discovery import has_header
 from thingc.documents.workspace import OWN_FILE
 from thingc.driver.environment import Options, geometry_of
-from thingc.driver.stamp import state_of
+from thingc.driver.up_to_date import state_of
 from thingc.geometry.client import NoWorkers
 from thingc.geometry.lock.lock import read_lock
 from thingc.tools.lsp.analysis import Analysis, OpenText, analyse, is_document_path
-from thingc.tools.lsp.at_hand import AtHand, Unanswered
-from thingc.tools.lsp.in_reach import InReach
-from thingc.tools.lsp.publishing import by_file
-from thingc.tools.lsp.workers import WorkersBeside
+from thingc.tools.lsp.available_names import InReach
+from thingc.tools.lsp.background_workers import WorkersBeside
+from thingc.tools.lsp.cached_parts import AtHand, Unanswered
+from thingc.tools.lsp.diagnostics import by_file
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Mapping
 
     from thingc.documents.workspace import Workspace
-    from thingc.geometry.answers import PartAnswers
+    from thingc.geometry.part_source import PartAnswers
     from thingc.geometry.record import PartFailure
     from thingc.geometry.store.local import Store
 

@@ -5,7 +5,7 @@ this room. `analysis` is of the document as it stands (`analysis.Analysis`; wher
 that was not are in `analysis.known`), `text` is the document's text, `place` where the cursor is, counted as a `Span` counts (line 1,
 column 1 for requests without a position), and `params` what was sent, as plain JSON. The answer is plain JSON, too, as the protocol has
 it; `analysis.lines().range(span)` makes ranges, `analysis.uri(path)` names files. A feature that cannot answer raises
-`analysis.RequestRefused` with words for the person. So another one is a function and a line of `FEATURES`, with what the server tells the
+`RenameRefused` with words for the person. So another one is a function and a line of `FEATURES`, with what the server tells the
 editor about it (the protocol's options, as JSON) where there is something to tell.
 
 Nothing else in this room knows pygls.
@@ -24,7 +24,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from thingc.base.frozen import dataclass
-from thingc.tools.lsp.analysis import Analysis, OpenText, RequestRefused
+from thingc.documents.names.rename import RenameRefused
+from thingc.tools.lsp.analysis import Analysis, OpenText
 from thingc.tools.lsp.open_documents import OpenDocuments, Publish, Superseded
 from thingc.tools.lsp.positions import TextPlace, path_of
 
@@ -55,7 +56,7 @@ LEGEND = {"tokenTypes": ["parameter", "variable", "function", "number", "keyword
 """What the words of an expression are to an editor (`symbols.TOKENS`): a unit is a keyword."""
 
 FEATURES: dict[str, Feature] = {
-    "textDocument/codeAction": Feature(answer="actions:actions", options={"codeActionKinds": ["quickfix"]}),
+    "textDocument/codeAction": Feature(answer="code_actions:actions", options={"codeActionKinds": ["quickfix"]}),
     "textDocument/completion": Feature(
         answer="completion:completion", options={"triggerCharacters": [".", ":", " ", "=", "{", "[", ",", '"', "/", "$"]},
     ),
@@ -65,7 +66,7 @@ FEATURES: dict[str, Feature] = {
     "textDocument/foldingRange": Feature(answer="symbols:folds"),
     "textDocument/formatting": Feature(answer="formatting:formatted"),
     "textDocument/hover": Feature(answer="hover:hover"),
-    "textDocument/inlayHint": Feature(answer="hints:hints"),
+    "textDocument/inlayHint": Feature(answer="inlay_hints:hints"),
     "textDocument/prepareRename": Feature(answer="navigation:prepare_rename", everywhere=True),
     "textDocument/references": Feature(answer="navigation:references", everywhere=True),
     "textDocument/rename": Feature(answer="navigation:rename", options={"prepareProvider": True}, everywhere=True),
@@ -250,7 +251,7 @@ class _Answering:
         place = analysis.lines().place(params["position"]) if "position" in params else TextPlace(line=1, column=1)
         try:
             return answer(analysis, analysis.text, place, params)
-        except RequestRefused as fault:
+        except RenameRefused as fault:
             raise JsonRpcException(str(fault), code=REQUEST_FAILED) from None
         except Exception as fault:
             raise JsonRpcException(f"thingc failed: {type(fault).__name__}: {fault}", code=INTERNAL_ERROR) from None

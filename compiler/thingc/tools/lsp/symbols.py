@@ -8,11 +8,11 @@ from typing import Any
 from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import ExpressionError, words_in
-from thingc.documents.spec.named import Means
+from thingc.documents.names.document_names import WrittenDocument
+from thingc.documents.spec.name_types import Means
 from thingc.tools.lsp.analysis import Analysis
+from thingc.tools.lsp.line_map import steady
 from thingc.tools.lsp.positions import TextPlace
-from thingc.tools.lsp.steady import steady
-from thingc.tools.lsp.written import WrittenDocument
 
 TOKENS = ("parameter", "variable", "function", "number", "unit")
 """Of expressions: parameters, constants and the index of a repeat, functions, numbers, units. An editor is told `keyword` for a unit."""

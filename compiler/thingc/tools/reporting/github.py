@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from thingc.base.diagnostics import Diagnostic, Note, Severity
-from thingc.base.shown import shown
+from thingc.base.safe_text import shown
 from thingc.base.source import Span
-from thingc.tools.reporting.places import within
+from thingc.tools.reporting.repository_paths import within
 
 _COMMANDS: Mapping[Severity, str] = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE: "notice"}
 

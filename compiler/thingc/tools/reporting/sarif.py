@@ -15,9 +15,9 @@ from typing import Any
 from urllib.parse import quote
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity
-from thingc.base.shown import json_text, shown
+from thingc.base.safe_text import json_text, shown
 from thingc.base.source import Span
-from thingc.tools.reporting.places import within
+from thingc.tools.reporting.repository_paths import within
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 ROOT = "%SRCROOT%"

@@ -11,7 +11,7 @@ from thingc.base.frozen import dataclass
 from thingc.driver.testing.outcome import Outcome
 from thingc.driver.testing.results import Case
 from thingc.model.assembly.types import LinkedTest
-from thingc.model.resolve.model import NamedPose
+from thingc.model.resolve.types import NamedPose
 
 Stated = TypeVar("Stated")
 

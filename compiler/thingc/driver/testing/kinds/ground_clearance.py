@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 from functools import partial
 
-from thingc.base.brief import counted
 from thingc.base.diagnostics import Code, Note
+from thingc.base.one_line_repr import counted
 from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
 from thingc.base.units import LENGTH, Quantity
@@ -17,8 +17,8 @@ from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
 from thingc.driver.testing.results import Case
 from thingc.geometry.store.meshes import vertices
 from thingc.model.assembly.types import Occurrence, Surface
+from thingc.model.robot.floor_height import DECIMALS, ROUNDING, of_box, of_points, vertices_of
 from thingc.model.robot.kinematics import occurrence_poses
-from thingc.model.robot.standing import DECIMALS, ROUNDING, of_box, of_points, vertices_of
 
 LISTED = 5
 """Further parts that a message names."""

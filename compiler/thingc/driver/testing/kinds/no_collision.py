@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import chain
 
-from thingc.base.brief import counted
 from thingc.base.diagnostics import Code, Note, Report, allow_hint
+from thingc.base.one_line_repr import counted
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.no_collision import CollisionCheck
 from thingc.driver.testing.collisions import LOOK, Collisions, Near, collisions_of
@@ -15,7 +15,7 @@ from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
 from thingc.driver.testing.poses import joints_text, swept
 from thingc.driver.testing.results import Case
 from thingc.model.assembly.types import Assembly, LinkedTest
-from thingc.model.resolve.model import NamedPose
+from thingc.model.resolve.types import NamedPose
 from thingc.model.robot.kinematics import occurrence_poses
 
 LISTED = 5

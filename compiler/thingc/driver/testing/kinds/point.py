@@ -8,7 +8,7 @@ from thingc.documents.checks.point import PointCheck
 from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
 from thingc.driver.testing.poses import joints_text
-from thingc.driver.testing.reaching import Goal, nearest
+from thingc.driver.testing.reach_search import Goal, nearest
 from thingc.driver.testing.results import Case
 
 

@@ -10,7 +10,7 @@ from thingc.documents.checks.reach import ReachCheck
 from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.outcome import Outcome, bounded, unclosed
 from thingc.driver.testing.poses import joints_text, posed, starting_pose
-from thingc.driver.testing.reaching import farthest
+from thingc.driver.testing.reach_search import farthest
 from thingc.driver.testing.results import Case
 
 

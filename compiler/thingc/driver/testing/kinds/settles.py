@@ -10,8 +10,8 @@ from thingc.documents.checks.settles import SettleCheck
 from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
 from thingc.driver.testing.results import Case
-from thingc.driver.testing.settling import Motion, simulated
-from thingc.targets.mjcf import target as mjcf
+from thingc.driver.testing.settle_simulation import Motion, simulated
+from thingc.targets.mjcf import emit as mjcf
 from thingc.targets.mjcf.compat import separator
 
 

@@ -18,7 +18,7 @@ from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Keyframe, Robot
 from thingc.model.statics.efforts import static_efforts
-from thingc.model.statics.footing import lifted, stance
+from thingc.model.statics.support import lifted, stance
 from thingc.model.statics.types import Efforts
 
 SLACK = 1e-6

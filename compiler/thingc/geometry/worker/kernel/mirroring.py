@@ -9,7 +9,7 @@ import numpy as np
 from thingc.base.mirror import Mirror
 from thingc.base.pose import Pose
 from thingc.base.summing import dist
-from thingc.geometry.worker.kernel.measure import explored, extent
+from thingc.geometry.worker.kernel.integrals import explored, extent
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -151,7 +151,7 @@ def _shell(mesh: Triangles) -> TopoDS_Shape:
     from OCP.TopAbs import TopAbs_FACE
     from OCP.TopoDS import TopoDS_Shell
 
-    from thingc.geometry.worker.kernel.measure import explored
+    from thingc.geometry.worker.kernel.integrals import explored
 
     triangulation = Poly_Triangulation(len(mesh.vertices), len(mesh.faces), False)
     for index, (x, y, z) in enumerate(mesh.vertices.tolist(), 1):

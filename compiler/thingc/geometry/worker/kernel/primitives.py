@@ -21,7 +21,7 @@ from thingc.base.pose import IDENTITY, Matrix, Pose, Vector, added, cross, dot, 
 from thingc.base.primitives import Primitive, PrimitiveShape
 from thingc.base.summing import dist, hypot, plain_sum
 from thingc.geometry.worker.kernel import convert
-from thingc.geometry.worker.kernel.measure import explored, extent, integrals
+from thingc.geometry.worker.kernel.integrals import explored, extent, integrals
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thingc.geometry.worker.kernel.meshing import Triangles, without_slivers
-from thingc.geometry.worker.session import NoPart
+from thingc.geometry.worker.part_session import NoPart
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

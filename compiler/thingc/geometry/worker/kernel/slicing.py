@@ -26,7 +26,7 @@ import numpy as np
 from manifold3d import CrossSection, Error, JoinType, Manifold, Mesh64, OpType
 
 from thingc.base.frozen import dataclass
-from thingc.geometry.slices import Moments, Sliced, Slicing
+from thingc.geometry.print_slices import Moments, Sliced, Slicing
 from thingc.geometry.store.local import Store
 from thingc.geometry.worker.kernel.meshing import Triangles, read_stl
 

@@ -13,7 +13,7 @@ from thingc.targets.mjcf.compat.drake import DRAKE
 from thingc.targets.mjcf.compat.mjx import MJX
 from thingc.targets.mjcf.compat.pymjcf import PYMJCF, SEPARATOR
 from thingc.targets.mjcf.compat.warp import WARP
-from thingc.targets.xml import Element
+from thingc.targets.xml_writer import Element
 
 __all__ = ["CONSUMERS", "separator", "suited"]
 

@@ -8,7 +8,7 @@ from thingc.base.frozen import dataclass
 from thingc.base.source import Origin
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
-from thingc.targets.xml import Element
+from thingc.targets.xml_writer import Element
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

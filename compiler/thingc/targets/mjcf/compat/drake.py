@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
 from thingc.targets.mjcf.compat.consumer import Consumer, nothing_refused
-from thingc.targets.xml import Element
+from thingc.targets.xml_writer import Element
 
 SECTIONS = {
     ("equality", "joint"): "what it follows", ("equality", "weld"): "what closes it", ("equality", "connect"): "what closes it",

@@ -11,11 +11,11 @@ from collections.abc import Iterable, Iterator
 from thingc.base.frozen import dataclass
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
-from thingc.targets.mjcf import holding
+from thingc.targets.mjcf import adhesion_contacts
 from thingc.targets.mjcf.compat.consumer import Consumer, Refusal
+from thingc.targets.mjcf.compat.contact_pairs import Touching, pairs
 from thingc.targets.mjcf.compat.options import Lacks
-from thingc.targets.mjcf.compat.touching import Touching, pairs
-from thingc.targets.xml import Element, numbers
+from thingc.targets.xml_writer import Element, numbers
 
 LACKING = frozenset(map(frozenset, (("cylinder", "box"), ("cylinder", "mesh"), ("ellipsoid", "box"), ("ellipsoid", "mesh"))))
 """Pairs of shapes that it cannot have touch."""
@@ -171,7 +171,7 @@ def _margins(root: Element) -> None:
     """Without the margin of what adheres, where there are meshes: it is for adhesions, which there are none of."""
     if any("mesh" in (one.type, other.type) and one.margin + other.margin for one, other in pairs(root)):
         for element in root.walk():
-            geom = element.find("geom") if element.attributes.get("class") == holding.CLASS else None
+            geom = element.find("geom") if element.attributes.get("class") == adhesion_contacts.CLASS else None
             if element.tag == "default" and geom is not None and "margin" not in geom.raw:
                 geom.attributes.pop("margin", None)
 

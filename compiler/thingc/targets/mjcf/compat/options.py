@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 
 from thingc.base.frozen import dataclass
 from thingc.targets.mjcf.compat.consumer import Refusal
-from thingc.targets.xml import Element
+from thingc.targets.xml_writer import Element
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

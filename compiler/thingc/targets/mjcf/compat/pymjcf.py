@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
 from thingc.targets.mjcf.compat.consumer import Consumer, nothing_refused
-from thingc.targets.xml import Element
+from thingc.targets.xml_writer import Element
 
 SEPARATOR = "."
 """In the place of `/`, as documents write paths; no name in a document has one."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from thingc.model.robot.types import Robot
 from thingc.targets.mjcf.compat.consumer import Consumer, Refusal, nothing_lost
 from thingc.targets.mjcf.compat.options import Lacks
-from thingc.targets.xml import Element
+from thingc.targets.xml_writer import Element
 
 LACKS = Lacks(solvers=("PGS",), enabled=("override", "fwdinv", "diagexact", "ipc"), disabled=("midphase", "autoreset"))
 

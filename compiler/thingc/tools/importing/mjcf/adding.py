@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence, Set
 from typing import Literal
 
-from thingc.tools.importing.mjcf.original import SOLIMP, SOLREF, Original, differing, floats, numbers
+from thingc.tools.importing.mjcf.compiled_source import SOLIMP, SOLREF, Original, differing, floats, numbers
 from thingc.tools.importing.mjcf.tendons import Tendons
-from thingc.tools.importing.model import SourceAdded, SourceTarget
+from thingc.tools.importing.source_model import SourceAdded, SourceTarget
 
 AT_JOINT, AT_PARENT, AT_CRANK, AT_TENDON, AT_SITE = 0, 1, 2, 3, 4
 OF_TENDONS = 3

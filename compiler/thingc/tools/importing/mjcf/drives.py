@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from thingc.base.frozen import dataclass
 from thingc.base.pose import Pose
 from thingc.tools.importing.mjcf.adding import Added
-from thingc.tools.importing.mjcf.original import Original, differing, floats, numbers
+from thingc.tools.importing.mjcf.compiled_source import Original, differing, floats, numbers
 from thingc.tools.importing.mjcf.tendons import Tendons
-from thingc.tools.importing.model import SourceAdhesion, SourceDrive, SourceTarget
+from thingc.tools.importing.source_model import SourceAdhesion, SourceDrive, SourceTarget
 
 AT_JOINT, AT_PARENT, AT_TENDON, AT_BODY = 0, 1, 3, 5
 FIXED_GAIN, NO_BIAS, AFFINE = 0, 0, 1

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from thingc.tools.importing.mjcf.couplings import Couplings
+from thingc.tools.importing.mjcf.compiled_source import SOLIMP, SOLREF, Original, differing, floats, numbers
 from thingc.tools.importing.mjcf.drives import Actuators
-from thingc.tools.importing.mjcf.original import SOLIMP, SOLREF, Original, differing, floats, numbers
-from thingc.tools.importing.model import FAR, Ends, Kind, Raw, SourceJoint
+from thingc.tools.importing.mjcf.equalities import Couplings
+from thingc.tools.importing.source_model import FAR, Ends, Kind, Raw, SourceJoint
 
 BALL, SLIDE, HINGE = 1, 2, 3
 

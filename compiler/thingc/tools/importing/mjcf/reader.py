@@ -9,21 +9,21 @@ from collections.abc import Iterator, Sequence
 from itertools import accumulate
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.heading import mode_of
+from thingc.base.generated_header import mode_of
 from thingc.base.inertia import MassProperties, symmetric
 from thingc.base.pose import NO_POSE, Pose, multiply, transpose
 from thingc.tools.importing.mjcf.adding import Added
-from thingc.tools.importing.mjcf.couplings import Couplings
+from thingc.tools.importing.mjcf.compiled_source import WORLD, Original, floats, numbers, pose_of
 from thingc.tools.importing.mjcf.drives import Actuators
-from thingc.tools.importing.mjcf.flat import ABSENT, Flat, flattened
+from thingc.tools.importing.mjcf.equalities import Couplings
+from thingc.tools.importing.mjcf.flattened_source import ABSENT, Flat, flattened
 from thingc.tools.importing.mjcf.joints import free_joint, joint_of
-from thingc.tools.importing.mjcf.original import WORLD, Original, floats, numbers, pose_of
 from thingc.tools.importing.mjcf.sensing import sensors
 from thingc.tools.importing.mjcf.settings import options, poses, simulation, touching
 from thingc.tools.importing.mjcf.shapes import Geoms
 from thingc.tools.importing.mjcf.tendons import Tendons
-from thingc.tools.importing.model import SOURCE_MODE, Hanging, SourceBase, SourceLink, SourceRobot, SourceSite, Weight
 from thingc.tools.importing.packages import Packages
+from thingc.tools.importing.source_model import SOURCE_MODE, Hanging, SourceBase, SourceLink, SourceRobot, SourceSite, Weight
 from thingc.tools.importing.tree import MOST_LINKS, downwards
 from thingc.tools.importing.xml_source import SourceElement
 

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 
 from thingc.base.frozen import dataclass
 from thingc.base.pose import Pose, turned_y
-from thingc.base.sensing import ReadingName, SensorType
+from thingc.base.sensor_kinds import ReadingName, SensorType
 from thingc.tools.importing.mjcf.adding import Added
-from thingc.tools.importing.mjcf.original import Original, pose_of
+from thingc.tools.importing.mjcf.compiled_source import Original, pose_of
 from thingc.tools.importing.mjcf.shapes import KINDS, sizes_of
-from thingc.tools.importing.model import ShapeKind, Sizes, SourceSensor, SourceTarget
+from thingc.tools.importing.source_model import ShapeKind, Sizes, SourceSensor, SourceTarget
 
 SITE = 6
 AT_SITE: dict[str, tuple[SensorType, ReadingName]] = {

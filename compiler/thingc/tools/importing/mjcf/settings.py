@@ -8,8 +8,8 @@ from typing import Any
 from thingc.base.pose import Pose, Quaternion
 from thingc.base.summing import hypot
 from thingc.tools.importing.mjcf.adding import Added
-from thingc.tools.importing.mjcf.original import Original, floats, numbers, pose_of
-from thingc.tools.importing.model import SourceBase, SourceJoint, SourcePose
+from thingc.tools.importing.mjcf.compiled_source import Original, floats, numbers, pose_of
+from thingc.tools.importing.source_model import SourceBase, SourceJoint, SourcePose
 
 INTEGRATORS = ("euler", "rk4", "implicit", "implicitfast")
 CONES = ("pyramidal", "elliptic")

@@ -8,8 +8,8 @@ from typing import Any
 
 from thingc.base.pose import IDENTITY, Pose, Vector, rotate, transpose
 from thingc.tools.importing.meshes import READ
-from thingc.tools.importing.mjcf.original import SOLIMP, SOLREF, Original, differing, floats, numbers, pose_of
-from thingc.tools.importing.model import Raw, ShapeKind, Sizes, SourceShape
+from thingc.tools.importing.mjcf.compiled_source import SOLIMP, SOLREF, Original, differing, floats, numbers, pose_of
+from thingc.tools.importing.source_model import Raw, ShapeKind, Sizes, SourceShape
 
 KINDS: dict[int, ShapeKind] = {
     0: "plane", 2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh",

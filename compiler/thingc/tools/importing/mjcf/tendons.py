@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from thingc.base.pose import Pose
 from thingc.base.summing import hypot
-from thingc.tools.importing.mjcf.original import SOLIMP, SOLREF, Original, differing, floats, numbers, pose_of
+from thingc.tools.importing.mjcf.compiled_source import SOLIMP, SOLREF, Original, differing, floats, numbers, pose_of
 from thingc.tools.importing.mjcf.shapes import GREY
-from thingc.tools.importing.model import Ends, Raw, SourceAround, SourceDrive, SourceStep, SourceTendon
+from thingc.tools.importing.source_model import Ends, Raw, SourceAround, SourceDrive, SourceStep, SourceTendon
 
 JOINT, PULLEY, SITE, SPHERE, CYLINDER = 1, 2, 3, 4, 5
 HINGE = 3

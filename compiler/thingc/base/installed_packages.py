@@ -1,0 +1,58 @@
+"""What is installed in this environment: found by name, without importing it."""
+
+from __future__ import annotations
+
+import importlib.machinery
+import os
+import sys
+from functools import cache
+
+from thingc.base.filesystem import working_folder
+
+
+@cache
+def import_path() -> tuple[str, ...]:
+    """`sys.path` without the current folder or the script's, which must not decide what a name means."""
+    entries = list(sys.path)
+    if entries and not getattr(sys.flags, "safe_path", False):
+        here = working_folder() or os.sep
+        script = os.path.dirname(os.path.join(here, getattr(sys.modules.get("__main__"), "__file__", None) or "."))
+        if entries[0] in ("", here, script, os.path.realpath(script)):
+            entries = entries[1:]
+    return tuple(entry for entry in entries if entry)
+
+
+_PYTHONS_OWN = (importlib.machinery.PathFinder, importlib.machinery.BuiltinImporter, importlib.machinery.FrozenImporter)
+
+
+def specification_of(name: str) -> importlib.machinery.ModuleSpec | None:
+    """Where a top-level module of the environment lies; None where there is none (editable packages that bring a finder of their own are
+    asked for, too)."""
+    specification = importlib.machinery.PathFinder.find_spec(name, list(import_path()))
+    if specification is None or specification.origin is None and specification.submodule_search_locations:
+        for finder in sys.meta_path:
+            if not getattr(finder, "of_parts", False) and finder not in _PYTHONS_OWN:
+                try:
+                    own = finder.find_spec(name, None)
+                except Exception:
+                    continue
+                if own is not None:
+                    return own
+    return specification
+
+
+def package_folder(name: str) -> str | None:
+    """The folder of an installed package (a top-level one with an `__init__.py`); None where there is none."""
+    specification = specification_of(name)
+    folders = list(specification.submodule_search_locations or ()) if specification is not None and specification.origin else []
+    return folders[0] if folders else None
+
+
+def dotted_name(file: str) -> str:
+    """What a file in a package is called: `thingc_stock.materials`, without its ending, wherever the package lies."""
+    folder, name = os.path.split(os.path.splitext(file)[0])
+    words = [name]
+    while os.path.isfile(os.path.join(folder, "__init__.py")):
+        folder, name = os.path.split(folder)
+        words.insert(0, name)
+    return ".".join(words)

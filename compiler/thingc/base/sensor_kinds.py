@@ -1,0 +1,111 @@
+"""The kinds of sensors: what a document says of each, and what it reads; and what is said of one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field
+from typing import Literal
+
+from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
+from thingc.base.primitives import Primitive
+from thingc.base.source import Origin
+from thingc.base.units import ACCELERATION, ANGULAR_VELOCITY, FORCE, LENGTH, TORQUE, VELOCITY, Dimension
+
+SensorType = Literal[
+    "imu", "force", "joint", "camera", "accelerometer", "gyro", "magnetometer", "velocimeter", "rangefinder", "touch", "contact", "pose",
+    "twist", "centre", "tendon", "drive", "clock", "energy",
+]
+"""What may be written after `type:` of a sensor: the names of all kinds."""
+
+ReadingName = Literal[
+    "accelerometer", "gyro", "quat", "force", "torque", "position", "velocity", "effort", "magnetometer", "distance", "contact", "linear",
+    "angular", "momentum", "length", "time", "potential", "kinetic",
+]
+"""What the readings of sensors are called."""
+
+SensorKey = Literal["at", "in", "joint", "tendon", "of", "with", "volume", "range", "fovy", "noise", "cutoff"]
+"""What else a document may say of a sensor."""
+
+Coordinate = Literal["lower", "velocity", "effort"]
+"""In place of a dimension that of such a value of the coordinate that is measured."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorReading:
+    """A number or vector that a sensor gives, `SENSOR:name` in files. `unit` is what its noise and its cutoff are in; of one without it,
+    such as a quaternion, none can be said."""
+
+    name: ReadingName
+    unit: Dimension | Coordinate | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorKind:
+    """One kind of sensor: one key of each group in `needs` is written, those in `may` may be."""
+
+    name: SensorType
+    readings: tuple[SensorReading, ...]
+    needs: tuple[tuple[SensorKey, ...], ...]
+    may: tuple[SensorKey, ...]
+
+    @property
+    def keys(self) -> frozenset[SensorKey]:
+        """Every key that it takes besides its `type`. What is read in units has noise and a cutoff, which a range is."""
+        own = {key for group in self.needs for key in group} | {*self.may}
+        if any(reading.unit is not None for reading in self.readings):
+            own |= {"noise"} if "range" in own else {"noise", "cutoff"}
+        return frozenset(own)
+
+    def reading(self, name: str) -> SensorReading | None:
+        """The one of that name."""
+        return next((one for one in self.readings if one.name == name), None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measurement(Brief):
+    """What a sensor measures, by its `kind`, and how well: the `volume` of a touch, in the frame of its mount; `fovy` [rad], the angle of
+    view of a camera from bottom to top; `noise` and `cutoff` [SI] by the names of its readings."""
+
+    kind: SensorType
+    origin: Origin
+    volume: Primitive | None = None
+    fovy: float | None = None
+    noise: dict[str, float] = field(default_factory=dict)
+    cutoff: dict[str, float] = field(default_factory=dict)
+
+
+def _kind(
+    name: SensorType, readings: Mapping[ReadingName, Dimension | Coordinate | None], *needs: tuple[SensorKey, ...],
+    may: tuple[SensorKey, ...] = (),
+) -> SensorKind:
+    read = tuple(SensorReading(name=one, unit=unit) for one, unit in readings.items())
+    return SensorKind(name=name, readings=read, needs=needs, may=may)
+
+
+_AT: tuple[SensorKey, ...] = ("at",)
+_MOVED: Mapping[ReadingName, Coordinate] = {"position": "lower", "velocity": "velocity", "effort": "effort"}
+
+_KINDS = (
+    _kind("imu", {"accelerometer": ACCELERATION, "gyro": ANGULAR_VELOCITY, "quat": None}, _AT),
+    _kind("force", {"force": FORCE, "torque": TORQUE}, _AT),
+    _kind("joint", _MOVED, may=("joint",)),
+    _kind("camera", {}, _AT, may=("fovy",)),
+    _kind("accelerometer", {"accelerometer": ACCELERATION}, _AT),
+    _kind("gyro", {"gyro": ANGULAR_VELOCITY}, _AT),
+    _kind("magnetometer", {"magnetometer": None}, _AT),
+    _kind("velocimeter", {"velocity": VELOCITY}, _AT),
+    _kind("rangefinder", {"distance": LENGTH}, _AT, may=("range",)),
+    _kind("touch", {"force": FORCE}, _AT, ("volume",)),
+    _kind("contact", {"contact": None}, ("of",), may=("with",)),
+    _kind("pose", {"position": LENGTH, "quat": None}, _AT, may=("in",)),
+    _kind("twist", {"linear": VELOCITY, "angular": ANGULAR_VELOCITY}, _AT, may=("in",)),
+    _kind("centre", {"position": LENGTH, "velocity": VELOCITY, "momentum": None}),
+    _kind("tendon", {"length": "lower", "velocity": "velocity", "effort": "effort"}, ("tendon",)),
+    _kind("drive", _MOVED, ("joint", "tendon")),
+    _kind("clock", {"time": None}),
+    _kind("energy", {"potential": TORQUE, "kinetic": TORQUE}),
+)
+
+SENSORS: Mapping[SensorType, SensorKind] = {kind.name: kind for kind in _KINDS}
+"""Every kind by its name, in the order of `SensorType`."""

@@ -1,0 +1,108 @@
+"""Slips of the keyboard: the one name that can have been meant, and the hints that say so."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from itertools import islice
+
+from thingc.base.safe_text import quoted
+
+
+def meant(name: str, candidates: Iterable[str]) -> str | None:
+    """The only candidate that `name` can be a slip of: a letter too many, missing, swapped with the next, in other case, or
+    (in words of five letters or more) another. None where there is none or are several.
+
+    Digits are never slips: `foot_1` is not a misspelt `foot_0`.
+    """
+    near = {candidate for candidate in candidates if candidate == name or _is_slip(name, candidate)}
+    return near.pop() if len(near) == 1 and name not in near else None
+
+
+def _is_slip(name: str, candidate: str) -> bool:
+    if min(len(name), len(candidate)) < 2 or [c for c in name if c.isdigit()] != [c for c in candidate if c.isdigit()]:
+        return False
+    if name.lower() == candidate.lower():
+        return True
+    at = next((at for at, (a, b) in enumerate(zip(name, candidate)) if a != b), min(len(name), len(candidate)))
+    short, long = sorted((name[at:], candidate[at:]), key=len)
+    if len(long) == len(short) + 1:
+        return long[1:] == short
+    if len(long) != len(short):
+        return False
+    return short[2:] == long[2:] and short[:2] == long[1::-1] or (len(name) >= 5 and short[1:] == long[1:])
+
+
+class Hint(str):
+    """Words that say what was meant. `mends` is (written, meant) where nothing else can have been; `Report.add` makes a
+    fix of it."""
+
+    mends: tuple[str, str] | None
+
+    def __new__(cls, words: str, mends: tuple[str, str] | None = None) -> Hint:
+        """A hint that reads `words`."""
+        hint = super().__new__(cls, words)
+        hint.mends = mends
+        return hint
+
+
+MAX_NAME = 100
+MAX_CANDIDATES = 1000
+MAX_COMPARED = 20
+
+
+def _common_ends(one: str, other: str) -> int:
+    """How many characters two names share at their beginnings and at their ends."""
+    return len(os.path.commonprefix((one, other))) + len(os.path.commonprefix((one[::-1], other[::-1])))
+
+
+def nearest(name: str, candidates: Iterable[str]) -> str | None:
+    """The candidate a person who wrote `name` most likely meant, or None.
+
+    Comparing is quadratic in the length of names, and happens for every mistake: names longer than a line, and more candidates
+    than a person would look through, are left out.
+    """
+    import difflib
+
+    listed = sorted(candidates) if isinstance(candidates, (set, frozenset)) else candidates
+    known = sorted({candidate for candidate in islice(listed, MAX_CANDIDATES) if len(candidate) <= MAX_NAME})
+    if len(name) > MAX_NAME:
+        return None
+    lowered: dict[str, str] = {candidate.lower(): candidate for candidate in reversed(known)}
+    if name.lower() in lowered:
+        return lowered[name.lower()]
+    if len(known) > MAX_COMPARED:
+        known.sort(key=lambda candidate: -_common_ends(name, candidate))
+        known = sorted(known[:MAX_COMPARED])
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    return close[0] if close else None
+
+
+def near_hint(name: str, candidates: Iterable[str]) -> Hint | None:
+    """`did you mean ...?`, or None where no candidate is near."""
+    known = list(candidates)
+    close = nearest(name, known)
+    if close is None:
+        return None
+    return Hint(f"did you mean `{close}`?", (name, close) if meant(name, known) == close else None)
+
+
+def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -> str:
+    """A hint for an unknown name: the near one, else what there is (at most twelve)."""
+    known = sorted(set(candidates))
+    close = near_hint(name, known)
+    if close is not None:
+        return close
+    if not known:
+        return f"there are no {what} here"
+    return f"known {what}: {quoted(known, 12)}"
+
+
+def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> str:
+    """`did_you_mean` for files: what they are called counts, not the ending that they share."""
+    by_stem = {os.path.splitext(file)[0]: file for file in sorted(files, reverse=True)}
+    close = nearest(os.path.splitext(name)[0], by_stem)
+    if close is not None:
+        sure = meant(os.path.splitext(name)[0], by_stem) == close and by_stem[close].endswith(os.path.splitext(name)[1])
+        return Hint(f"did you mean `{by_stem[close]}`?", (name, by_stem[close]) if sure else None)
+    return did_you_mean("", by_stem.values(), what=what)

@@ -1,0 +1,1 @@
+"""Other machines as the executor of a batch: dask and SLURM."""

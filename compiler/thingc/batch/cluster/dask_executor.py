@@ -1,0 +1,198 @@
+"""A dask scheduler as the engine of a batch: its workers are processes on any number of machines, and may come and go.
+
+A worker that dies takes no variant along: dask gives its chunks to another one, and where dask itself gives up, the driver hands
+them out again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from thingc.base.diagnostics import Code
+from thingc.batch.cluster.protocol import PATIENCE, Carrier, WorkerLost, missing
+from thingc.batch.folder import BatchFault
+from thingc.driver.up_to_date import state_of
+from thingc.targets.manifest import versions
+
+if TYPE_CHECKING:
+    from thingc.batch.cluster.workspace_archive import Transfer
+
+T = TypeVar("T")
+
+TIMEOUT = 15.0
+"""How long [s] a scheduler may take to answer, and its first worker to be there."""
+LOOK = 5.0
+"""How often [s] the driver looks how many workers there are."""
+
+
+def seen(paths: list[str]) -> tuple[dict[str, str], dict[str, str | None]]:
+    """What a worker has installed, and the digests of files and folders (`stamp.state_of`; None: it does not see them). Runs on the
+    worker."""
+    return dict(versions()), {path: state_of(path) for path in paths}
+
+
+class DaskCluster(Carrier):
+    """The workers of the scheduler at `address`. Raises `BatchFault` where nobody answers there, or no worker is."""
+
+    def __init__(self, address: str, *, jobs: int = 0) -> None:
+        try:
+            distributed: Any = import_module("distributed")
+        except ImportError:
+            raise missing("distributed") from None
+        self.address = address
+        self._asked = jobs
+        for name in logging.root.manager.loggerDict:
+            if name.partition(".")[0] in ("distributed", "tornado"):  # what goes wrong is said in our words
+                logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+        try:
+            self._client = distributed.Client(address, timeout=TIMEOUT, set_as_default=False)
+        except Exception as fault:  # OSError, and whatever a program that is no scheduler makes of the greeting
+            raise BatchFault(
+                Code.CLUSTER, f"no scheduler of dask answers at `{address}`: {_first_line(fault)}",
+                "start one with `dask scheduler`, which prints its address, or look whether a firewall is between",
+            ) from None
+        try:
+            self._client.wait_for_workers(1, timeout=TIMEOUT)
+        except Exception:
+            self._client.close(1.0)
+            raise BatchFault(
+                Code.CLUSTER, f"the scheduler at `{address}` has no worker", f"start some with `dask worker {address} --nthreads 1`",
+            ) from None
+        self._executor = self._client.get_executor(pure=False)
+        self._looked = 0.0
+        self._alone: float | None = None
+        self.fault()
+
+    def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
+        """Call it on some worker."""
+        future: Future[T] = self._executor.submit(fn, *arguments, **named)
+        return future
+
+    def check(self, files: Mapping[str, str]) -> None:
+        """Ask every worker that is there now. Workers that die meanwhile are left out."""
+        mine = dict(versions())
+        try:
+            answers: dict[str, Any] = self._client.run(seen, list(files), on_error="return")
+        except Exception as fault:
+            raise self._lost(_first_line(fault)) from None
+        died = (import_module("distributed.comm").CommClosedError, ConnectionError, TimeoutError)
+        there = {worker: answer for worker, answer in sorted(answers.items()) if not isinstance(answer, died)}
+        if answers and not there:
+            raise self._lost("no worker answers")
+        for worker, answer in there.items():
+            if isinstance(answer, BaseException):
+                raise BatchFault(
+                    Code.CLUSTER, f"the worker {worker} cannot run thingc: {_first_line(answer)}",
+                    "install the same version of thingc where workers start, with the same Python",
+                )
+            theirs, hashes = answer
+            other = sorted(name for name in {*mine, *theirs} if mine.get(name) != theirs.get(name))
+            if other:
+                words = ", ".join(f"{name} {theirs.get(name, 'none')} instead of {mine.get(name, 'none')}" for name in other)
+                raise BatchFault(Code.CLUSTER, f"the worker {worker} has other versions: {words}", "install the same versions everywhere")
+            for path, sha256 in files.items():
+                if hashes[path] != sha256:
+                    what = "does not see" if hashes[path] is None else "sees another content of"
+                    raise BatchFault(
+                        Code.CLUSTER, f"the worker {worker} {what} `{path}`",
+                        "the documents and the batch's folder (-o) must be on a file system that all machines share, under the same "
+                        "paths; where there is none, --ship sends the documents along and fetches what is built",
+                    )
+
+    def fault(self) -> BatchFault | None:
+        """Whether the scheduler has gone, or every worker for a minute. Also learns of workers that have come."""
+        if self._client.status != "running":
+            return self._lost("the connection ended")
+        now = time.monotonic()
+        if now - self._looked < LOOK:
+            return None
+        try:
+            threads = sum(self._client.nthreads().values())
+        except Exception as fault:
+            return self._lost(_first_line(fault))
+        self._looked = now
+        self.ahead = self._asked or 2 * max(1, threads)
+        if threads:
+            self._alone = None
+        elif self._alone is None:
+            self._alone = now
+        elif now - self._alone > PATIENCE:
+            return BatchFault(
+                Code.CLUSTER, f"the scheduler at `{self.address}` has had no worker for {PATIENCE:g} s",
+                "start workers and go on with --resume; what has been built stays",
+            )
+        return None
+
+    def ship(self, name: str, transfer: Transfer) -> None:
+        """The scheduler keeps it for workers that come. What drivers that died have left there is removed first."""
+        from thingc.batch.cluster.dask_plugin import Carried
+
+        for left in self._left_behind():
+            self._unregister(left)
+        try:
+            self._client.register_plugin(Carried(name, transfer), name=self._plugin(name))
+        except Exception as fault:
+            self.unship(name)
+            raise BatchFault(
+                Code.CLUSTER, f"a worker cannot take the workspace: {_first_line(fault)}",
+                "workers unpack it in their folders (`--local-directory` of `dask worker`): there must be room",
+            ) from None
+
+    def unship(self, name: str) -> None:
+        """Workers that cannot be reached remove it when they end."""
+        self._unregister(self._plugin(name))
+
+    def ask(self, worker: str, fn: Callable[..., T], *arguments: Any) -> T:
+        """Beside whatever its threads are at."""
+        try:
+            if worker in self._client.nthreads([worker]):  # to reach one that is gone takes half a minute
+                answer: T = self._client.run(fn, *arguments, workers=[worker])[worker]
+                return answer
+        except WorkerLost:
+            raise
+        except Exception as fault:
+            raise WorkerLost(f"the worker {worker} does not answer: {_first_line(fault)}") from None
+        raise WorkerLost(f"the worker {worker} has gone")
+
+    def _plugin(self, name: str) -> str:
+        return f"{name}@{self._client.id}"
+
+    def _unregister(self, plugin: str) -> None:
+        with contextlib.suppress(Exception):  # the scheduler, or a worker, has gone
+            self._client.unregister_worker_plugin(plugin)
+
+    def _left_behind(self) -> list[str]:
+        """The shipments of drivers that are not connected any more."""
+
+        def names(dask_scheduler: Any) -> list[str]:  # goes to the scheduler as it is: nothing of thingc need be installed there
+            return [
+                name for name in dask_scheduler.worker_plugins
+                if name.startswith("thingc-") and name.partition("@")[2] not in dask_scheduler.clients
+            ]
+
+        with contextlib.suppress(Exception):  # a scheduler may refuse to run code
+            return list(self._client.run_on_scheduler(names))
+        return []
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Leave; the scheduler and its workers stay."""
+        try:
+            self._client.close(5.0)
+        except Exception:  # a scheduler that has gone is left all the same
+            pass
+
+    def _lost(self, words: str) -> BatchFault:
+        return BatchFault(
+            Code.CLUSTER, f"the scheduler at `{self.address}` has gone: {words}",
+            "go on with --resume, there or without --cluster on this machine; what has been built stays",
+        )
+
+
+def _first_line(fault: BaseException) -> str:
+    return next((line.strip() for line in str(fault).splitlines() if line.strip()), type(fault).__name__)

@@ -1,0 +1,396 @@
+"""A batch on workers that share no folder with the driver: the workspace goes out once to each, built variants come back as files.
+
+Here `Shipping` stands between the batch and a cluster: to the batch it is an executor that writes variants into the batch's folder. On
+a worker `evaluate_there` builds them with the same runners, in the unpacked workspace and into a folder of the worker's own, and says
+which files there are; the driver then fetches those that it has not, a few megabytes at a time, and writes the variant as ever.
+A file that variants share is fetched once, and not at all where the driver's store has it.
+
+    <place>/work/                the unpacked workspace
+    <place>/out/variants/<id>/   what has been built and not fetched
+    <place>/out/assets/<sha256>  shared files
+    <place>/aside/a/b/c          where runners work if the driver's folder is none of the workspace's
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import queue
+import shutil
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any, TypeVar
+
+from thingc.base.diagnostics import Code, shown_path
+from thingc.base.frozen import dataclass
+from thingc.batch import folder_layout
+from thingc.batch.cluster.protocol import Carrier, Cluster, WorkerLost
+from thingc.batch.cluster.workspace_archive import Transfer
+from thingc.batch.engine import RUNNERS, Cancelled, RunnersBroken, evaluate
+from thingc.batch.folder import BatchFault
+from thingc.batch.folder_layout import keep_asset, write_variant
+from thingc.batch.job import STOPPED, Job, Row, Task, refusal
+from thingc.batch.packed_layout import FILES, SHARED
+from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
+from thingc.targets.artifact import MANIFEST, Content, Stored
+
+T = TypeVar("T")
+
+WORK, OUT, ASIDE = "work", "out", os.path.join("aside", "a", "b", "c")
+"""The inner folders of a place. From the last one every path to the others is shown as an absolute one."""
+PULL_BYTES = 8_000_000
+"""How much is fetched at once; a larger file by itself."""
+CHUNK_SECONDS = 2.0
+"""How long [s] a chunk should take: each is asked after once more than where workers write themselves."""
+FAREWELL = 30.0
+"""How long [s] to wait at the end for what is being fetched."""
+
+
+# --- on the worker ----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Where a worker keeps what a batch needs: an absolute folder, links resolved. `worker` is its address."""
+
+    folder: str
+    worker: str
+
+
+_PLACES: dict[str, Place] = {}
+"""Those of this process, by the name of the shipment."""
+_REFUSED: dict[str, str] = {}
+"""Why a shipment could not be unpacked."""
+
+
+def settle(name: str, transfer: Transfer, folder: str, worker: str) -> None:
+    """Unpack a workspace below `folder`, which is the worker's own; it appears as a whole. Raises `OSError` and `ValueError`."""
+    place = os.path.join(os.path.realpath(folder), name)
+    fresh = f"{place}.new"
+    try:
+        transfer.unpack(os.path.join(fresh, WORK))
+        for inner in (os.path.join(OUT, folder_layout.VARIANTS), os.path.join(OUT, folder_layout.ASSETS), ASIDE):
+            os.makedirs(os.path.join(fresh, inner))
+        os.rename(fresh, place)
+    except BaseException as fault:
+        shutil.rmtree(fresh, ignore_errors=True)
+        _REFUSED[name] = refusal(fault) if isinstance(fault, OSError) else str(fault)
+        raise
+    _PLACES[name] = Place(folder=place, worker=worker)
+
+
+def leave(name: str) -> None:
+    """Remove everything of a shipment. Whatever still builds in it fails, and nobody asks for it."""
+    place = _PLACES.pop(name, None)
+    _REFUSED.pop(name, None)
+    if place is None:
+        return
+    gone = f"{place.folder}.old"
+    with contextlib.suppress(OSError):
+        os.rename(place.folder, gone)
+        shutil.rmtree(gone, ignore_errors=True)
+    RUNNERS.close()  # they have worked in it
+
+
+def _place(name: str) -> Place:
+    place = _PLACES.get(name)
+    if place is None:
+        raise WorkerLost("the worker has no workspace to build from")
+    return place
+
+
+Listed = tuple[str, int, str, bool]
+"""A file of a variant: path in its folder, bytes, SHA-256 (hex; of the manifest empty), and whether it lies in `assets/`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What came of a chunk: a row for each variant, and the files of those that were built, by id. They lie with `place`."""
+
+    place: Place
+    rows: list[Row]
+    files: dict[str, list[Listed]]
+
+
+def evaluate_there(name: str, job: str, tasks: Sequence[Task], timeout: float) -> Answer:
+    """`engine.evaluate` on a worker. `job` is one of `Shipping`: its paths are in the workspace. Raises `WorkerLost`."""
+    if name in _REFUSED:  # one that came later: it would take chunk after chunk
+        raise RunnersBroken(f"a worker cannot unpack the workspace: {_REFUSED[name]}", "")
+    place = _place(name)
+
+    def still(row: Row) -> None:
+        _place(name)  # else the batch has ended: so does this chunk
+
+    rows = evaluate(_settled(job, place), tasks, timeout, still)
+    return Answer(place=place, rows=rows, files={row["id"]: _listed(place, row) for row in rows if row["status"] == "built"})
+
+
+@lru_cache(maxsize=4)
+def _settled(job: str, place: Place) -> str:
+    """The job with paths of the worker; without a store of the batch's own, the worker's."""
+    decoded = Job.decode(job)
+    work = os.path.join(place.folder, WORK)
+    cwd = os.path.join(work, decoded.cwd) if decoded.cwd is not None else ""
+    store = decoded.store or os.environ.get("THINGC_STORE") or None
+    return replace(
+        decoded, assembly=os.path.join(work, decoded.assembly), folder=os.path.join(place.folder, OUT),
+        cwd=cwd if os.path.isdir(cwd) else os.path.join(place.folder, ASIDE),
+        store=store if store is None or "://" in store else os.path.abspath(store),
+    ).encode()
+
+
+def _listed(place: Place, row: Row) -> list[Listed]:
+    """The files of a built variant; of a packed one those that do not come with its row."""
+    folder = folder_layout.variant_folder(os.path.join(place.folder, OUT), row["id"])
+    assets = os.path.join(place.folder, OUT, folder_layout.ASSETS)
+    try:
+        if SHARED in row:
+            return [(path, os.stat(os.path.join(assets, sha256)).st_size, sha256, True) for path, sha256 in row[SHARED].items()]
+        with open(os.path.join(folder, MANIFEST), encoding="utf-8") as stream:
+            named: dict[str, str] = json.load(stream)["files"]
+        return [
+            (path, os.stat(os.path.join(folder, path)).st_size, sha256, bool(sha256) and os.path.exists(os.path.join(assets, sha256)))
+            for path, sha256 in {**named, MANIFEST: ""}.items()
+        ]
+    except OSError as fault:
+        raise WorkerLost(str(fault)) from None
+
+
+def read_there(name: str, paths: Sequence[str], done: Sequence[str]) -> list[bytes]:
+    """Files of a worker's `out/`. The variants `done` are removed then. Raises `WorkerLost`."""
+    out = os.path.join(_place(name).folder, OUT)
+    contents: list[bytes] = []
+    for path in paths:
+        try:
+            with open(os.path.join(out, path), "rb") as stream:
+                contents.append(stream.read())
+        except OSError as fault:
+            raise WorkerLost(str(fault)) from None
+    for id in done:
+        shutil.rmtree(folder_layout.variant_folder(out, id), ignore_errors=True)
+    return contents
+
+
+# --- here -------------------------------------------------------------------------------------------------------------
+
+
+class Shipping(Cluster):
+    """A cluster whose workers share no folder with this machine. A context manager: the cluster is the caller's and stays.
+
+    `folder` is the batch's, `store` the driver's own, `name` that of the shipment. `submit` takes `evaluate` alone; its future is done
+    when the variants are written. Entering raises `BatchFault` where a worker cannot take the transfer.
+    """
+
+    chunk_seconds = CHUNK_SECONDS
+
+    def __init__(self, cluster: Carrier, transfer: Transfer, folder: str, store: Store) -> None:
+        self.cluster = cluster
+        self.transfer = transfer
+        self.folder = folder
+        self.store = store
+        self.name = f"thingc-{transfer.sha256[:12]}-{os.urandom(6).hex()}"
+        self._arrived: queue.SimpleQueue[tuple[Future[Any], Future[Answer]] | None] = queue.SimpleQueue()
+        self._stopping = False
+        self._thread = threading.Thread(target=self._receive, name="thingc-shipping", daemon=True)
+        self._template = lru_cache(maxsize=1)(self._packed)
+
+    def __enter__(self) -> Shipping:
+        self.cluster.ship(self.name, self.transfer)
+        self._thread.start()
+        return self
+
+    @property
+    def ahead(self) -> int:  # type: ignore[override]
+        """As of the cluster."""
+        return self.cluster.ahead
+
+    def check(self, files: Mapping[str, str]) -> None:
+        """As of the cluster."""
+        self.cluster.check(files)
+
+    def fault(self) -> BatchFault | None:
+        """As of the cluster."""
+        return self.cluster.fault()
+
+    def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
+        """Build a chunk on some worker, and write it here."""
+        if fn is not evaluate or named:
+            raise TypeError("shipped workspaces evaluate chunks, and nothing else")
+        job, tasks, timeout = arguments
+        outer: Future[T] = Future()
+        inner = self.cluster.submit(evaluate_there, self.name, self._template(job), tasks, timeout)
+        outer.add_done_callback(lambda done: inner.cancel() if done.cancelled() else None)
+        inner.add_done_callback(lambda done: self._arrived.put((outer, done)))
+        return outer
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Let workers remove what they have of the batch. Nothing is written here afterwards."""
+        self._stopping = True
+        self._arrived.put(None)
+        if self._thread.is_alive():
+            self._thread.join(FAREWELL)
+        self.cluster.unship(self.name)
+
+    def _packed(self, text: str) -> str:
+        """A job whose paths are in the workspace; a store that is a folder is one of this machine."""
+        job = Job.decode(text)
+        root, here = os.path.realpath(self.transfer.root), os.path.realpath(os.getcwd())
+        inside = os.path.join(here, "").startswith(os.path.join(root, ""))
+        return replace(
+            job, assembly=os.path.relpath(job.assembly, self.transfer.root), folder=None,
+            cwd=os.path.relpath(here, root) if inside else None,
+            store=job.store if job.store is not None and "://" in job.store else None,
+        ).encode()
+
+    # --- what comes back, all in one thread ------------------------------------------------------------------------
+
+    def _receive(self) -> None:
+        while (arrived := self._arrived.get()) is not None:
+            outer, inner = arrived
+            if self._stopping or not outer.set_running_or_notify_cancel():
+                continue
+            try:
+                if inner.cancelled():
+                    raise Cancelled
+                outer.set_result(self._taken(inner.result()))
+            except BaseException as fault:
+                outer.set_exception(fault)
+
+    def _taken(self, answer: Answer) -> list[Row]:
+        """Write what was built; the rows as a runner here would have them. Raises `WorkerLost`."""
+        blobs = _Blobs(self, answer)
+        rows: list[Row] = []
+        for given in answer.rows:
+            if self._stopping:
+                raise Cancelled
+            row: Row = self._mapped(given, os.path.join(answer.place.folder, WORK))
+            rows.append(row)
+            if row["status"] == STOPPED:
+                row["message"] = f"on the worker {answer.place.worker}: {row['message']}"
+            elif row["status"] == "built":
+                try:
+                    self._keep(row, blobs)
+                except OSError as fault:
+                    rows[-1] = _stopped(row, refusal(fault))
+                except StoreUnusable as fault:
+                    rows[-1] = _stopped(row, f"the store `{fault.root}` cannot be used: {fault.reason}")
+            if rows[-1]["status"] == STOPPED:
+                break
+        return rows
+
+    def _keep(self, row: Row, blobs: _Blobs) -> None:
+        """Write a variant; of a packed one what it shares. Raises as `write_variant` does."""
+        files = blobs.files(row["id"])
+        if SHARED not in row:
+            write_variant(self.folder, row["id"], files, blobs)
+            return
+        for sha256 in row[SHARED].values():
+            keep_asset(self.folder, sha256, blobs)
+
+    def _mapped(self, said: Any, work: str, key: str = "") -> Any:
+        """What a row says, with the paths that files have here."""
+        if isinstance(said, dict):
+            return {name: value if name == FILES else self._mapped(value, work, name) for name, value in said.items()}
+        if isinstance(said, list):
+            return [self._mapped(value, work) for value in said]
+        if not isinstance(said, str) or work not in said:
+            return said
+        here = said.replace(work, self.transfer.root)
+        return shown_path(here) if key == "file" else here
+
+
+def _stopped(row: Row, message: str) -> Row:
+    return {"index": row["index"], "id": row["id"], "status": STOPPED, "code": Code.OUTPUT.code, "message": message}
+
+
+class _Blobs:
+    """The files of an answer: from the driver's store, or fetched, some megabytes at a time in the order in which they are needed."""
+
+    def __init__(self, shipping: Shipping, answer: Answer) -> None:
+        self.shipping = shipping
+        self.answer = answer
+        self.shared: dict[str, bytes] = {}
+        self._ahead: deque[tuple[Wanted, bytes]] = deque()
+        self._waiting: deque[Wanted] | None = None
+
+    def files(self, id: str) -> dict[str, Content]:
+        """The files of a variant, which come in the order of the rows. Raises `WorkerLost` and `StoreUnusable`."""
+        if self._waiting is None:
+            self._waiting = deque(self._wanted())
+        self.shared.clear()
+        contents: dict[str, Content] = {}
+        while self._next_is(id):
+            wanted, data = self._ahead.popleft()
+            if wanted.shared:
+                self.shared[wanted.sha256] = data
+            else:
+                contents[wanted.path] = data
+        for path, size, sha256, shared in self.answer.files[id]:
+            if shared:
+                contents[path] = Stored(sha256=sha256, size=size)
+        return contents
+
+    def read(self, sha256: str) -> bytes:
+        """A shared file's bytes. Raises `WorkerLost` and `StoreUnusable`."""
+        if sha256 in self.shared:
+            return self.shared[sha256]
+        with contextlib.suppress(BlobMissing):
+            return self.shipping.store.read(sha256)
+        return self._asked([Wanted(id="", path="", size=0, sha256=sha256, shared=True)], ())[0]
+
+    def _next_is(self, id: str) -> bool:
+        """Whether a file of this variant is to come; it is fetched then."""
+        assert self._waiting is not None
+        if not self._ahead and self._waiting and self._waiting[0].id == id:
+            group = [self._waiting.popleft()]
+            size = group[0].size
+            while self._waiting and size + self._waiting[0].size <= PULL_BYTES:
+                group.append(self._waiting.popleft())
+                size += group[-1].size
+            self._ahead.extend(zip(group, self._asked(group, () if self._waiting else tuple(self.answer.files)), strict=True))
+        return bool(self._ahead) and self._ahead[0][0].id == id
+
+    def _wanted(self) -> Iterator[Wanted]:
+        """What is to be fetched: the own files of variants, and shared ones that are nowhere here."""
+        known: set[str] = set()
+        for row in self.answer.rows:
+            for path, size, sha256, shared in self.answer.files.get(row["id"], ()):
+                if shared and (
+                    sha256 in known or os.path.exists(folder_layout.asset_path(self.shipping.folder, sha256))
+                    or self.shipping.store.has(sha256, size)
+                ):
+                    continue
+                known.update([sha256] if shared else [])
+                yield Wanted(id=row["id"], path=path, size=size, sha256=sha256, shared=shared)
+
+    def _asked(self, group: Sequence[Wanted], done: Sequence[str]) -> list[bytes]:
+        place = self.answer.place
+        contents: list[bytes] = self.shipping.cluster.ask(
+            place.worker, read_there, self.shipping.name, [one.there for one in group], list(done),
+        )
+        for one, data in zip(group, contents, strict=True):
+            if one.sha256 and hashlib.sha256(data).hexdigest() != one.sha256:
+                raise WorkerLost(f"`{one.there}` was damaged on the way")
+        return contents
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """A file to be fetched: of a variant its path in the folder, or a shared one by its SHA-256."""
+
+    id: str
+    path: str
+    size: int
+    sha256: str
+    shared: bool
+
+    @property
+    def there(self) -> str:
+        """Its path in `out/`."""
+        return f"{folder_layout.ASSETS}/{self.sha256}" if self.shared else f"{folder_layout.VARIANTS}/{self.id}/{self.path}"

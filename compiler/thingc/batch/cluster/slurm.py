@@ -1,0 +1,213 @@
+"""SLURM as the engine of a batch, through submitit: each chunk is a job, large enough to be worth queueing for.
+
+`slurm:partition=cpu,cpus=8,time=2 h`. With `cluster=local` the jobs are processes of this machine, which needs no SLURM.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import shutil
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
+from typing import Any, TypeVar
+
+from thingc.base.diagnostics import Code
+from thingc.base.frozen import dataclass
+from thingc.base.suggestions import did_you_mean
+from thingc.base.units import TIME, UnitError, parse_quantity
+from thingc.batch.cluster.protocol import Cluster, missing
+from thingc.batch.engine import LocalExecutor, RunnersBroken, evaluate
+from thingc.batch.folder import BatchFault
+from thingc.batch.job import Task
+
+T = TypeVar("T")
+
+JOB_SECONDS = 300.0
+"""How long [s] a job should take: long against the time that it waits in a queue."""
+JOBS = 16
+"""Jobs at once, unless `--jobs` says otherwise."""
+POLL = 0.5
+"""How often [s] the driver looks for results. SLURM itself is asked once a minute by submitit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlurmSettings:
+    """What follows `slurm:`. `cpus` of each job, which builds as many variants at once; `minutes` is its time limit; `cluster` is
+    submitit's name of the engine (`slurm`, `local`); `more` are further parameters of submitit."""
+
+    cpus: int = 1
+    minutes: int = 120
+    cluster: str = "slurm"
+    more: tuple[tuple[str, str], ...] = ()
+
+
+_MORE = {
+    "partition": "slurm_partition", "account": "slurm_account", "qos": "slurm_qos", "constraint": "slurm_constraint", "memory": "mem_gb",
+}
+"""submitit's names of those settings that it takes as they are."""
+
+
+def settings_of(text: str) -> SlurmSettings:
+    """The settings `partition=cpu,cpus=8,time=2 h`. Raises `BatchFault` for others."""
+    settings: dict[str, Any] = {}
+    more: dict[str, str] = {}
+    known = ("partition", "cpus", "time", "account", "qos", "constraint", "memory", "cluster")
+    for piece in filter(None, (piece.strip() for piece in text.split(","))):
+        name, equals, value = (word.strip() for word in piece.partition("="))
+        if name not in known or not equals or not value:
+            help = did_you_mean(name, known, what="settings")
+            raise BatchFault(Code.COMMAND_LINE, f"slurm: expected NAME=VALUE with a known NAME, found `{piece}`", help)
+        if name == "cpus" or name == "memory":
+            if not value.isdigit() or int(value) < 1:
+                message = f"slurm: expected a whole number from 1 for `{name}`, found `{value}`"
+                raise BatchFault(Code.COMMAND_LINE, message, f"write `{name}=8`")
+            settings.update({"cpus": int(value)} if name == "cpus" else {})
+            more.update({_MORE[name]: value} if name == "memory" else {})
+        elif name == "time":
+            settings["minutes"] = _minutes(value)
+        elif name == "cluster":
+            if value not in ("slurm", "local"):
+                raise BatchFault(Code.COMMAND_LINE, f"slurm: expected `cluster=slurm` or `cluster=local`, found `{value}`")
+            settings["cluster"] = value
+        else:
+            more[_MORE[name]] = value
+    return SlurmSettings(**settings, more=tuple(sorted(more.items())))
+
+
+def _minutes(text: str) -> int:
+    try:
+        quantity = parse_quantity(text)
+    except UnitError as fault:
+        raise BatchFault(Code.COMMAND_LINE, f"slurm: `time`: {fault}", "write for example `time=2 h`") from fault
+    if quantity.dimension != TIME or quantity.value <= 0.0:
+        raise BatchFault(Code.COMMAND_LINE, f"slurm: expected a time above 0 for `time`, found `{text}`", "write for example `time=2 h`")
+    return max(1, math.ceil(quantity.value / 60.0))
+
+
+def spread(width: int, job: str, tasks: Sequence[Task], timeout: float) -> dict[str, Any]:
+    """Build the variants of a chunk with `width` runners at once. Runs in the job. `{"rows": [...]}`, or `{"broken": words, ...}`
+    where no runner starts."""
+    size = max(1, len(tasks) // (4 * width))
+    with LocalExecutor(width) as executor:
+        futures = [executor.submit(evaluate, job, tasks[k : k + size], timeout) for k in range(0, len(tasks), size)]
+        try:
+            return {"rows": [row for future in futures for row in future.result()]}
+        except RunnersBroken as fault:
+            return {"broken": str(fault), "detail": fault.detail}
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Processes that are started meanwhile have no standard error: those that submitit starts for jobs of this machine end with a traceback
+    when they are cancelled, or when somebody interrupts the batch at the terminal."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    try:
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+class SlurmCluster(Cluster):
+    """Jobs of SLURM, at most `jobs` in the queue at once (0: `JOBS`). `folder` is where submitit keeps theirs; all nodes see it.
+
+    Raises `BatchFault` where there is no SLURM.
+    """
+
+    def __init__(self, settings: SlurmSettings, *, jobs: int = 0, folder: str) -> None:
+        try:
+            import submitit
+        except ImportError:
+            raise missing("submitit") from None
+        self.settings = settings
+        self.folder = folder
+        self.ahead = jobs or (JOBS if settings.cluster == "slurm" else max(1, (os.cpu_count() or 1) // settings.cpus))
+        self.first = 8 * settings.cpus
+        self.chunk_seconds = JOB_SECONDS * settings.cpus
+        self.chunk_most = 100_000
+        self._fault: BatchFault | None = None
+        self._lock = threading.Lock()
+        self._jobs: dict[Future[Any], Any] = {}
+        self._stop = threading.Event()
+        if settings.cluster == "slurm" and shutil.which("sbatch") is None:
+            raise BatchFault(
+                Code.CLUSTER, "there is no SLURM on this machine: no command `sbatch` is in reach",
+                "run this where jobs are submitted, or try it with `slurm:cluster=local`",
+            )
+        os.makedirs(folder, exist_ok=True)
+        self._executor = submitit.AutoExecutor(folder=folder, cluster=settings.cluster)
+        named: dict[str, Any] = {"slurm_job_name": "thingc", "timeout_min": settings.minutes, **dict(settings.more)}
+        if settings.cluster == "slurm":
+            named["cpus_per_task"] = settings.cpus
+        if "mem_gb" in named:
+            named["mem_gb"] = int(named["mem_gb"])
+        self._executor.update_parameters(**named)
+        threading.Thread(target=self._watch, daemon=True, name="thingc-slurm").start()
+
+    def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
+        """Queue a job for `evaluate`; nothing else."""
+        if fn is not evaluate or named:
+            raise TypeError("jobs of SLURM evaluate chunks, and nothing else")
+        future: Future[T] = Future()
+        try:
+            with _silent() if self.settings.cluster == "local" else contextlib.nullcontext():
+                job = self._executor.submit(spread, self.settings.cpus, *arguments)
+        except Exception as fault:  # what sbatch says of a partition that is not there, or of too many jobs
+            words = " ".join(str(fault).split())
+            self._fault = BatchFault(Code.CLUSTER, f"SLURM takes no job: {words}", "mend that, and go on with --resume")
+            future.set_exception(fault)
+            return future
+        with self._lock:
+            self._jobs[future] = job
+        future.add_done_callback(self._forget)
+        return future
+
+    def check(self, files: Mapping[str, str]) -> None:
+        """Nobody can be asked before a job runs; a job that does not see the files says so."""
+
+    def fault(self) -> BatchFault | None:
+        """What SLURM said against the last job."""
+        return self._fault
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Cancel what is still queued or running, and remove submitit's files."""
+        with self._lock:
+            left = list(self._jobs)
+        for future in left:
+            future.cancel()
+        self._stop.set()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _forget(self, future: Future[Any]) -> None:
+        with self._lock:
+            job = self._jobs.pop(future, None)
+        if job is not None and future.cancelled():
+            with contextlib.suppress(Exception):  # it may have ended meanwhile
+                job.cancel(check=False)
+
+    def _watch(self) -> None:
+        while not self._stop.wait(POLL):
+            with self._lock:
+                running = list(self._jobs.items())
+            for future, job in running:
+                try:
+                    if not job.done():
+                        continue
+                    answer = job.result()
+                except Exception as fault:
+                    answer = fault
+                if not future.set_running_or_notify_cancel():
+                    continue
+                if isinstance(answer, Exception):
+                    future.set_exception(answer)
+                elif "broken" in answer:
+                    future.set_exception(RunnersBroken(answer["broken"], answer["detail"]))
+                else:
+                    future.set_result(answer["rows"])

@@ -1,0 +1,215 @@
+"""A workspace as one piece of bytes, for machines that do not see its folder: the same files give the same bytes.
+
+Nobody knows which files part code will open, so everything in the workspace's folder goes along, except
+
+- what begins with a dot, `__pycache__`, `node_modules`, `*.pyc`, and virtual environments;
+- the workspace's build folder, and the folder of any batch.
+
+Part folders, documents and part code that the plan was made of go along wherever they lie in the workspace. Links stay links; one
+that leads out of the workspace is refused, for nobody knows what would be found there elsewhere.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+import os
+import stat
+import tarfile
+import zlib
+from collections import Counter
+from collections.abc import Iterator
+
+from thingc.base.diagnostics import Code
+from thingc.base.filesystem import check_tree
+from thingc.base.frozen import dataclass
+from thingc.batch.folder import BatchFault, read_batch
+from thingc.batch.planning import OUTSIDE, Plan
+from thingc.documents.workspace import OWN_FILE, Workspace
+
+MOST_BYTES = 100_000_000
+"""What the files of a transfer may have together."""
+MOST_FILES = 20_000
+"""How many files, folders and links a transfer may have."""
+NAMES = frozenset(("__pycache__", "node_modules"))
+"""Folders that hold nothing of a workspace; those whose names begin with a dot do not either."""
+MODIFIED = 946_684_800
+"""The modification time [s] of everything in a transfer (2000-01-01)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Transfer:
+    """A packed workspace. `root` is its absolute folder here, `sha256` (hex) that of the tar archive which `data` is when it is
+    inflated (zlib), `names` how many files, folders and links are in it."""
+
+    root: str
+    sha256: str
+    data: bytes
+    names: int
+
+    def unpack(self, folder: str) -> None:
+        """Write the workspace into a folder, which is made. Nothing is written outside of it.
+
+        Raises `OSError` where the system refuses, `ValueError` where this is not what was packed.
+        """
+        if not hasattr(tarfile, "data_filter"):
+            raise ValueError("this Python unpacks archives without looking where files go: 3.11.4 or newer is needed")
+        data = b""
+        with contextlib.suppress(zlib.error):
+            data = zlib.decompress(self.data)
+        if hashlib.sha256(data).hexdigest() != self.sha256:
+            raise ValueError("the packed workspace has been damaged on the way")
+        os.makedirs(folder)
+        with tarfile.open(fileobj=io.BytesIO(data), mode="r:") as archive:
+            members = sorted(archive.getmembers(), key=tarfile.TarInfo.issym)  # links last
+            check_tree(member.name for member in members if not member.isdir())
+            try:
+                archive.extractall(folder, members, filter="data")
+            except tarfile.FilterError as fault:
+                raise ValueError(str(fault)) from fault
+
+
+def pack(plan: Plan, batch: str) -> Transfer:
+    """The workspace of a plan whose batch is written to the folder `batch`.
+
+    Raises `BatchFault` for one that is too large, has a link that leads out of it or a file that cannot be read, or has changed since
+    it was planned.
+    """
+    workspace = plan.workspace
+    names = _Search(workspace, (workspace.build, batch)).names(plan)
+    stream = io.BytesIO()
+    with tarfile.open(fileobj=stream, mode="w", format=tarfile.PAX_FORMAT) as archive:
+        if workspace.origin is None:  # else a workspace file above the place where it is unpacked would hold
+            _add(archive, OWN_FILE, b'thingc = "workspace/1"\n', 0o644)
+        for name in sorted(names):
+            _put(archive, workspace, name, plan.inputs.get(name))
+    data = stream.getvalue()
+    return Transfer(root=workspace.root, sha256=hashlib.sha256(data).hexdigest(), data=zlib.compress(data), names=len(names))
+
+
+class _Search:
+    """What goes along. `without` are absolute folders that do not."""
+
+    def __init__(self, workspace: Workspace, without: tuple[str, ...]) -> None:
+        self.workspace = workspace
+        self.root = workspace.root
+        self.without = frozenset(os.path.normpath(folder) for folder in without) - {self.root}
+        self.sizes: Counter[str] = Counter()
+        self.found: set[str] = set()
+
+    def names(self, plan: Plan) -> set[str]:
+        """Paths in the workspace, with `/`."""
+        self._folder(self.root)
+        for folder in self.workspace.parts:
+            if folder != self.root:
+                self._add(folder)
+                self._folder(folder)
+        for name in plan.inputs:
+            path = os.path.join(self.root, name)
+            if not name.startswith(OUTSIDE) and os.path.lexists(path):
+                self._add(path)
+        return self.found
+
+    def _folder(self, folder: str) -> None:
+        waiting = [folder]
+        while waiting:
+            for entry in _entries(waiting.pop()):
+                is_folder = entry.is_dir(follow_symlinks=False)
+                if not self._left_out(entry, is_folder=is_folder):
+                    self._add(entry.path)
+                    waiting.extend([entry.path] if is_folder else [])
+
+    def _left_out(self, entry: os.DirEntry[str], *, is_folder: bool) -> bool:
+        if entry.name.startswith(".") or not is_folder:
+            return entry.name.startswith(".") or entry.name.endswith(".pyc")
+        return (
+            entry.name in NAMES or entry.path in self.without or os.path.exists(os.path.join(entry.path, "pyvenv.cfg"))
+            or read_batch(entry.path) is not None
+        )
+
+    def _add(self, path: str) -> None:
+        folder, own = os.path.split(path)
+        if self.workspace.contains(folder):  # a file behind a link goes along where it is
+            path = os.path.join(os.path.realpath(folder), own)
+        name = os.path.relpath(path, os.path.realpath(self.root)).replace(os.sep, "/")
+        if name in self.found:
+            return
+        try:
+            state = os.lstat(path)
+        except OSError as fault:
+            raise _unreadable(path, fault) from fault
+        if not (stat.S_ISREG(state.st_mode) or stat.S_ISDIR(state.st_mode) or stat.S_ISLNK(state.st_mode)):
+            return  # nobody reads a pipe or a socket to build a robot
+        self.found.add(name)
+        if stat.S_ISREG(state.st_mode):
+            self.sizes[name.partition("/")[0]] += state.st_size
+        if len(self.found) > MOST_FILES or self.sizes.total() > MOST_BYTES:
+            raise self._too_large()
+
+    def _too_large(self) -> BatchFault:
+        what = f"{MOST_FILES} files" if len(self.found) > MOST_FILES else f"{MOST_BYTES // 1_000_000} MB"
+        largest = ", ".join(f"`{name}` ({size / 1e6:.1f} MB)" for name, size in self.sizes.most_common(3))
+        return BatchFault(
+            Code.TOO_LARGE, f"the workspace in `{self.root}` has more than {what}, which is the bound for --ship; so far met: {largest}",
+            "move what robots are not made of out of the workspace's folder, or give the robot a folder with a `thingc.toml` of its own",
+        )
+
+
+def _entries(folder: str) -> Iterator[os.DirEntry[str]]:
+    try:
+        with os.scandir(folder) as entries:
+            yield from entries
+    except OSError as fault:
+        raise _unreadable(folder, fault) from fault
+
+
+def _unreadable(path: str, fault: OSError) -> BatchFault:
+    reason = (fault.strerror or str(fault)).lower()
+    return BatchFault(Code.UNREADABLE, f"cannot read `{path}` to ship it: {reason}", "let it be read, or move it out of the workspace")
+
+
+def _put(archive: tarfile.TarFile, workspace: Workspace, name: str, sha256: str | None) -> None:
+    """Add a file, folder or link of the workspace; a file must have the `sha256` with which it was planned, if any."""
+    path = os.path.join(workspace.root, name)
+    try:
+        state = os.lstat(path)
+        if stat.S_ISLNK(state.st_mode):
+            _link(archive, workspace, name, os.readlink(path))
+        elif stat.S_ISDIR(state.st_mode):
+            archive.addfile(_header(name, tarfile.DIRTYPE, 0o755))
+        else:
+            with open(path, "rb") as stream:
+                data = stream.read(MOST_BYTES + 1)
+            if sha256 is not None and hashlib.sha256(data).hexdigest() != sha256:
+                raise BatchFault(Code.BATCH_CHANGED, f"`{name}` has changed just now, while the batch was planned", "begin again")
+            _add(archive, name, data, 0o755 if state.st_mode & stat.S_IXUSR else 0o644)
+    except OSError as fault:
+        raise _unreadable(path, fault) from fault
+
+
+def _link(archive: tarfile.TarFile, workspace: Workspace, name: str, target: str) -> None:
+    """Add a link, as a relative one."""
+    place = os.path.realpath(os.path.dirname(os.path.join(workspace.root, name)))
+    path = os.path.join(place, target)
+    first = os.path.join(os.path.realpath(os.path.dirname(path)), os.path.basename(path))  # of a chain of links the first step
+    if not workspace.contains(path) or not os.path.join(first, "").startswith(os.path.join(os.path.realpath(workspace.root), "")):
+        raise BatchFault(
+            Code.OUTSIDE_WORKSPACE, f"`{name}` is a link out of the workspace, to `{target}`, and cannot be shipped",
+            "put a copy of what it leads to into the workspace, or remove the link",
+        )
+    header = _header(name, tarfile.SYMTYPE, 0o777)
+    header.linkname = os.path.relpath(first, place)
+    archive.addfile(header)
+
+
+def _add(archive: tarfile.TarFile, name: str, data: bytes, mode: int) -> None:
+    header = _header(name, tarfile.REGTYPE, mode)
+    header.size = len(data)
+    archive.addfile(header, io.BytesIO(data))
+
+
+def _header(name: str, kind: bytes, mode: int) -> tarfile.TarInfo:
+    header = tarfile.TarInfo(name)
+    header.type, header.mode, header.mtime = kind, mode, MODIFIED
+    return header

@@ -1,0 +1,108 @@
+"""One model for variants of other geometry: all their meshes in it, and in an array which of them each geom has."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+
+from thingc.base.frozen import dataclass
+from thingc.batch.mujoco_arrays.equality import content, names
+from thingc.batch.shared_model import NUMBERS, OPTIONS, SHORTCUTS
+
+if TYPE_CHECKING:
+    import mujoco
+
+KINDS = ("body", "jnt", "geom", "site", "cam", "light", "pair", "equality", "tendon", "actuator", "sensor", "key", "numeric")
+"""Of what a model has elements with names, but for meshes and what is drawn with them: accessors of `MjModel`."""
+_SIZES = {
+    "body": "nbody", "jnt": "njnt", "geom": "ngeom", "site": "nsite", "cam": "ncam", "light": "nlight", "pair": "npair", "equality": "neq",
+    "tendon": "ntendon", "actuator": "nu", "sensor": "nsensor", "key": "nkey", "numeric": "nnumeric",
+}
+_OF_MESHES = ("mesh_", "nmesh", "bvh_", "nbvh", "oct_", "names", "name_", "paths", "mat_", "tex_", "geom_matid", "stat.")
+"""What the names of fields of meshes begin with, and of those that follow from them or from what is drawn."""
+_FOLLOWING = frozenset(("noct", "nnames", "nnames_map", "npaths", "nbuffer", "narena", "nmat", "geom_dataid"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ModelSource:
+    """What a model is made from: its text, and its meshes by file."""
+
+    text: str
+    assets: Mapping[str, bytes]
+
+
+def likeness(model: mujoco.MjModel) -> bytes:
+    """A digest of all in which models differ that cannot be one: everything but numbers and meshes."""
+    digest = hashlib.sha256()
+    for name in names(model):
+        if name in NUMBERS or name in SHORTCUTS or name in OPTIONS or name in _FOLLOWING or name.startswith(_OF_MESHES):
+            continue
+        digest.update(name.encode() + content(model, name))
+    for kind in KINDS:
+        accessor = getattr(model, kind)
+        digest.update(repr([accessor(k).name for k in range(getattr(model, _SIZES[kind]))]).encode())
+    return digest.digest()
+
+
+def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> tuple[mujoco.MjModel, list[list[int]]] | None:
+    """A model with the meshes of all of these, without what is only drawn, and of each the mesh of every geom (-1: none), by its number in
+    that model. None where that model has not the geoms that they have."""
+    root = ElementTree.fromstring(sources[0].text)
+    for body in root.iter("body"):
+        for geom in body.findall("geom"):
+            if geom.get("class") == "visual":
+                body.remove(geom)
+            else:
+                geom.attrib.pop("material", None)
+    asset = root.find("asset")
+    if asset is None:
+        return None
+    asset.clear()
+    files: dict[str, bytes] = {}
+    named: list[dict[str, str]] = []
+    made: dict[tuple[str, bytes, str], str] = {}
+    for source, model in zip(sources, models, strict=True):
+        used = {model.mesh(k).name for k in range(model.nmesh)}
+        own: dict[str, str] = {}
+        for mesh in ElementTree.fromstring(source.text).iterfind("asset/mesh"):
+            name, file = mesh.get("name", ""), mesh.get("file", "")
+            if name not in used:
+                continue
+            data = source.assets[file]
+            key = (name, hashlib.sha256(data).digest(), mesh.get("inertia", ""))
+            if key not in made:
+                made[key] = name if name not in made.values() else f"{name}~{len(made)}"
+                stem, _, suffix = file.rpartition(".")
+                placed = f"{stem}~{len(made)}.{suffix}"
+                files[placed] = data
+                ElementTree.SubElement(asset, "mesh", {**mesh.attrib, "name": made[key], "file": placed})
+            own[name] = made[key]
+        named.append(own)
+    for geom in root.iter("geom"):
+        if (mesh_name := geom.get("mesh")) is not None and mesh_name in named[0]:
+            geom.set("mesh", named[0][mesh_name])
+    whole = _with_hulls(ElementTree.tostring(root, encoding="unicode"), files, list(made.values()))
+    if any([whole.geom(k).name for k in range(whole.ngeom)] != [one.geom(k).name for k in range(one.ngeom)] for one in models):
+        return None
+    numbers = {whole.mesh(k).name: k for k in range(whole.nmesh)}
+    chosen = [
+        [numbers[own[model.mesh(int(data)).name]] if data >= 0 else -1 for data in model.geom_dataid]
+        for own, model in zip(named, models, strict=True)
+    ]
+    return whole, chosen
+
+
+def _with_hulls(text: str, files: dict[str, bytes], meshes: Sequence[str]) -> mujoco.MjModel:
+    """The model of a text, in which every mesh has a convex hull: MuJoCo makes none for a mesh that no geom touches with, and a geom that
+    is given such a mesh later would touch otherwise. A hull that was made once, for a geom that is gone, stays."""
+    import mujoco
+
+    spec = mujoco.MjSpec.from_string(text, assets=files)
+    touching = spec.worldbody.add_body(name="#")
+    for mesh in meshes:
+        touching.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, contype=1)
+    spec.compile()
+    spec.delete(spec.body("#"))
+    return spec.compile()

@@ -1,0 +1,90 @@
+"""An `MjSpec` that is kept: numbers and meshes in it are exchanged, and MuJoCo compiles it anew without reading a text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+
+from thingc.batch.families.model_template import TextTemplate
+
+if TYPE_CHECKING:
+    import mujoco
+
+_INERTIAL = {"pos": "ipos", "mass": "mass", "fullinertia": "fullinertia"}
+"""What a body's spec calls what its `inertial` says."""
+_KINDS = ("body", "geom", "site", "joint", "key")
+"""Elements whose attributes a spec calls what the text does, and which it finds by their names."""
+
+
+class NotInSpec(Exception):
+    """Something that differs has no place in a spec, or stands there otherwise than in the text."""
+
+
+class KeptSpec:
+    """What a template gives, as a spec. `text` is the template's with some `values` and names of `meshes`, and `files` has these meshes.
+    Raises `NotInSpec` where a gap has no place in a spec in which the number stands as it is written, and `ValueError` where MuJoCo does
+    not take the text."""
+
+    def __init__(self, template: TextTemplate, text: str, meshes: Sequence[str], files: mujoco.MjVfs) -> None:
+        import mujoco
+
+        self._spec = mujoco.MjSpec.from_string(text, vfs=files)
+        places = [
+            (kind, name, attribute, self._entries(kind, name, attribute, stated, gaps))
+            for kind, name, attribute, stated, gaps in _gaps(template, ElementTree.fromstring(text))
+        ]
+        self._spec.compile(files)  # what is only drawn may be gone from it then
+        found = ((getattr(self._spec, kind)(name), attribute, entries) for kind, name, attribute, entries in places)
+        self._places = [(one, attribute, entries) for one, attribute, entries in found if one is not None]
+        order = {name: k for k, name in enumerate(meshes)}
+        self._meshes = [(mesh, order[mesh.name]) for mesh in self._spec.meshes if mesh.name in order]
+        self._geoms = [(geom, order[geom.meshname]) for geom in self._spec.geoms if geom.meshname in order]
+
+    def _entries(self, kind: str, name: str, attribute: str, stated: Sequence[str], gaps: Sequence[int | None]) -> list[int | float]:
+        """The numbers of an attribute: a number of the template where there is a gap (an `int`), and else what it is."""
+        one = getattr(self._spec, kind)(name)
+        value: Any = getattr(one, attribute, None) if one is not None else None
+        try:
+            numbers = [float(number) for number in ([value] if isinstance(value, float) else value)]
+            words = [float(word) for word in stated]
+        except (TypeError, ValueError):
+            raise NotInSpec(f"{kind}.{attribute}") from None
+        if numbers[: len(words)] != words:
+            raise NotInSpec(f"{kind}.{attribute}")
+        return [*(number if gap is None else gap for number, gap in zip(words, gaps, strict=True)), *numbers[len(words):]]
+
+    def model(self, values: Sequence[float], meshes: Sequence[str], files: mujoco.MjVfs) -> mujoco.MjModel:
+        """The model with these values and meshes. Raises `ValueError` where MuJoCo refuses it."""
+        for one, attribute, entries in self._places:
+            numbers = [values[entry] + 0.0 if type(entry) is int else entry for entry in entries]
+            setattr(one, attribute, numbers if len(numbers) > 1 else numbers[0])
+        for mesh, place in self._meshes:
+            if mesh.name != meshes[place]:
+                mesh.name, mesh.file = meshes[place], f"{meshes[place]}.obj"
+        for geom, place in self._geoms:
+            geom.meshname = meshes[place]
+        model: mujoco.MjModel = self._spec.compile(files)
+        return model
+
+
+def _gaps(template: TextTemplate, root: ElementTree.Element) -> list[tuple[str, str, str, list[str], list[int | None]]]:
+    """Where a template has gaps for numbers: the element's kind and name, the attribute, its words in the text whose `root` this is, and of
+    each of them its number in the template."""
+    found = []
+    for (element, above), (own, _) in zip(_walk(ElementTree.fromstring(template.tokened)), _walk(root), strict=True):
+        for attribute, value in element.attrib.items():
+            gaps = [template.places.get(word) for word in value.split()]
+            if not any(gap is not None and gap < len(template.outputs) for gap in gaps):
+                continue
+            kind, named = ("body", above) if element.tag == "inertial" else (element.tag, own)
+            attribute_of = _INERTIAL.get(attribute) if element.tag == "inertial" else attribute
+            if kind not in _KINDS or attribute_of is None or not named.get("name"):
+                raise NotInSpec(f"{element.tag}.{attribute}")
+            found.append((kind, named.get("name", ""), attribute_of, own.get(attribute, "").split(), gaps))
+    return found
+
+
+def _walk(root: ElementTree.Element) -> list[tuple[ElementTree.Element, ElementTree.Element]]:
+    """Every element and the one around it, in the order of the text."""
+    return [(element, above) for above in root.iter() for element in above]

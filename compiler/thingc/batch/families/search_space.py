@@ -1,0 +1,152 @@
+"""What may be set of a family, for those who search."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
+from thingc.base.suggestions import did_you_mean
+from thingc.base.units import NUMBER, Quantity
+from thingc.batch.axes import Axis
+from thingc.batch.results import UnknownVariant
+from thingc.documents.expressions.evaluation import ExpressionValue, plain
+from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpaceDimension(Brief):
+    """One thing that may be set: a number between `low` and `high` (SI, in `unit`; None: no bound; `whole`: whole numbers only), or one of
+    `choices`. `value` is what the document says itself."""
+
+    name: str
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    whole: bool = False
+    choices: tuple[Any, ...] = ()
+    value: Any = None
+
+    @property
+    def bounded(self) -> bool:
+        """Whether it can be drawn."""
+        return bool(self.choices) or (self.low is not None and self.high is not None)
+
+
+class Space(Sequence[SpaceDimension]):
+    """The dimensions of a family, in the order of its document."""
+
+    def __init__(self, dimensions: Sequence[SpaceDimension]) -> None:
+        self._dimensions = tuple(dimensions)
+
+    def __len__(self) -> int:
+        return len(self._dimensions)
+
+    def __getitem__(self, key: Any) -> Any:
+        """By place, or by name. Raises `UnknownVariant`, a `KeyError`, for a name, `IndexError` for a place, that is not there."""
+        if isinstance(key, str):
+            for dimension in self:
+                if dimension.name == key:
+                    return dimension
+            raise UnknownVariant(f"there is nothing to set called `{key}`: {did_you_mean(key, self.names)}")
+        return self._dimensions[key]
+
+    def __repr__(self) -> str:
+        return f"Space({', '.join(dimension.name for dimension in self)})"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(dimension.name for dimension in self)
+
+    def _drawn(self) -> Iterator[SpaceDimension]:
+        return (dimension for dimension in self if dimension.bounded)
+
+    def suggest(self, trial: Any) -> dict[str, Any]:
+        """Settings that an `optuna.Trial` chooses: of every dimension that is bounded."""
+        settings: dict[str, Any] = {}
+        for one in self._drawn():
+            if one.choices:
+                settings[one.name] = trial.suggest_categorical(one.name, list(one.choices))
+            elif one.whole:
+                settings[one.name] = trial.suggest_int(one.name, round(one.low or 0.0), round(one.high or 0.0))
+            else:
+                settings[one.name] = trial.suggest_float(one.name, one.low, one.high)
+        return settings
+
+    def gymnasium(self) -> Any:
+        """A `gymnasium.spaces.Dict` of every dimension that is bounded: a `Box` of one number, or a `Discrete` of the choices' places.
+        `settings` turns a point of it into settings."""
+        import numpy as np
+        from gymnasium import spaces
+
+        made: dict[str, Any] = {}
+        for one in self._drawn():
+            if one.choices:
+                made[one.name] = spaces.Discrete(len(one.choices))
+            elif one.whole:
+                made[one.name] = spaces.Discrete(round((one.high or 0.0) - (one.low or 0.0)) + 1, start=round(one.low or 0.0))
+            else:
+                made[one.name] = spaces.Box(one.low or 0.0, one.high or 0.0, shape=(), dtype=np.float64)
+        return spaces.Dict(made)
+
+    def settings(self, point: Mapping[str, Any]) -> dict[str, Any]:
+        """A point of `gymnasium()` as settings. Raises `UnknownVariant`, a `KeyError`, for a name that is not there, and `ValueError` for
+        what is no such point."""
+        if not isinstance(point, Mapping):
+            raise ValueError(f"expected a point of `gymnasium()`, found `{point}`")
+        dimensions = {name: self[name] for name in point}
+        try:
+            return {
+                name: one.choices[int(point[name])] if one.choices else int(point[name]) if one.whole else float(point[name])
+                for name, one in dimensions.items()
+            }
+        except (TypeError, ValueError, IndexError, OverflowError):
+            raise ValueError(f"expected a point of `gymnasium()`, found `{point}`") from None
+
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        """Lower and upper bounds of all numbers that are bounded, as `scipy.optimize` takes them; `at` reads such a vector."""
+        return tuple((one.low, one.high) for one in self._drawn() if one.low is not None and one.high is not None)
+
+    def at(self, vector: Sequence[float]) -> dict[str, float]:
+        """The settings of a vector of the numbers that are bounded, in their order; whole numbers are rounded. Raises `ValueError` for a
+        vector of another length, and for what is none."""
+        numbers = [one for one in self._drawn() if not one.choices]
+        try:
+            if len(vector) == len(numbers):
+                return {one.name: float(round(value)) if one.whole else float(value) for one, value in zip(numbers, vector, strict=True)}
+            found = str(len(vector))
+        except (TypeError, ValueError, OverflowError):
+            found = f"`{vector}`"
+        raise ValueError(f"expected {len(numbers)} numbers ({', '.join(one.name for one in numbers)}), found {found}")
+
+
+def of_axes(axes: Sequence[Axis], own: Mapping[str, ExpressionValue]) -> Space:
+    """The dimensions of a document of variants."""
+    return Space([_of_axis(axis, own.get(axis.key)) for axis in axes])
+
+
+def _of_axis(axis: Axis, own: ExpressionValue | None) -> SpaceDimension:
+    value = None if own is None else plain(own)
+    if axis.range is not None:
+        low, high = axis.range
+        return SpaceDimension(name=axis.key, unit=low.dimension.symbol, low=low.value, high=high.value, whole=axis.whole, value=value)
+    unit = next((one.dimension.symbol for one in axis.values if isinstance(one, Quantity)), "")
+    return SpaceDimension(name=axis.key, unit=unit, choices=tuple(plain(one) for one in axis.values), value=value)
+
+
+def of_parameters(spec: AssemblySpec, values: Mapping[str, ExpressionValue], bound: Any) -> Space:
+    """The dimensions of an assembly: its parameters. `bound(name, key)` is the value [SI] of a bound of one."""
+    dimensions: list[SpaceDimension] = []
+    for name, own in values.items():
+        entry = spec.parameters[name]
+        if isinstance(own, bool):
+            dimensions.append(SpaceDimension(name=name, choices=(False, True), value=own))
+        elif isinstance(own, Quantity):
+            low, high = (bound(name, key) if isinstance(entry, ParameterSpec) else None for key in ("min", "max"))
+            symbol = "" if own.dimension == NUMBER else own.dimension.symbol
+            dimensions.append(SpaceDimension(name=name, unit=symbol, low=low, high=high, value=own.value))
+        else:
+            dimensions.append(SpaceDimension(name=name, value=own))
+    return Space(dimensions)

@@ -1,0 +1,180 @@
+"""One robot's episode: how it begins, what an action does, and what comes of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thingc.base.frozen import dataclass
+from thingc.base.suggestions import did_you_mean
+from thingc.batch.arguments import at_least, is_number
+from thingc.batch.gym.rewards import TASKS, Array, Reward, Step, Terminated
+from thingc.batch.results import FamilyError, UnknownVariant
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rules:
+    """What holds for all episodes: an action lasts `frame_skip` steps of the simulation, an episode `max_steps` actions; it begins with the
+    keyframe `pose` (None: the first), each degree of freedom moved by up to `noise` [rad or m]."""
+
+    reward: Reward
+    terminated: Terminated | None
+    frame_skip: int
+    max_steps: int
+    pose: str | None
+    noise: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Simulated:
+    """Which models robots are simulated by: those of a `mode`, on a `floor` or without, with what is only drawn (`visual`) or without; so
+    many are kept (`cache`)."""
+
+    mode: str
+    floor: bool
+    visual: bool
+    cache: int
+
+
+def rules(reward: Reward | str, terminated: Terminated | None, frame_skip: int, max_steps: int, pose: str | None, noise: float) -> Rules:
+    """The rules with a task by its name. Raises `UnknownVariant` for an unknown one, and `FamilyError` for episodes without steps
+    and for a `noise` that is no length of a range."""
+    if isinstance(reward, str):
+        if reward not in TASKS:
+            raise UnknownVariant(f"there is no task `{reward}`: {did_you_mean(reward, TASKS, what='tasks')}")
+        reward = TASKS[reward]
+    for name, called in (("reward", reward), ("terminated", terminated)):
+        if not callable(called) and (called is not None or name == "reward"):
+            raise FamilyError(f"expected `{name}` to be a function of a `Step`, found `{called}`")
+    at_least(1, frame_skip=frame_skip, max_steps=max_steps)
+    if not is_number(noise) or not 0.0 <= noise < math.inf:
+        raise FamilyError(f"expected `noise` to be a number of at least 0, found {noise}")
+    return Rules(reward=reward, terminated=terminated, frame_skip=frame_skip, max_steps=max_steps, pose=pose, noise=noise)
+
+
+def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
+    """What a `reset` is asked for. Raises `FamilyError` for an option that it has not."""
+    if options is not None and not isinstance(options, Mapping):
+        raise FamilyError(f"expected `options` to be a mapping from names to values, found `{options}`")
+    options = dict(options or {})
+    for name in options:
+        if name not in known:
+            raise FamilyError(f"`reset` has no option `{name}`: {did_you_mean(str(name), known, what='options')}")
+    return options
+
+
+def as_actions(actions: Any, shape: tuple[int, ...] | None) -> Array:
+    """Actions as an array of this shape. Raises `FamilyError` for what is none."""
+    try:
+        numbers = np.asarray(actions, np.float64)
+    except (TypeError, ValueError):
+        raise FamilyError(f"expected actions of numbers, found `{actions}`") from None
+    if numbers.shape != shape:
+        raise FamilyError(f"expected actions of shape {shape}, found {numbers.shape}")
+    return numbers
+
+
+class Episode:
+    """Of one robot: its `model` and `data`, the `variant` whose they are, and the `spans` of its controls. `begin` first; then `ask`, `run`
+    and `judge` for each action. `run` is the simulation: it may be called in another thread, for several episodes at once."""
+
+    __slots__ = ("_action", "_before", "_high", "_low", "_rules", "_started", "data", "model", "start", "steps", "unstable", "variant")
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, variant: Any, rules: Rules, spans: tuple[Array, Array]) -> None:
+        self.model = model
+        self.data = data
+        self.variant = variant
+        self.steps = 0
+        self.unstable = False
+        self.start: Array = np.zeros(0)
+        self._rules = rules
+        self._low, self._high = spans
+        self._action: Array = np.zeros(0)
+        self._before: Array = np.zeros(0)
+        self._started = 0.0
+
+    def begin(self, source: np.random.Generator, name: str) -> None:
+        """The first state; `name` is what the variant is called where something is said of it. Raises `UnknownVariant` for a pose that it
+        has not."""
+        import mujoco
+
+        model, data, pose = self.model, self.data, self._rules.pose
+        if pose is None and not model.nkey:
+            mujoco.mj_resetData(model, data)
+        else:
+            mujoco.mj_resetDataKeyframe(model, data, 0 if pose is None else _keyframe(model, pose, name))
+        if self._rules.noise:
+            away = source.uniform(-self._rules.noise, self._rules.noise, model.nv)
+            mujoco.mj_integratePos(model, data.qpos, away, 1.0)
+        mujoco.mj_forward(model, data)
+        self.steps = 0
+        self.start = np.array(data.qpos)
+
+    def ask(self, action: Array) -> None:
+        """An action (nu or more,): [-1, 1] spans each control's range. Raises `FamilyError` for one that is no number, in place of which
+        MuJoCo would take 0."""
+        if np.isnan(action).any():
+            raise FamilyError(f"expected an action of numbers, found {action}")
+        self._action = np.clip(np.asarray(action, np.float64)[: self.model.nu], -1.0, 1.0)
+        self.data.ctrl[:] = self._low + (self._action + 1.0) / 2.0 * (self._high - self._low)
+        self._before, self._started = np.array(self.data.subtree_com[0]), self.data.time
+
+    def run(self) -> None:
+        """Simulate what was asked for."""
+        import mujoco
+
+        mujoco.mj_step(self.model, self.data, self._rules.frame_skip)
+        self.steps += 1
+        self.unstable = _unstable(self.data)
+        if not self.unstable:
+            mujoco.mj_forward(self.model, self.data)
+
+    def judge(self) -> tuple[float, bool, bool, Mapping[str, Any]]:
+        """The reward, whether the episode is terminated, and truncated, and what else is to be said. It ends early where `terminated` says
+        so, or where the simulation has become unstable (reward 0). Raises `FamilyError` for a reward that is no number."""
+        if self.unstable:
+            return 0.0, True, False, {"unstable": True}
+        done = Step(
+            model=self.model, data=self.data, variant=self.variant, action=self._action, before=self._before,
+            after=np.array(self.data.subtree_com[0]), seconds=self.data.time - self._started, start=self.start,
+        )
+        ended = self._rules.terminated is not None and bool(self._rules.terminated(done))
+        return _number(self._rules.reward(done)), ended, self.steps >= self._rules.max_steps, {}
+
+
+def _number(reward: Any) -> float:
+    """Raises `FamilyError` for a reward that is none: learning would go on with it."""
+    try:
+        number = float(reward)
+    except (TypeError, ValueError):
+        number = math.nan
+    if math.isnan(number):
+        raise FamilyError(f"expected `reward` to give a number, found `{reward}`")
+    return number
+
+
+def _keyframe(model: mujoco.MjModel, pose: str, name: str) -> int:
+    names = [model.key(k).name for k in range(model.nkey)]
+    if pose not in names:
+        raise UnknownVariant(f"variant `{name}` has no pose `{pose}`: {did_you_mean(str(pose), names, what='poses')}")
+    return names.index(pose)
+
+
+def _unstable(data: mujoco.MjData) -> bool:
+    """Whether MuJoCo has met numbers that are none, or are huge, since the last reset, and has begun anew by itself."""
+    import mujoco
+
+    faults = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+    return any(data.warning[fault].number for fault in faults)
+
+
+def spans_of(model: mujoco.MjModel) -> tuple[Array, Array]:
+    """The least and the greatest control of each actuator; [-1, 1] where it has no limits."""
+    limited = model.actuator_ctrllimited.astype(bool)
+    return np.where(limited, model.actuator_ctrlrange[:, 0], -1.0), np.where(limited, model.actuator_ctrlrange[:, 1], 1.0)

@@ -1,0 +1,143 @@
+"""What is worked out of every variant: closed formulas over the linked robot, a fraction of a millisecond each.
+
+    mass, centre.x y z, inertia.xx ... yz   the whole robot at q = 0, in the base component's frame
+    box.x y z                               sides of the box around all parts' boxes, along the world's axes
+    reach                                   distance between the two mounts that the document names
+    torque_margin                           least effort / |static torque| over all drives
+    length.JOINT                            distance of a joint from the joint before it, as the documents have them
+
+Box, reach and torques are of one mode, in one pose.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from thingc.base.diagnostics import Code, Diagnostic, Severity
+from thingc.base.inertia import total
+from thingc.base.pose import Pose, Vector
+from thingc.base.suggestions import did_you_mean
+from thingc.base.summing import dist
+from thingc.model.assembly.kinematics import coordinates, joints_of
+from thingc.model.assembly.types import Assembly
+from thingc.model.robot.kinematics import placed_bodies
+from thingc.model.robot.tree import in_link
+from thingc.model.robot.types import Robot
+from thingc.model.statics.efforts import static_efforts
+from thingc.model.statics.support import lifted, stance
+
+Results = dict[str, float | None]
+"""By name, SI; None (or absent) where a variant has not the result."""
+
+
+class UnknownMount(Exception):
+    """A mount for the reach that the robot has not, `text` as the document names it: `diagnostic` says so."""
+
+    def __init__(self, text: str, known: Sequence[str]) -> None:
+        super().__init__(text)
+        message, help = f"there is no mount `{text}` for the reach", did_you_mean(text, known, what="mounts")
+        self.diagnostic = Diagnostic(code=Code.RESULT, severity=Severity.ERROR, message=message, help=help)
+
+
+def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None) -> Results:
+    """The results of one mode's robot in a pose of it (None: the mode's own, else q = 0).
+
+    Where the mode's loops do not close in that pose, it has no box, reach and torques; with loops closed it has no torque margin
+    (the torques depend on how the loops share the load), nor where it does not stand on its feet. `reach` are the references of two
+    mounts. Raises `UnknownMount`.
+    """
+    assembly = robot.assembly
+    whole = total(link.properties.seen_from(assembly.rest[link.frame]) for link in assembly.links)
+    results: Results = {"mass": whole.mass}
+    results.update({f"centre.{axis}": value for axis, value in zip("xyz", whole.centre)})
+    i = whole.inertia
+    results.update({
+        "inertia.xx": i[0][0], "inertia.yy": i[1][1], "inertia.zz": i[2][2],
+        "inertia.xy": i[0][1], "inertia.xz": i[0][2], "inertia.yz": i[1][2],
+    })
+    within = in_link(assembly)
+    results.update(lengths(assembly, within))
+    ends = [_mount(assembly, text) for text in reach or ()]
+    placed = _placed(robot, pose)
+    if placed is None:
+        return results
+    q, bodies = placed
+    at = {body.link: body_pose for body, body_pose in zip(robot.bodies, bodies)}
+    occurrences = [at[link] @ inner for link, inner in zip(assembly.link_of, within)]
+    box = bounding_box(assembly, occurrences)
+    if box is not None:
+        results.update({f"box.{axis}": high - low for axis, low, high in zip("xyz", *box)})
+    if ends:
+        (a, b), (c, d) = ends
+        points = [(occurrences[a] @ _frame(assembly, a, b)).translation, (occurrences[c] @ _frame(assembly, c, d)).translation]
+        results["reach"] = dist(*points)
+    if not robot.closures and not lifted(stance(robot, q, bodies).feet):
+        held = static_efforts(robot, q, bodies)
+        results["torque_margin"] = held.least_margin if held.fall is None else None
+    return results
+
+
+def _placed(robot: Robot, pose: str | None) -> tuple[dict[str, float], tuple[Pose, ...]] | None:
+    """q of every joint and the poses of the bodies in the world; None for a pose in which the loops do not close."""
+    name = pose if pose is not None else robot.mode.pose
+    frame = next((one for one in robot.keyframes if one.name == name), None)
+    base = robot.bodies[0].X_PL
+    if frame is not None:
+        return frame.q, placed_bodies(robot.bodies, frame.q, frame.base or base)
+    if robot.closures:
+        return None
+    named = next((one for one in robot.assembly.poses if one.name == name), None)
+    q = coordinates(joints_of(robot.assembly), named.values if named is not None else {})
+    return q, placed_bodies(robot.bodies, q, base)
+
+
+def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
+    """`length.JOINT` [m] of every joint that has one before it: the distance of its parent mount from the mount by which the joint
+    before placed that link. Parents and children are those of the documents, so it does not depend on a root. `within` are the
+    poses of the occurrences in their links (`in_link`)."""
+    placed = {assembly.link_of[mate.child]: mate for mate in assembly.mates if mate.joints and mate.loop is None}
+    distances: Results = {}
+    for mate in assembly.mates:
+        before = placed.get(assembly.link_of[mate.parent])
+        if mate.name is None or before is None or before is mate:
+            continue
+        here = within[mate.parent].apply(mate.X_PJ.translation)
+        there = within[before.child].apply(before.X_JC.inverse().translation)
+        distances[f"length.{mate.name.replace('/', '.')}"] = dist(here, there)
+    return distances
+
+
+def bounding_box(assembly: Assembly, poses: Sequence[Pose]) -> tuple[Vector, Vector] | None:
+    """Smallest and largest corner [m] of the box around the boxes of all parts placed at `poses` (by occurrence); None for a robot
+    without geometry."""
+    low, high = [math.inf] * 3, [-math.inf] * 3
+    for occurrence, pose in zip(assembly.occurrences, poses, strict=True):
+        box = occurrence.box
+        if box is None:
+            continue
+        lowest, highest = pose.around(box)
+        low, high = list(map(min, low, lowest)), list(map(max, high, highest))
+    if low[0] > high[0]:
+        return None
+    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
+
+
+def _mount(assembly: Assembly, text: str) -> tuple[int, str]:
+    """The occurrence and the mount that a reference means. Raises `UnknownMount`."""
+    words = text.split(".")
+    path = "/".join(words)
+    for exported in assembly.exported:
+        if exported.path == path:
+            return exported.occurrence, exported.mount
+    owner = "/".join(words[:-1])
+    for occurrence in assembly.occurrences:
+        if occurrence.path == owner and words[-1] in occurrence.mounts:
+            return occurrence.index, words[-1]
+    known = [one.path.replace("/", ".") for one in assembly.exported]
+    known += [f"{one.path}.{mount}".replace("/", ".") for one in assembly.occurrences for mount in one.mounts if one.path == owner]
+    raise UnknownMount(text, known)
+
+
+def _frame(assembly: Assembly, occurrence: int, mount: str) -> Pose:
+    return assembly.occurrences[occurrence].mounts[mount].pose

@@ -1,0 +1,203 @@
+"""A model whose arrays are written anew for every other set of numbers in its text."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+
+from thingc.batch.mujoco_arrays.body_inertia import BOXES, Bodies
+from thingc.batch.mujoco_arrays.entries import INERT, TENSED, Entry, places
+from thingc.batch.mujoco_arrays.equality import restore
+from thingc.batch.mujoco_arrays.statistics import Statistics
+
+if TYPE_CHECKING:
+    import mujoco
+    import numpy as np
+
+    Array = np.ndarray[Any, np.dtype[Any]]
+
+TOGETHER = 128
+"""How many variants are worked out at once, where there are so many."""
+
+INERTIAL = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
+"""The fields of a body's mass properties."""
+PLACING = frozenset(("body_ipos", "body_pos", "body_quat", "jnt_pos", "site_pos"))
+"""The fields by which something stands elsewhere, of what statistics are of."""
+
+Compile = Callable[[str], "mujoco.MjModel"]
+
+
+class Arrays:
+    """The model of one structure, and what of its arrays follows from numbers that differ. In `text` a word stands for each of these, in
+    `tokens` with which number it is; `plain` is the text with numbers in it, `assets` the meshes by file. `compile` makes a model of a
+    text. `lines` says which numbers `prepare` takes, in their order. Raises `NotInArrays` where a number does not stand in an array as it
+    is written."""
+
+    def __init__(self, text: str, tokens: Mapping[str, int], plain: str, assets: Mapping[str, bytes], compile: Compile) -> None:
+        import mujoco
+        import numpy as np
+
+        self._text = plain
+        self._assets = assets
+        self.model = compile(self._text)
+        root = ElementTree.fromstring(text)
+        placed, inertials = places(root, tokens, self.model)
+        columns: dict[int, int] = {}
+        self.lines: list[int] = []
+
+        def column(line: int) -> int:
+            if line not in columns:
+                columns[line] = len(self.lines)
+                self.lines.append(line)
+            return columns[line]
+
+        self.written = frozenset(place.field for _, place in placed) | (frozenset(INERTIAL) if inertials else frozenset())
+        by_field: dict[str, list[tuple[int, Entry]]] = {}
+        for line, place in placed:
+            by_field.setdefault(place.field, []).append((column(line), place))
+        self._writes: list[tuple[str, Array, Array, Array, Array]] = []
+        self._options: list[tuple[Any, str, int]] = []
+        for field, entries in sorted(by_field.items()):
+            self._take(field, entries)
+        self._bodies = [self.model.body(name).id for name in inertials]
+        self._names = list(inertials)
+        self._inertials: list[list[int | float]] = [
+            [column(tokens[word]) if word in tokens else float(word) for words in said for word in words] for said in inertials.values()
+        ]
+        self._traced = np.array([[word in tokens for words in said for word in words] for said in inertials.values()], dtype=bool)
+        self._resting = [  # tendons whose springs rest where those of the joints do
+            self.model.tendon(tendon.get("name", "")).id for tendon in root.iterfind("tendon/*") if "springlength" not in tendon.attrib
+        ]
+        self._constants = not self._bodies and self.written <= (INERT - TENSED if self.model.ntendon else INERT)
+        self._data = mujoco.MjData(self.model)
+        self._first = copy.copy(self.model)  # into which no borrower writes
+        self._placed = mujoco.MjData(self._first)
+        stated = {name for element in root.iter("statistic") for name in element.attrib}
+        self._statistics = Statistics(self.model, self._placed, stated)
+        self._is_lent = False
+        self._small: dict[int, Bodies] = {}
+        self._geoms = [self._colliding(body) for body in self._bodies]
+
+    def lend(self) -> mujoco.MjModel:
+        """The model, to somebody who may write into it."""
+        self._is_lent = True
+        return self.model
+
+    def take_back(self) -> None:
+        """Undo what others have written into the model: `put` makes it that of a variant again, and of nothing else."""
+        if self._is_lent:
+            restore(self.model, self._first)
+        self._is_lent = False
+
+    def _take(self, field: str, entries: list[tuple[int, Entry]]) -> None:
+        """Note where the numbers of a field are written, each by its column: into an array, or an option of the model."""
+        import numpy as np
+
+        group, _, name = field.rpartition(".")
+        owner = getattr(self.model, group) if group else self.model
+        target = getattr(owner, name)
+        if isinstance(target, np.ndarray):
+            self._writes.append((
+                field, target.reshape(-1), np.array([place.index for _, place in entries]), np.array([one for one, _ in entries]),
+                np.array([place.sign for _, place in entries]),
+            ))
+        else:
+            self._options.append((owner, name, entries[-1][0]))
+
+    def _colliding(self, body: int) -> Array:
+        """The geoms of a body that collide; behind them, where -1 leads, -1."""
+        import numpy as np
+
+        m = self.model
+        geoms = range(int(m.body_geomadr[body]), int(m.body_geomadr[body]) + int(m.body_geomnum[body]))
+        colliding = [g for g in geoms if m.geom_contype[g] or m.geom_conaffinity[g]]
+        return np.array([*colliding, -1] if colliding else [], dtype=int)
+
+    def prepare(self, values: Sequence[tuple[float, ...]]) -> Prepared:
+        """What is worked out of many variants together, of the numbers of each. Raises `ValueError` where MuJoCo refuses one."""
+        import mujoco
+        import numpy as np
+
+        first, count = self._first, len(values)
+        numbers = np.array(values, dtype=float).reshape(count, -1)
+        writes = [(field, target, at, numbers[:, columns] * signs) for field, target, at, columns, signs in self._writes]
+        masses = np.tile(first.body_mass, (count, 1))
+        if self._bodies:
+            inertials = np.empty((count, len(self._bodies), 10))
+            for b, entries in enumerate(self._inertials):
+                for k, entry in enumerate(entries):
+                    inertials[:, b, k] = numbers[:, int(entry)] if self._traced[b, k] else entry
+            masses[:, self._bodies] = inertials[:, :, 0]
+            writes += self._inertial_writes(inertials)
+        options = [(owner, name, numbers[:, column].tolist()) for owner, name, column in self._options]
+        plain = [(target, at, block) for _, target, at, block in writes]
+        if self._constants:
+            return Prepared(plain, options, None)
+        placing = [(getattr(first, field).reshape(-1), at, block) for field, _, at, block in writes if field in PLACING]
+        places = self._statistics.room(count if placing else 1)
+        for index in range(count if placing else 1):
+            for target, at, block in placing:
+                target[at] = block[index]
+            mujoco.mj_kinematics(first, self._placed)
+            self._statistics.note(places, index)
+        return Prepared(plain, options, self._statistics.of(places, masses))
+
+    def _inertial_writes(self, inertials: Array) -> list[tuple[str, Array, Array, Array]]:
+        """What is written of bodies' mass properties (variants, bodies, 10), and of the boxes around what collides: they stand along their
+        axes."""
+        import numpy as np
+
+        model, count = self.model, len(inertials)
+        copies = 1 if count == 1 else TOGETHER
+        small = self._small.get(copies)
+        if small is None:
+            small = self._small[copies] = Bodies(self._text, self._assets, self._names, copies)
+        worked = small.work_out(inertials)
+        writes = []
+
+        def write(field: str, rows: Array, block: Array) -> None:
+            target = getattr(model, field)
+            width = target.size // len(target)
+            at = (rows[:, None] * width + np.arange(width)).reshape(-1)
+            writes.append((field, target.reshape(-1), at, block.reshape(len(block), -1)))
+
+        for field, block in zip(INERTIAL, (inertials[:, :, 0], inertials[:, :, 1:4], worked.inertia, worked.axes)):
+            write(field, np.array(self._bodies), block)
+        for body, boxes, geoms in zip(self._bodies, worked.boxes, self._geoms):
+            if len(geoms):
+                rows = int(model.body_bvhadr[body]) + np.arange(int(model.body_bvhnum[body]))
+                for field in BOXES:
+                    write(field, rows, geoms[boxes[field]] if field == "bvh_nodeid" else boxes[field])
+        return writes
+
+    def put(self, prepared: Prepared, index: int) -> None:
+        """Make `model` that of a variant."""
+        import mujoco
+
+        model = self.model
+        for target, at, block in prepared.writes:
+            target[at] = block[index]
+        for owner, name, values in prepared.options:
+            setattr(owner, name, values[index])
+        if prepared.statistics is not None:
+            mujoco.mj_setConst(model, self._data)  # which leaves it where the springs of its joints rest
+            if self._resting:
+                model.tendon_lengthspring[self._resting] = self._data.ten_length[self._resting, None]
+            self._statistics.write(prepared.statistics, index)
+
+
+class Prepared:
+    """Variants that are worked out and not written yet: of each a row for entries of arrays, a value for options, and its statistics where
+    MuJoCo sets constants anew."""
+
+    __slots__ = ("options", "statistics", "writes")
+
+    def __init__(
+        self, writes: list[tuple[Array, Array, Array]], options: list[tuple[Any, str, list[float]]],
+        statistics: Mapping[str, list[Any]] | None,
+    ) -> None:
+        self.writes = writes
+        self.options = options
+        self.statistics = statistics

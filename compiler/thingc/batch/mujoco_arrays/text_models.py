@@ -1,0 +1,138 @@
+"""Models of many texts: of those that differ in nothing but numbers one is compiled, and its arrays are written for the others."""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from itertools import islice
+from typing import TYPE_CHECKING
+
+from thingc.base.frozen import dataclass
+from thingc.batch.mujoco_arrays.arrays import TOGETHER, Arrays, Prepared
+from thingc.batch.mujoco_arrays.entries import NotInArrays
+from thingc.batch.mujoco_arrays.equality import differing
+
+if TYPE_CHECKING:
+    import mujoco
+
+ENOUGH = 3
+"""So many texts of a kind are compiled before arrays are written: how that is done is found out by some compilations more."""
+KINDS, SHAPES = 32, 100_000
+"""How many kinds of texts are kept, those used last; and of how many values of attributes it is known whether they are numbers."""
+
+_NUMBERS = re.compile(r"[-+0-9.e ]*[0-9][-+0-9.e ]*")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ModelText:
+    """The text of a model, without includes. `meshes` says which its files are: equal where they are the same. `assets` reads them, by the
+    names that the text has for them; `compiled` gives MuJoCo's model of it."""
+
+    text: str
+    meshes: Hashable
+    assets: Callable[[], Mapping[str, bytes]]
+    compiled: Callable[[], mujoco.MjModel]
+
+
+class TextModels:
+    """The models of texts. Of those that come without a compilation the first, the second, the fourth, the eighth ... of each kind is
+    compared with its compiled one, and one that is not the same ends this for its kind. Not for several threads at once."""
+
+    def __init__(self) -> None:
+        self._kinds: OrderedDict[Hashable, _Kind] = OrderedDict()
+        self._shapes: dict[str, str | int] = {}
+
+    def each(self, many: Iterable[ModelText], *, share: bool) -> Iterator[mujoco.MjModel]:
+        """The models, in order; up to 128 texts are read ahead. With `share` one model is lent to each in turn, valid until the next."""
+        texts = iter(many)
+        while some := list(islice(texts, TOGETHER)):
+            pieces = [one.text.split('"') for one in some]
+            groups: dict[_Kind, list[int]] = {}
+            for index, one in enumerate(some):
+                groups.setdefault(self._kind(one, pieces[index]), []).append(index)
+            ready = {
+                index: (kind, prepared, k) for kind, members in groups.items()
+                if (prepared := kind.prepared([pieces[index] for index in members])) is not None for k, index in enumerate(members)
+            }
+            for index, one in enumerate(some):
+                made = ready[index][0].put(one, *ready[index][1:], share=share) if index in ready else None
+                yield one.compiled() if made is None else made if share else copy.copy(made)
+
+    def _kind(self, one: ModelText, pieces: Sequence[str]) -> _Kind:
+        """What is known of texts that are this one but for numbers."""
+        if len(self._shapes) > SHAPES:
+            self._shapes.clear()
+        shapes = self._shapes
+        for piece in pieces[1::2]:
+            if piece not in shapes:
+                shapes[piece] = len(piece.split()) if _NUMBERS.fullmatch(piece) else piece
+        key = (one.meshes, *pieces[::2], *(shapes[piece] for piece in pieces[1::2]))
+        kind = self._kinds.get(key)
+        if kind is None:
+            kind = self._kinds[key] = _Kind(one, pieces)
+            if len(self._kinds) > KINDS:
+                self._kinds.popitem(last=False)
+        self._kinds.move_to_end(key)
+        return kind
+
+
+class _Kind:
+    """Texts that differ in numbers only, all like the `first`, which is `pieces` between quotes."""
+
+    def __init__(self, first: ModelText, pieces: Sequence[str]) -> None:
+        self._first = first
+        self._pieces = list(pieces)
+        self._gaps: list[int] = []
+        self._arrays: Arrays | None = None
+        self._slow = False
+        self._seen = self._made = 0
+
+    def prepared(self, texts: Sequence[Sequence[str]]) -> Prepared | None:
+        """What is to be written for each of these texts; None where they are to be compiled."""
+        self._seen += len(texts)
+        if self._slow or self._seen <= ENOUGH:
+            return None
+        first = self._pieces
+        others = {k for pieces in texts for k in range(1, len(first), 2) if pieces[k] != first[k]}.difference(self._gaps)
+        try:
+            if others or self._arrays is None:
+                self._arrays = self._with(others)
+            return self._arrays.prepare([self._numbers(self._arrays, pieces) for pieces in texts])
+        except NotInArrays:
+            self._slow = True
+        except ValueError:  # MuJoCo refuses one of them, and is to say so of that one
+            pass
+        return None
+
+    def put(self, one: ModelText, prepared: Prepared, index: int, *, share: bool) -> mujoco.MjModel | None:
+        """The model of a text, lent or to be copied; None where it is to be compiled."""
+        if self._slow or self._arrays is None:
+            return None
+        self._made += 1
+        is_due = self._made & (self._made - 1) == 0
+        if is_due or not share:
+            self._arrays.take_back()
+        self._arrays.put(prepared, index)
+        if is_due and differing(self._arrays.model, one.compiled()):
+            self._slow = True
+            return None
+        return self._arrays.lend() if share else self._arrays.model
+
+    def _with(self, others: Iterable[int]) -> Arrays:
+        """The arrays, with further attributes whose numbers differ."""
+        self._gaps = sorted((*self._gaps, *others))
+        tokens: dict[str, int] = {}
+        tokened = self._pieces.copy()
+        for k in self._gaps:
+            words = {f"#{len(tokens) + w}": len(tokens) + w for w in range(len(tokened[k].split()))}
+            tokens |= words
+            tokened[k] = " ".join(words)
+        first = self._first
+        return Arrays('"'.join(tokened), tokens, first.text, first.assets(), lambda text: first.compiled())
+
+    def _numbers(self, arrays: Arrays, pieces: Sequence[str]) -> tuple[float, ...]:
+        """The numbers of a text, as `arrays` takes them."""
+        words = [float(word) for k in self._gaps for word in pieces[k].split()]
+        return tuple(words[line] for line in arrays.lines)

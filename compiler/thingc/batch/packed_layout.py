@@ -1,0 +1,426 @@
+"""The packed layout: `chunks/000012.parquet` is what became of the variants 12 288 to 13 311 of the plan, files and all.
+
+    chunks/000012.parquet       a row for each: what the table says of it, and a column for each file, by its path in the build folder
+    chunks/000012.run.parquet   the same rows: what tells of the run alone (seconds, parts that were modelled)
+    chunks/000012.jsonl         the journal of a chunk that is not whole yet, with the files in it
+
+A chunk is sealed when all of its variants are done: written aside, renamed, and its journal removed. Which variants are in it follows from
+the plan, and their rows are in its order, so the same batch gives the same chunks whoever finishes first. Neighbours differ in a few
+numbers: compressed in groups of rows, a file costs some hundred bytes, and reading one decompresses its column of one group. Files
+that the store has lie in `assets/` once, and a row names them (`shared`). Where a variant is found follows from its place in the plan;
+arrays over all variants, one binary file for each, need no other index than that.
+"""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import json
+import os
+import re
+import threading
+from bisect import bisect_right
+from collections import Counter, OrderedDict
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import accumulate
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.diagnostics import shown_path
+from thingc.base.frozen import dataclass
+from thingc.batch import folder_layout
+from thingc.batch.arrow_columns import column
+from thingc.batch.journal import Journal, Line, lines
+from thingc.batch.rules import LENGTHS
+
+if TYPE_CHECKING:
+    from pyarrow.parquet import ParquetFile
+
+CHUNK = 1024
+"""Variants of a chunk."""
+GROUP, GROUP_BYTES = 64, 32 * 2**20
+"""Rows of a group, of which one is decompressed to read a file; fewer where their files are large."""
+RUN = ("seconds", "modelled", "reused", "pid", "printed", "detail")
+"""What of a line tells of the run."""
+FILES, SHARED = "files", "shared"
+"""What a built variant's line has beside the table's cells while its chunk is not whole: its files in base64, and the SHA-256 of those
+in `assets/`, both by path."""
+HEADS = ("index", "id", "name", "status")
+CELLS = (*HEADS, "losses", "line", SHARED)
+"""The columns before the files'. `line` is the variant's line of the journal, `losses` and `shared` are JSON, too."""
+OPEN_MOST, COLUMNS_MOST = 16, 24
+"""Chunks that a reader keeps open, and columns of groups that an open chunk keeps."""
+
+_SEALED = re.compile(r"([0-9]{6})\.parquet")
+_RUN = re.compile(r"([0-9]{6})\.run\.parquet")
+_JOURNAL = re.compile(r"([0-9]{6})\.jsonl")
+
+
+class DamagedChunk(OSError):
+    """A file of a chunk that cannot be read. Without either of its files a chunk counts as not done."""
+
+    state = "is damaged"
+    cure = "delete it, and go on with --resume: what was in it is built again"
+
+    def __init__(self, path: str) -> None:
+        self.words = f"`{shown_path(path)}` {self.state}"
+        super().__init__(f"{self.words}: {self.cure}")
+
+
+class MissingChunk(DamagedChunk):
+    """A file of a chunk that was there, and is not any more."""
+
+    state = "is not there any more"
+    cure = "go on with --resume: what was in it is built again"
+
+
+@contextlib.contextmanager
+def _reading(path: str) -> Iterator[None]:
+    """Reads of a sealed file. Raises `DamagedChunk`."""
+    from pyarrow import ArrowException
+
+    try:
+        yield
+    except (ArrowException, OSError) as fault:
+        raise DamagedChunk(path) from fault
+
+
+def _place(folder: str, number: int, end: str) -> str:
+    return os.path.join(folder, folder_layout.CHUNKS, f"{number:06d}{end}")
+
+
+def sealed_path(index: int) -> str:
+    """The file, by path in the batch's folder, in which the variant at this place of the plan lies."""
+    return f"{folder_layout.CHUNKS}/{index // CHUNK:06d}.parquet"
+
+
+def packed(folder: str) -> bool:
+    """Whether the batch in this folder is packed."""
+    return os.path.isdir(os.path.join(folder, folder_layout.CHUNKS))
+
+
+def complete(folder: str, count: int) -> None:
+    """Raises `MissingChunk` where a file is gone of the chunks of the first `count` variants, or of a chunk that is sealed. The run is
+    sealed first, and the journal goes last."""
+    sealed = _numbers(folder, _SEALED) | _numbers(folder, _RUN) if packed(folder) else set()
+    for number in sorted({*range(-(-count // CHUNK)), *sealed}):
+        for ends in ((".run.parquet",), (".parquet", ".jsonl")):
+            if not any(os.path.exists(_place(folder, number, end)) for end in ends):
+                raise MissingChunk(_place(folder, number, ends[0]))
+
+
+def numbers(folder: str) -> list[int]:
+    """The chunks of which anything is done, ascending."""
+    return sorted(_numbers(folder, _SEALED) | _numbers(folder, _JOURNAL))
+
+
+def _numbers(folder: str, pattern: re.Pattern[str]) -> set[int]:
+    return {int(match[1]) for name in os.listdir(os.path.join(folder, folder_layout.CHUNKS)) if (match := pattern.fullmatch(name))}
+
+
+# --- writing ----------------------------------------------------------------------------------------------------------
+
+
+class Packing:
+    """The journals of a packed batch, of which `done` flags the variants that are. A context manager: leaving it closes them, and
+    seals nothing.
+
+    Raises `OSError` where the system refuses; a line that could not be written whole is taken back.
+    """
+
+    def __init__(self, folder: str, done: Sequence[int]) -> None:
+        self.folder = folder
+        self.done = done
+        self._open: dict[int, tuple[Journal, set[int]]] = {}
+
+    def __enter__(self) -> Packing:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        for journal, _ in self._open.values():
+            journal.__exit__()
+        self._open.clear()
+
+    def append(self, line: Line) -> None:
+        """Note a variant that is done; its chunk is sealed where it was the last one."""
+        number = int(line["index"]) // CHUNK
+        journal, missing = self._open[number] if number in self._open else self._opened(number)
+        journal.append(line)
+        missing.discard(int(line["index"]))
+        if not missing:
+            self._seal(number)
+
+    def sync(self) -> None:
+        """Seal every chunk of which anything is new, whole or not: for a batch that is over."""
+        for number in sorted(_numbers(self.folder, _JOURNAL)):
+            self._seal(number)
+
+    def _opened(self, number: int) -> tuple[Journal, set[int]]:
+        journal = Journal(_place(self.folder, number, ".jsonl"))
+        whole = range(number * CHUNK, min((number + 1) * CHUNK, len(self.done)))
+        self._open[number] = journal, {index for index in whole if not self.done[index]}
+        return self._open[number]
+
+    def _seal(self, number: int) -> None:
+        if number in self._open:
+            self._open.pop(number)[0].__exit__()
+        seal(self.folder, number)
+
+
+def seal(folder: str, number: int) -> None:
+    """Write a chunk of what it has and what its journal has, and remove the journal. A kill on the way leaves either."""
+    from pyarrow import parquet
+
+    chunk = Chunk(folder, number)
+    paths = sorted(chunk.paths)
+    told, run = _schemas(paths, chunk.lengths)
+    options: dict[str, Any] = {
+        "compression": "zstd", "compression_level": 3, "use_dictionary": ["status", "losses", SHARED], "write_statistics": False,
+        "data_page_size": 2 * GROUP_BYTES,
+    }
+    new = f"{folder_layout.NEW}{number:06d}"
+    fresh = {end: _place(folder, number, end).replace(f"{number:06d}", new) for end in (".run.parquet", ".parquet")}
+    with (
+        contextlib.closing(chunk), parquet.ParquetWriter(fresh[".parquet"], told, **options) as rows,
+        parquet.ParquetWriter(fresh[".run.parquet"], run, compression="zstd", write_statistics=False) as runs,
+    ):
+        for group in _groups(chunk):
+            rows.write_table(_table(told, [_cells(one, paths) for one in group]))
+            runs.write_table(_table(run, [(one.index, one.run) for one in group]))
+    for end, path in fresh.items():  # a chunk that is there has its run
+        with open(path, "rb") as stream:
+            os.fsync(stream.fileno())
+        os.replace(path, _place(folder, number, end))
+    with contextlib.suppress(FileNotFoundError):
+        os.unlink(_place(folder, number, ".jsonl"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Row:
+    """A row of a chunk: `heads` (index, id, name, status), `losses`, `line`, `run` and `shared` as JSON, `files` by path."""
+
+    index: int
+    heads: tuple[Any, ...]
+    losses: str | None
+    line: str
+    run: str
+    shared: str | None
+    files: Mapping[str, bytes]
+
+
+def _groups(chunk: Chunk) -> Iterator[list[_Row]]:
+    group: list[_Row] = []
+    size = 0
+    for index in chunk.indices:
+        group.append(chunk.row(index))
+        size += sum(map(len, group[-1].files.values()))
+        if len(group) == GROUP or size > GROUP_BYTES:
+            yield group
+            group, size = [], 0
+    if group:
+        yield group
+
+
+def _cells(row: _Row, paths: Sequence[str]) -> tuple[Any, ...]:
+    return (*row.heads, row.losses, row.line, row.shared, *(row.files.get(path) for path in paths))
+
+
+def _schemas(paths: Sequence[str], lengths: Sequence[str]) -> tuple[Any, Any]:
+    """Of a chunk, and of what tells of its run. The names of the results `length.JOINT` are in the former's metadata."""
+    import pyarrow
+
+    text = [pyarrow.field(name, pyarrow.int64() if name == "index" else pyarrow.string()) for name in CELLS]
+    told = pyarrow.schema([*text, *(pyarrow.field(path, pyarrow.binary()) for path in paths)], {"lengths": json.dumps(lengths)})
+    return told, pyarrow.schema([pyarrow.field("index", pyarrow.int64()), pyarrow.field("run", pyarrow.string())])
+
+
+def _table(schema: Any, rows: Sequence[tuple[Any, ...]]) -> Any:
+    import pyarrow
+
+    columns = [column(cells, field.type) for cells, field in zip(zip(*rows, strict=True), schema, strict=True)]
+    return pyarrow.Table.from_arrays(columns, schema=schema)
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, separators=(",", ":"), ensure_ascii=False)
+
+
+# --- reading ----------------------------------------------------------------------------------------------------------
+
+
+class Chunk:
+    """One chunk, as far as it is done: what is sealed, and over it what its journal says. `indices` are the places in the plan, ascending.
+
+    What is read stays readable while a batch goes on. Not thread-safe.
+    """
+
+    def __init__(self, folder: str, number: int) -> None:
+        self.number = number
+        self._journal: Any = None
+        self._begins: dict[int, int] = {}
+        self._entry: tuple[int, Line] = (-1, {})
+        self._columns: OrderedDict[tuple[int, str], Any] = OrderedDict()
+        own: set[str] = set()
+        lengths: set[str] = set()
+        path = _place(folder, number, ".jsonl")
+        with contextlib.suppress(FileNotFoundError):
+            self._journal = open(path, "rb")  # noqa: SIM115 - closed with the chunk
+            for at, line in lines(path):
+                self._begins[int(line["index"])] = at
+                own.update(line.get(FILES, ()))
+                lengths.update(name for name in line.get("results", ()) if name.startswith(LENGTHS))
+        self._path = _place(folder, number, ".parquet")
+        self._run = _opened(_place(folder, number, ".run.parquet"))
+        self._sealed = _opened(self._path) if self._run is not None else None
+        self._rows: dict[int, int] = {}
+        self._starts: list[int] = []
+        if self._sealed is not None:
+            metadata = self._sealed.metadata
+            self._starts = [0, *accumulate(metadata.row_group(k).num_rows for k in range(metadata.num_row_groups))]
+            self._rows = {index: row for row, index in enumerate(self._read(["index"])["index"].to_pylist())}
+            own.update(self._sealed.schema_arrow.names[len(CELLS):])
+            lengths.update(json.loads(self._sealed.schema_arrow.metadata[b"lengths"]))
+        self.indices = sorted(self._rows.keys() | self._begins.keys())
+        self.paths = frozenset(own)
+        self.lengths = sorted(lengths)
+
+    def close(self) -> None:
+        """Nothing can be read any more."""
+        for one in (self._journal, self._sealed, self._run):
+            if one is not None:
+                one.close()
+
+    def heads(self) -> list[tuple[int, str, str, str]]:
+        """Index, id, name and status of each variant that is done."""
+        heads: dict[int, tuple[int, str, str, str]] = {}
+        if self._sealed is not None:
+            cells = self._read(list(HEADS))
+            heads = {one[0]: one for one in zip(*(cells[name].to_pylist() for name in HEADS), strict=True)}
+        for index in self._begins:
+            line = self._noted(index)
+            heads[index] = index, line["id"], line["name"], line["status"]
+        return [heads[index] for index in self.indices]
+
+    def losses(self) -> Counter[str | None]:
+        """How many variants have which losses, as JSON."""
+        counts: Counter[str | None] = Counter()
+        if self._sealed is not None:
+            counted = self._read(["losses"])["losses"].value_counts()
+            counts.update({one["values"]: one["counts"] for one in counted.to_pylist()})
+        for index in self._begins:
+            counts[self.row(index).losses] += 1
+            if index in self._rows:
+                counts[self._cell("losses", self._rows[index])] -= 1
+        return +counts
+
+    def line(self, index: int) -> Line:
+        """The line of a variant, as the journal of folders has it."""
+        if index in self._begins:
+            return {key: value for key, value in self._noted(index).items() if key not in (FILES, SHARED)}
+        row = self._rows[index]
+        return {**json.loads(self._cell("line", row)), **json.loads(self._cell("run", row))}
+
+    def shared(self, index: int) -> dict[str, str]:
+        """The SHA-256 of a variant's files in `assets/`, by path."""
+        if index in self._begins:
+            return dict(self._noted(index).get(SHARED, {}))
+        digests: dict[str, str] = json.loads(self._cell(SHARED, self._rows[index]) or "{}")
+        return digests
+
+    def read(self, index: int, path: str) -> bytes | None:
+        """A file of a variant that is its own; None where it has none of this path."""
+        if index in self._begins:
+            encoded = self._noted(index).get(FILES, {}).get(path)
+            return None if encoded is None else base64.b64decode(encoded)
+        return self._cell(path, self._rows[index]) if path in self.paths else None
+
+    def row(self, index: int) -> _Row:
+        """Everything of a variant."""
+        if index in self._begins:
+            entry = self._noted(index)
+            return _Row(
+                index=index, heads=tuple(entry[name] for name in HEADS), losses=_json(entry["losses"]) if "losses" in entry else None,
+                line=_json({key: value for key, value in entry.items() if key not in (*RUN, FILES, SHARED)}),
+                run=_json({key: entry[key] for key in RUN if key in entry}),
+                shared=_json(dict(sorted(entry[SHARED].items()))) if SHARED in entry else None,
+                files={path: base64.b64decode(text) for path, text in entry.get(FILES, {}).items()},
+            )
+        row = self._rows[index]
+        files = {path: self._cell(path, row) for path in self.paths}
+        return _Row(
+            index=index, heads=tuple(self._cell(name, row) for name in HEADS), losses=self._cell("losses", row),
+            line=self._cell("line", row), run=self._cell("run", row), shared=self._cell(SHARED, row),
+            files={path: data for path, data in files.items() if data is not None},
+        )
+
+    def _read(self, columns: list[str]) -> Any:
+        """Columns of the sealed file."""
+        assert self._sealed is not None
+        with _reading(self._path):
+            return self._sealed.read(columns)
+
+    def _noted(self, index: int) -> Line:
+        """What the journal says; of neighbouring questions the answer is kept."""
+        if self._entry[0] != index:
+            self._journal.seek(self._begins[index])
+            self._entry = index, json.loads(self._journal.readline())
+        return self._entry[1]
+
+    def _cell(self, column: str, row: int) -> Any:
+        """One cell of the sealed file, or of its run."""
+        group = bisect_right(self._starts, row) - 1
+        cells = self._columns.get((group, column))
+        if cells is None:
+            file = self._run if column == "run" else self._sealed
+            assert file is not None
+            with _reading(self._path):
+                cells = self._columns[group, column] = file.read_row_group(group, columns=[column]).column(0)
+            while len(self._columns) > max(COLUMNS_MOST, 2 * len(self.paths)):
+                self._columns.popitem(last=False)
+        else:
+            self._columns.move_to_end((group, column))
+        return cells[row - self._starts[group]].as_py()
+
+
+def _opened(path: str) -> ParquetFile | None:
+    if not os.path.exists(path):
+        return None
+    from pyarrow.parquet import ParquetFile
+
+    with _reading(path):
+        return ParquetFile(path)
+
+
+class Chunks:
+    """All chunks of a packed batch, opened when they are asked for; those used least lately are closed. Thread-safe. A copy in another
+    process opens them anew."""
+
+    def __init__(self, folder: str) -> None:
+        self.folder = folder
+        self._open: OrderedDict[int, Chunk] = OrderedDict()
+        self._lock = threading.RLock()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Chunks, (self.folder,)
+
+    @contextlib.contextmanager
+    def of(self, number: int) -> Iterator[Chunk]:
+        """The chunk of this number: for one thread at a time."""
+        with self._lock:
+            if number not in self._open:
+                self._open[number] = Chunk(self.folder, number)
+                if len(self._open) > OPEN_MOST:
+                    self._open.popitem(last=False)[1].close()
+            self._open.move_to_end(number)
+            yield self._open[number]
+
+    def holding(self, index: int) -> contextlib.AbstractContextManager[Chunk]:
+        """The chunk of the variant at this place in the plan."""
+        return self.of(index // CHUNK)
+
+
+def in_order(folder: str) -> Iterator[Line]:
+    """The lines of all variants that are done, by index. One chunk is open at a time."""
+    for number in numbers(folder):
+        with contextlib.closing(Chunk(folder, number)) as chunk:
+            for index in chunk.indices:
+                yield chunk.line(index)

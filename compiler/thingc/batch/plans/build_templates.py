@@ -1,0 +1,292 @@
+"""Whole builds of many settings: their files are made once, and the texts of other numbers are put into them."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import math
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from json.encoder import encode_basestring
+from typing import TYPE_CHECKING, Any, cast
+
+from thingc.base.csv_text import cell
+from thingc.base.diagnostics import Diagnostic
+from thingc.base.frozen import dataclass
+from thingc.base.memo import Memo
+from thingc.base.safe_text import json_text
+from thingc.base.zip_files import MODEL, Deflated, entries, inflate, zipped
+from thingc.batch.plans import numeric_plan
+from thingc.batch.plans.numeric_plan import Form, Forms, NumericPlan, Varying
+from thingc.batch.plans.part_exchange import Exchange
+from thingc.batch.plans.tape import TOKENS, Tape, Traced, flat
+from thingc.batch.plans.trace_compilation import NotTraceable, Rehearsal, rehearse
+from thingc.driver import pipeline
+from thingc.driver.pipeline import Compilation
+from thingc.driver.session import Session
+from thingc.driver.settings import Read, SettingsReader
+from thingc.geometry.record import Placed, StoredFile
+from thingc.model.resolve.sources import Settings
+from thingc.targets import json_writer
+from thingc.targets.artifact import MANIFEST, Content, counts_of
+from thingc.targets.registry import emitted
+from thingc.targets.xml_writer import number as number_text
+
+if TYPE_CHECKING:
+    from thingc.geometry.service import GeometryService
+    from thingc.targets.artifact import Artifacts
+    from thingc.targets.request import EmitRequest
+
+FOLLOWED = frozenset(("mjcf", "mjz", "stl", "step", "urdf", "ros", "sdf", "usd", "bom"))
+"""The targets whose files hold no number that differs but in text, where it is known by a token. Not so: `hag`, which writes the words of
+settings and is laid out around them; `glb` and `html`, whose numbers are bytes."""
+
+PATIENCE = 16
+"""How many settings of a form are built by every pass before a plan is made, which takes as long as about as many of them."""
+
+Emit = Callable[["EmitRequest", Sequence[str]], "dict[str, Artifacts]"]
+"""What gives the artifacts of targets: `emitted`, or less than that."""
+
+Measured = Callable[[Compilation], "dict[str, Any] | None"]
+"""What gives results of a compilation; None where there are none, and no build is wanted."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Build:
+    """What comes of settings that are sound: `results`, of whatever was measured; `problems`, all that was said; how many `losses` there
+    are, by what becomes of them; and of how many definitions its `parts` are. `files` makes those of the folder, by path, with the
+    manifest."""
+
+    results: dict[str, Any]
+    problems: tuple[Diagnostic, ...]
+    losses: Mapping[str, int]
+    parts: int
+    files: Callable[[], dict[str, Content]]
+
+
+class Builds:
+    """Builds of one document, for the same modes (none named: all) and targets; `measured` gives their results, `emit` their artifacts, and
+    a plan is made for the settings that are the `patience`-th (a power of two, default `PATIENCE`) of their form. `verify`: of each
+    plan the first and then one in so many is compared with that by every pass, which MuJoCo compiles, too (None: the first, the second, the
+    fourth, the eighth ...; 0: none)."""
+
+    def __init__(
+        self, session: Session, reader: SettingsReader, *, modes: Sequence[str], targets: Sequence[str], verify: int | None,
+        measured: Measured = lambda compilation: {}, emit: Emit = emitted, patience: int | None = None,
+    ) -> None:
+        self._session = session
+        self._reader = reader
+        self._modes = tuple(modes)
+        self._targets = tuple(targets)
+        self._measured = measured
+        self._verify = verify
+        self._emit = emit
+        self._forms: Forms[_Template] = Forms(patience or PATIENCE)
+
+    def planned(self, settings: Settings) -> Build | None:
+        """The build of settings by a plan; None where there is no plan that they are of: then nothing is known of them."""
+        read = self._reader.read({**settings.parameters, **settings.choices})
+        given = {*settings.parameters, *settings.choices}
+        if read.report is not None or not read.names or given != {*read.names, *dict(read.texts)} or not FOLLOWED.issuperset(self._targets):
+            return None
+        form = self._forms.of(read)
+        planned = form.planned(read, partial(self._plan, read, form))
+        if planned is None:
+            return None
+        plan, outputs = planned
+        made = plan.made.build(outputs, settings)
+        if made is None:
+            return None
+        if plan.is_due(self._verify) and not _same(made, self._passed(settings)[0]):
+            form.wrong(f"a plan gave other files for {dict(zip(read.names, read.values))}")
+            return None
+        return made
+
+    def made(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
+        """The files by a plan or by every pass; none where the settings are refused; and all diagnostics."""
+        planned = self.planned(settings)
+        return self.passed(settings) if planned is None else (planned.files(), planned.problems)
+
+    def passed(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
+        """The files by every pass, of which MuJoCo takes every model; none where the settings are refused; and all that was said."""
+        build, problems = self._passed(settings)
+        return build.files() if build is not None else {}, problems
+
+    def _passed(self, settings: Settings, verify: int = 1) -> tuple[Build | None, tuple[Diagnostic, ...]]:
+        compilation = self._session.compile(settings, self._modes)
+        report = compilation.report
+        if report.failed:
+            return None, tuple(report.ordered())
+        results = self._measured(compilation)
+        request = pipeline.request_of(self._session.environment, compilation, verify=verify)
+        artifacts = self._emit(request, self._targets) if results is not None else {}
+        problems = tuple(report.ordered())
+        if report.failed or results is None:
+            return None, problems
+        files = self._session.files(compilation, artifacts)
+        return Build(
+            results=results, problems=problems, losses=counts_of(loss for one in artifacts.values() for loss in one.losses),
+            parts=len(compilation.decisions), files=lambda: files,
+        ), problems
+
+    def _plan(self, read: Read, form: Form[_Template]) -> NumericPlan[_Template] | None:
+        """A plan that gives what passes do; None, and the reason in `form`, where there is none."""
+        first, _ = self._passed(self._reader.settings(read))
+        if first is None:
+            return None
+
+        def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> Rehearsal:
+            return rehearse(self._session, self._modes, numbers, texts, partial(self._written, read), exact)
+
+        def finish(rehearsal: Rehearsal, exchange: Exchange | None) -> tuple[Sequence[Any], _Template]:
+            template = _Template(rehearsal, first)
+            return template.outputs, template
+
+        plan = numeric_plan.make(read, self._reader, attempt, finish, form)
+        if plan is None:
+            return None
+        for sample in numeric_plan.samples(read, self._reader, form):
+            settings = self._reader.settings(sample)
+            whole = first if sample is read else self._passed(settings, verify=0)[0]
+            outputs = plan.outputs(sample.values)
+            made = plan.made.build(outputs, settings) if outputs is not None else None
+            if whole is not None and made is not None and not _same(made, whole):
+                form.refused = "a plan gave other files"
+                return None
+        return plan
+
+    def _written(self, read: Read, compilation: Compilation, tape: Tape) -> _WrittenBuild:
+        """For `rehearse`: the files as they are written, with tokens for numbers, and for the texts of settings."""
+        results = self._measured(compilation) or {}
+        environment = copy.copy(self._session.environment)
+        environment.memo = Memo()
+        own = self._reader.settings(read)
+        names = (*own.parameters, *own.choices)
+        token = {name: f"\x01{k}\x01" for k, name in enumerate(names)}
+        settings = Settings(
+            parameters={name: token[name] for name in own.parameters}, choices={name: token[name] for name in own.choices},
+        )
+        tape.writing = True
+        try:
+            request = pipeline.request_of(environment, compilation, verify=0)
+            artifacts = self._emit(replace(request, geometry=cast("GeometryService", _Kernel(request.geometry))), self._targets)
+            files = pipeline.files(environment, replace(compilation, settings=settings), artifacts)
+        finally:
+            tape.writing = False
+        return _WrittenBuild(files=files, results=results, tokens=tuple(map(_quoted, token.values())), names=names)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _WrittenBuild:
+    """Files with tokens in them, results with traced numbers, and what stands for the texts of settings, of these `names`."""
+
+    files: Mapping[str, Content]
+    results: Mapping[str, Any]
+    tokens: tuple[str, ...]
+    names: tuple[str, ...]
+
+
+class _Kernel:
+    """The geometry service, which takes no number on a tape: those that the file of the whole robot depends on are pinned."""
+
+    def __init__(self, service: Any) -> None:
+        self._service = service
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._service, name)
+
+    def assemble(self, name: str, instances: Sequence[Placed]) -> StoredFile:
+        """As a geometry service does; where there are such numbers some file, for the tape is of these values alone."""
+        traced = [number for one in instances for number in flat((one.pose.rotation, one.pose.translation)) if isinstance(number, Traced)]
+        for number in traced:
+            number.tape.pin(number)
+        written: StoredFile = StoredFile(sha256="", size=0) if traced else self._service.assemble(name, instances)
+        return written
+
+
+class _Template:
+    """A build with gaps for numbers. `outputs` are those that go into it; `like` is one build of this kind."""
+
+    def __init__(self, rehearsal: Rehearsal, like: Build) -> None:
+        tape, made = rehearsal.tape, rehearsal.made
+        self._like = like
+        self._shape = Varying(made.results)
+        self._names: tuple[str, ...] = made.names
+        zips = {path: entries(content) for path, content in made.files.items() if isinstance(content, bytes) and path.endswith(".mjz")}
+        models = {path: inflate(inner.pop(MODEL)).decode() for path, inner in zips.items()}
+        own = {path: models.get(path) or content.decode() for path, content in made.files.items() if isinstance(content, bytes)}
+        words = [word for word in dict.fromkeys(TOKENS.findall("".join(own.values()))) if word in tape.written]
+        self.outputs = [*(Traced(tape, tape.written[word], tape.values[tape.written[word]]) for word in words), *self._shape.outputs]
+        self._writers = [_writer(tape.forms[word]) for word in words]
+        places = {word: k for k, word in enumerate(words)}
+        self._files: dict[str, Content] = dict(made.files)
+        self._texts: dict[str, _Text] = {}
+        self._zips: dict[str, dict[str, Deflated]] = zips
+        digests = []
+        for path, content in own.items():
+            if path != MANIFEST and (text := _Text(content, TOKENS, places)).gaps:
+                self._texts[path] = text
+                digests.append(hashlib.sha256(bytes(made.files[path])).hexdigest())
+        further = {word: len(places) + k for k, word in enumerate((*made.tokens, *digests))}
+        pattern = re.compile("|".join((TOKENS.pattern, *map(re.escape, further))))
+        self._manifest = _Text(own[MANIFEST], pattern, {**places, **further})
+
+    def build(self, outputs: Sequence[float], settings: Settings) -> Build | None:
+        """What comes of these values of `outputs`; None where a number of a file is not finite, which nothing can be said of."""
+        count, like = len(self._writers), self._like
+        if not all(map(math.isfinite, outputs[:count])):
+            return None
+        return Build(
+            results=self._shape.of(outputs[count:]), problems=like.problems, losses=like.losses, parts=like.parts,
+            files=partial(self.files, outputs[:count], settings),
+        )
+
+    def files(self, numbers: Sequence[float], settings: Settings) -> dict[str, Content]:
+        """The files, with these numbers and the texts of these settings."""
+        files = dict(self._files)
+        words = [write(number) for write, number in zip(self._writers, numbers, strict=True)]
+        digests = []
+        for path, text in self._texts.items():
+            content = text.filled(words).encode()
+            if path in self._zips:
+                content = zipped({MODEL: content, **self._zips[path]})
+            files[path] = content
+            digests.append(hashlib.sha256(content).hexdigest())
+        given = {**settings.parameters, **settings.choices}
+        files[MANIFEST] = self._manifest.filled([*words, *(_quoted(given[name]) for name in self._names), *digests]).encode()
+        return files
+
+
+class _Text:
+    """A text with gaps where a pattern fits, each for the word whose place `places` says. Raises `NotTraceable` for another word."""
+
+    def __init__(self, text: str, pattern: re.Pattern[str], places: Mapping[str, int]) -> None:
+        self._pieces = re.split(f"({pattern.pattern})", text)
+        if any(word not in places for word in self._pieces[1::2]):
+            raise NotTraceable("it is worked with where files are written")
+        self.gaps = [places[word] for word in self._pieces[1::2]]
+
+    def filled(self, words: Sequence[str]) -> str:
+        """The text with these words."""
+        pieces = self._pieces.copy()
+        pieces[1::2] = [words[place] for place in self.gaps]
+        return "".join(pieces)
+
+
+def _same(planned: Build, whole: Build | None) -> bool:
+    """Whether a plan gives what every pass does."""
+    said = ("results", "problems", "losses", "parts")
+    return whole is not None and all(getattr(planned, name) == getattr(whole, name) for name in said) and planned.files() == whole.files()
+
+
+def _writer(form: str) -> Callable[[float], str]:
+    """What writes a number, of the form of its token."""
+    writers: dict[str, Callable[[float], str]] = {"xml": number_text, "json": json_writer.number, "csv": cell}
+    return writers[form] if form in writers else lambda number: format(number, form.removeprefix(":"))
+
+
+def _quoted(text: str) -> str:
+    """A text as a manifest has it."""
+    return json_text(encode_basestring(text))

@@ -1,0 +1,271 @@
+"""Plans: how settings of one form become a model, or results, without a compilation. Made once for many, and checked against
+compilations."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
+from dataclasses import field
+from functools import partial
+from itertools import count
+from typing import Any, Generic, Protocol, TypeVar
+
+from thingc.base.frozen import dataclass
+from thingc.base.units import Quantity
+from thingc.batch.plans.part_exchange import Exchange, Exchanged
+from thingc.batch.plans.program import Run, compiled
+from thingc.batch.plans.tape import Traced
+from thingc.batch.plans.trace_compilation import NotTraceable, Rehearsal, pinned
+from thingc.documents.expressions.value_text import text_of
+from thingc.driver.settings import Read, SettingsReader
+
+Made = TypeVar("Made")
+
+Attempt = Callable[[Mapping[str, Quantity], Mapping[str, str]], "tuple[Rehearsal | None, NotTraceable | None]"]
+
+
+class Rehearse(Protocol):
+    """How a compilation is rehearsed."""
+
+    def __call__(self, numbers: Mapping[str, Quantity], texts: Mapping[str, str], *, exact: Collection[str]) -> Rehearsal:
+        """With numbers traced and texts as they are; by numbers that are `exact` parts may be modelled. Raises `NotTraceable`."""
+
+
+MOST = 32
+"""Plans that are kept of one form of settings: those used least lately are given up."""
+PAYS = 32
+"""After so many settings that plans were of, another plan is made for the next that none is of: it takes as long as some compilations."""
+FORMS = 256
+"""How many forms are kept, and about as many plans: when there are more, all are forgotten."""
+SIDES = (1.0, -1.0)
+"""On either side of those that a plan is made for lie settings with which it is compared before it is used, besides these themselves: of a
+number that is at its bound one of them is sound."""
+EXCHANGED = (2, 4)
+"""Which uses of a plan with an exchange are compared with compilations, however rarely others are; the first is of what it was made for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NumericPlan(Generic[Made]):
+    """How numbers of some names become `made`. `fixed` are those of the names that it is of one value of; `run` takes the values of the
+    others, `free`, and, where parts are modelled by some of them, what `exchange` gives of their records."""
+
+    free: tuple[int, ...]
+    fixed: tuple[tuple[int, float], ...]
+    run: Run
+    made: Made
+    exchange: Exchange | None = None
+    _uses: Iterator[int] = field(default_factory=partial(count, 1), init=False, repr=False, compare=False)
+
+    def outputs(self, values: Sequence[float]) -> tuple[float, ...] | None:
+        """What `made` works with, of the values of all names; None where the plan is not of these."""
+        for at, value in self.fixed:
+            if values[at] != value:
+                return None
+        given: Sequence[float] = [values[at] for at in self.free]
+        try:
+            if self.exchange is not None:
+                exchanged = self.exchange.of(given)
+                if exchanged is None:
+                    return None
+                given = (*given, *exchanged.numbers)
+            return self.run(*given)
+        except (ArithmeticError, ValueError):
+            return None
+
+    def exchanged(self, values: Sequence[float]) -> Exchanged | None:
+        """What comes of the records of parts that are modelled by values of which there are outputs; None where none is."""
+        return None if self.exchange is None else self.exchange.of([values[at] for at in self.free])
+
+    def is_due(self, verify: int | None) -> bool:
+        """Whether what the plan gives now, which is counted, should be compared with a compilation: the first is and then one in `verify`
+        (None: the first, the second, the fourth, the eighth ...; 0: none)."""
+        use = next(self._uses)
+        if verify is None:
+            return use & (use - 1) == 0
+        return verify > 0 and (use % verify == 1 % verify or (self.exchange is not None and use in EXCHANGED))
+
+
+class Form(Generic[Made]):
+    """The plans of settings of the same names and the same texts. `why` says in words of each name that is not followed why that is so,
+    `modelled` of each name that is followed which part is modelled by it; `refused` why there is no plan at all. A plan is made for the
+    settings that are the `patience`-th (a power of two) of which none is."""
+
+    def __init__(self, patience: int = 2) -> None:
+        self.patience = patience
+        self.plans: list[NumericPlan[Made]] = []
+        self.why: dict[str, str] = {}
+        self.modelled: dict[str, str] = {}
+        self.refused: str | None = None
+        self.missed = self.met = 0
+        self._seen: dict[tuple[float, ...], int] = {}
+
+    def plan_for(self, read: Read) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
+        """The plan that is of these settings, and what it works with."""
+        for number, plan in enumerate(self.plans):
+            outputs = plan.outputs(read.values)
+            if outputs is not None:
+                self.met += 1
+                if number:
+                    self.plans.insert(0, self.plans.pop(number))
+                return plan, outputs
+        return None
+
+    def worth_it(self, read: Read) -> bool:
+        """Whether a plan should be made for settings that none is of, which takes as long as some compilations: not for those that come
+        once, and a number that is modelled is often never the same again."""
+        if self.refused is not None:
+            return False
+        if not self.why:
+            self.missed, self.met = (self.patience, 0) if self.met >= PAYS else (self.missed + 1, self.met)
+            return self.missed >= self.patience and self.missed & (self.missed - 1) == 0
+        held = tuple(value for name, value in zip(read.names, read.values) if name in self.why)
+        if len(self._seen) > 1000:
+            self._seen.clear()
+        self._seen[held] = seen = self._seen.get(held, 0) + 1
+        return len(self.why) < len(read.names) and seen >= self.patience and seen & (seen - 1) == 0
+
+    def planned(self, read: Read, make: Callable[[], NumericPlan[Made] | None]) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
+        """`plan_for`; where there is none a plan is made, if that is `worth_it`."""
+        known = self.plan_for(read)
+        if known is not None or not self.worth_it(read):
+            return known
+        plan = make()
+        if plan is None:
+            return None
+        self.plans = [plan, *self.plans[: MOST - 1]]
+        return self.plan_for(read)
+
+    def give_up(self, names: Collection[str], why: str) -> None:
+        """Follow some names no longer; of none, nothing at all."""
+        self.why.update((name, f"{self.modelled[name]}, and {why}" if name in self.modelled else why) for name in names)
+        if not names:
+            self.refused = why
+
+    def wrong(self, why: str) -> None:
+        """A plan gave something else than a compilation: none is used from now on."""
+        self.plans, self.refused = [], why
+
+
+class Forms(Generic[Made]):
+    """What is known of settings, by their names and texts; `patience` as a `Form` has it."""
+
+    def __init__(self, patience: int = 2) -> None:
+        self._patience = patience
+        self.kept: dict[Hashable, Form[Made]] = {}
+
+    def of(self, read: Read) -> Form[Made]:
+        """What is known of settings of these names and texts."""
+        key = (read.names, read.texts)
+        if key not in self.kept:
+            if len(self.kept) >= FORMS or sum(len(form.plans) for form in self.kept.values()) >= FORMS:
+                self.kept.clear()
+            self.kept[key] = Form(self._patience)
+        return self.kept[key]
+
+
+class Varying:
+    """Values by name, of which some are numbers that differ: `outputs`, traced."""
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        self.outputs = [value for value in values.values() if isinstance(value, Traced)]
+        self._names = [name for name, value in values.items() if isinstance(value, Traced)]
+        self._all = {name: None if isinstance(value, Traced) else value for name, value in values.items()}
+
+    def of(self, outputs: Sequence[float]) -> dict[str, Any]:
+        """The values, with these in the place of `outputs`."""
+        return {**self._all, **dict(zip(self._names, outputs, strict=True))}
+
+
+def make(
+    read: Read, reader: SettingsReader, rehearse: Rehearse,
+    finish: Callable[[Rehearsal, Exchange | None], tuple[Sequence[Any], Made]], form: Form[Made],
+    exchanged: Callable[[Rehearsal], Exchange] | None = None,
+) -> NumericPlan[Made] | None:
+    """A plan for these settings; None, and the reason in `form`, where there is none. `finish` makes of a rehearsal what a plan needs, and
+    the numbers that this works with. `exchanged` makes of one by whose numbers parts are modelled what gives the records of others; None:
+    such numbers are not followed."""
+    while form.refused is None:
+        free = [name for name in read.names if name not in form.why]
+        if not free:
+            form.refused = "none of the numbers is followed"
+            break
+        rehearsal = _rehearsed(read, reader, rehearse, form, exchanging=exchanged is not None)
+        if rehearsal is None:  # less is followed now
+            continue
+        exchange = exchanged(rehearsal) if exchanged is not None and rehearsal.parts is not None else None
+        try:
+            outputs, made = finish(rehearsal, exchange)
+        except NotTraceable as fault:
+            form.give_up(fault.names, fault.why)
+            continue
+        return NumericPlan(
+            free=tuple(read.names.index(name) for name in free),
+            fixed=tuple((at, read.values[at]) for at, name in enumerate(read.names) if name in form.why),
+            run=compiled(rehearsal.tape, outputs), made=made, exchange=exchange,
+        )
+    return None
+
+
+def _rehearsed(read: Read, reader: SettingsReader, rehearse: Rehearse, form: Form[Any], *, exchanging: bool) -> Rehearsal | None:
+    """A rehearsal with the numbers that `form` does not give up; None where it knows better now what to do with them."""
+    quantities = reader.quantities(read)
+    free = {name: quantities[name] for name in read.names if name not in form.why}
+    texts = {**dict(read.texts), **{name: text_of(quantities[name]) for name in read.names if name in form.why}}
+    exact = [name for name in free if name in form.modelled]
+    near = {name: one if name in exact else _near(one, random.Random(name)) for name, one in free.items()}
+    attempt = partial(_attempt, partial(rehearse, exact=exact))
+    rehearsal, fault = attempt(near, texts)
+    if fault is not None:
+        rehearsal, other = attempt(free, texts)
+        fault = fault if other is not None and other.unused else other  # nobody asks for what the document says already
+    if fault is not None:
+        named = [name for name in fault.names if name in free]
+        if fault.modelled and exchanging and (new := [name for name in named if name not in exact]):
+            form.modelled.update(dict.fromkeys(new, fault.why))
+        else:
+            form.give_up(named or exact or _culprits(attempt, near, texts), fault.why)
+        return None
+    assert rehearsal is not None
+    if known := pinned(rehearsal):
+        form.give_up(known, "a pass wants to know the very value")
+        return None
+    return rehearsal
+
+
+def samples(read: Read, reader: SettingsReader, form: Form[Any]) -> list[Read]:
+    """Settings by which a plan is judged: these, first, and some near them, for which no other part is modelled."""
+    settings = [read]
+    for side in SIDES:
+        source = random.Random(0)
+        quantities = reader.quantities(read)
+        values = [
+            read.values[at] if name in form.why or name in form.modelled else _near(quantities[name], source, side).value
+            for at, name in enumerate(read.names)
+        ]
+        settings.append(Read(names=read.names, values=tuple(values), texts=read.texts))
+    return list(dict.fromkeys(settings))
+
+
+def _attempt(
+    rehearse: Callable[[Mapping[str, Quantity], Mapping[str, str]], Rehearsal], numbers: Mapping[str, Quantity], texts: Mapping[str, str],
+) -> tuple[Rehearsal | None, NotTraceable | None]:
+    try:
+        return rehearse(numbers, texts), None
+    except NotTraceable as fault:
+        return None, fault
+
+
+def _culprits(attempt: Attempt, numbers: Mapping[str, Quantity], texts: Mapping[str, str]) -> list[str]:
+    """Those of several numbers that cannot be followed by themselves."""
+    if len(numbers) == 1:
+        return list(numbers)
+    alone = {
+        name: {**texts, **{other: text_of(one) for other, one in numbers.items() if other != name}} for name in numbers
+    }
+    return [name for name, others in alone.items() if attempt({name: numbers[name]}, others)[0] is None]
+
+
+def _near(quantity: Quantity, source: random.Random, side: float = 1.0) -> Quantity:
+    """A number beside another, which is nothing in particular; beside 0 one above it, for there is much that may not be below."""
+    share = side * source.uniform(-1e-3, 1e-3)
+    return Quantity(quantity.value * (1.0 + share) if quantity.value else abs(share), quantity.dimension)

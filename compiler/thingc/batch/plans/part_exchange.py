@@ -1,0 +1,289 @@
+"""Parts that are modelled by numbers on a tape: their definitions are worked out by a tape, their records are asked for, and what a record
+says is put in the place of what the first one said.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.frozen import dataclass
+from thingc.batch.plans.program import compiled
+from thingc.batch.plans.tape import Tape, Traced, value_of
+from thingc.geometry.print_slices import Slicing
+from thingc.geometry.record import Expectation, Mesh, MountRecord, PartDefinition, PartRecord, PartSchema
+from thingc.targets.artifact import Stored
+
+if TYPE_CHECKING:
+    from thingc.geometry.part_source import PartAnswers
+
+KEPT = 512
+"""How many records of a plan are kept at hand."""
+
+_PLAIN = (0.0, 1.0, -1.0)
+"""Numbers that are the same in every record that a plan is of: most of those in rotations, and they decide much."""
+_MEASURED = frozenset(("volume", "area", "centre", "inertia", "box", "fits", "slices"))
+"""Fields of which this is not so: that such a number is 0, or an axis of what fits round a part x, is a chance."""
+_ASIDE = frozenset(("text", "bom", "brep", "code", "slices"))
+"""Fields of a record from which nothing follows of a model or of what is said, or that are looked at later."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exchanged:
+    """What comes of the records of some parameters: their numbers, in the order in which they stand there, the names of their meshes that
+    a model names, and all of its meshes by file."""
+
+    numbers: tuple[float, ...]
+    names: tuple[str, ...]
+    assets: Mapping[str, Stored]
+
+
+class TracedParts:
+    """Who answers for parts in a rehearsal. Of definitions with traced numbers the record is that of the values which these have, its own
+    numbers are new variables, and its meshes are known by tokens. `allowed` says of which traced numbers parts may be modelled; raises
+    `Modelled` for others. `before` is the tape as it was then; None where there is no such definition."""
+
+    def __init__(self, parts: PartAnswers, allowed: Callable[[Traced], bool]) -> None:
+        self._parts = parts
+        self._allowed = allowed
+        self.definitions: tuple[PartDefinition, ...] = ()
+        self.convex: Collection[str] = ()
+        self.slicings: dict[str, Collection[Slicing]] = {}
+        self.expected: list[str] = []
+        self.before: Tape | None = None
+        self._records: dict[str, PartRecord] = {}
+        self._walk = _Walk((), float)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._parts, name)
+
+    def realize(self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None, **named: Any) -> Any:
+        """As a geometry service does; once. Nobody is told how parts will be sliced: that may go by traced numbers."""
+        traced = [one for one in definitions if _numbers_of(one)]
+        for one in traced:
+            for number in _numbers_of(one):
+                if not self._allowed(number):
+                    raise Modelled(one.label, number)
+        records = self._parts.realize([_plain(one) for one in definitions], convex=convex, **named)
+        if not traced:
+            return records
+        self.definitions, self.convex = tuple(definitions), convex
+        numbers = self.parameters
+        tape = numbers[0].tape
+        self.before = tape.copy()
+        self._walk = _Walk([one.text for one in definitions], lambda value: tape.variable(value, numbers))
+        answers = dict(records)
+        others = [records[one.text] for one in definitions if not _numbers_of(one)]
+        self.expected = [one.text for record in others if isinstance(record, PartRecord) for one in record.expectations]
+        for one in traced:
+            record = records[one.text]
+            if not isinstance(record, PartRecord):
+                raise Modelled(one.label, _numbers_of(one)[0])
+            if one.text not in self._records:
+                self._records[one.text] = record
+                answers[one.text] = self._walk.through(record)
+        return answers
+
+    @property
+    def likeness(self) -> tuple[Hashable, ...]:
+        """What records have in common that a plan is of."""
+        return tuple(self._walk.rest)
+
+    @property
+    def parameters(self) -> list[Traced]:
+        """The traced numbers of the definitions, in their order."""
+        return [number for one in self.definitions for number in _numbers_of(one)]
+
+    def slice(self, definitions: Sequence[PartDefinition], records: Any, slicings: Mapping[str, Collection[Slicing]]) -> Any:
+        """As a geometry service does."""
+        for one in definitions:
+            for slicing in slicings.get(one.text, ()):
+                for value in (*slicing.up, *(getattr(slicing, name.name) for name in fields(slicing))):
+                    if isinstance(value, Traced):
+                        raise Modelled(one.label, value)
+        answers = self._parts.slice([_plain(one) for one in definitions], {**records, **self._records}, slicings)
+        self.slicings = {text: slicings[text] for text in self._records if text in slicings}
+        made = {}
+        for one in (one for one in definitions if one.text in self._records and one.text not in made):
+            record = answers[one.text]
+            if not isinstance(record, PartRecord):
+                raise Modelled(one.label, _numbers_of(one)[0])
+            made[one.text] = replace(records[one.text], slices=self._walk.slices(record))
+        return {**answers, **made}
+
+
+class Modelled(Exception):
+    """A part is modelled by a traced number."""
+
+    def __init__(self, label: str, number: Traced) -> None:
+        super().__init__(label)
+        self.label = label
+        self.number = number
+
+
+class Exchange:
+    """The records of a plan. `rehearsed` are the parts of its rehearsal, `parts` answers for others, and `assets` are the meshes that the
+    model of the rehearsal names. `names` are those whose place others take."""
+
+    def __init__(self, rehearsed: TracedParts, parts: PartAnswers, assets: Mapping[str, Stored]) -> None:
+        assert rehearsed.before is not None
+        self._parts = parts
+        self._run = compiled(rehearsed.before, rehearsed.parameters)
+        self._schemas = parts.describe([one.reference for one in rehearsed.definitions if _numbers_of(one)])
+        self._definitions = rehearsed.definitions
+        self._convex = [one.text in rehearsed.convex for one in rehearsed.definitions]
+        self._slicings = [rehearsed.slicings.get(one.text, ()) for one in rehearsed.definitions]
+        self._expected = rehearsed.expected
+        self._pattern = self._pattern_of(rehearsed.definitions)
+        self._likeness = rehearsed.likeness
+        self._others = {file: stored for file, stored in assets.items() if not stored.sha256.startswith(TOKEN)}
+        stems = {text: one.stem for text, one in self._traced(rehearsed.definitions).items()}
+        order = list(stems)
+        self.names: list[str] = []
+        self._named: list[tuple[int, int, str]] = []
+        for file, stored in assets.items():
+            if stored.sha256.startswith(TOKEN):
+                record, mesh = map(int, stored.sha256.removeprefix(TOKEN).split(":"))
+                name = file.rpartition(".")[0]
+                self.names.append(name)
+                self._named.append((record, mesh, name.removeprefix(stems[order[record]])))
+        self._kept: OrderedDict[tuple[float, ...], Exchanged | None] = OrderedDict()
+
+    def of(self, values: Sequence[float]) -> Exchanged | None:
+        """What comes of the records, of the values of the variables; None where the plan is not of these. What is not in the store is
+        modelled."""
+        given = self._run(*values)
+        if given is None:
+            return None
+        if given not in self._kept:
+            self._kept[given] = self._found(given)
+            if len(self._kept) > KEPT:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(given)
+        return self._kept[given]
+
+    def _traced(self, definitions: Sequence[PartDefinition]) -> dict[str, PartDefinition]:
+        """Those of definitions that stand where traced ones do, once each."""
+        return {one.text: one for one, rehearsed in zip(definitions, self._definitions, strict=True) if _numbers_of(rehearsed)}
+
+    def _pattern_of(self, definitions: Sequence[PartDefinition]) -> list[int]:
+        """Which definitions are equal, and which are those that other parts are cut for: of each text the place of the first like it."""
+        first: dict[str, int] = {}
+        return [first.setdefault(text, place) for place, text in enumerate((*(one.text for one in definitions), *self._expected))]
+
+    def _found(self, given: tuple[float, ...]) -> Exchanged | None:
+        numbers = iter(given)
+        definitions = [self._made(one, numbers) if _numbers_of(one) else one for one in self._definitions]
+        if self._pattern_of(definitions) != self._pattern:
+            return None
+        traced, texts = self._traced(definitions), [one.text for one in definitions]
+        asked = list(traced.values())
+        records = self._parts.realize(asked, convex=[text for text, pieces in zip(texts, self._convex, strict=True) if pieces])
+        if not all(isinstance(one, PartRecord) and one.exact for one in records.values()):
+            return None
+        records = self._parts.slice(asked, records, {
+            text: slicings for text, slicings in zip(texts, self._slicings, strict=True) if text in traced and slicings
+        })
+        modelled = [record for text in traced if isinstance(record := records[text], PartRecord)]
+        if len(modelled) < len(traced):
+            return None
+        walk = _Walk(texts, lambda value: value)
+        for record in modelled:
+            walk.through(record)
+        for record in modelled:
+            walk.slices(record)
+        if tuple(walk.rest) != self._likeness:
+            return None
+        stems = [one.stem for one in traced.values()]
+        names = tuple(stems[record] + suffix for record, _, suffix in self._named)
+        meshes = [walk.meshes[record, mesh] for record, mesh, _ in self._named]
+        own = {f"{name}.obj": Stored(sha256=mesh.sha256, size=mesh.size) for name, mesh in zip(names, meshes, strict=True)}
+        if len({file.casefold() for file in (*own, *self._others)}) < len(names) + len(self._others):
+            return None  # two meshes of one name, which is an error
+        return Exchanged(numbers=tuple(walk.numbers), names=names, assets={**self._others, **own})
+
+    def _made(self, rehearsed: PartDefinition, numbers: Any) -> PartDefinition:
+        """A definition of other numbers."""
+        if rehearsed.plain is not None and rehearsed.mirror is not None:
+            return self._made(rehearsed.plain, numbers).mirrored(rehearsed.mirror)
+        values = {name: next(numbers) if isinstance(value, Traced) else value for name, value in rehearsed.parameters}
+        schema = self._schemas[rehearsed.reference]
+        assert isinstance(schema, PartSchema)
+        return schema.definition(values)
+
+
+TOKEN = "mesh "
+"""What stands before the numbers of a record and of a mesh in it, in the place of the digest of a mesh that differs."""
+
+
+class _Walk:
+    """Goes through records, one after the other, always in the same order: every number is handed to `number`, which gives what stands in
+    its place; `rest` is all else that models follow from. `texts` are those of all definitions, in whose place their numbers stand."""
+
+    def __init__(self, texts: Sequence[str], number: Callable[[float], Any]) -> None:
+        self._texts = list(texts)
+        self._number = number
+        self._record = self._mesh = 0
+        self._plain: Collection[float] = _PLAIN
+        self.numbers: list[Any] = []
+        self.meshes: dict[tuple[int, int], Mesh] = {}
+        self.rest: list[Hashable] = []
+
+    def slices(self, record: PartRecord) -> Any:
+        """What a record holds when it is printed, with other numbers."""
+        return self._in("slices", record)
+
+    def through(self, record: PartRecord) -> PartRecord:
+        """A record, with other numbers and meshes, but for what it holds when it is printed."""
+        known = {one.name: getattr(record, one.name) for one in fields(record) if one.name in _ASIDE}
+        changed = {one.name: self._in(one.name, record) for one in fields(record) if one.name not in known}
+        self._record, self._mesh = self._record + 1, 0
+        return PartRecord(**known, **changed)
+
+    def _in(self, name: str, record: PartRecord) -> Any:
+        """A field of a record, with other numbers."""
+        self._plain = () if name in _MEASURED else _PLAIN
+        return self._of(getattr(record, name))
+
+    def _of(self, value: Any) -> Any:
+        if type(value) is float and value not in self._plain:
+            made = self._number(value)
+            self.numbers.append(made)
+            return made
+        if isinstance(value, Mesh):
+            place = (self._record, self._mesh)
+            self.meshes[place] = value
+            self._mesh += 1
+            self.rest.append((value.closed, value.flat))
+            return replace(value, sha256=f"{TOKEN}{place[0]}:{place[1]}")
+        if isinstance(value, MountRecord):  # what it is meant for is said to people only
+            return replace(value, pose=self._of(value.pose), tolerance=self._of(value.tolerance))
+        if isinstance(value, Expectation):
+            what: Hashable = self._texts.index(value.text) if value.text in self._texts else value.text
+            self.rest.append((value.mount, what, value.child_mount))
+            return value
+        if isinstance(value, Mapping):
+            self.rest.append(tuple(value))
+            return {name: self._of(one) for name, one in value.items()}
+        if isinstance(value, tuple):
+            self.rest.append(len(value))
+            return tuple(self._of(one) for one in value)
+        if is_dataclass(value) and not isinstance(value, type):
+            self.rest.append(type(value))
+            return replace(value, **{one.name: self._of(getattr(value, one.name)) for one in fields(value)})
+        self.rest.append(repr(value))
+        return value
+
+
+def _numbers_of(definition: PartDefinition) -> list[Traced]:
+    """The traced numbers of a definition."""
+    values: Sequence[tuple[str, Any]] = definition.parameters
+    return [value for _, value in values if isinstance(value, Traced)]
+
+
+def _plain(definition: PartDefinition) -> PartDefinition:
+    """A definition with the values of traced numbers."""
+    plain = None if definition.plain is None else _plain(definition.plain)
+    return replace(definition, parameters=tuple((name, value_of(one)) for name, one in definition.parameters), plain=plain)

@@ -1,0 +1,67 @@
+"""What a batch is asked for, from Python or the command line: what cannot be meant is said before anything is begun."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+
+from thingc.base.diagnostics import Code
+from thingc.base.frozen import dataclass
+from thingc.batch import variants_document
+from thingc.batch.arguments import is_number, is_whole
+from thingc.batch.cluster.protocol import Carrier
+from thingc.batch.folder import FOLDERS, PACKED, BatchFault
+from thingc.batch.planning import Plan
+from thingc.documents.workspace import LONGEST
+from thingc.driver.environment import Options
+from thingc.targets.registry import chosen, unknown
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptions:
+    """How a batch is to be run: the first `count` variants, by `jobs` runners or so many chunks at once; all else as of `run`."""
+
+    options: Options
+    jobs: int
+    timeout: float
+    verify: int
+    count: int
+
+
+def check(jobs: int, limit: int | None, timeout: float, verify: int, pictures: int | None, layout: str | None) -> None:
+    """Raises `BatchFault` for what a batch cannot be asked for."""
+    wholes = (("jobs", jobs, 0), ("limit", 1 if limit is None else limit, 1), ("verify", verify, 0), ("pictures", pictures or 0, 0))
+    for name, value, least in wholes:
+        if not is_whole(value, least):
+            raise BatchFault(Code.COMMAND_LINE, f"expected `{name}` to be a whole number of at least {least}, found `{value}`")
+    if not is_number(timeout) or not 0.0 < timeout <= LONGEST:
+        raise BatchFault(Code.COMMAND_LINE, f"expected `timeout` to be some seconds, at most {LONGEST:.0f}, found `{timeout}`")
+    if layout not in (None, FOLDERS, PACKED):
+        raise BatchFault(Code.COMMAND_LINE, f"there is no layout `{layout}`", f"`{FOLDERS}`, `{PACKED}`, or None for either")
+
+
+def check_engine(executor: Executor | None, ship: bool) -> None:
+    """Raises `BatchFault` for an engine that is none, or that cannot carry files where it shall."""
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise BatchFault(Code.COMMAND_LINE, f"expected `executor` to be one of `concurrent.futures`, found `{executor}`")
+    if ship and not isinstance(executor, Carrier):
+        raise BatchFault(
+            Code.COMMAND_LINE, "--ship is for workers of dask, which may share no folder with this machine",
+            "leave it out: jobs of SLURM share the folder that they are submitted from, and runners of this machine are in it",
+        )
+
+
+def _targets(emit: Sequence[str] | str) -> tuple[str, ...]:
+    """The targets that are named, in the order in which a build writes them. Raises `BatchFault` for one that is not there."""
+    words = tuple(map(str, emit)) if isinstance(emit, Iterable) and not isinstance(emit, str) else (str(emit),)
+    for _, message, hint in unknown(words):
+        raise BatchFault(Code.COMMAND_LINE, message, hint)
+    return chosen(words) if words else ()
+
+
+def planned(document: str, options: Options, emit: Sequence[str] | str, layout: str | None) -> Plan:
+    """The plan of a document, with targets and a layout in the place of its own where there are some. Raises `PlanError`, and `BatchFault`
+    for a target that is not there."""
+    targets, plan = _targets(emit), variants_document.plan(document, options=options)
+    return replace(plan, emit=targets or plan.emit, layout=layout or plan.layout)

@@ -1,0 +1,271 @@
+"""One model for a whole batch: what variants have of their own as arrays, to be put into the model in place.
+
+    model, fields = thingc.batch.fields("build/leg_sweep", "standing")
+    thingc.batch.apply(model, fields, 7)         # now it is the model of variant 7
+
+That is possible where variants differ in numbers only: masses, frames, gains, limits, poses. Whether they do is decided by
+comparing their compiled models, every array of each.
+"""
+
+from __future__ import annotations
+
+import copy
+import io
+import os
+import sys
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.diagnostics import shown_path
+from thingc.base.one_line_repr import counted
+from thingc.batch.arguments import is_whole
+from thingc.batch.results import BuiltVariant, Family, FamilyError, load
+
+if TYPE_CHECKING:
+    import mujoco
+    import numpy as np
+
+    Fields = dict[str, np.ndarray[Any, np.dtype[Any]]]
+
+
+def _of(kind: str, names: str) -> frozenset[str]:
+    return frozenset(f"{kind}_{name}" for name in names.split())
+
+
+NUMBERS = (
+    _of("body", "pos quat ipos iquat mass inertia subtreemass invweight0 gravcomp margin user")
+    | _of("jnt", "pos axis stiffness stiffnesspoly range actfrcrange margin solref solimp user")
+    | _of("dof", "armature damping dampingpoly frictionloss invweight0 M0 length solref solimp")
+    | _of("geom", "pos quat size aabb rbound friction margin gap adhesion surfacevel solmix solref solimp fluid rgba user")
+    | _of("site", "pos quat size rgba user")
+    | _of("cam", "pos quat pos0 poscom0 mat0 fovy ipd intrinsic sensorsize user")
+    | _of("light", "pos dir pos0 poscom0 dir0 attenuation cutoff exponent ambient diffuse specular range bulbradius intensity")
+    | _of("pair", "friction margin gap adhesion solref solreffriction solimp")
+    | _of("eq", "data solref solimp")
+    | _of("tendon", "armature damping dampingpoly stiffness stiffnesspoly frictionloss invweight0 length0 lengthspring range")
+    | _of("tendon", "actfrcrange margin rgba solref_fri solref_lim solimp_fri solimp_lim width user")
+    | _of("wrap", "prm")
+    | _of("actuator", "acc0 actrange armature biasprm cranklength ctrlrange damping dampingpoly dynprm forcerange gainprm gear length0")
+    | _of("actuator", "lengthrange user")
+    | _of("sensor", "cutoff noise user")
+    | _of("key", "time qpos qvel act ctrl mpos mquat")
+    | _of("mat", "rgba emission metallic reflectance roughness shininess specular")
+    | {"qpos0", "qpos_spring", "numeric_data", "efm0_L"}
+)
+"""Arrays of numbers that a simulation reads afresh at every step, or that the compiler worked out of such numbers."""
+
+SHORTCUTS = frozenset(("body_sameframe", "geom_sameframe", "site_sameframe", "bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid"))
+"""Arrays that follow from the frames and only make MuJoCo faster: they go with them."""
+
+LEADING = frozenset(("bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid"))
+"""Arrays whose rows for the bodies come first; those for meshes, many more, never change and are left out."""
+
+OPTIONS = (
+    "opt.timestep", "opt.gravity", "opt.wind", "opt.density", "opt.viscosity", "opt.magnetic", "opt.tolerance", "opt.impratio",
+    "stat.center", "stat.extent", "stat.meaninertia", "stat.meanmass", "stat.meansize",
+)
+"""Numbers of the whole model."""
+
+FIXED_OPTIONS = ("integrator", "cone", "solver", "jacobian", "iterations", "disableflags", "enableflags", "disableactuator")
+"""Options that say how MuJoCo works it out."""
+
+_FOLLOW = frozenset(("narena", "nbuffer", "nnames_map", "signature"))
+"""Sizes that follow from others."""
+
+_KINDS = {
+    "body": ("body", "body", "nbody"), "jnt": ("joint", "joint", "njnt"), "geom": ("geom", "geom", "ngeom"),
+    "site": ("site", "site", "nsite"), "cam": ("camera", "cam", "ncam"), "light": ("light", "light", "nlight"),
+    "mesh": ("mesh", "mesh", "nmesh"), "mat": ("material", "mat", "nmat"), "pair": ("pair", "pair", "npair"),
+    "eq": ("equality", "eq", "neq"), "tendon": ("tendon", "tendon", "ntendon"), "actuator": ("actuator", "actuator", "nu"),
+    "sensor": ("sensor", "sensor", "nsensor"), "key": ("keyframe", "key", "nkey"),
+}
+"""What the rows of arrays are, by what their names begin with: the word for one, `MjModel`'s accessor, the size that counts them."""
+
+
+class NotInPlace(FamilyError):
+    """Variants that one model cannot stand for: `field` is what it would have to change."""
+
+    def __init__(self, field: str, message: str) -> None:
+        super().__init__(f"{message}; use the models themselves: `thingc.batch.load`")
+        self.field = field
+
+
+def fields(source: str | os.PathLike[str] | Family, mode: str | None = None, *, scene: bool = False) -> tuple[mujoco.MjModel, Fields]:
+    """The model of the first variant, and what differs: by the name of the field of `MjModel` (`body_mass`; `opt.gravity` for an
+    option) an array (n_variants, *shape of the field), in the order of the family.
+
+    `source` is a batch's folder or a family that was loaded from one; `mode` and `scene` as `BuiltVariant.model` takes them.
+    Each variant's model is made once and forgotten. Raises `NotInPlace` where models differ in anything else, and
+    `FamilyError` for a batch without variants.
+    """
+    import numpy as np
+
+    family = _family(source)
+    models = family.models(mode=mode, scene=scene, share=True)
+    model = last = copy.copy(next(models))
+    base = _numbers(model)
+    own: list[Fields] = [{}]
+    for variant, other in zip(family[1:], models, strict=True):
+        if other is not last:
+            _same_structure(model, other, family[0], variant)
+            last = other
+        numbers = _numbers(other)
+        own.append({name: np.array(value) for name, value in numbers.items() if not _equal(base[name], value)})
+    names = [name for name in base if any(name in one for one in own)]
+    stacked = {name: np.stack([np.asarray(one.get(name, base[name])) for one in own]) for name in names}
+    return model, {name: _leading(value) if name in LEADING else value for name, value in stacked.items()}
+
+
+def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
+    """Make `model` that of the variant at place `index`. An `MjData` of it goes on being usable.
+
+    Raises `FamilyError` for a place that is not there, and for fields of another model; then nothing is changed.
+    """
+    count = min(map(len, fields.values()), default=sys.maxsize)
+    if not is_whole(index, 0) or index >= count:
+        raise FamilyError(f"there are fields for {counted(count, 'variant')}, and none for place {index}")
+    for name, values in fields.items():
+        owner, field = _place(model, name)
+        here = getattr(owner, field, None)
+        rows = values.shape[1:2] if name in LEADING else ()
+        if here is None or values.shape[1:] != (*rows, *getattr(here, "shape", ())[len(rows):]):
+            raise FamilyError(f"the field `{name}` is not that of this model: they belong to different batches")
+    for name, values in fields.items():
+        owner, field = _place(model, name)
+        here = getattr(owner, field)
+        if getattr(here, "ndim", 0) == 0:
+            setattr(owner, field, values[index].item())
+        elif name in LEADING:
+            here[: values.shape[1]] = values[index]
+        else:
+            here[:] = values[index]
+
+
+def write(source: str | os.PathLike[str] | Family, path: str | os.PathLike[str], mode: str | None = None, *, scene: bool = False) -> str:
+    """Write the fields to `path` (`legs.npz`: an array for each field, and `id`, the variants' ids) and the model beside it
+    (`legs.mjz`, its meshes in it); returns the path of the model. The same batch gives the same bytes.
+
+    Raises as `fields` does, and `OSError` where the system refuses.
+    """
+    import numpy as np
+
+    from thingc.base.zip_files import MODEL, zipped
+
+    target = os.fsdecode(path)
+    if not target.endswith(".npz"):
+        raise FamilyError(f"expected a file that ends in `.npz`, found `{shown_path(target)}`")
+    family = _family(source)
+    _, differing = fields(family, mode, scene=scene)
+    text, files = family[0].sources(mode, scene=scene)
+    robot = f"{family.robot}_{family.chosen(mode)}.xml"
+    contents = {MODEL: text, **{name if name == robot else f"assets/{name}": data for name, data in files.items()}}
+    arrays: dict[str, bytes] = {}
+    for name, array in {"id": np.array([variant.id for variant in family]), **differing}.items():
+        stream = io.BytesIO()
+        np.lib.format.write_array(stream, np.ascontiguousarray(array), allow_pickle=False)
+        arrays[f"{name}.npy"] = stream.getvalue()
+    model = f"{target.removesuffix('.npz')}.mjz"
+    for place, entries in ((model, contents), (target, arrays)):
+        with open(f"{place}.new", "wb") as file:
+            file.write(zipped(entries))
+    os.replace(f"{model}.new", model)
+    os.replace(f"{target}.new", target)
+    return model
+
+
+def _family(source: str | os.PathLike[str] | Family) -> Family:
+    family = source if isinstance(source, Family) else load(source)
+    if not len(family):
+        raise FamilyError(f"batch `{family.name}` has no built variant here: there is no model to begin with")
+    return family
+
+
+def _place(model: mujoco.MjModel, name: str) -> tuple[Any, str]:
+    """The structure that a field stands in, and its name there."""
+    owner, _, field = name.rpartition(".")
+    return (getattr(model, owner) if owner else model), field
+
+
+def _numbers(model: mujoco.MjModel) -> dict[str, Any]:
+    """Everything that may differ, by name; views of the model. Arrays that this version of MuJoCo has not are left out."""
+    names = [*sorted(NUMBERS | SHORTCUTS), *OPTIONS]
+    numbers = {name: getattr(*_place(model, name), None) for name in names}
+    return {name: value for name, value in numbers.items() if value is not None}
+
+
+def _equal(a: Any, b: Any) -> bool:
+    import numpy as np
+
+    return np.asarray(a).tobytes() == np.asarray(b).tobytes()  # NaN equals NaN, and 0 is not -0
+
+
+def _leading(values: Any) -> Any:
+    """The rows up to the last one that changes."""
+    changes = (values != values[:1]).reshape(*values.shape[:2], -1).any(axis=(0, 2))
+    return values[:, : int(changes.nonzero()[0].max()) + 1]
+
+
+def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVariant) -> None:
+    """Raises `NotInPlace` where the two models differ in anything that is not in the tables above."""
+    import numpy as np
+
+    both = f"in `{first.name}` and `{second.name}`"
+    here, there = _names(model), _names(other)
+    for kind, _, count in _KINDS.values():
+        if here[kind] != there[kind]:
+            only = [name for name in (*here[kind], *there[kind]) if (name in here[kind]) != (name in there[kind])]
+            which = f"`{only[0]}` is in one of them only" if only else "they stand in another order"
+            raise NotInPlace(count, f"there are not the same elements of kind `{kind}` {both}: {which}")
+    members = [name for name in dir(model) if not name.startswith("_") and name not in _FOLLOW]
+    arrays = [name for name in members if isinstance(getattr(model, name), np.ndarray)]
+    meshes = [name for name in arrays if name.startswith("mesh_")]
+    _same_meshes(model, other, meshes, both)
+    for name in members:
+        a, b = getattr(model, name), getattr(other, name)
+        if isinstance(a, int | bytes) and a != b:
+            shown = f": {a} and {b}" if isinstance(a, int) else ""
+            raise NotInPlace(name, f"`{name}` differs {both}{shown}")
+    for name in arrays:
+        if name in NUMBERS or name in SHORTCUTS:
+            continue
+        a, b = getattr(model, name), getattr(other, name)
+        if not _equal(a, b):
+            raise NotInPlace(name, f"`{name}` differs {both}{_where(model, name, a, b)}, and it cannot be changed in place")
+    for option in FIXED_OPTIONS:
+        if getattr(model.opt, option) != getattr(other.opt, option):
+            raise NotInPlace(f"opt.{option}", f"the option `{option}` differs {both}, and it cannot be changed in place")
+
+
+def _same_meshes(model: Any, other: Any, arrays: Iterable[str], both: str) -> None:
+    """Raises `NotInPlace` with the first mesh that is another one in the other model."""
+    if all(_equal(getattr(model, name), getattr(other, name)) for name in arrays):
+        return
+    for k in range(model.nmesh):
+        slices = [slice(one.mesh_vertadr[k], one.mesh_vertadr[k] + one.mesh_vertnum[k]) for one in (model, other)]
+        if not _equal(model.mesh_vert[slices[0]], other.mesh_vert[slices[1]]):
+            message = f"the mesh `{model.mesh(k).name}` has another shape {both}, and meshes cannot be changed in place"
+            raise NotInPlace("mesh_vert", message)
+    raise NotInPlace("mesh_face", f"meshes differ {both}, and cannot be changed in place")
+
+
+def _names(model: Any) -> dict[str, list[str]]:
+    """The names of all elements by kind."""
+    return {
+        word: [getattr(model, accessor)(k).name for k in range(getattr(model, count))] for word, accessor, count in _KINDS.values()
+    }
+
+
+def _where(model: Any, name: str, a: Any, b: Any) -> str:
+    """Whose entry of an array is the first to differ, and how; empty where nothing has a name for it."""
+    import numpy as np
+
+    kind = name.partition("_")[0]
+    if a.shape != b.shape or not (kind == "dof" or kind in _KINDS):
+        return ""
+    row = int(np.argwhere(np.asarray(a != b).reshape(len(a), -1).any(axis=1))[0][0])
+    if kind == "dof":
+        kind, owner = "jnt", int(model.dof_jntid[row])
+    else:
+        owner = row
+    word, accessor, _ = _KINDS[kind]
+    return f" ({word} `{getattr(model, accessor)(owner).name}`: {a[row]} and {b[row]})"

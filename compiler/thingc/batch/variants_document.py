@@ -1,0 +1,376 @@
+"""Reading a `variants/1` document against its assembly: every key checked at its place, everything wrong said at once."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping
+
+from thingc.base.diagnostics import Code, Diagnostic, Note, Report, Severity
+from thingc.base.source import SET, Document, Path, ScalarNode, closest, dotted, node_at
+from thingc.batch import by_path
+from thingc.batch.axes import MOST_VALUES, Axis, ValueReader
+from thingc.batch.planning import OUTSIDE, Plan, PlanError, Setting, moved
+from thingc.batch.requested_outputs import check_margin, check_names, moving_joints, targets_of
+from thingc.batch.rules import read_rules
+from thingc.batch.values import unit_in
+from thingc.documents.expressions.evaluation import ExpressionValue
+from thingc.documents.load.documents import load
+from thingc.documents.load.paths import find_assembly
+from thingc.documents.spec.assembly import AssemblySpec
+from thingc.documents.spec.settable_values import stated_choices
+from thingc.documents.spec.validation import validate_one
+from thingc.documents.spec.variants import AxisSpec, Method, VariantsSpec
+from thingc.documents.workspace import Workspace
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Lend, Options
+from thingc.model.resolve.parameters import AssemblyParameters
+from thingc.model.resolve.sources import Settings, Sources
+
+MOST = 1_000_000
+"""Variants of one document, drawn or of the grid."""
+
+
+def plan(document: str, *, options: Options | None = None) -> Plan:
+    """The plan of a `variants/1` document. Raises `PlanError` with every diagnostic; geometry is looked at by nobody.
+
+    `options` name the store and how parts are described.
+    """
+    report = Report()
+    planned = read_plan(document, options or Options(), report)
+    if planned is None or report.failed:
+        raise PlanError(report.ordered())
+    return planned
+
+
+def read_plan(path: str, options: Options, report: Report, lend: Lend | None = None) -> Plan | None:
+    """The plan of the document at `path`; None where it has errors, which are all in `report`. `lend` gives who answers for parts, as to an
+    `Environment`."""
+    workspace = Workspace.find(path, report, options.texts)
+    documents = load(path, workspace, report, kinds=("variants",), texts=options.texts) if workspace is not None else None
+    if workspace is None or documents is None:
+        return None
+    document = documents.root
+    spec = validate_one(document, report)
+    if not isinstance(spec, VariantsSpec):
+        return None
+    assembly = find_assembly(
+        spec.assembly, beside=document.path, where=document.span(("assembly",)), workspace=workspace, report=report,
+    )
+    if assembly is None:
+        return None
+    with Environment(assembly, options, lend) as environment:
+        sources = pipeline.read(environment)
+        report.diagnostics.extend(environment.report.diagnostics)
+        return _Planner(document, spec, environment, sources, report).plan() if sources is not None else None
+
+
+class _Planner:
+    """One document on its way to a plan."""
+
+    def __init__(
+        self, document: Document, spec: VariantsSpec, environment: Environment, sources: Sources, report: Report,
+    ) -> None:
+        self.document = document
+        self.spec = spec
+        self.environment = environment
+        self.sources = sources
+        self.workspace = sources.workspace
+        self.report = report
+        self.said: set[tuple[str, str]] = set()
+        self.tried: dict[tuple[tuple[str, str], ...], list[Diagnostic]] = {}
+        self.beside: dict[str, str] = {}
+        """What is set beside the values of the variant that is being read."""
+
+    def plan(self) -> Plan | None:
+        root = self.sources.documents.root
+        assembly = self.sources.specs.get(root.relative)
+        model = pipeline.model(self.environment, self.sources, Settings(), self.report)
+        if not isinstance(assembly, AssemblySpec) or model is None:
+            return None
+        if not self.grid_fits():
+            return None
+        declared = AssemblyParameters(self.sources.documents, self.sources.specs, self.workspace)
+        own = declared.values
+        paths = by_path.read(self.spec, self.sources.documents, own)
+        reader = ValueReader(self.document, declared, self.report, paths, self.fits)
+        axes, parameters = self.parameters(reader)
+        choice_axes, choices = self.choices(root.relative)
+        fixed = Setting(name=None, parameters=parameters, choices=choices)
+        listed = self.listed(reader, fixed, root.relative)
+        method, drawn, seed = self.sample(reader)
+        ranges = [reader.range(name, raw) for name, raw in (self.spec.sample.ranges if self.spec.sample else {}).items()]
+        drawn_axes = [axis for axis in ranges if axis is not None]
+        rules = read_rules(
+            self.document, self.spec.keep, {**own, **paths.kinds}, [name.replace("/", ".") for name in moving_joints(model)],
+            reach=self.spec.reach is not None, report=self.report,
+        )
+        emit = targets_of(self.document, self.spec, self.report)
+        check_names(self.document, self.spec, model, self.report)
+        check_margin(self.document, self.spec, model, rules, self.report)
+        if self.report.failed:
+            return None
+        return Plan(
+            document=self.document.path, relative=self.document.relative, sha256=self.document.sha256,
+            name=self.spec.name, assembly=root.path,
+            assembly_relative=root.relative, assembly_spec=assembly, model=model, workspace=self.workspace, own=own, paths=paths,
+            written_in=dict(self.units((*own, *paths.kinds))),
+            own_choices=stated_choices(assembly), fixed=fixed, listed=listed,
+            axes=(*drawn_axes, *axes, *choice_axes), method=method, drawn=drawn, seed=seed, rules=tuple(rules),
+            modes=tuple(self.spec.modes or (mode.name for mode in model.modes)), chosen_modes=tuple(self.spec.modes),
+            pose=self.spec.pose, reach=(self.spec.reach.of, self.spec.reach.from_) if self.spec.reach is not None else None,
+            emit=emit, inputs=self.inputs(), layout=self.spec.layout, notes=tuple(self.report.ordered()),
+        )
+
+    # --- what changes ---------------------------------------------------------------------------------------------
+
+    def parameters(self, reader: ValueReader) -> tuple[list[Axis], dict[str, ExpressionValue]]:
+        """The axes of parameters, and the values that hold for all variants."""
+        axes: list[Axis] = []
+        fixed: dict[str, ExpressionValue] = {}
+        for name, raw in self.spec.parameters.items():
+            axis = reader.axis(name, raw)
+            if axis is not None and len(axis.values) == 1:
+                fixed[name] = axis.values[0]
+            elif axis is not None:
+                axes.append(axis)
+        return axes, fixed
+
+    def units(self, names: Iterable[str]) -> Iterator[tuple[str, str]]:
+        """The unit in which a parameter, or what stands at a path, is written: in this document, else in the assembly."""
+        root = self.sources.documents.root
+        for name in names:
+            own = ("parameters", name) if "." not in name else tuple(name.split("."))
+            axis = ("parameters", name)
+            places: tuple[tuple[Document, Path], ...] = (
+                (self.document, axis), (self.document, (*axis, 0)), (self.document, (*axis, "from")),
+                (self.document, ("sample", "ranges", name, 0)), (root, own), (root, (*own, "value")),
+            )
+            texts = (node.text for document, path in places if isinstance(node := node_at(document.tree, path), ScalarNode))
+            unit = next((unit for text in texts if (unit := unit_in(text))), "")
+            if unit:
+                yield name, unit
+
+    def choices(self, root: str) -> tuple[list[Axis], dict[str, str]]:
+        """The axes of choices, and what is chosen for all variants."""
+        axes: list[Axis] = []
+        fixed: dict[str, str] = {}
+        for path, raw in self.spec.choices.items():
+            texts: dict[str, Path] = {}
+            missing = False
+            for index, text in enumerate(raw if isinstance(raw, list) else [raw]):
+                at: Path = ("choices", path, index) if isinstance(raw, list) else ("choices", path)
+                if _key(path) != "assembly" or self.there(text, at):
+                    texts[self.named(path, text, root)] = at
+                else:
+                    missing = True
+            if not texts and not missing:
+                self.error(Code.VARIANT_CHOICE, f"`{path}` has nothing to choose from", ("choices", path), "write at least one")
+                continue
+            sound = [text for text, at in texts.items() if self.possible(path, text, at)]
+            if len(sound) == 1:
+                fixed[path] = sound[0]
+            elif sound:
+                axes.append(Axis(key=path, choice=True, values=tuple(sound)))
+        return axes, fixed
+
+    def named(self, path: str, text: str, root: str) -> str:
+        """A chosen file or document as the assembly would name it; other texts as they are."""
+        return moved(text, self.document.relative, root) if _key(path) in ("assembly", "file") else text
+
+    def there(self, text: str, at: Path) -> bool:
+        """Whether a document that is chosen is there; reported if not."""
+        return find_assembly(
+            text, beside=self.document.path, where=self.document.span(at), workspace=self.workspace, report=self.report,
+        ) is not None
+
+    def possible(self, path: str, text: str, at: Path) -> bool:
+        """Whether a choice can be made, by itself or with one of the assemblies that are chosen around it; reported if not."""
+        wrong = self.trial({path: text})
+        for diagnostic in wrong:
+            if diagnostic.code is Code.CHOICE_OPTION:
+                self.say_once(Code.VARIANT_CHOICE, diagnostic, path, at, f"choices.{path}", key=False)
+        return not any(diagnostic.code is Code.CHOICE_OPTION for diagnostic in wrong)
+
+    def fits(self, path: str, text: str, at: Path) -> bool:
+        """Whether a value can stand at a path of the assembly; reported if not: of a path that leads nowhere at its key. One of a variant
+        that is written out is tried with all of that; another by itself and, where it does not fit so, with the first of the others."""
+        if at[0] == "list":
+            written = self.texts({name: (*at[:-1], name) for name in self.spec.list_[int(at[1])].parameters})
+            entry = {**{name: one for name, one in written.items() if "." in name}, path: text}
+            parameters = {name: one for name, one in written.items() if "." not in name}
+            wrong = [
+                one for one in self.made_wrong(entry, {**self.beside, **parameters})
+                if closest(entry, (one.path or "").removeprefix(SET).partition("=")[0]) == path
+            ]
+        else:
+            wrong = self.trial({path: text})
+            if wrong:
+                wrong = self.made_wrong({path: text}, {name: first for name, first in self.firsts().items() if name != path})
+        for diagnostic in wrong:
+            astray = diagnostic.code is Code.CHOICE_OPTION and "=" not in (diagnostic.path or "")
+            where = at[: at.index(path) + 1] if astray else at
+            self.say_once(Code.VARIANT_VALUE, diagnostic, path, where, dotted(where), key=astray)
+        return not wrong
+
+    def texts(self, places: Mapping[str, Path]) -> dict[str, str]:
+        """What this document writes at places, by the names of what is set there; without what is no single value."""
+        nodes = ((name, node_at(self.document.tree, place)) for name, place in places.items())
+        return {name: node.text for name, node in nodes if isinstance(node, ScalarNode)}
+
+    def firsts(self) -> dict[str, str]:
+        """The first value of everything that is set for all variants, is an axis or is drawn, as it is written."""
+        first: dict[str, Path] = {}
+        for name, raw in self.spec.parameters.items():
+            within: Path = (0,) if isinstance(raw, list) else ("from",) if isinstance(raw, AxisSpec) else ()
+            first[name] = ("parameters", name, *within)
+        first.update({name: ("sample", "ranges", name, 0) for name in (self.spec.sample.ranges if self.spec.sample is not None else {})})
+        return self.texts(first)
+
+    def made_wrong(self, texts: Mapping[str, str], beside: Mapping[str, str]) -> list[Diagnostic]:
+        """The errors that texts make with others `beside` them, and that those do not make without."""
+        wrong = self.trial({**beside, **texts})
+        others = self.trial(beside) if wrong else []
+        return [one for one in wrong if one not in others]
+
+    def trial(self, texts: Mapping[str, str]) -> list[Diagnostic]:
+        """The errors that the assembly has where texts are set or chosen, by themselves or with one of the assemblies that are chosen
+        around them, and has not without. Wrong values of its parameters are said where those are read."""
+        known = self.tried.get(key := tuple(texts.items()))
+        if known is not None:
+            return known
+        parameters = {name: text for name, text in texts.items() if "." not in name}
+        own = {path: text for path, text in texts.items() if "." in path}
+        first: list[Diagnostic] | None = None
+        for around in self.around(own):
+            trial = Report()
+            pipeline.model(self.environment, self.sources, Settings(parameters=parameters, choices={**around, **own}), trial)
+            wrong = [
+                one for one in trial.diagnostics
+                if one.severity is Severity.ERROR and one.code is not Code.PARAMETER_OPTION and one not in self.report.diagnostics
+            ]
+            if first is None or not wrong:
+                first = wrong
+            if not wrong:
+                break
+        astray = {path for path in texts if any(one.path == f"{SET}{path}" for one in first or ())}
+        rest = {name: text for name, text in texts.items() if name not in astray}
+        if astray and rest:  # where one leads nowhere, none is set
+            first = [*(first or ()), *(one for one in self.trial(rest) if one not in (first or ()))]
+        self.tried[key] = first or []
+        return self.tried[key]
+
+    def say_once(self, code: Code, diagnostic: Diagnostic, path: str, at: Path, shown: str, *, key: bool) -> None:
+        """Say at a place of this document what the assembly says of a setting."""
+        if (path, diagnostic.message) in self.said:
+            return
+        self.said.add((path, diagnostic.message))
+        notes = list(diagnostic.notes)
+        if diagnostic.span is not None:
+            notes.append(Note(message="in the assembly it shows here", span=diagnostic.span))
+        self.report.add(
+            code, diagnostic.message, self.document.span(at, key=key), help=diagnostic.help, path=shown,
+            notes=[note for note in notes if note.span is not None],
+        )
+
+    def around(self, paths: Iterable[str]) -> Iterator[dict[str, str]]:
+        """Nothing, then each assembly that is chosen for a component on the way to one of the paths."""
+        yield {}
+        root = self.sources.documents.root.relative
+        for other, raw in self.spec.choices.items():
+            inside = other.removesuffix("assembly") + "components."
+            if other.endswith(".assembly") and any(path.startswith(inside) for path in paths):
+                for text in raw if isinstance(raw, list) else [raw]:
+                    yield {other: self.named(other, text, root)}
+
+    def listed(self, reader: ValueReader, fixed: Setting, root: str) -> tuple[Setting, ...]:
+        """The variants that are written out."""
+        met: dict[str, int] = {}
+        made: list[Setting] = []
+        for index, entry in enumerate(self.spec.list_):
+            at: Path = ("list", index)
+            said = len(self.report.diagnostics)
+            chosen = dict(fixed.choices)
+            for path, text in entry.choices.items():
+                named = self.named(path, text, root)
+                if _key(path) == "assembly" and not self.there(text, (*at, "choices", path)):
+                    continue
+                if self.possible(path, named, (*at, "choices", path)):
+                    chosen[path] = named
+            self.beside = {**{name: text for name, text in self.firsts().items() if name in fixed.parameters}, **chosen}
+            values: dict[str, ExpressionValue] = dict(fixed.parameters)
+            for name, raw in entry.parameters.items():
+                value = reader.value(name, raw, (*at, "parameters", name))
+                if value is not None:
+                    values[name] = value
+            if entry.name is not None and entry.name in met:
+                self.report.add(
+                    Code.NAME_CLASH, f"two variants are called `{entry.name}`", self.document.span((*at, "name")),
+                    help="rename one of them", path=dotted((*at, "name")),
+                    notes=[Note(message="the other is here", span=self.document.span(("list", met[entry.name], "name")))],
+                )
+            elif entry.name is not None:
+                met[entry.name] = index
+            setting = Setting(name=entry.name, parameters=values, choices=chosen)
+            same = next((k for k, one in enumerate(made) if (one.parameters, one.choices) == (values, chosen)), None)
+            if same is not None and len(self.report.diagnostics) == said:
+                self.report.warn(
+                    Code.DUPLICATE_VARIANT, "this variant is written twice and built once", self.document.span(at), help="remove it",
+                    path=dotted(at), notes=[Note(message="it is also written here", span=self.document.span(("list", same)))],
+                )
+            made.append(setting)
+        return tuple(made)
+
+    def sample(self, reader: ValueReader) -> tuple[Method | None, int, int]:
+        """Method, count and seed of what is drawn."""
+        sample = self.spec.sample
+        if sample is None:
+            return None, 0, 0
+        count = reader.count(sample.count, ("sample", "count"), least=1, most=MOST)
+        seed = reader.count(sample.seed, ("sample", "seed"), least=0, most=2**31 - 1)
+        many = any(isinstance(raw, list) and len(raw) > 1 for raw in (*self.spec.parameters.values(), *self.spec.choices.values()))
+        if not sample.ranges and not many and not any(not isinstance(raw, list) and hasattr(raw, "count")
+                                                      for raw in self.spec.parameters.values()):
+            self.error(Code.VARIANT_VALUE, "there is nothing to draw", ("sample",), "add `ranges: {NAME: [smallest, largest]}`")
+        return sample.method, count or 0, seed or 0
+
+    def grid_fits(self) -> bool:
+        """Whether a batch can have all variants of the grid; reported where it cannot, before any value of an axis is worked out."""
+        axes = [(key, raw) for key in ("parameters", "choices") for raw in getattr(self.spec, key).values()]
+        sized = [(key, raw.count if isinstance(raw, AxisSpec) else len(raw)) for key, raw in axes if isinstance(raw, (AxisSpec, list))]
+        sizes = [(key, size) for key, size in sized if isinstance(size, int) and 1 < size <= MOST_VALUES]
+        count = math.prod(size for _, size in sizes)
+        if self.spec.sample is not None or count <= MOST:
+            return True
+        product = " x ".join(str(size) for _, size in sizes) if len(sizes) < 10 else f"{len(sizes)} axes"
+        self.report.add(
+            Code.VARIANT_VALUE, f"the grid has {count} variants ({product}), and a batch has at most {MOST}",
+            self.document.span((sizes[0][0],), key=True), help="give fewer values, or draw some of them with `sample:`", path=sizes[0][0],
+        )
+        return False
+
+    # --- what it depends on -----------------------------------------------------------------------------------------
+
+    def inputs(self) -> dict[str, str]:
+        """The digests of the documents and of the code that the plan depends on, by path (in the workspace where it lies there)."""
+        from thingc.driver.up_to_date import state_of
+
+        digests = {
+            path if os.path.lexists(os.path.join(self.workspace.root, path)) else OUTSIDE + path: one.sha256  # one of a package
+            for path, one in self.sources.documents.by_path.items()
+        }
+        for path in sorted(self.environment.parts.inputs):
+            name = self.workspace.relative(path) if self.workspace.contains(path) else OUTSIDE + os.path.basename(path)
+            state = state_of(path)
+            if state is not None:
+                digests.setdefault(name, state)
+        return dict(sorted(digests.items()))
+
+    def error(self, code: Code, message: str, path: Path, help: str | None = None) -> None:
+        """Report it at a value of the document."""
+        self.report.add(code, message, self.document.span(path), help=help, path=dotted(path), severity=Severity.ERROR)
+
+
+def _key(path: str) -> str:
+    """What the path of a choice ends in: `part`, `file`, `assembly` or `material`."""
+    return path.rpartition(".")[2]

@@ -1,0 +1,103 @@
+"""Values in braces and brackets, and scalars: one space where one belongs, keys in order; lines stay as they are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from thingc.documents.format.key_order import ordered, shape_below, shape_for
+from thingc.documents.format.quantities import spaced, takes_vectors
+from thingc.documents.format.segments import Item, Piece, shifted
+from thingc.documents.spec.annotation_types import AnnotationShape
+
+
+class Inline:
+    """Prints the values of one text; `separator` stands between key and value (`: ` or ` = `)."""
+
+    def __init__(self, text: str, separator: str) -> None:
+        self.text = text
+        self.separator = separator
+
+    def value(self, piece: Piece, shape: AnnotationShape | None, by: int) -> str:
+        """The value as it should be written, its further lines moved by `by` columns."""
+        written = self.text[piece.start : piece.end]
+        if piece.kind == "scalar":
+            return self.scalar(piece, written, shape, by)
+        if piece.odd:
+            return shifted(written, by)
+        # an alias may stand where a person chooses the keys, and there their order counts
+        shape = None if piece.body > piece.start else shape_for(shape, outline(piece))
+        head = self.text[piece.start : piece.body].rstrip()
+        opening, closing = self.text[piece.body], self.text[piece.end - 1]
+        gaps = self.gaps(piece)
+        order = list(range(len(piece.items)))
+        if piece.kind == "map" and not any("#" in gap for gap in gaps):
+            order = order_of(piece.items, shape)
+        texts = [self.entry(piece.items[at], shape, by) for at in order]
+        if not any("\n" in gap for gap in gaps):
+            body = ", ".join(texts)
+        else:
+            tidied = [self.tidied(gap, at in (0, len(texts)), by) for at, gap in enumerate(gaps)]
+            body = tidied[0] + "".join(text + after for text, after in zip(texts, tidied[1:], strict=True))
+        return f"{head}{' ' if head else ''}{opening}{body}{closing}"
+
+    def entry(self, item: Item, shape: AnnotationShape | None, by: int) -> str:
+        """`key: value`, or an item of a list."""
+        if item.key is None:
+            vector = shape is not None and takes_vectors(shape)
+            return self.value(item.value, shape if vector else shape_below(shape, None), by)
+        key = self.text[item.key[0] : item.key[1]]
+        return key + self.separator + self.value(item.value, shape_below(shape, item.name), by)
+
+    def scalar(self, piece: Piece, written: str, shape: AnnotationShape | None, by: int) -> str:
+        """A scalar as it is written, with a space before its unit."""
+        if "\n" in written:
+            return shifted(written, by)
+        if not written or shape is None or piece.aliases or piece.anchors:
+            return written
+        body = self.text[piece.body : piece.end]
+        quote = body[0] if body[0] in "\"'" and len(body) > 1 and body[-1] == body[0] and "\\" not in body else ""
+        inner = body[len(quote) : len(body) - len(quote)]
+        if inner[:1] not in "0123456789+-.":
+            return written
+        shape = shape_for(shape, inner)
+        return self.text[piece.start : piece.body] + quote + spaced(inner, shape) + quote
+
+    def gaps(self, piece: Piece) -> list[str]:
+        """What stands before, between and behind the entries."""
+        at = piece.body + 1
+        gaps: list[str] = []
+        for item in piece.items:
+            gaps.append(self.text[at : item.start])
+            at = item.value.end
+        return [*gaps, self.text[at : piece.end - 1]]
+
+    def tidied(self, gap: str, outer: bool, by: int) -> str:
+        """A gap of a value over several lines: its lines stay, with no spaces at their ends."""
+        if "\n" not in gap:
+            return ("," if "," in gap else "") if outer else ", "
+        first, *others = gap.split("\n")
+        first = first.rstrip() if "#" in first else first.strip()
+        lines = [line.rstrip() for line in others[:-1]]
+        return shifted("\n".join([first, *lines, others[-1]]), by)
+
+
+def outline(piece: Piece) -> Any:
+    """What `shape_for` needs to know of a value: its type and its keys."""
+    if piece.kind == "map":
+        return {item.name: None for item in piece.items}
+    return [] if piece.kind == "list" else ""
+
+
+def order_of(items: list[Item], shape: AnnotationShape | None) -> list[int]:
+    """The canonical order of the entries of a mapping; theirs, where another would part an alias from its anchor."""
+    order = ordered([item.name for item in items], shape)
+    if order == sorted(order):
+        return order
+    place = {at: new for new, at in enumerate(order)}
+    for at, item in enumerate(items):
+        for later in range(at + 1, len(items)):
+            other = items[later].value
+            shared = (item.value.anchors & (other.anchors | other.aliases)) | (item.value.aliases & other.anchors)
+            if shared and place[at] > place[later]:
+                return sorted(order)
+    return order

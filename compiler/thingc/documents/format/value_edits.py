@@ -1,0 +1,267 @@
+"""Values written into the text of a document at their paths, and taken out of it: everything else of the text, comments and layout,
+stays as it is."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from thingc.base.diagnostics import Report
+from thingc.base.source import Document, MappingNode, Node, Plain, ScalarNode, SequenceNode, Span, node_at
+from thingc.documents.load.documents import read_tree
+from thingc.documents.load.text import Source
+from thingc.documents.load.yaml_scalars import core_value
+
+Keys = tuple[str, ...]
+Written = str | Mapping[str, "Written"] | Sequence["Written"]
+"""A value as a document has it: the text of a scalar (`120 mm`), or what holds such texts."""
+
+
+class Unsettable(Exception):
+    """A value that cannot be written at its place without changing something else; the message says why."""
+
+
+def with_values(document: Document, values: Mapping[Keys, Written]) -> Document:
+    """A document in whose text each value (as a document has it: `120 mm`) stands at its keys. What was not there is added behind
+    what is there, as a mapping in braces where that needs one. A mapping in a section that has its mappings on several lines, or that was
+    not there, is written as they are.
+
+    Raises `Unsettable` where the text would then say something else than what it said with those values.
+    """
+    set_one = _in_toml if _is_toml(document.path) else _in_yaml
+    for keys, value in values.items():
+        after = _read(document, set_one(document, keys, value))
+        if after is None or after.tree.plain() != _plain_with(document.tree.plain(), keys, _meant(value)):
+            what = "what stands there is used elsewhere, too, or written in a way of its own"
+            raise Unsettable(f"`{'.'.join(keys)}` cannot be set alone: {what}")
+        document = after
+    return document
+
+
+def without(document: Document, keys: Keys) -> Document:
+    """A document without a key of its text, which is there beside another one, and its value.
+
+    Raises `Unsettable` where the text would then say something else than what it said without them.
+    """
+    after = _read(document, (_out_of_toml if _is_toml(document.path) else _out_of_yaml)(document, keys))
+    if after is None or after.tree.plain() != _plain_without(document.tree.plain(), keys):
+        raise Unsettable(f"`{'.'.join(keys)}` cannot be taken out alone: it is used elsewhere, too, or written in a way of its own")
+    return after
+
+
+def _is_toml(path: str) -> bool:
+    return path.lower().endswith(".toml")
+
+
+def _meant(value: Written) -> Plain:
+    """What a value says."""
+    if isinstance(value, str):
+        return core_value(value)
+    return {key: _meant(one) for key, one in value.items()} if isinstance(value, Mapping) else [_meant(one) for one in value]
+
+
+def _read(document: Document, text: str) -> Document | None:
+    """A document with another text; None where that is not well-formed, or no mapping."""
+    report = Report()
+    tree = read_tree(document.path, text.encode(), report)
+    return replace(document, text=text, tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
+
+
+def _plain_with(whole: Plain, keys: Keys, value: Any) -> Plain:
+    """The values of a document with one more, or another one, which the same object has afterwards."""
+    inner: Any = whole
+    for key in keys[:-1]:
+        if not isinstance(inner.get(key), dict):
+            inner[key] = {}
+        inner = inner[key]
+    inner[keys[-1]] = value
+    return whole
+
+
+def _plain_without(whole: Plain, keys: Keys) -> Plain:
+    """The values of a document without one of them, which the same object has afterwards no more."""
+    inner: Any = whole
+    for key in keys[:-1]:
+        inner = inner[key]
+    del inner[keys[-1]]
+    return whole
+
+
+# --- YAML -------------------------------------------------------------------------------------------------------------
+
+
+def _in_yaml(document: Document, keys: Keys, value: Written) -> str:
+    source, text, tree = Source(document.path, document.text), document.text, document.tree
+    depth = next((k for k in range(len(keys), 0, -1) if node_at(tree, keys[:k]) is not None), 0)
+    node, rest = node_at(tree, keys[:depth]), keys[depth:]
+    assert node is not None
+    start, end = _place(source, node.span)
+    if not rest or not isinstance(node, MappingNode):  # instead of what is there, which may be nothing: `limit:`
+        if isinstance(node, (MappingNode, SequenceNode)) and text[start] not in "{[":
+            raise Unsettable(f"`{'.'.join(keys)}` is written over several lines: set the values in it")
+        space = "" if end > start or text[start - 1 : start].isspace() else " "
+        written = _flow(value) if not rest else "{" + _entry(rest, value) + "}"
+        return text[:start] + space + written + text[end:]
+    if text[start] == "{":
+        at = max((_place(source, one.span)[1] for one in node.entries.values()), default=start + 1)
+        return text[:at] + (", " if node.entries else "") + _entry(rest, value) + text[at:]
+    indent = next(iter(node.keys.values())).column - 1
+    line = _last_line(source, node)
+    at = source.starts[line - 1] + len(source.line(line - 1))
+    lines = _lines(source, node, rest, value)
+    return text[:at] + "".join(("\r\n" if "\r\n" in text else "\n") + (" " * indent + one if one else "") for one in lines) + text[at:]
+
+
+def _lines(source: Source, node: MappingNode, rest: Keys, value: Written) -> list[str]:
+    """The lines of a new entry of a mapping that stands on several lines itself, without its indentation."""
+    last = list(node.entries.values())[-1]
+    if isinstance(value, Mapping) and len(rest) == 2:  # a section that was not there
+        return ["", f"{_scalar(rest[0])}:", f"  {_entry(rest[1:], value)}"]
+    start, end = _place(source, last.span)
+    if isinstance(value, Mapping) and len(rest) == 1 and isinstance(last, MappingNode) and last.entries and source.text[start] != "{":
+        deep = " " * (next(iter(last.keys.values())).column - next(iter(node.keys.values())).column)
+        return [f"{_scalar(rest[0])}:", *(f"{deep}{_scalar(key)}: {_flow(one)}" for key, one in value.items())]
+    return [_entry(rest, value)]
+
+
+def _out_of_yaml(document: Document, keys: Keys) -> str:
+    source, text = Source(document.path, document.text), document.text
+    node = node_at(document.tree, keys[:-1])
+    assert isinstance(node, MappingNode)
+    order = list(node.entries)
+    where = order.index(keys[-1])
+    key, value = node.keys[keys[-1]], node.entries[keys[-1]]
+    start, end = source.starts[key.line - 1] + key.column - 1, _place(source, value.span)[1]
+    if text[_place(source, node.span)[0]] != "{":
+        last = _last_line(source, value)
+        return text[: source.starts[key.line - 1]] + (text[source.starts[last] :] if last < len(source.starts) else "")
+    if where + 1 < len(order):
+        after = node.keys[order[where + 1]]
+        return text[:start] + text[source.starts[after.line - 1] + after.column - 1 :]
+    before = _place(source, node.entries[order[where - 1]].span)[1] if where else start
+    return text[:before] + text[end:]
+
+
+def _place(source: Source, span: Span) -> tuple[int, int]:
+    return source.starts[span.line - 1] + span.column - 1, source.starts[span.end_line - 1] + span.end_column - 1
+
+
+def _last_line(source: Source, node: Node) -> int:
+    """The line (from 1) on which a value ends."""
+    start, end = _place(source, node.span)
+    if source.text[start : start + 1] not in ("{", "["):
+        inner = list(node.entries.values()) if isinstance(node, MappingNode) else list(getattr(node, "items", ()))
+        if inner:
+            return max(_last_line(source, one) for one in inner)
+    return source.line_at(start + len(source.text[start:end].rstrip())) + 1
+
+
+def _entry(keys: Keys, value: Written) -> str:
+    """`limit: {upper: 60 deg}`."""
+    first, *rest = keys
+    return f"{_scalar(first)}: {'{' + _entry(tuple(rest), value) + '}' if rest else _flow(value)}"
+
+
+def _flow(value: Written) -> str:
+    """A value on one line."""
+    if isinstance(value, str):
+        return _scalar(value)
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_scalar(key)}: {_flow(one)}" for key, one in value.items()) + "}"
+    return "[" + ", ".join(map(_flow, value)) + "]"
+
+
+def _scalar(text: str) -> str:
+    """A text of a document as YAML 1.2 has it, quoted where it must be; a number and a flag as they are."""
+    if not isinstance(core_value(text), str):
+        return text
+    from ruamel.yaml import YAML
+
+    writer = YAML(typ="safe", pure=True)
+    writer.default_flow_style, writer.width, writer.allow_unicode = True, 1_000_000, True
+    stream = io.StringIO()
+    writer.dump([text], stream)
+    return stream.getvalue().strip()[1:-1]
+
+
+# --- TOML -------------------------------------------------------------------------------------------------------------
+
+
+def _in_toml(document: Document, keys: Keys, value: Written) -> str:
+    import tomlkit
+
+    text = document.text
+    line_end = "\r\n" if "\r\n" in text else "\n"
+    if isinstance(value, Mapping) and len(keys) == 2 and (place := _behind_entries(document, keys)) is not None:
+        at, tables = place
+        entries = (f"{tomlkit.key(key).as_string()} = {tomlkit.item(_toml_value(one)).as_string()}" for key, one in value.items())
+        header = f"[{'.'.join(tomlkit.key(key).as_string() for key in keys)}]"
+        inline = f"{tomlkit.key(keys[1]).as_string()} = {tomlkit.item(_toml_value(value)).as_string()}"
+        return text[:at] + line_end.join(("", "", header, *entries) if tables else ("", inline)) + text[at:]
+    whole = tomlkit.parse(text.replace("\r\n", "\n"))
+    table: Any = whole
+    for depth, key in enumerate(keys[:-1]):
+        if not isinstance(table.get(key), Mapping):
+            section = depth == 0 and len(keys) == 2 and isinstance(value, Mapping)
+            table[key] = tomlkit.table() if section else tomlkit.inline_table()
+        table = table[key]
+    table[keys[-1]] = _toml_value(value)
+    return tomlkit.dumps(whole).replace("\n", line_end)
+
+
+def _behind_entries(document: Document, keys: Keys) -> tuple[int, bool] | None:
+    """Where a new entry of a section with a header is written: at the end of the last one's last line, and whether that one is a table with
+    a header of its own. None where the entry is there, or the section is written otherwise."""
+    source, text, node = Source(document.path, document.text), document.text, node_at(document.tree, keys[:1])
+    if not isinstance(node, MappingNode) or not node.entries or keys[1] in node.entries:
+        return None
+    last = max(node.entries.values(), key=lambda one: _place(source, one.span)[1])
+    start, end = _place(source, last.span)
+    tables = isinstance(last, MappingNode) and text[start] == "["
+    if not tables and text[_place(source, node.span)[0]] != "[":
+        return None
+    line = source.line_at(end - 1)
+    return source.starts[line] + len(source.line(line)), tables
+
+
+def _out_of_toml(document: Document, keys: Keys) -> str:
+    import tomlkit
+
+    line_end = "\r\n" if "\r\n" in document.text else "\n"
+    whole = tomlkit.parse(document.text.replace("\r\n", "\n"))
+    table: Any = whole
+    for key in keys[:-1]:
+        table = table[key]
+    del table[keys[-1]]
+    return tomlkit.dumps(whole).replace("\n", line_end)
+
+
+def _toml_value(value: Written) -> Any:
+    import tomlkit
+    from tomlkit.exceptions import TOMLKitError
+
+    if isinstance(value, Mapping):
+        table = tomlkit.inline_table()
+        for key, one in value.items():
+            table[key] = _toml_value(one)
+        return table
+    if not isinstance(value, str):
+        array = tomlkit.array()
+        array.extend(_toml_value(one) for one in value)
+        return array
+    plain = core_value(value)
+    if isinstance(plain, str) or plain is None:
+        return value
+    try:
+        return tomlkit.value(value)
+    except TOMLKitError:  # a number as only YAML writes it: `.5`
+        return plain
+
+
+def changes(document: Document, values: Mapping[Keys, str]) -> Iterator[tuple[str, str | None, str]]:
+    """Each path, what stood there (None: nothing), and what will."""
+    for keys, value in values.items():
+        node = node_at(document.tree, keys)
+        yield ".".join(keys), node.text if isinstance(node, ScalarNode) else None if node is None else "...", value

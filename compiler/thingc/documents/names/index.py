@@ -1,0 +1,500 @@
+"""One index of the names of a workspace's documents and parts: where each is declared, and every place that uses it.
+
+What a text means is said by the types of the models' fields (`spec.mentions`); here it is looked up, in documents as they are written: a
+name is found in one with faults elsewhere, too. Nothing is compiled.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Literal, assert_never
+
+from thingc.base.frozen import dataclass
+from thingc.base.source import MappingNode, Path, ScalarNode, Span, node_at
+from thingc.documents.expressions.parsing import parse_expression
+from thingc.documents.expressions.terms import ExpressionError
+from thingc.documents.load.paths import named
+from thingc.documents.names.document_names import GLOB, SPECIAL, WrittenDocument, pattern_of
+from thingc.documents.names.occurrences import Mention, referred, setting_words
+from thingc.documents.names.part_names import PartClass, PartName, PartNames
+from thingc.documents.spec.name_types import Declares, Means, Meant
+
+Role = Literal["declared", "used", "fits"]
+"""`fits`: a pattern that the name fits without standing in it, or a text in which it is written with other characters (escapes)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """Something that has a name. `what` is the word of `spec.named`, or `document`, `part`, `part mount`, `part parameter`; `file` the
+    absolute path of the document or module that declares it (empty: nobody that is seen); `owner` what it belongs to there
+    (`components.leg`, a class)."""
+
+    what: str
+    file: str
+    text: str
+    owner: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class NamePlace:
+    """Where a name is declared or used: just the characters of the name itself, but for a pattern that it `fits`."""
+
+    name: Name
+    span: Span
+    role: Role
+
+
+@dataclass(frozen=True, slots=True)
+class Index:
+    """All places, in the order of files and lines of each."""
+
+    places: tuple[NamePlace, ...]
+    by_name: Mapping[Name, tuple[NamePlace, ...]]
+
+    def at(self, file: str, line: int, column: int) -> NamePlace | None:
+        """The narrowest place around a character (from 1; the one behind a name's last counts as in it)."""
+        around = [
+            place for place in self.places
+            if place.span.file == file and (place.span.line, place.span.column) <= (line, column)
+            <= (place.span.end_line, place.span.end_column)
+        ]
+        return min(around, key=lambda place: (place.role == "fits", place.span.end_column - place.span.column), default=None)
+
+    def declared(self, name: Name) -> Span | None:
+        """Where a name is declared, None where that is not seen."""
+        return next((place.span for place in self.by_name.get(name, ()) if place.role == "declared"), None)
+
+
+def index(documents: Mapping[str, WrittenDocument], parts: PartNames) -> Index:
+    """The index of documents (all of a workspace, by absolute path) and of the parts that they name."""
+    seen: dict[tuple[Name, Span], NamePlace] = {}
+    for written in documents.values():
+        for place in _Reader(documents, parts, written).places():
+            known = seen.get((place.name, place.span))
+            if known is None or known.role != "declared":
+                seen[place.name, place.span] = place
+    for part in parts.places():
+        name = _of_part(part.name)
+        seen[name, part.span] = NamePlace(name, part.span, "declared" if part.declared else "used")
+    for reference, thing in parts.classes():
+        if thing.span is not None:
+            name = Name("part", thing.file, reference.partition(":")[2])
+            seen[name, thing.span] = NamePlace(name, thing.span, "declared")
+    places = tuple(sorted(seen.values(), key=lambda one: (one.span.file, one.span.line, one.span.column, one.name.what, one.name.text)))
+    by_name: dict[Name, list[NamePlace]] = {}
+    for place in places:
+        by_name.setdefault(place.name, []).append(place)
+    return Index(places, {name: tuple(those) for name, those in by_name.items()})
+
+
+Hit = tuple[int, int, Name, Role]
+"""Of a text: characters from, to before, what they name, and how."""
+Word = tuple[int, str]
+"""A word of a text and where it begins."""
+
+def _words(text: str, separator: str = ".", offset: int = 0) -> list[Word]:
+    words = []
+    for word in text.split(separator):
+        words.append((offset, word))
+        offset += len(word) + 1
+    return words
+
+
+class _Reader:
+    """Looks up what the texts of one document name."""
+
+    def __init__(self, documents: Mapping[str, WrittenDocument], parts: PartNames, own: WrittenDocument) -> None:
+        self.documents = documents
+        self.parts = parts
+        self.own = own
+        self.base: WrittenDocument | None = own
+        """The assembly that names are of: of variants the one that they vary."""
+        if own.document.kind == "variants":
+            self.base = self.document(own, own.text("assembly"))
+
+    def places(self) -> Iterator[NamePlace]:
+        """The places of all names in the document."""
+        for mention in self.own.mentions:
+            spans = [self.own.around(mention)]
+            if mention.key:
+                spans += self._again(mention.path)
+            for start, end, name, role in self.hits(mention):
+                for span in spans:
+                    exact = self.own.place(span, mention.text, start, end)
+                    yield NamePlace(name, exact or span, role if exact is not None else "fits")
+
+    def _again(self, path: Path) -> list[Span]:
+        """Where else a key is written: TOML repeats it in every header below it."""
+        parent = node_at(self.own.document.tree, path[:-1])
+        return [span for key, span in parent.again if key == path[-1]] if isinstance(parent, MappingNode) else []
+
+    def hits(self, mention: Mention) -> Iterator[Hit]:
+        """What a mention names."""
+        written, path, text = self.own, mention.path, mention.text
+        index = written.index_of(path)
+        if index and "$" in text:
+            yield from self._index_uses(text, index, path)
+        if isinstance(mention.names, Declares):
+            yield 0, len(text), self.own_name(written, mention.names.what, text, path), "declared"
+            if mention.names.what == "sensor" and written.text(*path, "type") == "joint" and written.text(*path, "joint") is None:
+                yield from self.joints(written, text, "")
+            return
+        yield from self.meant(self.base, mention.names.what, text, path, index)
+
+    def own_name(self, written: WrittenDocument, what: str, text: str, path: Path) -> Name:
+        """The name that a key or text at a path declares."""
+        owner = f"{path[0]}.{path[1]}" if what in ("index", "mount") else ""
+        return Name(what, written.path, text, owner)
+
+    def _index_uses(self, text: str, index: str, path: Path) -> Iterator[Hit]:
+        for use in re.finditer(rf"\$\{{?({index})(?![A-Za-z0-9])", text):
+            yield use.start(1), use.end(1), self.own_name(self.own, "index", index, path), "used"
+
+    def meant(self, base: WrittenDocument | None, what: Meant, text: str, path: Path, index: str) -> Iterator[Hit]:
+        """What a text means in an assembly; in `path` it stands."""
+        match what:
+            case "assembly document":
+                yield from self._document(self.document(self.own, text), text)
+            case "materials document":
+                yield from self._document(self.document(self.own, text) or self.packaged(text), text)
+            case "part":
+                yield from self._part(text)
+            case _ if base is not None:
+                yield from self._inside(base, what, text, path, index)
+
+    def _inside(self, base: WrittenDocument, what: Meant, text: str, path: Path, index: str) -> Iterator[Hit]:
+        """What a text means that names something in an assembly, which is `base`."""
+        match what:
+            case "expression":
+                yield from self.expression(base, text, path, index)
+            case "rule":
+                yield from self.rule(base, text)
+            case "setting":
+                yield from self.setting(base, text, 0)
+            case "choice":
+                yield from self.choice(base, text, path)
+            case "raw":
+                yield from self.raw(base, text, path)
+            case "component":
+                yield from self.components(base, _words(text), index)
+            case "mount" | "mount or export" | "root":
+                yield from self.mount(base, text, index, what)
+            case "mount of its own":
+                yield from self.own_mount(base, text, path, index)
+            case "joint" | "coordinate":
+                yield from self.joints(base, text, index)
+            case "coordinate or tendon":
+                yield from self.joints(base, text, index)
+                yield from self.in_section(base, "tendon", text)
+            case "joint or nested assembly":
+                yield from self.posed(base, text, path, index)
+            case "pose of a nested assembly":
+                for inner, _ in self.components_of(base, [word for _, word in _words(str(path[-1]))], index):
+                    yield from self.in_section(self.nested(*inner), "pose", text)
+            case "pose" | "poses" | "mode" | "modes" | "tendon":
+                yield from self.in_section(base, what.removesuffix("s"), text)
+            case "sensor":
+                yield from self.in_section(base, "sensor", text.partition(":")[0])
+            case "material":
+                yield from self.material(base, text)
+            case "parameter of a nested assembly":
+                yield from self.in_section(self.nested(base, str(path[1])), "parameter", text)
+            case "parameter of a part":
+                if (thing := self.thing(base, str(path[1]))) is not None:
+                    yield 0, len(text), _of_part(thing.parameter(text)), "used"
+            case "assembly document" | "materials document" | "part":
+                return
+            case _:
+                assert_never(what)
+
+    def posed(self, base: WrittenDocument, text: str, path: Path, index: str) -> Iterator[Hit]:
+        """What a key of a pose at `path` names: a joint, or an assembly whose pose is named there."""
+        said = node_at(self.own.document.tree, path)
+        pose = isinstance(said, ScalarNode) and isinstance(said.value, str) and re.fullmatch(r"\s*[A-Za-z]\w*\s*", said.value)
+        exact = list(self.exact_joint(base, text, index))
+        yield from exact or (self.components(base, _words(text), index) if pose else self.joints(base, text, index))
+
+    # --- documents and parts ----------------------------------------------------------------------------------------
+
+    def document(self, beside: WrittenDocument, text: str | None) -> WrittenDocument | None:
+        """The document that one calls `text`."""
+        return self.documents.get(named(text, beside.path) or "") if text else None
+
+    def packaged(self, text: str) -> WrittenDocument | None:
+        """The document of a package, `package.document`."""
+        end = os.sep + text.replace(".", os.sep) + "."
+        return next((one for path, one in self.documents.items() if f"{os.path.splitext(path)[0]}.".endswith(end)), None)
+
+    def nested(self, written: WrittenDocument, component: str) -> WrittenDocument | None:
+        """The document of a nested assembly."""
+        return self.document(written, written.text("components", component, "assembly"))
+
+    def thing(self, written: WrittenDocument, component: str) -> PartClass | None:
+        """The class of a component that is a part."""
+        reference = written.text("components", component, "part")
+        return self.parts.thing(reference) if reference is not None else None
+
+    def _document(self, target: WrittenDocument | None, text: str) -> Iterator[Hit]:
+        if target is not None:
+            yield 0, len(text), Name("document", target.path, os.path.basename(target.path)), "fits"
+
+    def _part(self, reference: str) -> Iterator[Hit]:
+        thing = self.parts.thing(reference)
+        if thing is not None:
+            start = reference.rfind(":") + 1
+            yield start, len(reference), Name("part", thing.file, reference[start:]), "used"
+
+    # --- references -------------------------------------------------------------------------------------------------
+
+    def components_of(
+        self, written: WrittenDocument, words: Sequence[str], index: str,
+    ) -> list[tuple[tuple[WrittenDocument, str], tuple[tuple[WrittenDocument, str], ...]]]:
+        """The components at a path of words, each a document and a key in it, with those on the way to it."""
+        level: list[tuple[WrittenDocument, tuple[tuple[WrittenDocument, str], ...]]] = [(written, ())]
+        reached: list[tuple[tuple[WrittenDocument, str], tuple[tuple[WrittenDocument, str], ...]]] = []
+        for depth, word in enumerate(words):
+            reached = [((one, key), way) for one, way in level for key in one.fitting("components", word, index if not depth else "")]
+            level = [
+                (inner, (*way, (one, key))) for (one, key), way in reached if (inner := self.nested(one, key)) is not None
+            ]
+        return reached
+
+    def components(self, written: WrittenDocument, words: Sequence[Word], index: str) -> Iterator[Hit]:
+        """Each component on the way that words lead, as far as there are any."""
+        for depth, (at, word) in enumerate(words):
+            for (one, key), _ in self.components_of(written, [text for _, text in words[: depth + 1]], index):
+                yield self._hit(one, "components", "component", key, at, word)
+
+    def _hit(self, written: WrittenDocument, section: str, what: str, key: str, at: int, word: str) -> Hit:
+        stem = written.stem(section, key, word)
+        return at, at + (len(key) if stem else len(word)), Name(what, written.path, key), "used" if stem else "fits"
+
+    def mount(self, written: WrittenDocument, text: str, index: str, what: str) -> Iterator[Hit]:
+        """`component.mount`; where it may be, an export or a component."""
+        *words, (at, last) = _words(text)
+        if not words:
+            if what != "mount" and last in written.section("mounts"):
+                yield 0, len(text), Name("export", written.path, text), "used"
+            elif what == "root":
+                yield from self.components(written, [(at, last)], index)
+            return
+        yield from self.components(written, words, index)
+        has_mount = False
+        owners = [owner for owner, _ in self.components_of(written, [word for _, word in words], index)]
+        for owner, key in owners:
+            for hit in self.of_component(owner, key, last, index):
+                has_mount = True
+                yield at + hit[0], at + hit[1], hit[2], hit[3]
+        if what == "root" and not has_mount:
+            for owner, key in owners:
+                if (nested := self.nested(owner, key)) is not None:
+                    for start, end, name, role in self.components(nested, [(0, last)], ""):
+                        yield at + start, at + end, name, role
+
+    def of_component(self, written: WrittenDocument, key: str, word: str, index: str) -> Iterator[Hit]:
+        """The mounts of a component that a word means: those that the document adds, those that a nested one shows, or its part's."""
+        added = node_at(written.document.tree, ("components", key, "mounts"))
+        pattern = pattern_of(word, index)
+        for mount in added.entries if isinstance(added, MappingNode) else ():
+            if pattern.match(mount):
+                yield 0, len(word), Name("mount", written.path, mount, f"components.{key}"), "used" if mount == word else "fits"
+        if (nested := self.nested(written, key)) is not None:
+            for mount in nested.section("mounts"):
+                if pattern.match(mount):
+                    yield 0, len(word), Name("export", nested.path, mount), "used" if mount == word else "fits"
+        elif (thing := self.thing(written, key)) is not None and word != "origin":
+            first = SPECIAL.search(word)
+            for one in thing.mounts(word if first is None else word[: first.start()], pattern if first is not None else None):
+                stem = word.startswith(one.text)
+                yield 0, len(one.text) if stem else len(word), _of_part(one), "used" if stem else "fits"
+
+    def own_mount(self, written: WrittenDocument, text: str, path: Path, index: str) -> Iterator[Hit]:
+        """What `attach` calls a mount of the component itself: `back`, or `cap.pen` inside an assembly."""
+        key = str(path[1])
+        if "." not in text:
+            yield from self.of_component(written, key, text, index)
+        elif (nested := self.nested(written, key)) is not None:
+            yield from self.mount(nested, text, index, "mount")
+
+    def exact_joint(self, written: WrittenDocument, text: str, index: str) -> Iterator[Hit]:
+        """The joint that a text names word by word, `hand.finger` or one of its coordinates `wrist[0]`."""
+        *words, (at, last) = _words(re.sub(r"\[\d+\]$", "", text))
+        if any(GLOB.search(word) for _, word in (*words, (at, last))):
+            return
+        owners = [written]
+        if words:
+            components = [owner for owner, _ in self.components_of(written, [word for _, word in words], index)]
+            owners = [inner for one, key in components if (inner := self.nested(one, key)) is not None]
+        keys = [(owner, key) for owner in owners for key in owner.fitting("joints", last, index)]
+        if keys:
+            yield from self.components(written, words, index)
+            for owner, key in keys:
+                yield self._hit(owner, "joints", "joint", key, at, last)
+
+    def joints(self, written: WrittenDocument, text: str, index: str) -> Iterator[Hit]:
+        """The joints that a name or a pattern means; in a pattern `*` goes over the dots as well."""
+        exact = list(self.exact_joint(written, text, index))
+        if exact or not GLOB.search(text):
+            yield from exact
+            return
+        pattern, words = pattern_of(text, index), _words(text)
+        for way in self.all_joints(written, ()):
+            if not any(pattern.match(item) or pattern.match(f"{item}[0]") for item in _dotted(way)):
+                continue
+            if len(words) == len(way) and all(one.fitting(section, word) for (one, section, _), (_, word) in zip(way, words, strict=True)):
+                for (one, section, key), (at, word) in zip(way, words, strict=True):
+                    if key in one.fitting(section, word):
+                        yield self._hit(one, section, section[:-1], key, at, word)
+            else:
+                for one, section, key in way:
+                    yield 0, len(text), Name(section[:-1], one.path, key), "fits"
+
+    def all_joints(
+        self, written: WrittenDocument, way: tuple[tuple[WrittenDocument, str, str], ...],
+    ) -> Iterator[tuple[tuple[WrittenDocument, str, str], ...]]:
+        """Every joint of an assembly and those nested in it: the components on the way, and the joint, each with document and section."""
+        for key in written.section("joints"):
+            yield (*way, (written, "joints", key))
+        for key in written.section("components"):
+            inner = self.nested(written, key)
+            if inner is not None and all(inner is not one for one, _, _ in way) and inner is not written:
+                yield from self.all_joints(inner, (*way, (written, "components", key)))
+
+    def in_section(self, written: WrittenDocument | None, what: str, text: str) -> Iterator[Hit]:
+        """Names of things of one kind (`pose`) in their section, or patterns of them; nothing of no document."""
+        if written is None:
+            return
+        entries = written.section(f"{what}s")
+        if text in entries:
+            yield 0, len(text), Name(what, written.path, text), "used"
+        elif GLOB.search(text):
+            for key in entries:
+                if pattern_of(text, "").match(key):
+                    yield 0, len(text), Name(what, written.path, key), "fits"
+
+    def material(self, written: WrittenDocument, text: str) -> Iterator[Hit]:
+        """A material that is written in the document, or in one of those that it lists."""
+        node = written.document.tree.entries.get("materials")
+        sources = [written]
+        if not isinstance(node, MappingNode):
+            texts = [one.value for one in getattr(node, "items", ()) if isinstance(one, ScalarNode) and isinstance(one.value, str)]
+            sources = [one for text in texts if (one := self.document(written, text) or self.packaged(text)) is not None]
+        for source in sources:
+            if text in source.section("materials"):
+                yield 0, len(text), Name("material", source.path, text), "used"
+                return
+
+    # --- values -----------------------------------------------------------------------------------------------------
+
+    def expression(self, written: WrittenDocument, text: str, path: Path, index: str) -> Iterator[Hit]:
+        """The parameters, and the index of a repeat, that an expression uses."""
+        try:
+            uses = parse_expression(text).names
+        except ExpressionError:
+            return
+        for use in uses:
+            if index and use.name == index:
+                yield use.offset, use.end, self.own_name(self.own, "index", index, path), "used"
+            elif use.name in written.section("parameters"):
+                yield use.offset, use.end, Name("parameter", written.path, use.name), "used"
+
+    def rule(self, written: WrittenDocument, text: str) -> Iterator[Hit]:
+        """The names of a comparison over parameters, settings and results."""
+        try:
+            uses = parse_expression(text, dotted=True).names
+        except ExpressionError:
+            return
+        for use in uses:
+            name, at = use.name, use.offset
+            for prefix in ("parameters.", "results."):
+                if name.startswith(prefix):
+                    name, at = name.removeprefix(prefix), at + len(prefix)
+            if name.startswith("length."):
+                at += len("length.")
+                for start, end, one, role in self.joints(written, name.removeprefix("length."), ""):
+                    yield at + start, at + end, one, role
+            else:
+                yield from self.setting(written, name, at)
+
+    def setting(self, written: WrittenDocument, text: str, at: int) -> Iterator[Hit]:
+        """A parameter, or the names on the path of another value of the assembly."""
+        if "." not in text:
+            for start, end, name, role in self.in_section(written, "parameter", text):
+                yield at + start, at + end, name, role
+            return
+        for word in setting_words(text):
+            one = self._through(written, word.through)
+            if one is None:
+                return
+            inside = _Reader(self.documents, self.parts, one)
+            for start, end, name, role in inside.key(word.path, str(word.path[-1]), word.names):
+                yield at + word.offset + start, at + word.offset + end, name, role
+
+    def key(self, path: Path, text: str, names: Declares | Means) -> Iterator[Hit]:
+        """What a key at a path of this document names, be it written there or not."""
+        if isinstance(names, Means):
+            key = self.own.fitting("components", str(path[1])) if path[0] == "components" and len(path) > 2 else [path[1]]
+            for one in key:
+                yield from self.meant(self.own, names.what, text, (path[0], one, *path[2:]), "")
+        elif path[0] in ("components", "joints") and len(path) == 2:
+            section = str(path[0])
+            for one in self.own.fitting(section, text) or ([text] if text in self.own.section(section) else []):
+                yield self._hit(self.own, section, section[:-1], one, 0, text)
+        elif node_at(self.own.document.tree, path) is not None:
+            yield 0, len(text), self.own_name(self.own, names.what, text, path), "used"
+
+    def _through(self, written: WrittenDocument, components: Iterable[str]) -> WrittenDocument | None:
+        one: WrittenDocument | None = written
+        for word in components:
+            if one is None:
+                return None
+            keys = one.fitting("components", word) or [word]
+            one = self.nested(one, keys[0])
+        return one
+
+    def choice(self, written: WrittenDocument, text: str, path: Path) -> Iterator[Hit]:
+        """What is chosen: a part, a document or a material, by the path that it is chosen for."""
+        chosen = next(step for step in reversed(path) if isinstance(step, str))
+        kind = chosen.rpartition(".")[2]
+        if kind == "part":
+            yield from self._part(text)
+        elif kind == "assembly":
+            yield from self._document(self.document(self.own, text), text)
+        elif kind == "material":
+            components = re.findall(r"components\.(\w+)", chosen)
+            inner = self._through(written, components if chosen.endswith("defaults.component.material") else components[:-1])
+            if inner is not None:
+                yield from self.material(inner, text)
+
+    def raw(self, written: WrittenDocument, text: str, path: Path) -> Iterator[Hit]:
+        """An element of a target's file, which is called after what it is made of: `hand/finger`."""
+        kind = referred(path) or "" if path[2] == "add" else str(path[2])
+        dotted = text.replace("/", ".")
+        words = _words(dotted)
+        answers: list[list[Hit]] = []
+        if kind in (sections := {"key": "pose", "sensor": "sensor", "camera": "sensor", "tendon": "tendon", "actuator": "tendon"}):
+            answers.append(list(self.in_section(written, sections[kind], text)))
+        if kind == "material":
+            answers.append(list(self.material(written, text)))
+        if kind not in ("joint", "actuator"):
+            answers.append(list(self.in_section(written, "link", text)))
+            answers.append(list(self.mount(written, dotted, "", "mount or export")) if kind in ("site", "link", "object") else [])
+            answers.append(list(self.components(written, words, "")))
+        if kind != "default":
+            answers.append(list(self.exact_joint(written, dotted, "")))
+            answers.append(list(self.exact_joint(written, re.sub(r"_\d+$", "", dotted), "")))
+        yield from next((hits for hits in answers if hits and kind != "default"), [])
+
+
+def _dotted(way: Sequence[tuple[WrittenDocument, str, str]]) -> Iterator[str]:
+    """The names in dots of all items of a joint on a way of components."""
+    (written, section, key), *rest = way
+    for item in written.items(section, key):
+        yield from (f"{item}.{inner}" for inner in _dotted(rest)) if rest else (item,)
+
+
+def _of_part(name: PartName) -> Name:
+    """The name of a mount or parameter of a part."""
+    return Name(name.what, name.file, name.text, name.owner)

@@ -1,0 +1,352 @@
+"""The names of Things in the modules of a workspace: classes, the attributes that are mounts, parameters. Modules are read as syntax trees,
+never run."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass as mutable
+from dataclasses import field
+from functools import lru_cache
+
+from thingc.base.frozen import dataclass
+from thingc.base.python_source import syntax_tree
+from thingc.base.source import Span
+
+
+@dataclass(frozen=True, slots=True)
+class PartName:
+    """A mount (an attribute) or a parameter of a Thing: `what` is `part mount` or `part parameter`, `file` the absolute path of its module
+    and `owner` the class in it; of one whose declaration is not seen `file` is empty and `owner` the reference of the class."""
+
+    what: str
+    file: str
+    text: str
+    owner: str
+
+
+@dataclass(frozen=True, slots=True)
+class PartPlace:
+    """Where one is written, and whether that declares it."""
+
+    name: PartName
+    span: Span
+    declared: bool
+
+
+@mutable(slots=True)
+class _Module:
+    """A module: its tree, its classes, what it imports by name, and what its text is."""
+
+    file: str
+    dotted: str
+    lines: list[str]
+    tree: ast.Module
+    classes: dict[str, ast.ClassDef] = field(default_factory=dict)
+    imports: dict[str, str] = field(default_factory=dict)
+    _inside: dict[str, _Inside] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.classes = {one.name: one for one in self.tree.body if isinstance(one, ast.ClassDef)}
+        for statement in self.tree.body:
+            if isinstance(statement, ast.ImportFrom):
+                inside = f"{self.dotted}.__init__" if self.file.endswith("__init__.py") else self.dotted
+                package = inside.split(".")[: -statement.level] if statement.level else []
+                source = ".".join([*package, *([statement.module] if statement.module else [])])
+                self.imports.update({one.asname or one.name: f"{source}:{one.name}" for one in statement.names})
+
+    def inside(self, node: ast.ClassDef) -> _Inside:
+        """What a class of it says of `self`."""
+        if node.name not in self._inside:
+            self._inside[node.name] = _Inside(node)
+        return self._inside[node.name]
+
+    def span(self, line: int, end: int, text: str) -> Span | None:
+        """The place of a word that ends at a byte of a line; None where something else stands there."""
+        column = len(self.lines[line - 1].encode()[:end].decode(errors="replace")) - len(text) + 1
+        if self.lines[line - 1][column - 1 : column - 1 + len(text)] != text:
+            return None
+        return Span(file=self.file, line=line, column=column, end_line=line, end_column=column + len(text))
+
+    def span_of(self, node: ast.expr, text: str) -> Span | None:
+        """The same of the word that a node ends with."""
+        return self.span(node.end_lineno or 0, node.end_col_offset or 0, text)
+
+
+class _Inside:
+    """The attributes of `self` in a class: `assigned` are those with a value, and whether mounts are written in that; `by_name` is every
+    place of each, assignments first."""
+
+    def __init__(self, node: ast.ClassDef) -> None:
+        self.nodes = list(ast.walk(node))
+        self.assigned: dict[str, bool] = {}
+        self.by_name: dict[str, list[ast.Attribute]] = {}
+        for one in self.nodes:
+            if isinstance(one, (ast.Assign, ast.AnnAssign)) and one.value is not None:
+                mounts = any(isinstance(inner, ast.Name) and inner.id == "MountPoint" for inner in ast.walk(one.value))
+                for target in one.targets if isinstance(one, ast.Assign) else [one.target]:
+                    for inner in ast.walk(target):
+                        if isinstance(inner, ast.Attribute) and isinstance(inner.ctx, ast.Store) and _of_self(inner):
+                            self.assigned[inner.attr] = mounts or self.assigned.get(inner.attr, False)
+            elif isinstance(one, ast.Attribute) and _of_self(one):
+                self.by_name.setdefault(one.attr, []).append(one)
+        for places in self.by_name.values():
+            places.sort(key=lambda one: (not isinstance(one.ctx, ast.Store), one.lineno, one.col_offset))
+
+
+@mutable(slots=True)
+class PartClass:
+    """A class that documents name as a part, with the classes of the workspace that it is derived from, itself first."""
+
+    reference: str
+    lineage: list[tuple[_Module, ast.ClassDef]]
+    given: dict[PartName, None]
+
+    @property
+    def file(self) -> str:
+        """The absolute path of its module."""
+        return self.lineage[0][0].file
+
+    @property
+    def span(self) -> Span | None:
+        """Where its class statement names it."""
+        module, node = self.lineage[0]
+        header = re.search(rf"class\s+{node.name}\b", module.lines[node.lineno - 1])
+        return None if header is None else module.span(node.lineno, len(module.lines[node.lineno - 1][: header.end()].encode()), node.name)
+
+    def mounts(self, text: str, pattern: re.Pattern[str] | None) -> list[PartName]:
+        """The attributes that a mount is, by its name `text`: itself, or the list or dict that it is in (`screw` of `screw_0`). With a
+        `pattern` the text is what of the name stands before anything special in it, and all attributes that the pattern fits count, too."""
+        owners: dict[str, tuple[_Module, ast.ClassDef]] = {}
+        several: set[str] = set()
+        for module, node in self.lineage:
+            for attribute, mounts in module.inside(node).assigned.items():
+                owners.setdefault(attribute, (module, node))
+                if mounts:  # of others nobody knows what is in them
+                    several.add(attribute)
+        fitting = [name for name in owners if pattern is not None and pattern.match(name)]
+        whole = [name for name in owners if (name == text and pattern is None) or (name in several and text.startswith(f"{name}_"))]
+        chosen = fitting or ([max(whole, key=len)] if whole else [])
+        if not chosen and pattern is None:
+            return [self._unseen("part mount", text)]
+        return [self._give(PartName("part mount", owners[name][0].file, name, owners[name][1].name)) for name in chosen]
+
+    def parameter(self, text: str) -> PartName:
+        """One of its parameters."""
+        for module, node in self.lineage:
+            method = _init_of(node)
+            if method is not None:
+                if any(one.arg == text for one in _arguments(method)):
+                    return self._give(PartName("part parameter", module.file, text, node.name))
+                break
+        return self._unseen("part parameter", text)
+
+    def _unseen(self, what: str, text: str) -> PartName:
+        return PartName(what, "", text, self.reference)
+
+    def _give(self, name: PartName) -> PartName:
+        self.given[name] = None
+        return name
+
+
+class PartNames:
+    """The modules of part folders (absolute paths), read with `read` (a file's text, None where there is none) and kept."""
+
+    def __init__(self, folders: Sequence[str], read: Callable[[str], str | None]) -> None:
+        self.folders = tuple(folders)
+        self._read = read
+        self._modules: dict[str, _Module | None] = {}
+        self._things: dict[str, PartClass | None] = {}
+        self._given: dict[PartName, None] = {}
+
+    def thing(self, reference: str) -> PartClass | None:
+        """The class `module:Class`; None where no part folder has it."""
+        if reference not in self._things:
+            lineage = self._lineage(reference, [])
+            self._things[reference] = PartClass(reference, lineage, self._given) if lineage else None
+        return self._things[reference]
+
+    def places(self) -> Iterator[PartPlace]:
+        """Where each mount and parameter that has been asked for is written, in its class and those derived from it that were asked for."""
+        for name in self._given:
+            declared = False
+            for module, node in self._family(name):
+                for span in _written(module, node, name):
+                    yield PartPlace(name, span, not declared)
+                    declared = True
+
+    def classes(self) -> Iterator[tuple[str, PartClass]]:
+        """The classes that were asked for and are there, by their references."""
+        yield from ((reference, thing) for reference, thing in self._things.items() if thing is not None)
+
+    def elsewhere(self, name: PartName) -> tuple[str, int] | None:
+        """A place (file and line) where something is written that may be this mount or parameter, and may be another: nobody can tell
+        without running it. None where there is none."""
+        family = {(module.file, node.name) for module, node in self._family(name)}
+        own = {(span.file, span.line, span.column) for module, node in self._family(name) for span in _written(module, node, name)}
+        for module in self._all():
+            for node in ast.walk(module.tree):
+                if _may_be(node, name, {one for _, one in family}):
+                    span = module.span_of(node, name.text) if isinstance(node, ast.Attribute) else None
+                    if span is None or (span.file, span.line, span.column) not in own:
+                        inside = _class_around(module, node)
+                        other = isinstance(node, ast.Attribute) and (_of_self(node) or _parameter_of_self(node)) and inside is not None
+                        if not other or (module.file, inside) in family:
+                            return module.file, getattr(node, "lineno", 1)
+        return None
+
+    def attributes(self, name: PartName) -> frozenset[str]:
+        """The names that what declares a mount or a parameter has already: its attributes, or its parameters."""
+        taken: set[str] = set()
+        for module, node in self._family(name):
+            if name.what == "part mount":
+                taken |= {*module.inside(node).by_name, *(one.name for one in node.body if isinstance(one, ast.FunctionDef))}
+            elif (method := _init_of(node)) is not None:
+                taken |= {one.id for one in ast.walk(method) if isinstance(one, ast.Name)} | {one.arg for one in _arguments(method)}
+        return frozenset(taken)
+
+    def files(self) -> list[str]:
+        """The absolute paths of all modules."""
+        return [module.file for module in self._all()]
+
+    def _family(self, name: PartName) -> list[tuple[_Module, ast.ClassDef]]:
+        """The class that declares a name, and for a mount all classes of the part folders that are derived from it."""
+        family: dict[tuple[str, str], tuple[_Module, ast.ClassDef]] = {}
+        for module in self._all() if name.what == "part mount" else ():
+            for node in module.classes.values():
+                lineage = self._lineage(f"{module.dotted}:{node.name}", [])
+                if any((one.file, inner.name) == (name.file, name.owner) for one, inner in lineage):
+                    family[module.file, node.name] = module, node
+        for known in self._modules.values():
+            if known is not None and known.file == name.file and name.owner in known.classes:
+                family = {(known.file, name.owner): (known, known.classes[name.owner]), **family}
+        return list(family.values())
+
+    def _all(self) -> Iterator[_Module]:
+        """Every module of the part folders."""
+        for folder in self.folders:
+            for place, folders, files in os.walk(folder):
+                folders[:] = sorted(one for one in folders if one.isidentifier())
+                inner = os.path.relpath(place, folder).replace(os.sep, ".")
+                for file in sorted(files):
+                    stem, suffix = os.path.splitext(file)
+                    if suffix == ".py" and stem.isidentifier():
+                        words = [*([] if inner == "." else [inner]), *([] if stem == "__init__" else [stem])]
+                        module = self._module(".".join(words))
+                        if module is not None:
+                            yield module
+
+    def _lineage(self, reference: str, above: list[str]) -> list[tuple[_Module, ast.ClassDef]]:
+        """A class and those it is derived from, in Python's order as far as one base goes before the next."""
+        name, _, cls = reference.partition(":")
+        module = self._module(name) if name and cls and reference not in above else None
+        if module is None:
+            return []
+        node = module.classes.get(cls)
+        if node is None:
+            return self._lineage(module.imports[cls], [*above, reference]) if cls in module.imports else []
+        lineage = [(module, node)]
+        for base in node.bases:
+            if isinstance(base, ast.Name):
+                inner = f"{module.dotted}:{base.id}" if base.id in module.classes else module.imports.get(base.id, "")
+                lineage += [one for one in self._lineage(inner, [*above, reference]) if one not in lineage]
+        return lineage
+
+    def _module(self, dotted: str) -> _Module | None:
+        if dotted not in self._modules:
+            self._modules[dotted] = self._parsed(dotted)
+        return self._modules[dotted]
+
+    def _parsed(self, dotted: str) -> _Module | None:
+        for folder in self.folders:
+            stem = os.path.join(folder, *dotted.split("."))
+            for file in (f"{stem}.py", os.path.join(stem, "__init__.py")):
+                text = self._read(file)
+                if text is None:
+                    continue
+                return _module_of(file, dotted, text)
+        return None
+
+
+@lru_cache(maxsize=512)
+def _module_of(file: str, dotted: str, text: str) -> _Module | None:
+    """A module out of its text; None where that is no Python."""
+    try:
+        return _Module(file, dotted, re.split(r"\r\n|\r|\n", text), syntax_tree(text))
+    except (SyntaxError, ValueError, RecursionError):
+        return None
+
+
+def _init_of(node: ast.ClassDef) -> ast.FunctionDef | None:
+    return next((one for one in node.body if isinstance(one, ast.FunctionDef) and one.name == "__init__"), None)
+
+
+def _arguments(method: ast.FunctionDef) -> list[ast.arg]:
+    return [*method.args.posonlyargs, *method.args.args, *method.args.kwonlyargs][1:]
+
+
+def _of_self(node: ast.Attribute) -> bool:
+    return isinstance(node.value, ast.Name) and node.value.id == "self"
+
+
+def _written(module: _Module, node: ast.ClassDef, name: PartName) -> Iterator[Span]:
+    """Where a class writes a mount or a parameter as what it is: what declares it comes first."""
+    if name.what == "part mount":
+        own = module.inside(node).by_name.get(name.text, ())
+        yield from (span for one in own if (span := module.span_of(one, name.text)) is not None)
+        return
+    method = _init_of(node)
+    if method is None:
+        return
+    for argument in _arguments(method):
+        if argument.arg == name.text:
+            end = argument.col_offset + len(name.text.encode())
+            if (span := module.span(argument.lineno, end, name.text)) is not None:
+                yield span
+    used: list[ast.expr] = [one for one in ast.walk(method) if isinstance(one, ast.Name) and one.id == name.text]
+    used += [
+        one for one in module.inside(node).nodes if isinstance(one, ast.Attribute) and one.attr == name.text and _parameter_of_self(one)
+    ]
+    yield from (span for one in used if (span := module.span_of(one, name.text)) is not None)
+    yield from _documented(module, node, name.text)
+    yield from _documented(module, method, name.text)
+
+
+def _parameter_of_self(node: ast.Attribute) -> bool:
+    """`self.p.NAME`."""
+    return isinstance(node.value, ast.Attribute) and node.value.attr == "p" and _of_self(node.value)
+
+
+def _documented(module: _Module, node: ast.ClassDef | ast.FunctionDef, text: str) -> Iterator[Span]:
+    """The line `NAME: ...` of a docstring, from which documentation of a parameter is taken."""
+    first = node.body[0]
+    if not (isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant) and isinstance(first.value.value, str)):
+        return
+    for line in range(first.lineno, (first.end_lineno or first.lineno) + 1):
+        if (line_of_text := re.match(rf"\s+({text})(?: \(.*\))?:", module.lines[line - 1])) is not None:
+            span = module.span(line, len(module.lines[line - 1][: line_of_text.end(1)].encode()), text)
+            if span is not None:
+                yield span
+
+
+def _may_be(node: ast.AST, name: PartName, family: set[str]) -> bool:
+    """Whether a node may name a mount or parameter, as far as its word says."""
+    if isinstance(node, ast.Constant):
+        return node.value == name.text
+    if name.what == "part mount":
+        return isinstance(node, ast.Attribute) and node.attr == name.text
+    if isinstance(node, ast.Attribute):
+        return node.attr == name.text and isinstance(node.value, ast.Attribute) and node.value.attr == "p"
+    if isinstance(node, ast.Call):
+        called = node.func.attr if isinstance(node.func, ast.Attribute) else node.func.id if isinstance(node.func, ast.Name) else ""
+        words = {(one.arg or "").partition("__")[0] for one in node.keywords}
+        return name.text in words and (called in family or called in ("adjust", "__init__", "partial", "replace"))
+    return False
+
+
+def _class_around(module: _Module, node: ast.AST) -> str | None:
+    """The class at the top of a module that a node stands in."""
+    line = getattr(node, "lineno", 0)
+    return next((one.name for one in module.classes.values() if one.lineno <= line <= (one.end_lineno or 0)), None)

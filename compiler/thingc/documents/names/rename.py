@@ -1,0 +1,215 @@
+"""A name exchanged for another one wherever it is written: the edits, or why it cannot be.
+
+What an edit does is not trusted: the texts are made, read and looked up again, and every place has to mean what it meant before.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+
+from thingc.base.frozen import dataclass
+from thingc.base.python_source import syntax_tree
+from thingc.base.safe_text import shown
+from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span, node_at
+from thingc.base.units import shortened
+from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
+from thingc.documents.names.index import Name, NamePlace
+from thingc.documents.names.part_names import PartName
+from thingc.documents.names.workspace_index import Sight, mentioned
+from thingc.documents.spec.name_types import RESERVED
+
+WORDS = {"export": "exported mount", "part mount": "mount of a part", "part parameter": "parameter of a part"}
+"""What names are called in messages, where it is not by their own word."""
+
+_SECTIONS = {
+    "component": "components", "joint": "joints", "parameter": "parameters", "pose": "poses", "mode": "modes", "link": "links",
+    "sensor": "sensors", "tendon": "tendons", "test": "tests", "material": "materials", "export": "mounts",
+}
+_RESERVING = frozenset({"component", "joint", "export", "link", "mount", "part mount"})
+"""What may not be called `world`, `root` or `origin`."""
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
+
+
+class RenameRefused(Exception):
+    """A rename that is not possible, with the reason as its message."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Renaming:
+    """What is written anew: `texts` whole by absolute path, and each place, the last of a file first, for who edits; what there is `after`
+    it."""
+
+    places: tuple[Span, ...]
+    texts: Mapping[str, str]
+    after: Sight
+
+
+def renamable(sight: Sight, name: Name) -> None:
+    """Raises `RenameRefused` for a name that is not exchanged, whatever for."""
+    what = WORDS.get(name.what, name.what)
+    if name.what in ("document", "part"):
+        raise RenameRefused(f"`{shortened(name.text)}` is {'a file' if name.what == 'document' else 'a class'}: rename it where it is")
+    if sight.index.declared(name) is None:
+        if name.what == "index":
+            raise RenameRefused(f"the index `{name.text}` is not written: write `as: {name.text}` under `repeat` first")
+        raise RenameRefused(f"where the {what} `{name.text}` of `{name.owner}` is made cannot be seen without running its code")
+    if name.what == "sensor" and any(one.name.what == "joint" and one.span == sight.index.declared(name) for one in sight.index.places):
+        raise RenameRefused(f"`{name.text}` measures the joint of its name: write `joint: {name.text}` under it first")
+    for path, text in sight.broken.items():
+        if mentioned(text, name.text):
+            raise RenameRefused(f"`{sight.relative(path)}` cannot be read at the moment, and has `{name.text}` in it: mend it first")
+    if name.what.startswith("part"):
+        if not name.file.startswith(tuple(sight.folders)):
+            raise RenameRefused(f"`{name.owner}` does not belong to this workspace")
+        other = sight.parts.elsewhere(PartName(name.what, name.file, name.text, name.owner))
+        if other is not None:
+            where = f"{sight.relative(other[0])}:{other[1]}"
+            raise RenameRefused(f"`{name.text}` at {where} may be this {what} of `{name.owner}`, and may be another: rename it in Python")
+    if name.what == "material":
+        for path in sight.parts.files():
+            if f'"{name.text}"' in (text := sight.read(path) or "") or f"'{name.text}'" in text:
+                raise RenameRefused(f"`{sight.relative(path)}` has the material `{name.text}`, too: rename it in Python")
+
+
+def renamed(sight: Sight, name: Name, new: str) -> Renaming:
+    """The texts in which a name is another one. Raises `RenameRefused`, in words, where the new name is none or taken, or something
+    that is written would mean something else then."""
+    renamable(sight, name)
+    _check(sight, name, new)
+    edited = [place for place in sight.index.by_name[name] if place.role != "fits"]
+    spans = {place.span for place in edited}
+    texts = with_spans(sight, spans, new)
+    after = sight.with_texts(texts)
+    _compare(sight, after, name, new, spans)
+    return Renaming(places=tuple(sorted(spans, key=lambda one: (one.file, -one.line, -one.column))), texts=texts, after=after)
+
+
+def with_spans(sight: Sight, spans: Iterable[Span], new: str) -> dict[str, str]:
+    """The texts of the files of places with other words there."""
+    lines: dict[str, list[str]] = {}
+    for span in sorted(spans, key=lambda one: (one.file, one.line, one.column), reverse=True):
+        if span.file not in lines:
+            lines[span.file] = re.split(r"(\r\n|\r|\n)", sight.read(span.file) or "")
+        number = 2 * (span.line - 1)
+        line = lines[span.file][number]
+        at = 1 if number == 0 and line.startswith("\ufeff") else 0
+        lines[span.file][number] = line[: at + span.column - 1] + new + line[at + span.end_column - 1 :]
+    return {path: "".join(lines[path]) for path in sorted(lines)}
+
+
+def _check(sight: Sight, name: Name, new: str) -> None:
+    what = WORDS.get(name.what, name.what)
+    if not _NAME.fullmatch(new) or len(new) > 1000:
+        raise RenameRefused(f"`{shown(shortened(new))}` is no name: a letter, then letters, digits and `_`")
+    if new.lower() in ("true", "false", "null"):
+        raise RenameRefused(f"`{new}` is a value where it stands without quotes: choose another name")
+    if new in RESERVED and name.what in _RESERVING:
+        raise RenameRefused(f"`{new}` is reserved and cannot name a {what}")
+    if name.what == "parameter" and (new in CONSTANTS or new in FUNCTIONS):
+        raise RenameRefused(f"`{new}` means something in expressions and cannot name a parameter")
+    if name.what.startswith("part"):
+        import keyword
+
+        if keyword.iskeyword(new):
+            raise RenameRefused(f"`{new}` is a word of Python and cannot name a {what}")
+        if new in sight.parts.attributes(PartName(name.what, name.file, name.text, name.owner)):
+            raise RenameRefused(f"`{name.owner}` has a `{new}` already")
+        alike = sight.parts.elsewhere(PartName(name.what, name.file, new, name.owner))
+        if alike is not None:  # nobody could tell them apart any more, nor rename it back
+            where = f"{sight.relative(alike[0])}:{alike[1]}"
+            raise RenameRefused(f"`{new}` at {where} could be taken for this {what} of `{name.owner}` then: choose another name")
+        return
+    for other, called in _taken(sight, name, new):
+        raise RenameRefused(
+            f"there is {called} `{other}` already" + ("" if other == new else f", which differs from `{new}` only in case")
+        )
+
+
+def _taken(sight: Sight, name: Name, new: str) -> Iterator[tuple[str, str]]:
+    """Names that stand in the way of a new one, and what they are."""
+    written = sight.documents[name.file]
+    if name.what == "index":
+        if new in written.section("parameters"):
+            yield new, "a parameter"
+        return
+    if name.what == "mount":
+        node = node_at(written.document.tree, (*name.owner.split("."), "mounts"))
+        mine, theirs = {new.lower()}, dict.fromkeys(getattr(node, "entries", ()), "a mount")
+    else:
+        theirs = {}
+        groups = {"component": ("component", "export"), "export": ("component", "export")}.get(name.what, (name.what,))
+        for what in groups:
+            for key in written.section(_SECTIONS[what]):
+                items = written.items(_SECTIONS[what], key) if what in ("component", "joint") else [key]
+                if (what, key) != (name.what, name.text):
+                    theirs.update(dict.fromkeys((*items, key), f"{'an' if what == 'export' else 'a'} {WORDS.get(what, what)}"))
+        own = written.items(_SECTIONS[name.what], name.text) if name.what in ("component", "joint") else [name.text]
+        mine = {new.lower(), *(f"{new}{item[len(name.text):]}".lower() for item in own)}
+    if name.what == "parameter":
+        theirs.update({
+            index: "an index" for section in ("components", "joints") for key in written.section(section)
+            if (index := written.index_of((section, key)))
+        })
+    theirs.pop(name.text, None)
+    yield from ((other, called) for other, called in theirs.items() if other.lower() in mine)
+
+
+def _compare(before: Sight, after: Sight, name: Name, new: str, spans: set[Span]) -> None:
+    """Raises `RenameRefused` where anything but the name is another after the edits."""
+    for path in {span.file for span in spans}:
+        if path.endswith(".py"):
+            try:
+                syntax_tree(after.read(path) or "")
+            except SyntaxError:
+                raise RenameRefused(f"`{before.relative(path)}` would be no Python with `{new}` in it") from None
+            continue
+        old, now = before.documents[path].document, after.documents.get(path)
+        astray = old.tree.span if now is None else next(_differing(old.tree, now.document.tree, spans), None)
+        if astray is not None:
+            where = f"{before.relative(path)}:{astray.line}"
+            raise RenameRefused(f"`{name.text}` at {where} is written in a way of its own: rename it by hand")
+    along = {place.name for place in before.index.places if place.role == "declared" and place.span in spans}
+    section = {"component": "components", "joint": "joints"}.get(name.what, "")
+
+    def now_called(one: Name) -> Name:
+        if one in along:
+            one = replace(one, text=new)
+        if section and (one.file, one.owner) == (name.file, f"{section}.{name.text}"):
+            one = replace(one, owner=f"{section}.{new}")
+        return one
+
+    wanted = Counter(_known_by(replace(place, name=now_called(place.name))) for place in before.index.places)
+    got = Counter(_known_by(place) for place in after.index.places)
+    wrong = min((wanted - got) + (got - wanted), default=None)
+    if wrong is not None:
+        where = f"{before.relative(wrong[0])}:{wrong[1]}"
+        raise RenameRefused(f"`{name.text}` cannot be called `{new}`: what is written at {where} would mean something else then")
+
+
+def _known_by(place: NamePlace) -> tuple[str, int, str, str, str, str, str]:
+    return place.span.file, place.span.line, place.role, place.name.what, place.name.file, place.name.owner, place.name.text
+
+
+def _differing(old: Node, new: Node, spans: set[Span]) -> Iterator[Span]:
+    """Where two trees say something else, but at the edited places."""
+    if isinstance(old, MappingNode) and isinstance(new, MappingNode):
+        if len(old.entries) != len(new.entries):
+            yield old.span
+        for (key, one), (other_key, other) in zip(old.entries.items(), new.entries.items(), strict=False):
+            if key != other_key and not any(old.keys[key].holds(span) for span in spans):
+                yield old.keys[key]
+            yield from _differing(one, other, spans)
+    elif isinstance(old, SequenceNode) and isinstance(new, SequenceNode):
+        if len(old.items) != len(new.items):
+            yield old.span
+        for one, other in zip(old.items, new.items, strict=False):
+            yield from _differing(one, other, spans)
+    elif not isinstance(old, ScalarNode) or not isinstance(new, ScalarNode) or type(old.value) is not type(new.value):
+        yield old.span
+    else:
+        changed = old.value != new.value
+        if changed and not any(old.span.holds(span) for span in spans):
+            yield old.span

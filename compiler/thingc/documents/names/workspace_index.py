@@ -1,0 +1,113 @@
+"""All that names are looked up in: the documents of a workspace and its modules of parts, with unsaved texts in the place of saved ones."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable, Iterable, Mapping
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from thingc.base.diagnostics import Report
+from thingc.base.frozen import dataclass
+from thingc.base.source import Document, ScalarNode
+from thingc.documents.load.discovery import documents_in
+from thingc.documents.load.documents import read_tree
+from thingc.documents.names.document_names import WrittenDocument
+from thingc.documents.names.index import Index, index
+from thingc.documents.names.part_names import PartNames
+
+if TYPE_CHECKING:
+    from thingc.documents.workspace import Workspace
+
+MAX_TEXT = 10_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sight:
+    """`documents` are those that can be read, by absolute path, `broken` the texts of those that cannot, `read` gives the text of any file
+    (None where there is none), `relative` what messages call a file."""
+
+    documents: Mapping[str, WrittenDocument]
+    broken: Mapping[str, str]
+    parts: PartNames
+    index: Index
+    read: Callable[[str], str | None]
+    relative: Callable[[str], str]
+    folders: tuple[str, ...] = ()
+
+    def with_texts(self, texts: Mapping[str, str]) -> Sight:
+        """The same with other texts of some files."""
+        def read(path: str) -> str | None:
+            return texts[path] if path in texts else self.read(path)
+
+        documents = {
+            path: written if path not in texts else read_document(path, written.document.relative, texts[path])
+            for path, written in self.documents.items()
+        }
+        return _seen({path: one for path, one in documents.items() if one is not None}, {
+            **self.broken, **{path: texts[path] for path, one in documents.items() if one is None},
+        }, read, self.relative, self.folders)
+
+
+def on_disk(path: str) -> str | None:
+    """The text of a file with its line ends as they are."""
+    try:
+        with open(path, encoding="utf-8-sig", newline="") as stream:
+            return stream.read(MAX_TEXT)
+    except (OSError, ValueError):
+        return None
+
+
+def sight_of(
+    workspace: Workspace, texts: Mapping[str, str], last: Iterable[Document] = (), only: Iterable[str] | None = None, *,
+    disk: Callable[[str], str | None] = on_disk,
+) -> Sight:
+    """What there is in a workspace, or of it in `only` these documents (absolute paths). `texts` are those of open files by absolute path,
+    `last` are documents as they were when they could be read, for those that cannot be now. `disk` reads the other files."""
+    def read(path: str) -> str | None:
+        return texts[path] if path in texts else disk(path)
+
+    documents: dict[str, WrittenDocument] = {}
+    broken: dict[str, str] = {}
+    known = {one.path: WrittenDocument(one) for one in last}
+    for path in dict.fromkeys((*(documents_in(workspace.root, workspace) if only is None else only), *known)):
+        text = read(path)
+        written = read_document(path, workspace.relative(path), text) if text is not None else None
+        if written is None and text is not None:
+            broken[path], written = text, known.get(path)
+        if written is not None:
+            documents[path] = written
+    return _seen(documents, broken, read, workspace.relative, tuple(workspace.parts))
+
+
+def _seen(
+    documents: Mapping[str, WrittenDocument], broken: Mapping[str, str], read: Callable[[str], str | None], relative: Callable[[str], str],
+    folders: tuple[str, ...],
+) -> Sight:
+    parts = PartNames(folders, read)
+    return Sight(
+        documents=documents, broken=broken, parts=parts, index=index(documents, parts), read=read, relative=relative,
+        folders=folders,
+    )
+
+
+@lru_cache(maxsize=512)
+def read_document(path: str, relative: str, text: str) -> WrittenDocument | None:
+    """A document out of its text; None where it is not well-formed."""
+    report = Report()
+    data = text.encode("utf-8", errors="surrogatepass")
+    tree = read_tree(path, data, report) if len(data) <= MAX_TEXT else None
+    if tree is None or report.failed:
+        return None
+    kind = tree.entries.get("thingc")
+    said = kind.value if isinstance(kind, ScalarNode) and isinstance(kind.value, str) else ""
+    return WrittenDocument(Document(
+        path=path, relative=relative, kind=said.partition("/")[0], tree=tree, sha256=hashlib.sha256(data).hexdigest(),
+        text=text.removeprefix("\ufeff"),
+    ))
+
+
+def mentioned(text: str, word: str) -> bool:
+    """Whether a text has a word in it, or the name of an item of a repeat that begins with it."""
+    return re.search(rf"(?<![A-Za-z0-9_]){re.escape(word)}(?![A-Za-z0-9])", text, re.ASCII) is not None

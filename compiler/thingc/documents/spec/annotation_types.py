@@ -1,0 +1,154 @@
+"""What the document models say of a value, read from their annotations: is it a mapping, a list, a choice, a field?
+
+pydantic's errors tell where in a model something is wrong; the place in the document, the near names and the words for
+what was expected come from here.
+"""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Sequence
+from functools import cache
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+
+from thingc.base.frozen import dataclass
+from thingc.base.suggestions import nearest
+from thingc.documents.spec.fields import Checked, Index
+from thingc.documents.spec.name_types import Declares, Means
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnnotationShape:
+    """One annotation, looked at.
+
+    `kind` is `model`, `dict`, `list`, `literal`, `field` (a type of `spec.fields`), `text`, `flag`, `number` or `union`;
+    `model` the class, `members` the types of dict values, list items or the branches of a union, `key` that of dict keys, `choices` those
+    of a literal, `field` the checker, `names` what its text declares or means, `annotation` the whole.
+    """
+
+    kind: str
+    annotation: Any
+    model: type[BaseModel] | None = None
+    members: tuple[Any, ...] = ()
+    choices: tuple[Any, ...] = ()
+    field: Checked | None = None
+    key: Any = None
+    names: Declares | Means | None = None
+
+    @property
+    def by_number(self) -> bool:
+        """Whether it is a mapping by the numbers of coordinates."""
+        return self.kind == "dict" and self.key is Index
+
+    @property
+    def words(self) -> str:
+        """What is expected, in the words of documents."""
+        if self.kind == "model":
+            assert self.model is not None
+            keys = model_keys(self.model)
+            own = [key for key in keys if key in self.model.__annotations__]
+            named = [key for key, (_, required) in keys.items() if required] or sorted(keys, key=lambda key: key not in own)[:3]
+            return "a mapping with " + ", ".join(f"`{key}`" for key in named)
+        if self.kind == "literal":
+            return one_of([spoken(choice) for choice in self.choices])
+        if self.kind == "field":
+            assert self.field is not None
+            return self.field.words
+        if self.kind == "union":
+            shapes = [shape_of(member) for member in self.members]
+            some = any(shape.kind == "model" for shape in shapes)
+            numbered = any(shape.by_number for shape in shapes)  # of which there may be several, in a list or by number
+            return " or ".join(
+                shape.words for shape in shapes if not (some and shape.kind == "dict" or numbered and shape.kind in ("list", "dict"))
+            )
+        return {"dict": "a mapping", "list": "a list", "text": "text", "flag": "true or false", "number": "a number"}[self.kind]
+
+
+def shape_of(annotation: Any, metadata: Sequence[Any] = ()) -> AnnotationShape:
+    """The shape of an annotation (of a model's field with its `metadata`); `None` beside a type does not count."""
+    names = next((extra for extra in metadata if isinstance(extra, (Declares, Means))), None)
+    for extra in metadata:
+        if isinstance(extra, Checked):
+            return AnnotationShape(kind="field", annotation=annotation, field=extra, names=names)
+    origin = get_origin(annotation)
+    arguments = get_args(annotation)
+    if origin is Annotated:
+        inner = shape_of(arguments[0], arguments[1:])
+        return AnnotationShape(
+            kind=inner.kind, annotation=annotation, model=inner.model, members=inner.members, choices=inner.choices,
+            field=inner.field, key=inner.key, names=inner.names,
+        )
+    if origin in (Union, types.UnionType):
+        members = tuple(argument for argument in arguments if argument is not type(None))
+        return shape_of(members[0]) if len(members) == 1 else AnnotationShape(kind="union", annotation=annotation, members=members)
+    if origin is Literal:
+        return AnnotationShape(kind="literal", annotation=annotation, choices=arguments)
+    if origin is dict:
+        return AnnotationShape(kind="dict", annotation=annotation, members=(arguments[1],), key=arguments[0])
+    if origin is list:
+        return AnnotationShape(kind="list", annotation=annotation, members=(arguments[0],))
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return AnnotationShape(kind="model", annotation=annotation, model=annotation)
+    return AnnotationShape(kind={str: "text", bool: "flag"}.get(annotation, "number"), annotation=annotation, names=names)
+
+
+@cache
+def model_keys(model: type[BaseModel]) -> dict[str, tuple[AnnotationShape, bool]]:
+    """The keys of a mapping that a model describes, in its order: what each takes and whether it is required."""
+    return {
+        field.alias or name: (shape_of(field.annotation, field.metadata), field.is_required())
+        for name, field in model.model_fields.items()
+    }
+
+
+def alternatives(shape: AnnotationShape) -> list[AnnotationShape]:
+    """The branches of a union; of anything else itself alone."""
+    return [shape_of(member) for member in shape.members] if shape.kind == "union" else [shape]
+
+
+def branch_of(shape: AnnotationShape, value: Any) -> AnnotationShape | None:
+    """The branch of a union that a person who wrote `value` meant; None where no branch takes such a thing."""
+    branches = alternatives(shape)
+    if isinstance(value, dict):
+        fitting = [branch for branch in branches if branch.kind in ("model", "dict")]
+        if any(branch.by_number for branch in fitting):
+            numbered = bool(value) and all(key.isdigit() for key in value)
+            fitting = [branch for branch in fitting if branch.by_number == numbered] or fitting
+        return max(fitting, key=lambda branch: likeness(branch, value)) if fitting else None
+    if isinstance(value, list):
+        listed = next((branch for branch in branches if branch.kind == "list"), None)
+        mappings = listed is not None and any(branch.by_number for branch in branches) and shape_of(listed.members[0]).kind == "model"
+        if mappings and not any(isinstance(item, dict) for item in value):
+            return None  # `limit: [-90 deg, 90 deg]`: no list of limits
+        return next((branch for branch in branches if branch.kind in ("list", "field")), None)
+    if isinstance(value, str):
+        literal = next((branch for branch in branches if branch.kind == "literal"), None)
+        if literal is not None and (len(branches) == 1 or value.isidentifier() or _takes_no_text(branches)):
+            return literal
+        return next((branch for branch in branches if branch.kind in ("field", "text")), literal)
+    return next((branch for branch in branches if branch.kind in ("field", "flag", "number")), None)
+
+
+def _takes_no_text(branches: list[AnnotationShape]) -> bool:
+    return not any(branch.kind in ("field", "text") for branch in branches)
+
+
+def likeness(branch: AnnotationShape, value: dict[str, Any]) -> float:
+    """How many keys of `value` a shape knows; a near name is half a key, and a mapping of any names a quarter in all."""
+    if branch.model is None:
+        return 0.25
+    keys = model_keys(branch.model)
+    return sum(1.0 if key in keys else 0.5 if nearest(key, keys) else 0.0 for key in value)
+
+
+def one_of(words: Sequence[str]) -> str:
+    """`a`, `b` or `c`."""
+    quoted = [f"`{word}`" for word in words]
+    return quoted[0] if len(quoted) == 1 else ", ".join(quoted[:-1]) + " or " + quoted[-1]
+
+
+def spoken(choice: Any) -> str:
+    """A choice as a document writes it."""
+    return {True: "true", False: "false"}[choice] if isinstance(choice, bool) else str(choice)

@@ -1,0 +1,102 @@
+"""The shapes that a link lists, key by key. Field docstrings are the hover text of an editor."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import ConfigDict, Field, model_validator
+
+from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
+from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.fields import ColorField, LengthField, NumberField, Vector3Length
+from thingc.documents.spec.materials import FrictionSpec
+from thingc.documents.spec.name_types import MaterialField
+from thingc.documents.spec.names import FileName
+from thingc.documents.spec.poses import PoseSpec
+
+ShapeKind = Literal["mesh", "box", "sphere", "cylinder", "capsule", "ellipsoid", "plane"]
+KINDS: tuple[ShapeKind, ...] = get_args(ShapeKind)
+"""What a shape is exactly one of."""
+
+
+class RoundSpec(Model):
+    """A sphere."""
+
+    radius: LengthField
+    """From its centre to its surface."""
+
+
+class LongSpec(Model):
+    """A cylinder, or a capsule, along z."""
+
+    radius: LengthField
+    """Of what is round."""
+    length: LengthField
+    """Along z; of a capsule without its round ends."""
+
+
+def _shape_rules(schema: dict[str, Any]) -> None:
+    """What `ShapeSpec` checks beyond its fields, for editors."""
+    schema["oneOf"] = [{"required": [kind]} for kind in KINDS]
+    schema["dependentSchemas"] = {key: {"required": ["mesh"]} for key in ("unit", "scale")}
+
+
+class ShapeSpec(Model):
+    """A shape of a link: exactly one of `mesh`, `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`, `plane`."""
+
+    model_config = ConfigDict(json_schema_extra=_shape_rules)
+
+    mesh: str | None = Field(default=None, examples=["meshes/trunk.stl"])
+    """A mesh file: STL, OBJ, COLLADA (`.dae`), PLY or glTF (`.glb`), relative to this document."""
+    unit: Literal["um", "mm", "cm", "m", "in", "ft"] | None = None
+    """The unit of the numbers in an STL, OBJ or PLY `mesh`, which does not say it; mm unless written."""
+    scale: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | NumberField | None = Field(
+        default=None, examples=[[1, 1, -1], 0.5],
+    )
+    """Factors for a `mesh`, along x, y and z or one for all; a negative one mirrors it."""
+    box: Vector3Length | None = Field(default=None, examples=["380 90 110 mm"])
+    """Its whole lengths along x, y and z."""
+    sphere: RoundSpec | None = Field(default=None, examples=[{"radius": "20 mm"}])
+    """Its radius."""
+    cylinder: LongSpec | None = Field(default=None, examples=[{"radius": "20 mm", "length": "80 mm"}])
+    """Its radius, and its length along z."""
+    capsule: LongSpec | None = Field(default=None, examples=[{"radius": "20 mm", "length": "80 mm"}])
+    """A cylinder along z, of this radius and length, between two half balls."""
+    ellipsoid: Vector3Length | None = Field(default=None, examples=["40 20 20 mm"])
+    """Its half axes along x, y and z."""
+    plane: Annotated[list[LengthField], Field(min_length=2, max_length=2)] | None = Field(default=None, examples=[[0, 0], ["2 m", "1 m"]])
+    """Its whole lengths along x and y, 0 of one without an end; matter is below it, z points out of it."""
+    at: PoseSpec | None = Field(default=None, examples=[{"xyz": "0 0 40 mm", "rpy": "0 90 0 deg"}])
+    """Where it is, in the link's frame; at its origin unless written."""
+    for_: Literal["visual", "collision", "both"] = Field(
+        default="both", alias="for", description="Whether it is drawn, touches, or both; both unless written.",
+    )
+    material: MaterialField | None = Field(default=None, examples=["rubber"])
+    """A material in scope; that of the link unless written."""
+    color: ColorField | None = None
+    """Its own colour; that of its material unless written."""
+    friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 0.6}])
+    """Its own friction, over that of its material."""
+    name: FileName | None = Field(default=None, examples=["left-foot"])
+    """The name of its geom, visual and collision in files; numbered after the component unless written."""
+
+    @property
+    def kind(self) -> ShapeKind:
+        """Which of `KINDS` it is."""
+        return next(kind for kind in KINDS if getattr(self, kind) is not None)
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> ShapeSpec:
+        kinds = [f"`{kind}`" for kind in KINDS if getattr(self, kind) is not None]
+        if len(kinds) != 1:
+            these = "here are " + " and ".join(kinds) if kinds else "none is here"
+            raise rule(
+                f"a shape is exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}; {these}",
+                "write each in an item of its own: `- {...}`" if kinds else "write for example `box: 40 40 20 mm`",
+            )
+        for key in ("unit", "scale"):
+            if getattr(self, key) is not None and self.mesh is None:
+                raise rule(f"`{key}` belongs to a `mesh`", "take it out: lengths of other shapes have their units", key)
+        if self.unit is not None and self.mesh is not None and self.mesh.lower().endswith(SUFFIXES_WITH_UNIT):
+            raise rule(f"`{self.mesh}` says its unit itself: COLLADA and glTF files do", "take `unit` out; `scale` may be there", "unit")
+        return self

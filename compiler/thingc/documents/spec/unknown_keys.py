@@ -1,0 +1,149 @@
+"""A key that its mapping does not have: what may have been meant by it, and where it belongs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, node_at
+from thingc.base.suggestions import Hint, did_you_mean, meant, near_hint, nearest
+from thingc.base.units import shortened
+from thingc.documents.spec.annotation_types import AnnotationShape, alternatives, branch_of, likeness, model_keys, one_of, shape_of
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.foreign_keywords import key_for
+from thingc.documents.spec.pruning import Fault
+
+
+class Unknown:
+    """An unknown key (`fault`) of a document of the model `root`.
+
+    `instead` is the key of the same mapping that it stands for, None where nobody can tell; `help` what to type next.
+    """
+
+    def __init__(self, document: Document, root: type[Model], fault: Fault) -> None:
+        self.document = document
+        self.path = fault.path
+        self.key = str(fault.path[-1])
+        self.model = fault.shape.model
+        self.known = list(model_keys(self.model)) if self.model is not None else []
+        mapping = node_at(document.tree, fault.path[:-1])
+        self.present = set(mapping.entries) if isinstance(mapping, MappingNode) else set()
+        absent = [key for key in self.known if key not in self.present]
+        told = key_for(self.model, self.key) if self.model is not None else None
+        self.instead: str | None = None
+        if told is not None:
+            self.help = self._called(told)
+            return
+        place = None if meant(self.key, absent) is not None else self._mate() or self._place(root)
+        if place is not None:
+            self.help = place
+            return
+        self.instead = nearest(self.key, absent)
+        if self.instead is not None:
+            self.help = near_hint(self.key, self.known) or ""
+            if self.help != f"did you mean `{self.instead}`?":
+                self.help = f"did you mean `{self.instead}`?"
+        elif close := nearest(self.key, self.known):
+            self.help = f"`{close}` is already here"
+        else:
+            self.help = did_you_mean(self.key, self.known, what="keys")
+
+    def _called(self, told: str) -> str:
+        """The words for a key that is called `told` here, or of which `told` says what takes its place."""
+        if told not in self.known:
+            return told
+        if told in self.present:
+            return f"`{told}` says it here, and is there already"
+        self.instead = told
+        return Hint(f"here it is called `{told}`", (self.key, told))
+
+    def _mate(self) -> str | None:
+        """How the mate of an `attach` is written beside a `turn` or a `gap`, where it is written as it is without."""
+        if not {"mount", "to"} <= set(self.known) - self.present:
+            return None
+        return f"in full it is `mount: {shortened(self.key, 40)}, to: {_shown(node_at(self.document.tree, self.path))}`"
+
+    def _place(self, root: type[Model]) -> str | None:
+        """Where a key belongs that another mapping has: one inside of this, one around it, or a section of the document."""
+        value = node_at(self.document.tree, self.path)
+        if "parameters" in self.known and "part" not in self.known and len(self.path) > 1 and isinstance(value, ScalarNode):
+            return f"a parameter is set by `parameters: {{{shortened(self.key, 40)}: {shortened(value.text, 40)}}}`"
+        shown = _shown(value)
+        inside = [key for key in self.known if any(self.key in model_keys(one) for one in _models(self.model, key))]
+        if inside:
+            here = [key for key in inside if key in self.present]
+            short = node_at(self.document.tree, (*self.path[:-1], "attach")) if here == ["attach"] else None
+            if isinstance(short, MappingNode) and len(short.entries) == 1 and "mount" not in short.entries:
+                ((mount, to),) = short.entries.items()
+                return f"write it inside, in full: `attach: {{mount: {shortened(mount, 40)}, to: {_shown(to)}, {self.key}: {shown}}}`"
+            if here:
+                return f"it is a key of {one_of(here)}: write it inside"
+            return "it is a key of " + one_of(inside) + f": `{inside[0]}: {{{self.key}: {shown}}}`"
+        for depth, shape in reversed(list(enumerate(along(root, self.document, self.path[:-1])))[:-1]):
+            if shape.model is not None and self.key in model_keys(shape.model):
+                around = ".".join(str(step) for step in self.path[:depth])
+                what = f"`{around}`, around this" if around else "the document itself"
+                return f"it is a key of {what}: is it indented too far?"
+        if len(self.path) == 1:
+            return self._section(root, value.plain() if value is not None else None) or self._of_entries(root)
+        return self._parameter(shown)
+
+    def _section(self, root: type[Model], value: Any) -> str | None:
+        """The section of the document whose entries look like the mapping that stands under the key."""
+        if not isinstance(value, dict):
+            return None
+        likes = {
+            name: likeness(entry, value) for name, entry in sections(root) if entry.model is not None
+        }
+        best = max(likes, key=lambda name: likes[name], default=None)
+        if best is None or likes[best] < 2.0:
+            return None
+        return f"it looks like one of `{best}`: write it below that key, two spaces further in"
+
+    def _of_entries(self, root: type[Model]) -> str | None:
+        """The sections whose entries have the key."""
+        having = [name for name, entry in sections(root) if entry.model is not None and self.key in model_keys(entry.model)]
+        return f"it is a key of an entry of {one_of(having)}: is it indented far enough?" if having else None
+
+    def _parameter(self, shown: str) -> str | None:
+        """Where a part or a nested document stands in a component, what its parameters are set with."""
+        for of, key in (("part", "params"), ("assembly", "parameters")):
+            if {of, key} <= set(self.known) and of in self.present and shown != "..." and nearest(self.key, self.known) is None:
+                return f"a parameter of the {of} is set by `{key}: {{{shortened(self.key, 40)}: {shown}}}`"
+        return None
+
+
+def _shown(value: Node | None) -> str:
+    return shortened(value.text, 40) if isinstance(value, ScalarNode) else "..."
+
+
+def sections(root: type[Model]) -> Iterator[tuple[str, AnnotationShape]]:
+    """The keys of a document under which entries have names of their own, and what an entry is."""
+    for name, (shape, _) in model_keys(root).items():
+        if shape.kind == "dict":
+            yield name, shape_of(shape.members[0])
+
+
+def along(root: type[Model], document: Document, path: Path) -> Iterator[AnnotationShape]:
+    """The shape of the document, and of every value on the way to `path`; it ends where the document leaves the model."""
+    shape = shape_of(root)
+    yield shape
+    for depth, step in enumerate(path):
+        if shape.kind == "union":
+            node = node_at(document.tree, path[:depth])
+            chosen = branch_of(shape, node.plain()) if node is not None else None
+            if chosen is None:
+                return
+            shape = chosen
+        if shape.kind == "model" and shape.model is not None and str(step) in model_keys(shape.model):
+            shape = model_keys(shape.model)[str(step)][0]
+        elif shape.kind in ("dict", "list"):
+            shape = shape_of(shape.members[0])
+        else:
+            return
+        yield shape
+
+
+def _models(model: type[Model] | Any, key: str) -> Iterator[type[Model] | Any]:
+    """The models that the value of a key may be of."""
+    return (one.model for one in alternatives(model_keys(model)[key][0]) if one.model is not None)

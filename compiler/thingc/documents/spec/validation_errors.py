@@ -1,0 +1,192 @@
+"""Documents that their model does not take: every error at its place, in the words of documents, and what is sound of them.
+
+Loaded for a document that is wrong: no other needs it.
+
+pydantic checks the plain values and says where in the model something is wrong. That location is followed through the
+annotations (`shapes`): a union's tag is in pydantic's location but not in the document, so at a union the branch that
+was meant is chosen by what is written there, and only its errors count.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+from pydantic_core import PydanticCustomError, ValidationError
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.source import Document, MappingNode, Path, ScalarNode, Span, node_at
+from thingc.base.suggestions import Hint
+from thingc.base.units import shortened
+from thingc.documents.spec.annotation_types import AnnotationShape, branch_of, model_keys, shape_of
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.fields import decimal_point
+from thingc.documents.spec.invalid_entries import Doubts
+from thingc.documents.spec.misplaced import gathered
+from thingc.documents.spec.pruning import ROUNDS, Fault, prune, take_out
+from thingc.documents.spec.validation_messages import KINDS, MAX_FAULTS, dotted, say
+
+
+def sound_rest(
+    document: Document, model: type[Model], plain: dict[str, Any], error: ValidationError | None, empty: Mapping[Path, ScalarNode],
+    damaged: frozenset[Path], report: Report,
+) -> tuple[Model | None, Doubts]:
+    """Say what is wrong with a document: `error` is what its model raised for the `plain` values (which are pruned), `empty` are its
+    nulls, `damaged` those that `load` has reported. The model of the rest, None where nothing useful stays, and what was
+    left out."""
+    wrong = _report_empty(document, empty, report)
+    faults: list[Fault] = []
+    if error is not None:
+        faults = gathered(document, model, list(_faults(shape_of(model), plain, (), error)))
+        say(document, model, faults, report, wrong, damaged)
+    if document.kind == "workspace":
+        return None, Doubts()
+    return _rest(model, plain, faults, wrong | damaged)
+
+
+def _rest(model: type[Model], plain: dict[str, Any], faults: list[Fault], wrong: frozenset[Path]) -> tuple[Model | None, Doubts]:
+    """The model of a document without its faults and without the values at the paths `wrong`, and what is in doubt then."""
+    doubts: set[Path] = set()
+    pruned = prune(plain, faults)
+    for path in wrong:
+        taken = take_out(plain, path)
+        if pruned is None or taken is None:
+            return None, Doubts()
+        pruned.add(taken)
+    for _ in range(ROUNDS):
+        if pruned is None:
+            break
+        doubts |= pruned
+        try:
+            return model.model_validate(plain, strict=True), Doubts(paths=frozenset(doubts))
+        except ValidationError as error:
+            pruned = prune(plain, list(_faults(shape_of(model), plain, (), error)))
+    return None, Doubts()
+
+
+def _report_empty(document: Document, empty: Mapping[Path, ScalarNode], report: Report) -> frozenset[Path]:
+    """Keys without a value are errors: a null means nothing in any document. Returns their paths, and those of the values
+    that a decimal comma has cut."""
+    paths: set[Path] = set()
+    for path, node in empty.items():
+        paths.add(path)
+        named = next((f"`{shortened(step)}`" for step in reversed(path) if isinstance(step, str)), "the document")
+        help: str = "write a value after the colon, indent what belongs to the key, or remove it"
+        key = document.span(path, key=True)
+        behind = document.line(key.end_line)[key.end_column - 1 :]
+        comment = re.match(r":?\s+(#[0-9a-fA-F]{3,8})\b", behind)
+        if comment is not None:
+            help = f'a `#` begins a comment: write `"{comment.group(1)}"`'
+        elif re.match(r"\s*[,}]", behind):
+            help = "in braces a comma ends a value: put quotes around a text that has one"
+        message = f"an item of {named} has no value" if path and isinstance(path[-1], int) else f"{named} has no value"
+        where = document.span(path, key=True) if node.text == "" else node.span
+        code, cut = Code.NO_VALUE, _decimal_comma(document, path)
+        if cut is not None:
+            paths.add(cut[0])
+            code, message, where, help = Code.BAD_QUANTITY, _COMMA, cut[1], cut[2]
+        if len(paths) > MAX_FAULTS:
+            continue
+        report.add(code, message, where, help=help, path=dotted(path))
+    return frozenset(paths)
+
+
+_COMMA = "a number is written with a point, not with a comma"
+
+
+def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Hint] | None:
+    """Where `{gap: 1,5 mm}` was meant to be 1.5 mm and came as `gap: 1` and a key `5 mm`: the path of the value, where the
+    whole stands, and a hint that says what it should be."""
+    mapping = node_at(document.tree, path[:-1])
+    if not isinstance(mapping, MappingNode) or not isinstance(path[-1], str) or not path[-1][:1].isdigit():
+        return None
+    keys = list(mapping.entries)
+    before = mapping.entries[keys[max(0, keys.index(path[-1]) - 1)]]
+    key = mapping.keys[path[-1]]
+    if not isinstance(before, ScalarNode) or not re.fullmatch(r"[-+]?\d+", before.text):
+        return None
+    if (before.span.end_line, before.span.end_column + 1) != (key.line, key.column):
+        return None
+    where = replace(before.span, end_line=key.end_line, end_column=key.end_column)
+    return (*path[:-1], keys[keys.index(path[-1]) - 1]), where, decimal_point(f"{before.text},{path[-1]}", before.text, path[-1])
+
+
+def _faults(shape: AnnotationShape, value: Any, path: Path, error: ValidationError) -> Iterator[Fault]:
+    """The errors of a value of this shape that stands at `path`, unions decided."""
+    unions: set[Path] = set()
+    for entry in error.errors(include_url=False):
+        steps, there, key, union = _follow(shape, entry["loc"], entry["type"])
+        if union:
+            if steps not in unions:
+                unions.add(steps)
+                yield from _union_faults(there, _value_at(value, steps), (*path, *steps))
+            continue
+        context = dict(entry.get("ctx", {}))
+        if entry["type"] not in KINDS:
+            context.setdefault("message", entry["msg"])
+        for kind, one in _each(entry["type"], context):
+            yield Fault(path=(*path, *steps), kind=kind, context=one, value=entry["input"], shape=there, key=key)
+
+
+def _each(kind: str, context: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """The kind and the context of an error of one of our fields, and of the others that it brings along (see `spec.fields`)."""
+    others: list[PydanticCustomError] = context.pop("others", [])
+    yield kind, context
+    for other in others:
+        yield other.type, dict(other.context or {})
+
+
+def _union_faults(shape: AnnotationShape, value: Any, path: Path) -> Iterator[Fault]:
+    """The errors of a value that fits no branch of a union: those of the branch that was meant."""
+    branch = branch_of(shape, value)
+    if branch is None:
+        yield Fault(path=path, kind="type", context={}, value=value, shape=shape)
+    elif branch.kind == "field":
+        assert branch.field is not None
+        try:
+            branch.field.validate(value)
+        except PydanticCustomError as fault:
+            for kind, context in _each(fault.type, dict(fault.context or {})):
+                yield Fault(path=path, kind=kind, context=context, value=value, shape=branch)
+    else:
+        from pydantic import TypeAdapter
+
+        try:
+            TypeAdapter(branch.annotation).validate_python(value, strict=True)
+        except ValidationError as error:
+            yield from _faults(branch, value, path, error)
+
+
+def _follow(shape: AnnotationShape, location: tuple[int | str, ...], kind: str) -> tuple[Path, AnnotationShape, bool, bool]:
+    """Follow pydantic's location through the annotations.
+
+    Returns the path in the document, the shape there, whether the key is meant, and whether a union stopped the way.
+    """
+    path: list[int | str] = []
+    for index, step in enumerate(location):
+        if shape.kind == "union":
+            return tuple(path), shape, False, True
+        if shape.kind == "model":
+            assert shape.model is not None
+            path.append(step)
+            known = model_keys(shape.model).get(str(step))
+            if known is None or (kind == "missing" and index == len(location) - 1):
+                return tuple(path), shape, kind == "extra_forbidden", False
+            shape = known[0]
+        elif shape.kind in ("dict", "list"):
+            if step == "[key]" and index == len(location) - 1 and path:
+                return tuple(path), shape, True, False
+            path.append(step)
+            if location[index + 1 :] != ("[key]",):
+                shape = shape_of(shape.members[0])
+        else:
+            break
+    return tuple(path), shape, False, shape.kind == "union" and kind != "missing"
+
+
+def _value_at(value: Any, path: Path) -> Any:
+    for step in path:
+        value = value[step]
+    return value

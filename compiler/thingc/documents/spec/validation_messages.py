@@ -1,0 +1,260 @@
+"""Faults of one document, said: each at its place, in the words of documents, with what to type next."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from pydantic_core import PydanticCustomError
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, Span, node_at
+from thingc.base.suggestions import Hint, near_hint
+from thingc.base.units import shortened
+from thingc.documents.spec.annotation_types import AnnotationShape, alternatives, model_keys, one_of, spoken
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.fields import found, read_value
+from thingc.documents.spec.foreign_keywords import choice_hint, written_whole
+from thingc.documents.spec.joint_values import dimension_at
+from thingc.documents.spec.misplaced import message_of as misplaced
+from thingc.documents.spec.pruning import MISPLACED, Fault
+from thingc.documents.spec.unknown_keys import Unknown
+
+MAX_FAULTS = 200
+"""Faults said of one document."""
+
+KINDS: dict[str, Code] = {
+    "unit": Code.BAD_UNIT, "dimension": Code.WRONG_DIMENSION, "quantity": Code.BAD_QUANTITY, "expression": Code.BAD_EXPRESSION,
+    "name": Code.BAD_NAME, "reference": Code.BAD_REFERENCE, "color": Code.BAD_COLOR, "vector": Code.WRONG_LENGTH,
+    "type": Code.WRONG_TYPE, "rule": Code.BROKEN_RULE, "choice": Code.UNKNOWN_CHOICE,
+}
+"""The codes of errors that `spec.fields` and the models' own rules raise."""
+
+
+def say(
+    document: Document, root: type[Model], faults: list[Fault], report: Report, empty: frozenset[Path], damaged: frozenset[Path],
+) -> None:
+    """Say the faults of a document of the model `root`. `empty` are paths that have been reported as without a value, `damaged` those
+    of mappings with a key that is none (reported, too; what is missing there may be what that key was) and of values that
+    stand for one that cannot be."""
+    _Reporter(document, root, report, empty, damaged).say(faults)
+
+
+class _Reporter:
+    """See `say`."""
+
+    def __init__(
+        self, document: Document, root: type[Model], report: Report, empty: frozenset[Path], damaged: frozenset[Path],
+    ) -> None:
+        self.document = document
+        self.root = root
+        self.report = report
+        self.empty = empty
+        self.damaged = damaged
+
+    def say(self, faults: list[Fault]) -> None:
+        """All of them, in their order."""
+        unknown = {fault.path: Unknown(self.document, self.root, fault) for fault in faults if fault.kind == "extra_forbidden"}
+        meant = {(*path[:-1], one.instead) for path, one in unknown.items() if one.instead is not None}
+        parents = {path[:-1] for path in self.empty}
+        before = len(self.report.diagnostics)
+        for fault in faults:
+            if fault.path in self.empty or self._stands_in(fault.path) or (fault.kind == "missing" and fault.path in meant):
+                continue
+            if fault.kind == "rule" and (fault.path in parents or fault.path in self.damaged):
+                continue
+            if (fault.kind == "missing" and fault.path[:-1] in self.damaged) or (
+                fault.kind == "too_short" and fault.path in self.damaged
+            ):
+                continue
+            if len(self.report.diagnostics) - before >= MAX_FAULTS:
+                message = f"more than {MAX_FAULTS} faults in one document; the rest is not said"
+                self._add(Code.TOO_LARGE, message, self._place(fault.path), fault.path, None)
+                return
+            if fault.path in unknown:
+                message = f"unknown key `{shortened(str(fault.path[-1]))}`{_inside(fault.path[:-1])}"
+                self._add(Code.UNKNOWN_KEY, message, self._place(fault.path, key=True), fault.path, unknown[fault.path].help)
+            else:
+                self._one(fault)
+
+    def _stands_in(self, path: Path) -> bool:
+        """Whether the value at a path (or inside it: an item of a vector) is one that load put there for what cannot be."""
+        inside = (place for place in self.damaged if place[: len(path)] == path)
+        return any(isinstance(node_at(self.document.tree, place), ScalarNode) for place in inside)
+
+    def _one(self, fault: Fault) -> None:
+        if fault.kind == "missing":
+            self._missing_key(fault)
+        elif fault.kind == MISPLACED:
+            message, help = misplaced(fault, toml=self.document.path.endswith(".toml"))
+            self._add(Code.UNKNOWN_KEY, message, self._place(fault.path, key=True), fault.path, help)
+        elif fault.kind == "literal_error":
+            self._unknown_choice(fault)
+        elif fault.kind in ("too_short", "too_long"):
+            self._wrong_length(fault)
+        elif fault.kind in KINDS and "message" in fault.context:
+            self._stated(fault)
+        else:
+            self._wrong_type(fault)
+
+    def _add(self, code: Code, message: str, where: Span, path: Path, help: str | None) -> None:
+        self.report.add(code, message, where, help=help or None, path=dotted(path) or None)
+
+    def _place(self, path: Path, *, key: bool = False) -> Span:
+        """The value at a path, or its key where the value goes over several lines (or is not there)."""
+        node = node_at(self.document.tree, path)
+        if node is None or not path:
+            first = next(iter(self.document.tree.keys.values()), self.document.tree.span)
+            return self.document.span(path, key=True) if path else first
+        long = node.span.line != node.span.end_line and not isinstance(node, ScalarNode)
+        return self.document.span(path, key=key or (long and isinstance(path[-1], str)))
+
+    def _missing_key(self, fault: Fault) -> None:
+        key, parent = str(fault.path[-1]), fault.path[:-1]
+        owner = f"`{dotted(parent)}`" if parent else "the document"
+        assert fault.shape.model is not None
+        help = f"`{key}` takes {model_keys(fault.shape.model)[key][0].words}"
+        by_default = ("defaults", str(parent[0])[:-1], *parent[2:]) if parent and parent[0] in ("joints", "components") else ()
+        if by_default and node_at(self.document.tree, (*by_default, key)) is not None:
+            help += f"; what {owner} says takes the place of all of `{dotted(by_default)}`: change that, or say the rest here, too"
+        self._add(Code.MISSING_KEY, f"{owner} needs the key `{key}`", self._place(parent, key=True), parent, help)
+
+    def _unknown_choice(self, fault: Fault) -> None:
+        choices = [spoken(choice) for choice in fault.shape.choices]
+        text = spoken(fault.value)
+        self._add(
+            Code.UNKNOWN_CHOICE, f"expected {one_of(choices)}, found {found(fault.value)}", self._place(fault.path), fault.path,
+            (near_hint(text, choices) if isinstance(fault.value, str) else None) or choice_hint(text, choices),
+        )
+
+    def _wrong_length(self, fault: Fault) -> None:
+        if isinstance(fault.value, dict):
+            message = f"`{dotted(fault.path)}` is empty; it needs at least one entry"
+        else:
+            least, most = fault.context.get("min_length"), fault.context.get("max_length")
+            wanted = "a list with at least one item" if least == 1 and most is None else f"a list of {most if least is None else least}"
+            message = f"expected {wanted}, found {found(fault.value)}"
+        self._add(Code.WRONG_LENGTH, message, self._place(fault.path), fault.path, None)
+
+    def _stated(self, fault: Fault) -> None:
+        """An error in words of its own: of a field, or of a rule of a model."""
+        path = (*fault.path, *fault.context.get("path", ()))
+        if fault.kind == "unit":
+            fault = self._of_its_joint(fault)
+        where = self._place(path, key=fault.key or fault.kind == "rule")
+        offset = fault.context.get("offset")
+        if offset is not None and not fault.key:
+            where = within(self.document, path, int(offset), int(fault.context["end"])) or where
+        help = fault.context.get("help")
+        if fault.kind in ("type", "quantity") and not help:
+            help = _space_hint(fault.value) or _unwrapped_hint(path, fault)
+        self._add(KINDS[fault.kind], fault.context["message"], where, path, help)
+
+    def _of_its_joint(self, fault: Fault) -> Fault:
+        """A unit that is missing, with the dimension that the joint's type gives the value."""
+        dimension = dimension_at(self.document, fault.path)
+        if dimension is not None:
+            try:
+                read_value(fault.value, (dimension,), dimension.words, dimension.example)
+            except PydanticCustomError as narrower:
+                return replace(fault, kind=narrower.type, context=dict(narrower.context or {}))
+        return fault
+
+    def _wrong_type(self, fault: Fault) -> None:
+        shape, value = fault.shape, fault.value
+        help: str | None = _mapping_hint(self.document, fault.path, value, shape) if shape.kind in ("model", "dict", "union") else None
+        if shape.kind == "text" and isinstance(value, (int, float)):
+            node = node_at(self.document.tree, fault.path)
+            if isinstance(node, ScalarNode):
+                quoted = f'"{node.text}"'
+                help = Hint(f"write `{shortened(quoted)}`", (node.text, quoted))
+        elif shape.kind == "flag" and isinstance(value, str) and value.lower() in ("yes", "no", "on", "off"):
+            flag = "true" if value.lower() in ("yes", "on") else "false"
+            help = Hint(f"write `{flag}`", (value, flag))
+        elif help is None and isinstance(value, dict) and len(value) == 1 and any(member.kind == "list" for member in alternatives(shape)):
+            help = f"write a list, one item for each: `[{{{shortened(str(next(iter(value))))}: ...}}]`"
+        elif help is None and isinstance(value, str) and any(member.kind == "list" for member in alternatives(shape)):
+            numbers = re.fullmatch(r"[-+.\deE\s]+", value)  # `0 0 1` is three, and `mass < 2 kg` one rule
+            help = f"write `[{shortened(', '.join(value.split()) if numbers else value)}]`"
+        self._add(Code.WRONG_TYPE, f"expected {shape.words}, found {found(value)}", self._place(fault.path), fault.path, help)
+
+
+def _inside(path: Path) -> str:
+    return f" in `{dotted(path)}`" if path else ""
+
+
+def _mapping_hint(document: Document, path: Path, value: Any, shape: AnnotationShape) -> str | None:
+    """A hint where a value stands for a mapping that can be told from it."""
+    node = node_at(document.tree, path)
+    if isinstance(node, SequenceNode):
+        texts = [one.text if isinstance(one, ScalarNode) else "" for one in node.items]
+    else:
+        texts = [node.text] if isinstance(node, ScalarNode) else []
+    if isinstance(value, str) and path[:-1] == ("components",) and re.fullmatch(r"[\w.]+:[\w.]+", value):
+        return f"write `{{part: {shortened(value)}}}`"
+    space = _space_hint(value)
+    if space is not None:
+        return space
+    if path[-1:] == ("attach",) and all(texts) and len(texts) in (1, 2):
+        return f"write `{{{'my_mount' if len(texts) == 1 else shortened(texts[0])}: {shortened(texts[-1])}}}`"
+    if path[:-1] == ("poses",) and all(texts) and texts:
+        return f"a pose gives positions to joints: `{{JOINT: {shortened(texts[0])}}}`"
+    for branch in alternatives(shape):
+        whole = written_whole(branch.model, texts, value) if branch.model is not None else None
+        if whole is not None:
+            return f"write `{whole}`"
+    if isinstance(node, SequenceNode) and any(one.kind == "dict" for one in alternatives(shape)):
+        first: Mapping[str, Node] = node.items[0].entries if node.items and isinstance(node.items[0], MappingNode) else {}
+        named, key = first.get("name"), next(iter(first), "")
+        if isinstance(named, ScalarNode):
+            return f"write `{shortened(named.text)}:` instead of `- name: {shortened(named.text)}`, and its other keys below it"
+        if len(first) == 1:
+            return f"remove the `-` of every item: write `{shortened(key)}:` instead of `- {shortened(key)}:`"
+        return f"write `{path[-1]}: {{NAME: ...}}`: each entry has its name as the key"
+    return None
+
+
+def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
+    """A hint where a mapping stands for the value that is in it."""
+    if not isinstance(fault.value, dict) or len(path) != len(fault.path) or fault.shape.field is None:
+        return None
+    if path[:1] == ("links",):
+        return "`links` gives a name to the link of a component, `base_link: plate`; mass and geometry are those of its components"
+    inside = [one for one in fault.value.values() if isinstance(one, str)]
+    if len(fault.value) != 1 or not inside:
+        return None
+    mount = ".MOUNT" if fault.shape.field.words == "a reference" and inside[0].isidentifier() else ""
+    return f"write `{shortened(inside[0])}{mount}`"
+
+
+def _space_hint(value: Any) -> str | None:
+    """A hint where `key:value` was meant as a mapping."""
+    match = re.fullmatch(r"([A-Za-z_]\w*):(\S.*)", value) if isinstance(value, str) else None
+    return f"a space is missing after the `:`: `{match.group(1)}: {shortened(match.group(2))}`" if match else None
+
+
+def dotted(path: Path) -> str:
+    """A path as messages show it: `components.plate.at.xyz[0]`."""
+    text = ""
+    for step in path:
+        text += f"[{step}]" if isinstance(step, int) else f".{shortened(step)}" if text else shortened(step)
+    return text
+
+
+def within(document: Document, path: Path, offset: int, end: int) -> Span | None:
+    """The characters `offset` to before `end` of the scalar at `path`; None where they cannot be told apart (text over
+    several lines, escapes)."""
+    node = node_at(document.tree, path)
+    if not isinstance(node, ScalarNode) or node.span.line != node.span.end_line or node.span.file != document.path:
+        return None
+    written = document.line(node.span.line)[node.span.column - 1 : node.span.end_column - 1]
+    begin = written.find(node.text)
+    if begin < 0 or not node.text:
+        return None
+    column = node.span.column + begin
+    return Span(
+        file=node.span.file, line=node.span.line, column=column + min(offset, len(node.text) - 1),
+        end_line=node.span.line, end_column=column + max(min(end, len(node.text)), min(offset, len(node.text) - 1) + 1),
+    )

@@ -1,0 +1,109 @@
+"""A build, once: a document compiled, and its folder written where nothing is wrong. What `thingc build` and `thingc watch` share."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import field, replace
+
+from thingc.base.diagnostics import Code, Diagnostic, Report, Stage, allow_hint
+from thingc.base.frozen import dataclass
+from thingc.base.source import Origin
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, geometry_of
+from thingc.driver.output import Waiting, build_folder, write_build
+from thingc.driver.pipeline import Compilation
+from thingc.targets.artifact import Content, Loss
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wish:
+    """What a build is to be: of which `modes` (none: all), for which `targets`, in which folder's folder (`output`; None: the workspace's).
+    `strict`: warnings are errors; `deny_loss`: so are losses;
+    `force`: strange files in the folder are given up; `twice`: parts are modelled again, and compared."""
+
+    targets: tuple[str, ...]
+    modes: Sequence[str] = ()
+    output: str | None = None
+    strict: bool = False
+    deny_loss: bool = False
+    force: bool = False
+    twice: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Built:
+    """What came of it: all that was said, and what is written, `files` by path in the folder; None with errors. `place` is the folder in
+    which that lies (an absolute path), and what it is called. `twice` is how many parts were modelled again."""
+
+    compilation: Compilation
+    diagnostics: tuple[Diagnostic, ...] = ()
+    place: tuple[str, str] = ("", "")
+    files: Mapping[str, Content] | None = None
+    losses: Sequence[Loss] = field(default=())
+    twice: int = 0
+
+
+def build(environment: Environment, wish: Wish) -> Built:
+    """Every pass, and nothing written yet. Raises `UnknownChoice`, and `BlobMissing` where the store turns out to be damaged."""
+    compilation = pipeline.compile(environment, wish.modes)
+    report, built = compilation.report, Built(compilation=compilation)
+    if wish.twice and not report.judged(strict=wish.strict).failed:
+        built = replace(built, twice=_model_again(environment, compilation))
+    if not report.judged(strict=wish.strict).failed:
+        built = _with_files(environment, built, wish)
+    judged = report.judged(strict=wish.strict)
+    return replace(built, diagnostics=tuple(judged.ordered()), files=None if judged.failed else built.files)
+
+
+def _with_files(environment: Environment, built: Built, wish: Wish) -> Built:
+    """What is to be written of a compilation without errors; there may be some by then."""
+    compilation, workspace = built.compilation, environment.workspace
+    assert workspace is not None and compilation.assembly is not None
+    place = os.path.abspath(wish.output or os.path.join(workspace.root, workspace.build)), compilation.assembly.name
+    artifacts = pipeline.build(environment, compilation, wish.targets, build_folder(*place))
+    files = pipeline.files(environment, compilation, artifacts)
+    losses = [loss for target in wish.targets for loss in artifacts[target].losses]
+    if wish.deny_loss:
+        _deny(losses, compilation.assembly.definition.origin, compilation.report)
+    if not wish.modes:
+        pipeline.say_unneeded(compilation, [Stage.CHECK, Stage.BUILD] if "mjcf" in wish.targets else [Stage.CHECK])
+    return replace(built, place=place, files=files, losses=losses)
+
+
+def write(environment: Environment, built: Built, wish: Wish, on_wait: Waiting | None = None) -> str:
+    """Put the files of a build without errors into its folder, at once; the folder's absolute path. Raises `OutputError`; `on_wait` is
+    called when another build of it must be waited for."""
+    documents, files = built.compilation.documents, built.files
+    assert files is not None and documents is not None, "the build has errors"
+    return write_build(*built.place, files, environment.store, documents.root.relative, force=wish.force, on_wait=on_wait)
+
+
+def _model_again(environment: Environment, compilation: Compilation) -> int:
+    """Model every part once more, in other processes, under another hash seed and with an empty store: those that become something
+    else are errors in the report. How many parts that were. Only for a compilation whose report has no errors."""
+    import tempfile
+
+    from thingc.geometry.store.local import Store
+    from thingc.model.assembly.inconsistent_parts import OTHER_SEED, compare, definitions_of
+
+    assembly = compilation.assembly
+    assert assembly is not None
+    definitions = definitions_of(assembly)
+    with (
+        tempfile.TemporaryDirectory(prefix="thingc-twice-") as folder,
+        geometry_of(environment.geometry.workspace, environment.options, Store(folder), seed=OTHER_SEED) as geometry,
+    ):
+        compare(assembly, geometry.realize(definitions), compilation.report)
+    return len(definitions)
+
+
+def _deny(losses: Sequence[Loss], document: Origin, report: Report) -> None:
+    """Every loss that is not allowed where it is made, nor at the top of the document that is built."""
+    for loss in losses:
+        if not report.allows(Code.LOSS_DENIED, (*loss.origin, *document)):
+            mode = f" in mode `{loss.mode}`" if loss.mode is not None else ""
+            report.add(
+                Code.LOSS_DENIED, f"{loss.target} cannot say this of `{loss.path}`{mode}: {loss.what} ({loss.how})", loss.origin,
+                path=loss.path, help=allow_hint(Code.LOSS_DENIED),
+            )

@@ -1,0 +1,138 @@
+"""Values written into a document on the disk, at their paths, unless something would be wrong with it then."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import replace
+
+from thingc.base.diagnostics import Code, Diagnostic, Severity, Stage
+from thingc.base.frozen import dataclass
+from thingc.base.memo import Memo
+from thingc.base.replacement import ReplacementRefused, replace_files
+from thingc.base.source import Document, MappingNode, Node, SequenceNode, line_of, node_at
+from thingc.documents.format.value_edits import Keys, Unsettable, Written, changes, with_values
+from thingc.documents.load.documents import Documents, load
+from thingc.documents.load.inline_values import is_flow, read_flow
+from thingc.documents.spec.choices import nested, parse
+from thingc.documents.spec.settable_values import whole_drive
+from thingc.documents.spec.validation import validate
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ValuesWritten:
+    """What came of values: `found` are all diagnostics. `text` is what the document `root` would say with them (None: it was not worked
+    out). `done`, of what was written: each path, what stood there (None: nothing) and what does now."""
+
+    found: tuple[Diagnostic, ...]
+    root: Document | None = None
+    text: str | None = None
+    done: tuple[tuple[str, str | None, str], ...] = ()
+
+
+def write_values(document: str, given: Mapping[str, str], options: Options, *, strict: bool = False, dry: bool = False) -> ValuesWritten:
+    """Write values (paths or names of parameters to texts) into a document, unless there would be an error in it then; `dry`: say what
+    would be, and write nothing. With `strict` warnings are errors. Raises `OSError` where the document cannot be read."""
+    given = {named(path): text for path, text in given.items()}
+    parameters = {path: text for path, text in given.items() if "." not in path}
+    choices = {path: text for path, text in given.items() if "." in path}
+    documents, diagnostics = checked(document, replace(options, parameters=parameters, choices=choices), strict=strict)
+    if documents is None or any(d.code in (Code.CHOICE_OPTION, Code.PARAMETER_OPTION) for d in diagnostics):
+        return ValuesWritten(found=tuple(diagnostics))
+    root = documents.root
+    elsewhere = [fault for path in choices if (fault := _elsewhere(root, path)) is not None]
+    if elsewhere:
+        return ValuesWritten(found=tuple(elsewhere))
+    values = {keys_of(root, path): text for path, text in given.items()}
+    drives = {keys[:3]: _texts(drive) for keys in values if (drive := whole_drive(root.tree, keys)) is not None}
+    try:
+        text = with_values(root, {**drives, **{keys: _written(text) for keys, text in values.items()}}).text
+    except Unsettable as fault:
+        return ValuesWritten(found=(_wrong(str(fault), "write it by hand"),))
+    before, after = document_change(root, text)
+    _, diagnostics = checked(document, replace(options, texts={root.path: after}), strict=strict)
+    found = tuple(diagnostics)
+    if dry or any(d.severity is Severity.ERROR for d in found):
+        return ValuesWritten(found=found, root=root, text=text)
+    try:
+        replace_files({root.path: (before, after)})
+    except ReplacementRefused as fault:
+        return ValuesWritten(found=(fault.diagnostic,))
+    return ValuesWritten(found=found, root=root, text=text, done=tuple(changes(root, values)))
+
+
+def named(path: str) -> str:
+    """A parameter by its name alone, also one that is written `parameters.reach`; other paths as they are."""
+    name = path.removeprefix("parameters.")
+    return path if "." in name else name
+
+
+def document_change(root: Document, text: str) -> tuple[bytes, bytes]:
+    """The bytes of a document as they were read, and as they would be with that text. A byte order mark stays."""
+    before = root.text.encode()
+    mark = b"" if hashlib.sha256(before).hexdigest() == root.sha256 else b"\xef\xbb\xbf"
+    return mark + before, mark + text.encode()
+
+
+def opened(document: str, options: Options, memo: Memo) -> Documents | None:
+    """The document with all that it names; None where it or one of those cannot be read, or has what a document of its kind has not."""
+    with Environment(document, options, memo=memo) as environment:
+        if environment.workspace is None:
+            return None
+        documents = load(environment.document, environment.workspace, environment.report, memo=memo)
+        if documents is not None:
+            validate(documents, environment.report, memo)
+        return None if environment.report.failed else documents
+
+
+def checked(
+    document: str, options: Options, *, strict: bool = False, memo: Memo | None = None,
+) -> tuple[Documents | None, list[Diagnostic]]:
+    """The document with all that it names, None where it cannot be read, and what a check says of it. `memo` knows what has been read."""
+    with Environment(document, replace(options, lock=True), memo=memo) as environment:
+        compilation = pipeline.compile(environment)
+    pipeline.say_unneeded(compilation, [Stage.CHECK])
+    return compilation.documents, compilation.report.judged(strict=strict).ordered()
+
+
+def keys_of(root: Document, path: str) -> Keys:
+    """Where a path, or a parameter, is written."""
+    if "." in path:
+        return tuple(path.split("."))
+    full = isinstance(node_at(root.tree, ("parameters", path)), MappingNode)
+    return ("parameters", path, "value") if full else ("parameters", path)
+
+
+def _written(text: str) -> Written:
+    """What a text is in a document, where nothing is wrong with it."""
+    tree = read_flow(text, line_of("")) if is_flow(text) else None
+    return text if tree is None or isinstance(tree, Diagnostic) else _texts(tree)
+
+
+def _texts(node: Node) -> Written:
+    if isinstance(node, MappingNode):
+        return {key: _texts(one) for key, one in node.entries.items()}
+    return [_texts(one) for one in node.items] if isinstance(node, SequenceNode) else node.text
+
+
+def _elsewhere(root: Document, path: str) -> Diagnostic | None:
+    """What to say of a path that does not end in this document itself."""
+    through = nested(path)
+    if through is None:
+        choice = parse(path)
+        name = choice.components[0] if choice is not None and choice.components else None
+        if name is None or node_at(root.tree, ("components", name)) is not None:
+            return None
+        return _wrong(f"`{path}` is one of a repeated component: it has no line of its own", "set it for all of them")
+    component, rest = through
+    text = node_at(root.tree, ("components", component, "assembly"))
+    inner = getattr(text, "text", "the nested document")
+    return _wrong(
+        f"`{path}` is written in `{inner}`, and would hold for every component that is one", f"`thingc set {inner} '{rest}=...'`"
+    )
+
+
+def _wrong(message: str, help: str) -> Diagnostic:
+    return Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=message, help=help)

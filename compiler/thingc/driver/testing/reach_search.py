@@ -1,0 +1,214 @@
+"""How far two mounts of a robot can be apart, and how near a mount gets to a point."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from thingc.base.frozen import dataclass
+from thingc.base.pose import NO_POSE, Pose, Vector, rotate
+from thingc.base.source import Origin
+from thingc.driver.testing.numpy_tree import Array, Chain, quasi_random
+from thingc.driver.testing.poses import posed, swept
+from thingc.model.assembly.kinematics import joints_of, on_loops
+from thingc.model.assembly.types import MountAt
+from thingc.model.resolve.types import JointRange, NamedPose
+from thingc.model.robot.types import Keyframe, Robot
+
+SAMPLES = 1000
+"""Positions from which the farthest are taken."""
+LOOPED = 100
+"""Positions of a robot with loops, each of which has to be closed first."""
+CLIMBED = 6
+"""Of those, how many are followed uphill."""
+STARTS = 24
+"""From how many positions a point is tried."""
+CLOSED = 1e-6
+"""How far a loop may be open [m or rad] in a position that counts."""
+
+
+def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[float, dict[str, float]]:
+    """The greatest distance [m] found of two mounts, and the joints there: positions spread over the joint ranges, the best of them
+    followed uphill within the limits (SLSQP, the loops of the document as constraints). A lower bound of the true one.
+
+    Which mode it is does not matter: `robot` has neither a hold nor a base that moves the mounts against each other. `origin` is
+    whose the poses are that are tried.
+    """
+    chain = Chain(robot)
+    ends = chain.mount(of), chain.mount(base)
+    best, at = -1.0, np.zeros(len(chain.paths))
+    starts: list[tuple[float, Array]] = []
+    for x in _starts(chain, origin):
+        distance, _ = _distance(chain, ends, x)
+        starts.append((distance, x))
+    starts.sort(key=lambda pair: -pair[0])
+    for distance, x in starts[:CLIMBED]:
+        if distance > best:
+            best, at = distance, x
+        climbed = _climb(chain, ends, x)
+        if climbed is not None and climbed[0] > best:
+            best, at = climbed
+    return best, _joints(chain, at)
+
+
+def _starts(chain: Chain, origin: Origin) -> list[Array]:
+    """Positions within the limits; of a robot with loops the poses of its document and others, closed."""
+    assembly = chain.robot.assembly
+    if not chain.robot.closures:
+        return [chain.lower + part * (chain.upper - chain.lower) for part in quasi_random(SAMPLES, len(chain.paths))]
+    # A loop follows the joints that are driven; told where all of its joints should be, it would close almost nowhere.
+    following = on_loops(len(assembly.occurrences), assembly.mates)
+    led = {joint.path for joint in joints_of(assembly) if joint.path not in following or joint.actuator is not None}
+    led |= set() if led & following else {next(path for path in chain.paths if path in following)}
+    ranges = tuple(
+        JointRange(joint=path, lower=low, upper=high)
+        for path, low, high in zip(chain.paths, chain.lower.tolist(), chain.upper.tolist(), strict=True) if path in led
+    )
+    start = NamedPose(name="reach", values={}, origins={}, origin=origin)
+    robot = posed(assembly, chain.robot.mode, [*assembly.poses, *swept(start, ranges, LOOPED)])
+    return [] if robot is None else [chain.x(frame.q) for frame in robot.keyframes]
+
+
+Ends = tuple[tuple[int, Pose], tuple[int, Pose]]
+
+
+def _distance(chain: Chain, ends: Ends, x: Array) -> tuple[float, Array]:
+    """The distance [m] of two mounts and its derivative (n)."""
+    q = chain.q(x)
+    at = chain.bodies(q)
+    one, other = (np.array((at[body] @ pose).translation) for body, pose in ends)
+    distance = float(np.linalg.norm(one - other))
+    if distance == 0.0:
+        return 0.0, np.zeros(len(x))
+    row = chain.jacobian(ends[0][0], one, q, at)[:3] - chain.jacobian(ends[1][0], other, q, at)[:3]
+    return distance, (one - other) / distance @ row
+
+
+def _climb(chain: Chain, ends: Ends, start: Array) -> tuple[float, Array] | None:
+    from scipy.optimize import minimize
+
+    def down(x: Array) -> tuple[float, Array]:
+        distance, slope = _distance(chain, ends, x)
+        return -distance, -slope
+
+    def closing(x: Array) -> tuple[Array, Array]:
+        return chain.closing(chain.q(x))
+
+    loops = [{"type": "eq", "fun": lambda x: closing(x)[0], "jac": lambda x: closing(x)[1]}] if chain.robot.closures else []
+    if len(chain.cones(start)[0]):
+        loops.append({"type": "ineq", "fun": lambda x: chain.cones(x)[0], "jac": lambda x: chain.cones(x)[1]})
+    if not len(start):
+        return None
+    optimum = minimize(
+        down, start, jac=True, method="SLSQP", bounds=list(zip(chain.lower, chain.upper, strict=True)), constraints=loops,
+        options={"maxiter": 200, "ftol": 1e-12},
+    )
+    x = chain.x(chain.q(np.clip(np.asarray(optimum.x, dtype=np.float64), chain.lower, chain.upper)))
+    if chain.robot.closures and float(np.abs(closing(x)[0]).max()) > CLOSED:
+        return None
+    return _distance(chain, ends, x)[0], x
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Goal:
+    """Where a mount is to go: to a point [m] of a frame (None: the world), `within` [m] of it; with a direction (a unit vector in the
+    same frame) its z at most `angle` [rad] off that."""
+
+    mount: MountAt
+    frame: MountAt | None
+    point: Vector
+    direction: Vector | None
+    within: float
+    angle: float
+
+
+def nearest(robot: Robot, frame: Keyframe, target: Goal) -> tuple[float, float, dict[str, float]] | None:
+    """The nearest that a mount gets to a point [m], how far off the direction it is there [rad], and the joints; None where the loops
+    close in no position that was tried.
+
+    Inverse kinematics within the joints' limits, by a trust-region least-squares method (scipy's `trf`) from the keyframe and from
+    positions spread over the joint ranges, until one is near enough.
+    """
+    chain = Chain(robot, frame.base)
+    mount = chain.mount(target.mount)
+    seen_from = None if target.frame is None else chain.mount(target.frame)
+    best: tuple[float, float, Array] | None = None
+    for start in _tries(chain, frame):
+        x = _approach(chain, mount, seen_from, target, start)
+        distance, off, open_ = _missed(chain, mount, seen_from, target, x)
+        if open_ > 1e-5:
+            continue
+        if best is None or max(distance / target.within, off / target.angle) < max(best[0] / target.within, best[1] / target.angle):
+            best = distance, off, x
+        if distance <= target.within and off <= target.angle:
+            break
+    return None if best is None else (best[0], best[1], _joints(chain, best[2]))
+
+
+def _tries(chain: Chain, frame: Keyframe) -> list[Array]:
+    middle = chain.lower + 0.5 * (chain.upper - chain.lower)
+    spread_out = [chain.lower + part * (chain.upper - chain.lower) for part in quasi_random(STARTS, len(chain.paths))]
+    return [chain.x(frame.q), middle, *spread_out]
+
+
+def _situation(
+    chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: Goal, x: Array,
+) -> tuple[dict[str, float], tuple[Pose, ...], tuple[Array, Array], tuple[Array, Array]]:
+    """The coordinates and the poses of all bodies at x; and, in the world, the origin and z of the mount, and the point and direction of
+    the target."""
+    q = chain.q(x)
+    at = chain.bodies(q)
+    there, X_WF = at[mount[0]] @ mount[1], NO_POSE if frame is None else at[frame[0]] @ frame[1]
+    direction = target.direction or (0.0, 0.0, 1.0)
+    return q, at, (np.array(there.translation), np.array(there.rotation)[:, 2]), (
+        np.array(X_WF.apply(target.point)), np.array(rotate(X_WF.rotation, direction)),
+    )
+
+
+def _approach(chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: Goal, start: Array) -> Array:
+    from scipy.optimize import least_squares
+
+    def residual(x: Array) -> Array:
+        q, _, (place, axis), (goal, direction) = _situation(chain, mount, frame, target, x)
+        parts = [(place - goal) / target.within]
+        if target.direction is not None:
+            parts.append((axis - direction) / target.angle)
+        if chain.robot.closures:
+            parts.append(chain.closing(q)[0] / (0.01 * min(target.within, target.angle)))
+        return np.concatenate(parts)
+
+    def slope(x: Array) -> Array:
+        q, at, (place, axis), (goal, direction) = _situation(chain, mount, frame, target, x)
+        own, other = chain.jacobian(mount[0], place, q, at), chain.jacobian(None if frame is None else frame[0], goal, q, at)
+        parts = [(own[:3] - other[:3]) / target.within]
+        if target.direction is not None:
+            parts.append((np.cross(own[3:].T, axis).T - np.cross(other[3:].T, direction).T) / target.angle)
+        if chain.robot.closures:
+            parts.append(chain.closing(q)[1] / (0.01 * min(target.within, target.angle)))
+        return np.concatenate(parts)
+
+    if not len(start):
+        return start
+    inside = 1e-9 * (chain.upper - chain.lower)
+    solution = least_squares(
+        residual, np.clip(start, chain.lower + inside, chain.upper - inside), jac=slope, bounds=(chain.lower, chain.upper),
+        xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=200,
+    )
+    return np.asarray(solution.x, dtype=np.float64)
+
+
+def _missed(
+    chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: Goal, x: Array,
+) -> tuple[float, float, float]:
+    """How far the mount is from the point [m] and off the direction [rad], and how far the loops are open."""
+    q, _, (place, axis), (goal, direction) = _situation(chain, mount, frame, target, x)
+    off = 0.0
+    if target.direction is not None:
+        off = float(np.arctan2(np.linalg.norm(np.cross(axis, direction)), axis @ direction))
+    error, _ = chain.closing(q)
+    return float(np.linalg.norm(place - goal)), off, float(np.abs(error).max(initial=0.0))
+
+
+def _joints(chain: Chain, x: Array) -> dict[str, float]:
+    """The coordinates [rad or m] by joint path."""
+    q = chain.q(x)
+    return {path: q[path] for path in chain.paths}

@@ -1,0 +1,117 @@
+"""The emitted MuJoCo model, let go in a pose with its drives set to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import product
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from thingc.base.frozen import dataclass
+from thingc.base.pose import Pose, Vector
+from thingc.model.robot.types import Keyframe, Robot
+from thingc.targets.mjcf.scene import FLOOR
+from thingc.targets.mjcf.verify import heard
+
+Array = NDArray[np.float64]
+
+BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+"""What MuJoCo warns of when numbers grow beyond all bounds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """Where points of the robot went: `path` (times x points x 3) [m], a time every `step` [s]; and how `deep` [m] contacts were, at most,
+    from when the robot should have been at rest."""
+
+    path: Array
+    step: float
+    deepest: float
+
+    def rest(self, drift: float) -> float:
+        """From when on [s] no point is further than `drift` [m] from where it ends."""
+        late = np.flatnonzero(self._off() > drift)
+        return 0.0 if not len(late) else (int(late[-1]) + 1) * self.step
+
+    def drift(self, start: float) -> float:
+        """How far [m] from where it ends a point was from `start` [s] on, at most."""
+        off = self._off()
+        return float(off[min(len(off) - 1, round(start / self.step)) :].max())
+
+    @property
+    def moved(self) -> float:
+        """How far [m] from where it began a point ends, at most."""
+        return float(np.linalg.norm(self.path[-1] - self.path[0], axis=1).max())
+
+    def _off(self) -> Array:
+        distances: Array = np.linalg.norm(self.path - self.path[-1], axis=2).max(axis=1)
+        return distances
+
+
+def simulated(
+    robot: Robot, frame: Keyframe, scene: str, files: Mapping[str, bytes], *, seconds: float, resting: float, floor: bool,
+    separator: str = "/",
+) -> Motion | float:
+    """Simulate the scene of the robot's mode, which is among the MJCF `files`, from its keyframe `frame` for some `seconds`, and look at
+    the box corners of every link's parts; contacts are looked at from `resting` [s] on. Names in the model have `separator` in their paths.
+    The time [s] at which it diverges, if it does."""
+    with heard():
+        model = _model(scene, files, floor=floor)
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, model.key(frame.name.replace("/", separator)).id)
+        points = _points(robot, model, separator)
+        count = max(1, round(seconds / model.opt.timestep))
+        path = np.empty((count + 1, sum(len(own) for _, own in points), 3))
+        deepest, start = 0.0, resting - 0.5 * model.opt.timestep
+        mujoco.mj_forward(model, data)
+        path[0] = _placed(points, data)
+        for step in range(1, count + 1):
+            mujoco.mj_step(model, data)
+            # After mj_step the state is new and what depends on it is not: one more kinematics, so that frames belong to the time.
+            mujoco.mj_kinematics(model, data)
+            path[step] = _placed(points, data)
+            if any(data.warning[kind].number for kind in BAD):
+                return float(step * model.opt.timestep)
+            if data.time >= start and data.ncon:
+                deepest = max(deepest, -float(data.contact.dist[: data.ncon].min()))
+        return Motion(path=path, step=model.opt.timestep, deepest=deepest)
+
+
+def _model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjModel:
+    """The scene compiled; without its floor, if that is not wanted, in that nothing touches it."""
+    beside = {path.rpartition("/")[2]: data for path, data in files.items()}
+    model = mujoco.MjModel.from_xml_string(files[scene].decode(), beside)
+    if not floor:
+        planes = [
+            geom for geom in range(model.ngeom)
+            if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE and model.geom(geom).name in (FLOOR, f"scene:{FLOOR}")
+        ]
+        model.geom_contype[planes] = 0
+        model.geom_conaffinity[planes] = 0
+    return model
+
+
+def _points(robot: Robot, model: mujoco.MjModel, separator: str) -> list[tuple[int, Array]]:
+    """For each link its body in the model, and points in its frame (n x 3): its origin and the corners of its parts' boxes."""
+    per_link = []
+    for body in robot.bodies:
+        link = robot.assembly.links[body.link]
+        if body.parent is not None and body.link in robot.assembly.between:
+            continue  # several joints on one body: the model has none of its own
+        points = [(0.0, 0.0, 0.0)]
+        for member, pose in zip(link.members, link.poses, strict=True):
+            box = robot.assembly.occurrences[member].box
+            if box is not None:
+                points += [_corner(pose, box, which) for which in product((0, 1), repeat=3)]
+        per_link.append((model.body(link.name.replace("/", separator)).id, np.array(points)))
+    return per_link
+
+
+def _corner(pose: Pose, box: tuple[Vector, Vector], which: tuple[int, ...]) -> Vector:
+    return pose.apply((box[which[0]][0], box[which[1]][1], box[which[2]][2]))
+
+
+def _placed(points: list[tuple[int, Array]], data: mujoco.MjData) -> Array:
+    return np.concatenate([own @ data.xmat[body].reshape(3, 3).T + data.xpos[body] for body, own in points])

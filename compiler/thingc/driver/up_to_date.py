@@ -1,0 +1,141 @@
+"""Nothing changed, nothing done: a stamp remembers everything that one finished run had read.
+
+A stamp is valid while every input has the same content, every file that was looked for and absent is still absent,
+and the same thingc runs with the same installed packages. Then the run's answer (its diagnostics, and for a build the
+folder it wrote) still stands, and no document needs to be parsed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import thingc
+from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
+from thingc.base.source import Edit, Span
+
+if TYPE_CHECKING:
+    from thingc.geometry.store.local import Store
+
+FOLDER = "folder:"
+"""A mark before the digest of a folder's names, so that it is not taken for a file's."""
+
+
+def fingerprint() -> str:
+    """A digest of the interpreter, the installed packages (names of their metadata folders carry the version), the variables that
+    workers are given, and the state of thingc's own files."""
+    from thingc.geometry.key.environment_variables import passed
+
+    digest = hashlib.sha256(f"{sys.version}\n{sorted(passed().items())}\n".encode("utf-8", "surrogateescape"))
+    for entry in sys.path:
+        if not entry or not os.path.isdir(entry):
+            continue
+        for name in sorted(os.listdir(entry)):
+            if name.endswith((".dist-info", ".egg-info", ".pth")):
+                digest.update(f"{entry}/{name}\n".encode())
+    own = os.path.dirname(thingc.__file__)
+    for folder, folders, names in os.walk(own):
+        folders[:] = sorted(name for name in folders if name != "__pycache__")
+        for name in sorted(names):
+            state = os.stat(f"{folder}/{name}")
+            digest.update(f"{folder[len(own):]}/{name} {state.st_size} {state.st_mtime_ns}\n".encode())
+    return digest.hexdigest()
+
+
+def state_of(path: str, store: Store | None = None) -> str | None:
+    """The SHA-256 of a file's content, `folder:` and one of a folder's names, or None where there is neither. `store` keeps digests of
+    large files."""
+    from thingc.geometry.store.file_digests import digest_of
+
+    try:
+        return digest_of(path, store)
+    except IsADirectoryError:
+        names = "\n".join(sorted(os.listdir(path)))
+        return FOLDER + hashlib.sha256(names.encode("utf-8", "surrogateescape")).hexdigest()
+    except (OSError, ValueError):
+        return None
+
+
+def key_of(command: str, document: str, choice: Mapping[str, object]) -> str:
+    """The name under which a run's stamp is kept."""
+    text = json.dumps([command, os.path.abspath(document), choice], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def save(
+    store: Store, key: str, inputs: Mapping[str, str | None] | None, diagnostics: Sequence[Diagnostic], answer: Mapping[str, object]
+) -> None:
+    """Remember a finished run: its inputs by absolute path (see `state_of`), what it said, and what it answered.
+
+    Without inputs (they changed under the run) nothing is remembered.
+    """
+
+    if inputs is None:
+        return
+    kept = {
+        "fingerprint": fingerprint(),
+        "inputs": dict(inputs),
+        "diagnostics": [packed(d) for d in diagnostics],
+        "answer": dict(answer),
+    }
+    store.note_json("stamp", key, kept)
+
+
+def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | None:
+    """What a run with the same inputs said and answered, or None where anything has changed."""
+    kept = store.get_json("stamp", key)
+    if not isinstance(kept, dict) or any(state_of(path, store) != state for path, state in kept["inputs"].items()):
+        return None
+    if kept["fingerprint"] != fingerprint():
+        return None
+    return [unpacked(d) for d in kept["diagnostics"]], dict(kept["answer"])
+
+
+def _span(span: Span | None) -> list[object] | None:
+    return None if span is None else [span.file, span.line, span.column, span.end_line, span.end_column]
+
+
+def _unspan(kept: Sequence[object] | None) -> Span | None:
+    if kept is None:
+        return None
+    file, line, column, end_line, end_column = kept
+    return Span(
+        file=str(file), line=int(str(line)), column=int(str(column)), end_line=int(str(end_line)), end_column=int(str(end_column))
+    )
+
+
+def packed(d: Diagnostic) -> dict[str, object]:
+    """A diagnostic as plain JSON values."""
+    return {
+        "code": d.code.name, "severity": d.severity.value, "message": d.message, "span": _span(d.span), "path": d.path,
+        "help": d.help, "notes": [[n.message, _span(n.span)] for n in d.notes], "detail": d.detail,
+        "fixes": [[_span(edit.span), edit.written, edit.replacement] for edit in d.fixes],
+    }
+
+
+def unpacked(kept: Mapping[str, object]) -> Diagnostic:
+    """The inverse of `packed`."""
+    fields: dict[str, object] = dict(kept)
+    notes = fields["notes"]
+    assert isinstance(notes, list)
+    return Diagnostic(
+        code=Code[str(fields["code"])],
+        severity=Severity(str(fields["severity"])),
+        message=str(fields["message"]),
+        span=_unspan(fields["span"]),  # type: ignore[arg-type]
+        path=fields["path"],  # type: ignore[arg-type]
+        help=fields["help"],  # type: ignore[arg-type]
+        notes=tuple(Note(message=message, span=_unspan(span)) for message, span in notes),
+        detail=fields["detail"],  # type: ignore[arg-type]
+        fixes=tuple(_unfix(*edit) for edit in kept["fixes"]),  # type: ignore[attr-defined]
+    )
+
+
+def _unfix(span: Sequence[object], written: str, replacement: str) -> Edit:
+    place = _unspan(span)
+    assert place is not None
+    return Edit(span=place, written=written, replacement=replacement)

@@ -1,0 +1,134 @@
+"""Answers kept in the store: by build_key, and under each build_key by the files that were read.
+
+One build_key may have several answers, each with its reads; the one whose reads are all still as they were is the answer.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from thingc.base.frozen import dataclass
+from thingc.base.safe_text import some
+from thingc.geometry.key.build_key import BuildKey
+from thingc.geometry.key.file_states import state_of
+from thingc.geometry.store.local import Store
+
+CANDIDATES = 8
+"""How many answers are kept under one build_key; the oldest goes first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kept:
+    """An answer from the store, the reads it depends on, and why it was made."""
+
+    value: Any
+    reads: tuple[tuple[str, str], ...]
+    reason: str = ""
+
+
+class Results:
+    """The answers for one workspace (`root`). Files are read once per service: a state that was seen stays.
+
+    `consulted` are the absolute paths looked at; `met` the reads of the answers given, with their states.
+    """
+
+    def __init__(self, store: Store, root: str) -> None:
+        self.store = store
+        self.root = root
+        self.consulted: set[str] = set()
+        self.met: dict[str, str] = {}
+        self._states: dict[tuple[str, bool], str] = {}
+
+    def state(self, path: str, like: str) -> str:
+        """What lies at `path` (relative to the workspace, or absolute); `like` is a state that tells how to look."""
+        self.consulted.add(os.path.normpath(os.path.join(self.root, path)))
+        return self._seen(path, like)
+
+    def _seen(self, path: str, like: str) -> str:
+        """The same for what decides about no answer."""
+        listed = like.startswith("folder:")
+        absolute = os.path.normpath(os.path.join(self.root, path))
+        if (absolute, listed) not in self._states:
+            self._states[absolute, listed] = state_of(absolute, listed=listed)
+        return self._states[absolute, listed]
+
+    def find(self, kind: str, key: str, usable: Callable[[Any], bool] = lambda _: True) -> Kept | None:
+        """The answer under a build key's key whose reads match and which is `usable`, or None."""
+        for candidate in self._candidates(kind, key):
+            if all(self.state(path, state) == state for path, state in candidate["reads"]) and usable(candidate["value"]):
+                self.met.update((path, state) for path, state in candidate["reads"])
+                reads = tuple((path, state) for path, state in candidate["reads"])
+                return Kept(value=candidate["value"], reads=reads, reason=candidate.get("reason", ""))
+        return None
+
+    def keep(self, kind: str, build_key: BuildKey, value: Any, reads: list[Any], reason: str = "") -> None:
+        """Keep an answer, before the others of its build_key."""
+        plain = [list(read) for read in reads]
+        self.met.update((path, state) for path, state in plain)
+        for path, _ in plain:
+            self.consulted.add(os.path.normpath(os.path.join(self.root, path)))
+        others = [candidate for candidate in self._candidates(kind, build_key.key) if candidate["reads"] != plain]
+        self.store.put_json(kind, build_key.key, [{"reads": plain, "value": value, "reason": reason}, *others[: CANDIDATES - 1]])
+
+    def _candidates(self, kind: str, key: str) -> list[Any]:
+        candidates = self.store.get_json(kind, key)
+        return candidates if isinstance(candidates, list) else []
+
+    def note_files(self, files: Mapping[str, str]) -> None:
+        """Remember what the files that parts depend on were like (`path` in the workspace or absolute: state)."""
+        if self.store.get_json("files", self.root) != dict(files):
+            self.store.note_json("files", self.root, dict(files))
+
+    def files_changed(self) -> bool:
+        """Whether a file that parts depended on in the last run is another now; also True when there was no last run."""
+        files = self.store.get_json("files", self.root)
+        return not isinstance(files, dict) or any(self._seen(path, state) != state for path, state in files.items())
+
+    # --- what was built last, for `thingc why` ----------------------------------------------------------------------
+
+    def last(self, text: str) -> BuildKey | None:
+        """The build_key that a definition had when it was last realized in this workspace."""
+        key = self.store.get_json("last", self._of(text))
+        ingredients = self.store.get_json("build_key", key) if isinstance(key, str) else None
+        return BuildKey(ingredients=ingredients) if isinstance(ingredients, dict) else None
+
+    def met_before(self, reference: str) -> bool:
+        """Whether some definition of a `module:Class` (or a file) has been realized in this workspace."""
+        return self.store.get_json("met", self._of(reference)) is not None
+
+    def remember(self, realized: Iterable[tuple[str, str, BuildKey]]) -> None:
+        """Note what was realized now (reference, definition text, build_key); nothing is written when it is what was realized
+        before."""
+        for reference, text, build_key in realized:
+            if self.store.get_json("last", self._of(text)) == build_key.key:
+                continue
+            self.store.note_json("build_key", build_key.key, build_key.ingredients)
+            self.store.note_json("last", self._of(text), build_key.key)
+            if not self.met_before(reference):
+                self.store.note_json("met", self._of(reference), True)
+
+    def _of(self, name: str) -> str:
+        """A key for something of this workspace alone."""
+        return f"{self.root}\n{name}"
+
+    def changed_read(self, key: str) -> str | None:
+        """In words, what keeps the newest answer under a build key from being the answer."""
+        for candidate in self._candidates("record", key)[:1]:
+            changed = [
+                (path, state, now)
+                for path, state in candidate["reads"]
+                if (now := self.state(path, state)) != state
+            ]
+            if changed:
+                return some([_words(path, state, now) for path, state, now in changed], 3, between="; ")
+        return None
+
+
+def _words(path: str, state: str, now: str) -> str:
+    if state.startswith("folder:") and now.startswith("folder:"):
+        return f"folder {path} holds other files"
+    if state == "absent":
+        return f"file {path} appeared"
+    return f"file {path} is gone" if now == "absent" else f"file {path} changed"

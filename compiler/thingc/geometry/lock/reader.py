@@ -1,0 +1,273 @@
+"""Part schemas and records from `parts.lock.json`: beside the store, or, where no code of the workspace may run, alone."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
+
+from thingc.geometry.key.file_states import state_of
+from thingc.geometry.key.module_key import CodeIngredients
+from thingc.geometry.key.modules import Module
+from thingc.geometry.key.part_code import PartCode
+from thingc.geometry.lock.json_format import BadLock
+from thingc.geometry.lock.lock import LOCK_FILE, Lock, code_hash, lock_path
+from thingc.geometry.print_slices import Slicing
+from thingc.geometry.record import ActuatorRecord, PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.geometry.store.slice_cache import lacking
+
+if TYPE_CHECKING:
+    from thingc.documents.workspace import Workspace
+    from thingc.geometry.build_reasons import Decision
+
+MAX_READ = 200_000_000
+"""Bytes of files (parts that are files, and what parts read) that are compared with the lock."""
+
+_CONTINUOUS = frozenset({"length", "angle", "mass", "ratio", "number"})
+_SOME = 1e-6
+"""A volume, an area, a moment that nobody reads."""
+_T = TypeVar("_T")
+
+
+class LockAnswers:
+    """What a lock can answer for the code and the files as they are now. `consulted` are the absolute paths looked at."""
+
+    def __init__(self, lock: Lock, workspace: Workspace, parts: PartCode) -> None:
+        self.lock = lock
+        self.workspace = workspace
+        self.consulted: set[str] = {lock.file}
+        self._parts = parts
+        self._states: dict[tuple[str, bool], str] = {}
+        self._bytes = 0
+        self._current: dict[str, bool] = {}
+
+    def current(self, reference: str) -> bool:
+        """Whether the lock has `module:Class` as its code and the files that it read are now."""
+        if reference not in self._current:
+            thing = self.lock.things.get(reference)
+            code = self._parts.code(reference)
+            self._current[reference] = (
+                thing is not None and not isinstance(code, PartFailure) and thing.code == hash_of(reference, code, self._parts)
+                and all(self.state(path, state) == state for path, state in thing.reads.items())
+            )
+        return self._current[reference]
+
+    def state(self, path: str, like: str) -> str:
+        """What lies at a path in the workspace now, as `reads` has it; only regular files and folders are looked into."""
+        folder = like.startswith("folder:")
+        if (path, folder) not in self._states:
+            self._states[path, folder] = self._look(os.path.join(self.workspace.root, path), folder)
+        return self._states[path, folder]
+
+    def _look(self, path: str, folder: bool) -> str:
+        if not self.workspace.contains(path):
+            return "outside"
+        self.consulted.add(os.path.normpath(path))
+        if os.path.isfile(path):
+            self._bytes += os.stat(path).st_size
+            if self._bytes > MAX_READ:
+                return "too large"
+        elif os.path.lexists(path) and not os.path.isdir(path):
+            return "special"
+        return state_of(path, listed=folder)
+
+    def schema(self, reference: str) -> PartSchema | None:
+        """What `module:Class` takes, with the place of its class; None where the lock cannot say. Raises `BadLock`."""
+        if not self.current(reference):
+            return None
+        schema = self.lock.schema(reference)
+        place = self.place(reference)
+        return replace(schema, file=place[0], line=place[1]) if schema is not None and place is not None else schema
+
+    def record(self, definition: PartDefinition) -> PartRecord | None:
+        """The record of a definition; None where the lock cannot say. Raises `BadLock`."""
+        if definition.kind == "file":
+            held = self.lock.files.get(definition.text)
+            if held is None or self.state(definition.reference, "file:") != held[0]:
+                return None
+        elif not self.current(definition.reference):
+            return None
+        return self.lock.record(definition, self.place(definition.reference))
+
+    def relative(self, definition: PartDefinition) -> PartRecord | None:
+        """A stand-in for a definition that the lock does not hold: the mounts that its class has with other parameters, none where
+        counts, flags, choices or texts may decide about their names. None where the lock has no such class. Raises `BadLock`."""
+        schema = self.lock.schema(definition.reference)
+        if schema is None:
+            return None
+        given = dict(definition.parameters)
+        sizes = all(one.kind in _CONTINUOUS or given.get(one.name) == one.default for one in schema.parameters)
+        place = self.place(definition.reference)
+        relatives = list(self.lock.relatives(definition.reference, place)) if sizes else []
+        return PartRecord(
+            text=definition.text, material=schema.material, color=None, volume=_SOME, area=_SOME, centre=(0.0, 0.0, 0.0),
+            inertia=((_SOME, 0.0, 0.0), (0.0, _SOME, 0.0), (0.0, 0.0, _SOME)), box=None,
+            mounts={name: mount for record in relatives for name, mount in record.mounts.items()}, references=(), expectations=(),
+            actuator=ActuatorRecord(kind="motor") if schema.actuator else None, mass=None, com=None, matrix=None, density=None, bom={},
+            warnings=(), fits={}, meshes={}, pieces=(), convex=(), brep=None, code=place, exact=False,
+        )
+
+    def place(self, reference: str) -> tuple[str, int] | None:
+        """File and line of a class."""
+        code = self._parts.code(reference) if ":" in reference else None
+        return code.place if isinstance(code, CodeIngredients) else None
+
+
+class LockBeside:
+    """A lock that answers what the store cannot: read when first needed, its faults kept in `broken`."""
+
+    def __init__(self, lock: Callable[[], Lock | None] | None, workspace: Workspace, parts: PartCode) -> None:
+        self.broken: list[BadLock] = []
+        self._lock = lock
+        self._workspace = workspace
+        self._parts = parts
+        self._answers: LockAnswers | None = None
+
+    @property
+    def there(self) -> bool:
+        """Whether a lock may answer."""
+        return self._answers is not None or self._lock is not None and os.path.lexists(lock_path(self._workspace))
+
+    @property
+    def consulted(self) -> set[str]:
+        """Absolute paths that the answers depend on."""
+        return self._answers.consulted if self._answers is not None else set()
+
+    def schema(self, reference: str) -> PartSchema | None:
+        """What `module:Class` takes; None where the lock cannot say."""
+        return self._asked(lambda answers: answers.schema(reference))
+
+    def record(self, definition: PartDefinition) -> PartRecord | None:
+        """The record of a definition; None where the lock cannot say."""
+        return self._asked(lambda answers: answers.record(definition))
+
+    def _asked(self, ask: Callable[[LockAnswers], _T | None]) -> _T | None:
+        if self._answers is None:
+            lock = self._lock() if self._lock is not None else None
+            self._lock = None
+            if lock is None:
+                return None
+            self._answers = LockAnswers(lock, self._workspace, self._parts)
+        try:
+            return ask(self._answers)
+        except BadLock as fault:
+            self.broken.append(fault)
+            return None
+
+
+def hash_of(reference: str, code: CodeIngredients | None, parts: PartCode) -> str:
+    """`code_hash` of a part of the workspace or of an installed package."""
+    package = reference.partition(":")[0].partition(".")[0]
+    return code_hash(code, "" if code is not None else parts.versions(None, reference).get(f"version {package}", "unknown"))
+
+
+class LockedGeometry:
+    """Answers as `GeometryService` does, from a lock alone: nothing of the workspace is imported, no process started, no store
+    touched. `unknown` are the labels of definitions that the lock does not hold; `broken` what was wrong with the lock itself.
+
+    Without a lock (the caller has said so) nothing is answered but that a part may not or cannot be there.
+    """
+
+    def __init__(self, workspace: Workspace, lock: Lock | None) -> None:
+        self.workspace = workspace
+        self.decisions: Mapping[str, Decision] = {}
+        self.unknown: list[str] = []
+        self.broken: list[BadLock] = []
+        self._parts = PartCode(workspace, None)
+        self._answers = LockAnswers(lock, workspace, self._parts) if lock is not None else None
+
+    @property
+    def inputs(self) -> frozenset[str]:
+        """Absolute paths of everything that the answers depend on."""
+        return frozenset(self._parts.probed | (self._answers.consulted if self._answers is not None else set()))
+
+    def anticipate(self) -> bool:
+        """Nothing is got ready: nothing will be modelled."""
+        return False
+
+    def close(self) -> None:
+        """Nothing is to be ended."""
+
+    def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
+        """What each `module:Class` takes, by reference."""
+        answers = {reference: self._described(reference) for reference in dict.fromkeys(references)}
+        return {reference: answer for reference, answer in answers.items() if answer is not None}
+
+    def _described(self, reference: str) -> PartSchema | PartFailure | None:
+        code, answers = self._parts.code(reference), self._answers
+        if isinstance(code, PartFailure):
+            return code
+        if answers is None:
+            return None
+        file, line = (code.place if code is not None else None) or (None, None)
+        thing = answers.lock.things.get(reference)
+        if thing is None:
+            if reference in answers.lock.others:
+                return PartFailure(subject=reference, kind="invalid", message="it is no Thing", file=file, line=line)
+            return PartFailure(
+                subject=reference, kind="unlocked", message=f"`{LOCK_FILE}` does not hold it", file=file, line=line
+            )
+        schema = self._tried(partial(answers.schema, reference))
+        if schema is not None:
+            return schema
+        if answers.current(reference):
+            return PartFailure(subject=reference, kind="unlocked", message=f"what `{LOCK_FILE}` says of it is broken")
+        what = "its code" if thing.code != hash_of(reference, code, self._parts) else "a file that it reads"
+        return PartFailure(
+            subject=reference, kind="stale", message=f"{what} has changed since `{LOCK_FILE}` was written", file=file, line=line,
+        )
+
+    def hiding(self, reference: str) -> tuple[Module, ...]:
+        """The modules in reach of `module:Class` that hide others of their name."""
+        return self._parts.hiding(reference)
+
+    def realize(
+        self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None,
+    ) -> dict[str, PartRecord | PartFailure]:
+        """The record of each definition, by text. Of a definition that the lock does not hold only the names of its mounts are
+        answered, where they are sure, else nothing."""
+        records: dict[str, PartRecord | PartFailure] = {}
+        answers = self._answers
+        for definition in definitions if answers is not None else ():
+            assert answers is not None
+            before = len(self.broken)
+            record = self._tried(partial(answers.record, definition))
+            if record is None and definition.kind == "file":
+                records[definition.text] = _unlocked_file(definition, answers.lock)
+                continue
+            if record is None and len(self.broken) == before:
+                self.unknown.append(definition.label)
+                record = self._tried(partial(answers.relative, definition))
+            if record is not None:
+                records[definition.text] = record
+        return records
+
+    def slice(
+        self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
+        wanted: Mapping[str, Collection[Slicing]],
+    ) -> dict[str, PartRecord | PartFailure]:
+        """The same records; one whose slices the lock does not hold stands for what nobody may know."""
+        sliced = dict(records)
+        labels = {definition.text: definition.label for definition in definitions}
+        for text in lacking(records, wanted):
+            record = sliced[text]
+            if isinstance(record, PartRecord) and record.exact:
+                self.unknown.append(labels[text])
+                sliced[text] = replace(record, exact=False)
+        return sliced
+
+    def _tried(self, ask: Callable[[], _T | None]) -> _T | None:
+        try:
+            return ask()
+        except BadLock as fault:
+            self.broken.append(fault)
+            return None
+
+
+def _unlocked_file(definition: PartDefinition, lock: Lock) -> PartFailure:
+    reference = definition.reference
+    if definition.text in lock.files:
+        return PartFailure(subject=reference, kind="stale", message=f"the file has changed since `{LOCK_FILE}` was written")
+    return PartFailure(subject=reference, kind="unlocked", message=f"`{LOCK_FILE}` does not hold it")

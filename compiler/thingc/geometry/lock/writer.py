@@ -1,0 +1,164 @@
+"""Makes `parts.lock.json`: asks the geometry service for every Thing in reach and for every definition that documents use."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from thingc.base.safe_text import json_text
+from thingc.geometry.lock.json_format import record_values, schema_values
+from thingc.geometry.lock.lock import VERSION
+from thingc.geometry.lock.reader import hash_of
+from thingc.geometry.print_slices import Slicing
+from thingc.geometry.record import NO_PARTS, PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.geometry.service import GeometryService
+
+
+@dataclass(slots=True, kw_only=True)
+class Locked:
+    """The values of a lock that was made, and what could not be made for it (of what documents use, and of what is a Thing)."""
+
+    values: dict[str, Any]
+    failures: list[PartFailure] = field(default_factory=list)
+
+
+def locked(
+    geometry: GeometryService, references: Sequence[str], definitions: Sequence[PartDefinition],
+    slicings: Mapping[str, Collection[Slicing]],
+) -> Locked:
+    """The lock of a workspace of whose documents `references` (`module:Class`), `definitions` and their `slicings` (by text) are all
+    that they use.
+
+    Things of the part folders are in it whether they are used or not, those of packages where they are used. A Thing that cannot
+    be made with its defaults has no record for them, unless a document uses it so.
+    """
+    in_folders = [reference for reference in geometry.catalogue() if geometry.in_part_folders(reference)]
+    schemas = geometry.describe(sorted({*references, *in_folders}))
+    failures = [*geometry.not_python(), *(
+        answer for reference, answer in schemas.items()
+        if isinstance(answer, PartFailure) and (reference in references or answer.kind not in NO_PARTS)
+    )]
+    things = {
+        reference: schema for reference, schema in schemas.items()
+        if isinstance(schema, PartSchema) and (schema.kind == "thing" or reference in references)
+    }
+    defaults = [definition for schema in things.values() if (definition := schema.default) is not None]
+    used = {definition.text: definition for definition in definitions}
+    wanted = {**{definition.text: definition for definition in defaults}, **used}
+    modelled = [wanted[text] for text in sorted(wanted)]
+    records = geometry.slice(modelled, geometry.realize(modelled), slicings)
+    failures += [
+        replace(answer, subject=used[text].label) for text, answer in records.items() if isinstance(answer, PartFailure) and text in used
+    ]
+    good = {text: record for text, record in records.items() if isinstance(record, PartRecord)}
+    values = {
+        "thingc": VERSION,
+        "things": {
+            reference: _thing(geometry, schema, [d for d in wanted.values() if d.reference == reference and d.text in good], good)
+            for reference, schema in sorted(things.items())
+        },
+        "files": {
+            text: {"content": geometry.state(definition.reference), "record": record_values(good[text])}
+            for text, definition in sorted(used.items()) if definition.kind == "file" and text in good
+        },
+        "others": sorted({reference for reference in in_folders if reference not in things}),
+    }
+    return Locked(values=values, failures=failures)
+
+
+def _thing(
+    geometry: GeometryService, schema: PartSchema, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord],
+) -> dict[str, Any]:
+    texts = sorted(definition.text for definition in definitions)
+    reads = {
+        path: state for subject in (schema.reference, *texts) for path, state in geometry.reads.get(subject, {}).items()
+        if not os.path.isabs(path) and not path.startswith("..")
+    }
+    code = geometry.code(schema.reference)
+    thing: dict[str, Any] = {"code": hash_of(schema.reference, code, geometry.part_code)}
+    if reads:
+        thing["reads"] = dict(sorted(reads.items()))
+    return {**thing, **schema_values(schema), "records": {text: record_values(records[text]) for text in texts}}
+
+
+def lock_text(values: Mapping[str, Any]) -> str:
+    """The file: two spaces, a list on one line, so that a change of one number is a change of one line; and nothing in
+    it that who reads the change would not see."""
+    return json_text(_text(values, "\n")) + "\n"
+
+
+def _text(value: Any, newline: str) -> str:
+    inner = newline + "  "
+    if isinstance(value, Mapping) and value:
+        entries = (f"{json.dumps(key, ensure_ascii=False)}: {_text(item, inner)}" for key, item in value.items())
+        return "{" + inner + ("," + inner).join(entries) + newline + "}"
+    if isinstance(value, list) and any(isinstance(item, (Mapping, list)) for item in value) or _long(value):
+        return "[" + inner + ("," + inner).join(_text(item, inner) for item in value) + newline + "]"
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+
+def _long(value: Any) -> bool:
+    return isinstance(value, list) and len(value) > 3 and all(isinstance(item, str) for item in value)
+
+
+def differences(held: Mapping[str, Any], made: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What a lock (`held`) says otherwise than one that was made now: `(key in it, in words)`, in the order of the lock."""
+    differing: list[tuple[str, str]] = []
+    for section, what in (("things", "part"), ("files", "file")):
+        old, new = held.get(section, {}), made.get(section, {})
+        for name in sorted({*old, *new}):
+            if name not in old:
+                differing.append((name, f"the {what} `{name}` is not in it"))
+            elif name not in new:
+                differing.append((name, f"there is no {what} `{name}` any more, or no document uses it"))
+            else:
+                differing += [(name, words) for words in _thing_differences(name, old[name], new[name])]
+    if sorted(held.get("others", [])) != made.get("others", []):
+        differing.append(("others", "other classes that are no parts are in the part folders"))
+    return differing
+
+
+def _thing_differences(name: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+    phrases = []
+    old_records, new_records = _records(old), _records(new)
+    missing = sorted(set(new_records) - set(old_records))
+    gone = sorted(set(old_records) - set(new_records))
+    phrases += [f"`{text}`, which a document uses, is not in it" for text in missing]
+    phrases += [f"no document uses `{text}` any more" for text in gone]
+    for text in sorted(set(old_records) & set(new_records)):
+        path = _first_difference(old_records[text], new_records[text], "")
+        if path is not None:
+            phrases.append(f"`{path}` of `{text}` is another now")
+    path = _first_difference({k: v for k, v in old.items() if k not in ("code", "record", "records")},
+                             {k: v for k, v in new.items() if k not in ("code", "record", "records")}, "")
+    if path is not None:
+        phrases.append(f"`{path}` of `{name}` is another now")
+    if old.get("code") != new.get("code") and not phrases:
+        phrases.append(f"the code of `{name}` has changed")
+    return phrases
+
+
+def _records(values: Mapping[str, Any]) -> Mapping[str, Any]:
+    return values.get("records") or ({"": values["record"]} if "record" in values else {})
+
+
+_CLOSE = 1e-9
+
+
+def _first_difference(old: Any, new: Any, path: str) -> str | None:
+    """The path of the first value that differs (numbers beyond what two builds of the CAD kernel differ by), None without one."""
+    if isinstance(old, Mapping) and isinstance(new, Mapping):
+        if list(old) != list(new):
+            return next((f"{path}.{key}".lstrip(".") for key in (*old, *new) if key not in old or key not in new), path or "order")
+        return next((at for key in old if (at := _first_difference(old[key], new[key], f"{path}.{key}".lstrip("."))) is not None), None)
+    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        if new and all(isinstance(one, (int, float)) for one in (*old, *new)):
+            size = max(abs(float(one)) for one in (*old, *new))
+            return None if all(abs(a - b) <= _CLOSE * size for a, b in zip(old, new, strict=True)) else path
+        return None if all(_first_difference(a, b, path) is None for a, b in zip(old, new, strict=True)) else path
+    if type(old) is float and type(new) is float:
+        return None if abs(old - new) <= _CLOSE * max(abs(old), abs(new)) else path
+    return None if type(old) is type(new) and old == new else path

@@ -1,0 +1,97 @@
+"""What the passes ask of parts, whoever answers: the geometry service, or a lock alone."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Protocol
+
+from thingc.base.diagnostics import Code, Note, Report, Severity, allow_hint
+from thingc.base.source import Span, line_of
+from thingc.geometry.lock.json_format import BadLock
+from thingc.geometry.lock.lock import LOCK_FILE, REMAKE, lock_path, report_bad, top_of
+from thingc.geometry.part_requests import Likely
+from thingc.geometry.print_slices import Slicing
+from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
+
+if TYPE_CHECKING:
+    from thingc.documents.workspace import Workspace
+    from thingc.geometry.build_reasons import Decision
+    from thingc.geometry.key.modules import Module
+
+SHOWN = 8
+
+
+class PartAnswers(Protocol):
+    """Part schemas and part records.
+
+    `unknown` are the labels of definitions of which nobody may know more than their names, `broken` faults of the lock that were met."""
+
+    workspace: Workspace
+    unknown: list[str]
+    broken: list[BadLock]
+
+    @property
+    def decisions(self) -> Mapping[str, Decision]:
+        """Why each record was modelled or found, by definition text."""
+
+    @property
+    def inputs(self) -> frozenset[str]:
+        """Absolute paths of everything that decided about answers, there or not."""
+
+    def anticipate(self) -> bool:
+        """Get ready to model, where that is likely to be needed: whether it is, and the kernel loads now."""
+
+    def close(self) -> None:
+        """End what was started."""
+
+    def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
+        """What each `module:Class` takes, by reference."""
+
+    def hiding(self, reference: str) -> tuple[Module, ...]:
+        """The modules in reach of `module:Class` that hide others of their name."""
+
+    def realize(
+        self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: Likely = None,
+    ) -> Mapping[str, PartRecord | PartFailure]:
+        """The record of each definition, by text; one that nobody may know is absent. `likely` is how parts will be sliced, for who
+        models them."""
+
+    def slice(
+        self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
+        wanted: Mapping[str, Collection[Slicing]],
+    ) -> Mapping[str, PartRecord | PartFailure]:
+        """The `records` of `definitions` with what is laid into them when they are sliced as `wanted`, by text. One of which nobody
+        may know that is not `exact`."""
+
+
+def report_hidden(parts: PartAnswers, references: Iterable[tuple[str, Span | None]], report: Report) -> None:
+    """A warning for each module that parts are made from and that hides another file of its name: where the first of those is named, or
+    where the module lies."""
+    said: set[str] = set()
+    for reference, where in references:
+        for module in parts.hiding(reference):
+            if module.file is not None and module.name not in said:
+                said.add(module.name)
+                hidden = " and ".join(f"`{parts.workspace.relative(file)}`" for file in module.hides)
+                report.warn(
+                    Code.HIDDEN, f"`{reference}` takes the module `{module.name}` from `{parts.workspace.relative(module.file)}`, which "
+                    f"hides {hidden}", where or line_of(module.file),
+                    help="call one of the files otherwise" + (f"; {allow_hint(Code.HIDDEN)}" if where is not None else ""),
+                )
+
+
+def report_gaps(parts: PartAnswers, report: Report, *, severity: Severity = Severity.ERROR) -> None:
+    """Say what was wrong with entries of the lock, and how many definitions could not be looked at for want of a record."""
+    file = lock_path(parts.workspace)
+    for fault in parts.broken[:SHOWN]:
+        report_bad(file, fault, report, severity=severity)
+    labels = sorted(set(parts.unknown))
+    if not labels:
+        return
+    what = "1 part has" if len(labels) == 1 else f"{len(labels)} parts have"
+    their = "its" if len(labels) == 1 else "their"
+    more = [Note(message=f"and {len(labels) - SHOWN} more")] if len(labels) > SHOWN else []
+    report.add(
+        Code.NOT_LOOKED_AT, f"{what} parameters or a process that `{LOCK_FILE}` does not hold: {their} geometry was not looked at",
+        top_of(file), help=REMAKE, notes=[*(Note(message=f"`{label[:200]}`") for label in labels[:SHOWN]), *more], severity=Severity.NOTE,
+    )

@@ -1,0 +1,113 @@
+"""What a printed part holds, layer by layer: how it is sliced, and the numbers that come of it. Plain frozen data, SI units.
+
+The numbers do not depend on the infill: the mass at any percentage is a sum of three terms (`Sliced.printed`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from thingc.base.frozen import dataclass
+from thingc.base.inertia import MassProperties
+from thingc.base.one_line_repr import Brief
+from thingc.base.pose import Matrix, Vector, added
+
+UPRIGHT: Vector = (0.0, 0.0, 1.0)
+"""How a part lies on the printer where nobody says: as it is modelled."""
+
+OVERLAP = 0.25
+"""By how much of a line infill reaches into the walls where nobody says: PrusaSlicer's `infill_overlap`."""
+
+BRIDGE_FLOW = 1.0
+"""How much is laid into a bridge where nobody says: PrusaSlicer's `bridge_flow_ratio`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slicing:
+    """How a part is cut into layers and what is laid into them.
+
+    `up` is the direction away from the bed, a unit vector in the part's frame; `layer` the height of a layer and `line_width` the
+    width of a line [m]; `walls` lines make a wall, `top` and `bottom` layers a lid; `overlap` is a share of a line, `bridge_flow`
+    a ratio.
+    """
+
+    up: Vector
+    layer: float
+    line_width: float
+    walls: int
+    top: int
+    bottom: int
+    overlap: float = OVERLAP
+    bridge_flow: float = BRIDGE_FLOW
+
+
+LikelySlicing = tuple[Slicing, bool]
+"""How a part that is not modelled yet will be cut, and whether the way up that it may know itself goes before that of the slicing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moments(Brief):
+    """Of some matter, about the origin of the part's frame: `volume` [m^3], `first` the integrals of x, y, z [m^4], `second` those of
+    their products [m^5]."""
+
+    volume: float = 0.0
+    first: Vector = (0.0, 0.0, 0.0)
+    second: Matrix = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+    @classmethod
+    def of(cls, numbers: Sequence[float]) -> Moments:
+        """The inverse of `numbers`."""
+        volume, x, y, z, xx, yy, zz, xy, xz, yz = numbers
+        return cls(volume=volume, first=(x, y, z), second=((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+
+    @property
+    def numbers(self) -> list[float]:
+        """The integrals of 1, x, y, z, xx, yy, zz, xy, xz, yz."""
+        s = self.second
+        return [self.volume, *self.first, s[0][0], s[1][1], s[2][2], s[0][1], s[0][2], s[1][2]]
+
+    def plus(self, other: Moments, share: float = 1.0) -> Moments:
+        """With a share of some other matter."""
+        return Moments(
+            volume=self.volume + share * other.volume,
+            first=added(self.first, other.first, share),
+            second=(
+                added(self.second[0], other.second[0], share), added(self.second[1], other.second[1], share),
+                added(self.second[2], other.second[2], share),
+            ),
+        )
+
+    @property
+    def properties(self) -> MassProperties:
+        """At density 1: the volume as the mass, the centre, and the inertia [m^5] about it."""
+        if self.volume <= 0.0:
+            return MassProperties(mass=0.0)
+        v = self.volume
+        c = x, y, z = (self.first[0] / v, self.first[1] / v, self.first[2] / v)
+        s = self.second
+        xx, yy, zz = (s[k][k] - v * c[k] * c[k] for k in range(3))
+        xy, xz, yz = s[0][1] - v * x * y, s[0][2] - v * x * z, s[1][2] - v * y * z
+        return MassProperties(mass=v, centre=c, inertia=((yy + zz, -xy, -xz), (-xy, xx + zz, -yz), (-xz, -yz, xx + yy)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sliced(Brief):
+    """What is laid into a part: `solid`, whatever the infill; `joins`, the pieces along the walls that join the lines of infill, as
+    soon as there is any; `sparse`, the lines themselves, as if the infill were 100 %."""
+
+    solid: Moments
+    joins: Moments
+    sparse: Moments
+
+    def printed(self, infill: float) -> MassProperties:
+        """At density 1, with an infill between 0 and 1: volume [m^3], centre [m] and inertia [m^5] in the part's frame."""
+        if infill <= 0.0:
+            return self.solid.properties
+        return self.solid.plus(self.joins).plus(self.sparse, infill).properties
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unsliced:
+    """Why a part cannot be cut into layers, in words that follow its name."""
+
+    reason: str

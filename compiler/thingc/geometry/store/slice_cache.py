@@ -1,0 +1,118 @@
+"""What printed parts hold, asked for by mesh and slicing: from the store where it can, else through workers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import asdict, replace
+from typing import Any
+
+from thingc.geometry.print_slices import Moments, Sliced, Slicing, Unsliced
+from thingc.geometry.record import PartFailure, PartRecord
+from thingc.geometry.store.local import Store
+
+KEPT = 4096
+"""How many answers are kept at hand."""
+
+Records = dict[str, "PartRecord | PartFailure"]
+Run = Callable[[list[dict[str, Any]], str], Iterable[tuple[dict[str, Any], dict[str, Any]]]]
+
+
+class SliceAnswers:
+    """Slices by mesh, kept in a store under everything that they depend on: the same part with another process is not modelled
+    again, and the same mesh is not sliced again. `versions` are those of everything that slices meshes."""
+
+    def __init__(self, store: Store, versions: Callable[[], Mapping[str, str]]) -> None:
+        self._store = store
+        self._versions = versions
+        self._known: dict[tuple[str, Slicing], Sliced | Unsliced] = {}
+        self._made: dict[str, tuple[PartRecord, frozenset[Slicing], PartRecord]] = {}
+
+    def added(
+        self, records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]], run: Run, timeout: float,
+        broken: Callable[[str, dict[str, Any]], PartFailure],
+    ) -> Records:
+        """The records with what is wanted of each by its text, as far as they have a mesh. `run` asks the workers, `broken` puts
+        an answer that failed into words."""
+        sliced: Records = dict(records)
+        texts = {text: frozenset(slicings) for text, slicings in wanted.items() if slicings and _lacks(records.get(text), slicings)}
+        missing: dict[tuple[str, Slicing], list[str]] = {}
+        for text, slicings in texts.items():
+            for slicing in slicings:
+                key = (_mesh(records[text]), slicing)
+                if key[0] and self._kept(*key) is None:
+                    missing.setdefault(key, []).append(text)
+        self._ask(missing, sliced, run, timeout, broken)
+        for text, slicings in texts.items():
+            record = sliced[text]
+            if isinstance(record, PartRecord) and _mesh(record):
+                sliced[text] = self._with(text, record, slicings)
+        return sliced
+
+    def _ask(
+        self, missing: Mapping[tuple[str, Slicing], list[str]], records: Records, run: Run, timeout: float,
+        broken: Callable[[str, dict[str, Any]], PartFailure],
+    ) -> None:
+        ordered = sorted(missing, key=repr)
+        requests = [
+            {"op": "slice", "mesh": mesh, "slicing": asdict(slicing), "store": self._store.root, "timeout": timeout, "number": number}
+            for number, (mesh, slicing) in enumerate(ordered)
+        ]
+        for request, answer in run(requests, "slicing") if requests else ():
+            key = ordered[request["number"]]
+            if "failed" in answer:
+                for text in missing[key]:
+                    records[text] = broken(text, answer)
+                continue
+            self._keep(key, answer["answer"])
+
+    def keep(self, record: PartRecord | PartFailure, slices: Iterable[tuple[Mapping[str, Any], Any]]) -> None:
+        """What came of slicings (as JSON has them) when a part was modelled."""
+        for slicing, value in slices:
+            self._keep((_mesh(record), Slicing(**{**slicing, "up": tuple(slicing["up"])})), value)
+
+    def _keep(self, key: tuple[str, Slicing], value: Any) -> None:
+        self._store.put_json("slices", self._place(*key), value)
+        self._note(key, value)
+
+    def _kept(self, mesh: str, slicing: Slicing) -> Sliced | Unsliced | None:
+        key = (mesh, slicing)
+        if key not in self._known:
+            value = self._store.get_json("slices", self._place(mesh, slicing))
+            if value is None:
+                return None
+            self._note(key, value)
+        return self._known[key]
+
+    def _place(self, mesh: str, slicing: Slicing) -> str:
+        """What slices are kept under."""
+        return repr([sorted(self._versions().items()), mesh, sorted(asdict(slicing).items())])
+
+    def _note(self, key: tuple[str, Slicing], value: Any) -> None:
+        while len(self._known) >= KEPT:
+            del self._known[next(iter(self._known))]
+        self._known[key] = Unsliced(reason=value["unsliced"]) if "unsliced" in value else Sliced(
+            solid=Moments.of(value["solid"]), joins=Moments.of(value["joins"]), sparse=Moments.of(value["sparse"]),
+        )
+
+    def _with(self, text: str, record: PartRecord, slicings: frozenset[Slicing]) -> PartRecord:
+        """The record with these slices; the same object as last time for the same."""
+        last = self._made.get(text)
+        if last is None or last[0] is not record or last[1] != slicings:
+            slices = {slicing: answer for slicing in slicings if (answer := self._kept(_mesh(record), slicing)) is not None}
+            last = self._made[text] = (record, slicings, replace(record, slices={**record.slices, **slices}))
+        return last[2]
+
+
+def lacking(records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]]) -> list[str]:
+    """The texts of records that neither have what is wanted of them nor a mesh to get it from."""
+    return [text for text, slicings in wanted.items() if _lacks(records.get(text), slicings) and not _mesh(records[text])]
+
+
+def _lacks(record: PartRecord | PartFailure | None, slicings: Collection[Slicing]) -> bool:
+    return isinstance(record, PartRecord) and any(slicing not in record.slices for slicing in slicings)
+
+
+def _mesh(record: PartRecord | PartFailure) -> str:
+    """The SHA-256 of its print file, empty where there is none."""
+    mesh = record.meshes.get("print") if isinstance(record, PartRecord) else None
+    return mesh.sha256 if mesh is not None else ""

@@ -1,0 +1,471 @@
+"""Models a part in a child of the worker: its Thing made, measured and meshed, its files put into the store."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+import os
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thingc.base.frozen import dataclass
+from thingc.base.primitives import Primitive
+from thingc.base.units import parse_quantity
+from thingc.geometry.record import (
+    FILE_UNIT,
+    LABEL_DIGITS,
+    ActuatorRecord,
+    Expectation,
+    Mesh,
+    MountRecord,
+    PartRecord,
+    PartWarning,
+    Stated,
+    definition_label,
+    definition_text,
+    written,
+)
+from thingc.geometry.record_json import failure_to_json, record_to_json
+from thingc.geometry.store.local import Store, StoreUnusable
+from thingc.geometry.worker.kernel import convert, meshing
+from thingc.geometry.worker.kernel.bounding_primitives import fit_all
+from thingc.geometry.worker.kernel.colors import hexadecimal, named
+from thingc.geometry.worker.kernel.integrals import Measures, bodies_of, explored, measure, solids_of
+from thingc.geometry.worker.kernel.mesh_files import SUFFIXES, BadPartFile
+from thingc.geometry.worker.kernel.mirroring import SolidMirror
+from thingc.geometry.worker.kernel.part_files import kernel_shape, read_part, unusable
+from thingc.geometry.worker.kernel.primitives import primitive_of
+from thingc.geometry.worker.kernel.simplifying import deviation, simplified
+from thingc.geometry.worker.kernel.tessellation import tessellate
+from thingc.geometry.worker.part_session import NoPart, PartSession, RequestContext, kind_of
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Shape
+
+    from thingc.base.pose import Vector
+    from thingc.documents.workspace import Tessellation
+
+NOTHING = 1e-9
+"""A volume [mm^3] below which a result counts as empty."""
+
+OVERLAP = 0.01
+"""The part of the volume of a part that two of its solids may have in common (and 1 mm^3) before it is said that it counts twice."""
+
+DEVIATION = 0.01
+"""How far what simulators draw and touch may be off the part's surface, of its longest side, before that is said."""
+
+DECIMALS = 9
+"""Corners [mm] are rounded to these. Of two that a boolean makes one, the kernel takes that with the lower address: one may have 0 where
+the other has 2e-31, and so the same part another mesh in the next run."""
+
+_ZERO = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tessellations:
+    """`fine` is printed and checked for clearance, `simulation` is drawn and touched by simulators."""
+
+    fine: Tessellation
+    simulation: Tessellation
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Made:
+    """What part code or a file gives, before it is measured: shapes of the kernel [mm] (none: a part without geometry), the rest as
+    in `PartRecord`. `one`: the solids are meant to hang together; `file`: they are from a file, `faceted`: all triangles; `faces`:
+    the most triangles of what simulators draw and touch."""
+
+    shapes: Sequence[TopoDS_Shape]
+    visual: Sequence[TopoDS_Shape] = ()
+    collision: Sequence[TopoDS_Shape] = ()
+    material: str | None = None
+    color: str | None = None
+    mounts: dict[str, MountRecord] = field(default_factory=dict)
+    references: tuple[str, ...] = ()
+    expectations: tuple[Expectation, ...] = ()
+    actuator: ActuatorRecord | None = None
+    mass: Stated | None = None
+    com: Stated | None = None
+    matrix: Stated | None = None
+    density: Stated | None = None
+    bom: dict[str, str] = field(default_factory=dict)
+    up: Vector | None = None
+    warnings: tuple[PartWarning, ...] = ()
+    code: tuple[str, int] | None = None
+    one: bool = False
+    file: bool = False
+    faceted: bool = False
+    faces: int | None = None
+    own_image: bool = False
+
+
+def model(definition: dict[str, Any], tessellations: Tessellations, around: RequestContext, store: Store) -> dict[str, Any]:
+    """The record (or failure) of one part definition and what it read: `{"record" | "failure": ..., "reads": [...]}`; with a record `ran`,
+    which functions of its code have run (see `PartSession.ran`), and since when its class was there (`loaded`, of `time.monotonic`).
+
+    `definition` has `kind`, `reference`, `text`, the canonical `parameters` (SI; those that are left out are what the class says) and
+    `mirror`, and whether it is known where its class is written (`placed`): to find that out takes long. Blobs go to the store. Raises
+    `StoreUnusable`.
+    """
+    text = definition["text"]
+    with PartSession(around) as session, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            made = _made_of_file(definition, around) if definition["kind"] == "file" else _made_of_code(definition, session)
+            if definition["mirror"] is not None:
+                made = _mirrored(made, SolidMirror(definition["mirror"]))
+            session.stop()
+            record = _record(definition["text"], made, tessellations, store)
+            part_warnings = (*record.warnings, *_warnings(caught, session.is_own), *session.asking.found)
+            answer = {"record": record_to_json(replace(record, warnings=part_warnings), around.root)}
+            reads = session.reads(*(warning.file for warning in part_warnings))
+            loaded = {"loaded": session.loaded} if session.loaded is not None else {}
+            return {**answer, **loaded, "reads": reads, "ran": session.ran()}
+        except StoreUnusable:
+            raise
+        except BaseException as fault:
+            session.stop()
+            if definition["kind"] == "file" and not isinstance(fault, (NoPart, BadPartFile, MemoryError)):
+                fault = unusable(fault)
+            failure = session.failure(text, fault)
+            if failure.file is None and definition["kind"] == "code":
+                failure = replace(failure, **_place(definition["reference"], session))
+            return {"failure": failure_to_json(failure, around.root), "reads": session.reads(failure.file)}
+
+
+def _place(reference: str, session: PartSession) -> dict[str, Any]:
+    """The `file` and `line` of a class of the authors' own, for a fault without a line: of what its methods return, for instance."""
+    import inspect
+
+    with contextlib.suppress(Exception):
+        part = inspect.unwrap(session.part(reference))
+        file, line = inspect.getsourcefile(part), inspect.getsourcelines(part)[1]
+        if file is not None and session.is_own(file):
+            return {"file": file, "line": line}
+    return {}
+
+
+def _warnings(caught: list[warnings.WarningMessage], is_own: Callable[[str], bool]) -> list[PartWarning]:
+    """Warnings about the authors' own lines: what libraries say about themselves is none of their business."""
+    part_warnings = [
+        PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if is_own(one.filename)
+    ]
+    return list(dict.fromkeys(part_warnings))
+
+
+def _made_of_code(definition: dict[str, Any], session: PartSession) -> Made:
+    import inspect
+
+    from thingc.geometry.things import inspection
+
+    reference = definition["reference"]
+    part = session.part(reference)
+    kind = kind_of(part, reference)
+    schemas = inspection.parameters_of(part)
+    kinds = {parameter.name: parameter.kind for parameter in schemas}
+    # defaults go the way that they go through a document, which rounds
+    own = {parameter.name: convert.to_si(parameter.kind, parameter.default) for parameter in schemas if parameter.default is not None}
+    given = {**own, **definition["parameters"]}
+    parameters = {name: convert.to_author(kinds.get(name, ""), value) for name, value in given.items()}
+    thing = inspection.build(part, parameters)
+    geometry = thing.result()
+    shapes = _shapes(geometry, "result")
+    statements = inspection.statements_of(thing)
+    color, extra = _color(inspection.color_of(thing), {hexadecimal(shape.color) for shape in shapes if shape.color is not None})
+    actuator = inspection.actuator_of(thing)
+    code = None
+    if not definition["placed"]:
+        with contextlib.suppress(OSError, TypeError):
+            code = (inspect.getsourcefile(part) or "", inspect.getsourcelines(part)[1])
+    return Made(
+        shapes=[_rounded(shape.wrapped) for shape in shapes],
+        visual=[_rounded(shape.wrapped) for shape in _shapes(thing.visual(), "visual")],
+        collision=[_rounded(shape.wrapped) for shape in _shapes(thing.collision(), "collision")],
+        material=inspection.material_of(thing),
+        color=color,
+        mounts={
+            name: MountRecord(
+                pose=convert.pose(mount.location.wrapped.Transformation()), interface=mount.interface,
+                tolerance=None if mount.tolerance is None else convert.length(mount.tolerance),
+            )
+            for name, mount in inspection.mounts_of(thing).items()
+        },
+        references=inspection.references_of(thing),
+        expectations=tuple(_expectation(expected) for expected in inspection.expectations_of(thing)),
+        actuator=None if actuator is None else ActuatorRecord(
+            kind=actuator.kind, stall_torque=actuator.stall_torque, no_load_speed=actuator.no_load_speed,
+            gear_ratio=actuator.gear_ratio, rotor_inertia=actuator.rotor_inertia, kp=actuator.kp, kv=actuator.kv,
+            sources=dict(actuator.sources),
+        ),
+        mass=_stated(statements.mass), com=_stated(statements.centre, convert.vector),
+        matrix=_stated(statements.matrix, convert.matrix), density=_stated(statements.density),
+        bom=inspection.bom_of(thing), up=inspection.up_of(thing), warnings=extra, code=code,
+        one=kind != "shape" and inspection.is_one_solid(geometry),  # a shape class of a library is not its user's
+    )
+
+
+def _made_of_file(definition: dict[str, Any], around: RequestContext) -> Made:
+    unit = parse_quantity(f"1 {definition['parameters'].get('unit', FILE_UNIT)}").value * convert.MM
+    shapes, colors, mended = read_part(os.path.join(around.root, definition["reference"]), unit)
+    color, extra = _color(None, colors)
+    return Made(
+        shapes=shapes, color=color, warnings=(*extra, *(PartWarning(message=words) for words in mended)), file=True,
+        faceted=definition["reference"].lower().endswith(SUFFIXES), faces=definition["parameters"].get("faces"),
+    )
+
+
+def _mirrored(made: Made, mirror: SolidMirror) -> Made:
+    """The mirror image. It has no order number: that of the Thing is the number of what is mirrored."""
+    mounts = {name: replace(mount, pose=mirror.mount(mount.pose)) for name, mount in made.mounts.items()}
+    stays = all(mirror.keeps(mount.pose) for mount in made.mounts.values())
+    return replace(
+        made,
+        shapes=[mirror.shape(shape) for shape in made.shapes], visual=[mirror.shape(shape) for shape in made.visual],
+        collision=[mirror.shape(shape) for shape in made.collision], mounts=mounts,
+        com=None if made.com is None else replace(made.com, value=mirror.vector(made.com.value)),
+        matrix=None if made.matrix is None else replace(made.matrix, value=mirror.matrix(made.matrix.value)),
+        up=None if made.up is None else mirror.vector(made.up),
+        bom={key: value for key, value in made.bom.items() if key != "number"},
+        own_image=bool(made.shapes) and stays and mirror.is_image_of_itself(solid_part(made)),
+    )
+
+
+def _shapes(geometry: Any, name: str) -> tuple[Any, ...]:
+    from thingc.geometry.things.inspection import shapes_of
+
+    try:
+        shapes = shapes_of(geometry)
+    except TypeError as fault:
+        raise NoPart("invalid", f"{name}() must return a build123d shape, several, or None: {fault}") from None
+    for shape in shapes:
+        if kernel_shape(shape) is None:
+            raise NoPart("empty", f"{name}() returned an empty {type(shape).__name__}")
+    return shapes
+
+
+def _rounded(shape: TopoDS_Shape) -> TopoDS_Shape:
+    """The shape, its corners rounded to `DECIMALS`."""
+    from OCP.BRep import BRep_Builder, BRep_Tool
+    from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
+    from OCP.gp import gp_Pnt
+    from OCP.TopAbs import TopAbs_VERTEX
+    from OCP.TopExp import TopExp
+    from OCP.TopoDS import TopoDS
+
+    builder, corners = BRep_Builder(), ShapeMap()
+    TopExp.MapShapes_s(shape, TopAbs_VERTEX, corners)
+    for corner in map(TopoDS.Vertex, corners):
+        at = BRep_Tool.Pnt_s(corner).Coord()
+        x, y, z = (round(coordinate, DECIMALS) + 0.0 for coordinate in at)
+        if (x, y, z) != at:
+            builder.UpdateVertex(corner, gp_Pnt(x, y, z), BRep_Tool.Tolerance_s(corner))
+    return shape
+
+
+def _stated(statement: Any, converted: Callable[[Any], Any] = float) -> Stated | None:
+    return None if statement is None else Stated(value=converted(statement.value), source=statement.source)
+
+
+def _expectation(expected: Any) -> Expectation:
+    from thingc.geometry.things.inspection import parameters_of
+
+    family = expected.family
+    schemas = {parameter.name: parameter for parameter in parameters_of(family)}
+    values = {name: convert.to_si(schemas[name].kind, value) for name, value in expected.parameters.items() if name in schemas}
+    defaults = {name: convert.to_si(p.kind, p.default) for name, p in schemas.items() if not p.required}
+    named = (f"{family.__module__}:{family.__qualname__}", values, defaults)
+    words = {name: written(schemas[name].kind, value, LABEL_DIGITS) for name, value in values.items()}
+    return Expectation(
+        mount=expected.mount, text=definition_text(*named), label=definition_label(*named, words), child_mount=expected.child_mount,
+    )
+
+
+def _color(stated: str | None, of_shapes: set[str]) -> tuple[str | None, tuple[PartWarning, ...]]:
+    if stated is not None:
+        try:
+            return named(stated), ()
+        except ValueError:
+            return None, (PartWarning(message=f"`{stated}` is no colour: use a CSS name or `#rrggbb`"),)
+    if len(of_shapes) > 1:
+        several = ", ".join(f"`{color}`" for color in sorted(of_shapes))
+        return None, (PartWarning(message=f"its solids have {len(of_shapes)} colours, {several}: it is drawn in that of its material"),)
+    return next(iter(of_shapes), None), ()
+
+
+def _record(text: str, made: Made, tessellations: Tessellations, store: Store) -> PartRecord:
+    """Measure and mesh the solids of a part and put the files into the store."""
+    measures: Measures | None = None
+    meshes: dict[str, Mesh] = {}
+    fits = {}
+    brep = None
+    extra = made.warnings
+    if made.shapes:
+        solid = solid_part(made)
+        measures = measure(solid)
+        if not measures.volume > NOTHING:
+            raise NoPart("empty", f"it holds {measures.volume:.3g} mm^3")
+        brep = store.put(written_brep(solid))  # before meshing, which would leave its triangles in it
+        solids = _meshes(solid, tessellations.fine)
+        mesh = meshing.together(solids)
+        metres = mesh.scaled(1.0 / convert.MM)
+        round_about = meshing.hull(metres.vertices) or metres
+        coarse, hull = metres, round_about
+        if tessellations.simulation != tessellations.fine and not made.faceted:
+            coarse = meshing.together(_meshes(solid, tessellations.simulation)).scaled(1.0 / convert.MM)
+            hull = meshing.hull(coarse.vertices) or coarse
+        if made.faces is not None and len(coarse.faces) > made.faces:
+            fewer = simplified(coarse, made.faces)
+            extra = (*extra, *_off(coarse, fewer))
+            coarse, hull = fewer, meshing.hull(fewer.vertices) or fewer
+        if made.faces is not None:
+            meshes["simulation"] = stored_obj(coarse, store)
+        shown = _visual(made.visual, tessellations.simulation).scaled(1.0 / convert.MM) if made.visual else coarse
+        meshes["visual"] = _stored(shown, meshing.obj(shown), store)
+        meshes["mesh"] = stored_obj(metres, store)
+        meshes["hull"] = stored_obj(hull, store)
+        printed = meshing.in_single(mesh)
+        meshes["print"] = _stored(printed, meshing.stl(printed), store)
+        if not meshes["print"].closed:
+            extra = (*extra, PartWarning(message="its mesh is not closed: the kernel left gaps between faces"))
+        extra = (*extra, *_overlap(solids, file=made.file))
+        fits = fit_all(round_about.vertices, convert.unit_inertia(measures.inertia))
+    return PartRecord(
+        text=text, material=made.material, color=made.color,
+        volume=convert.volume(measures.volume) if measures else 0.0,
+        area=convert.area(measures.area) if measures else 0.0,
+        centre=convert.vector(measures.centre) if measures else (0.0, 0.0, 0.0),
+        inertia=convert.unit_inertia(measures.inertia) if measures else _ZERO,
+        box=(convert.vector(measures.box[0]), convert.vector(measures.box[1])) if measures else None,
+        mounts=made.mounts, references=made.references, expectations=made.expectations, actuator=made.actuator,
+        mass=made.mass, com=made.com, matrix=made.matrix, density=made.density, bom=made.bom, warnings=extra, fits=fits, meshes=meshes,
+        apart=_apart(solid) if made.one and made.shapes else (), own_image=made.own_image,
+        pieces=tuple(_pieces(made.collision, tessellations.simulation, store)), convex=(), brep=brep, code=made.code, up=made.up,
+    )
+
+
+def _apart(solid: TopoDS_Shape) -> tuple[float, ...]:
+    """The volumes [m^3] of the bodies of a part, the largest first; empty where all of it hangs together."""
+    solids = solids_of(solid)
+    bodies = bodies_of(solids) if len(solids) > 1 else []
+    if len(bodies) < 2:
+        return ()
+    return tuple(sorted((convert.volume(math.fsum(measure(one).volume for one in body)) for body in bodies), reverse=True))
+
+
+def _off(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tuple[PartWarning, ...]:
+    """A warning where a mesh for simulators is far from the one that it was made of; both in metres."""
+    away, size = deviation(mesh, fewer), float(np.ptp(mesh.vertices, axis=0).max())
+    if away <= DEVIATION * size:
+        return ()
+    off = f"up to {away * convert.MM:.2g} mm off its surface ({100.0 * away / size:.2g} % of its size)"
+    return (PartWarning(message=f"the {len(fewer.faces)} triangles that simulators have of it are {off}; allow more `faces`"),)
+
+
+def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWarning, ...]:
+    """A warning where solids of a part overlap: integrals are sums over solids. What a thread bites into its hole is no overlap."""
+    common, whole = meshing.counted_twice(solids) if len(solids) > 1 else 0.0, math.fsum(mesh.volume for mesh in solids)
+    if common <= max(OVERLAP * whole, 1.0):
+        return ()
+    shared, all_of_it = (f"{float(f'{volume:.4g}'):g}" for volume in (common, whole))  # 1000, not 1e+03
+    twice = f"its {len(solids)} solids overlap: {shared} of {all_of_it} mm^3 are counted twice, in volume and mass"
+    return (PartWarning(message=f"{twice}; {'unite them where the file is made' if file else 'fuse them (`a + b`)'}"),)
+
+
+def solid_part(made: Made) -> TopoDS_Shape:
+    """The solids of a part: one by itself, several as a compound; none of them with a location of its own (in a STEP file
+    that would be one more assembly around each). Raises `NoPart` where there are none."""
+    from OCP.BRep import BRep_Builder
+    from OCP.TopoDS import TopoDS_Compound
+
+    solids = [_at_origin(solid) for shape in made.shapes for solid in solids_of(shape)]
+    if not solids:
+        raise NoPart("empty", f"{'it' if made.file else 'result()'} holds no solid, {_instead(made.shapes)}")
+    if len(solids) == 1:
+        return solids[0]
+    builder = BRep_Builder()
+    compound = TopoDS_Compound()
+    builder.MakeCompound(compound)
+    for solid in solids:
+        builder.Add(compound, solid)
+    return compound
+
+
+def _at_origin(solid: TopoDS_Shape) -> TopoDS_Shape:
+    """The same solid with its location worked into its geometry."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+    from OCP.TopLoc import TopLoc_Location
+
+    location = solid.Location()
+    if location.IsIdentity():
+        return solid
+    return BRepBuilderAPI_Transform(solid.Located(TopLoc_Location()), location.Transformation(), True).Shape()
+
+
+def _instead(shapes: Sequence[TopoDS_Shape]) -> str:
+    """What there is in shapes without a solid, in words."""
+    from OCP.TopAbs import TopAbs_ShapeEnum
+
+    kind = TopAbs_ShapeEnum
+    kinds = {"faces": kind.TopAbs_FACE, "edges": kind.TopAbs_EDGE, "points": kind.TopAbs_VERTEX}
+    return next(
+        (f"only {name}" for name, kind in kinds.items() if any(True for shape in shapes for _ in explored(shape, kind))),
+        "and nothing else",
+    )
+
+
+def written_brep(shape: TopoDS_Shape) -> bytes:
+    """A shape in the kernel's binary format, without triangles."""
+    from OCP.BinTools import BinTools, BinTools_FormatVersion
+
+    stream = io.BytesIO()
+    BinTools.Write_s(shape, stream, False, False, BinTools_FormatVersion.BinTools_FormatVersion_CURRENT)
+    return stream.getvalue()
+
+
+def _triangles(shape: TopoDS_Shape, tessellation: Tessellation) -> meshing.Triangles:
+    return tessellate(shape, tessellation.linear * convert.MM, tessellation.angular)
+
+
+def _meshes(shape: TopoDS_Shape, tessellation: Tessellation) -> list[meshing.Triangles]:
+    """Of each solid by itself, so that two solids that touch do not share an edge; turned outwards."""
+    return [_triangles(solid, tessellation).outward() for solid in solids_of(shape)]
+
+
+def _visual(shapes: Sequence[TopoDS_Shape], tessellation: Tessellation) -> meshing.Triangles:
+    mesh = meshing.together([_triangles(shape, tessellation) for shape in shapes])
+    if len(mesh.faces) == 0:
+        raise NoPart("invalid", "visual() returned nothing that can be seen: expected faces or solids")
+    return mesh
+
+
+def _pieces(
+    shapes: Sequence[TopoDS_Shape], tessellation: Tessellation, store: Store
+) -> Iterable[Mesh | Primitive]:
+    solids = [solid for shape in shapes for solid in solids_of(shape)]
+    if shapes and not solids:
+        raise NoPart("invalid", "collision() returned no solid: expected convex solids")
+    for solid in solids:
+        primitive = primitive_of(solid)
+        if primitive is not None:
+            yield primitive
+            continue
+        mesh = _triangles(solid, tessellation).scaled(1.0 / convert.MM)
+        yield stored_obj(meshing.hull(mesh.vertices) or mesh, store)
+
+
+def _stored(mesh: meshing.Triangles, data: bytes, store: Store) -> Mesh:
+    return Mesh(
+        sha256=store.put(data), size=len(data), vertices=len(mesh.vertices), faces=len(mesh.faces), closed=mesh.closed,
+        flat=mesh.flat,
+    )
+
+
+def stored_obj(mesh: meshing.Triangles, store: Store) -> Mesh:
+    """Put a mesh into the store as an OBJ file, in the unit it has."""
+    rounded = meshing.in_single(mesh)
+    return _stored(rounded, meshing.obj(rounded), store)

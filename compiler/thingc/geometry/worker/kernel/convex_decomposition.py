@@ -1,0 +1,42 @@
+"""Convex pieces of a part's mesh, for `collision: decompose`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from thingc.geometry.record_json import mesh_to_json
+from thingc.geometry.store.local import Store
+from thingc.geometry.store.meshes import arrays
+from thingc.geometry.worker.kernel import meshing
+from thingc.geometry.worker.kernel.build_part import stored_obj
+from thingc.geometry.worker.kernel.meshing import Triangles, without_slivers
+from thingc.geometry.worker.kernel.part_files import surfaces
+
+CONVEX = 1e-4
+"""A surface whose hull encloses no more than this much more is convex, and a piece as it is."""
+
+
+def decompose(sha256: str, store: Store) -> list[Any]:
+    """Convex pieces of a mesh in the store by CoACD, in its unit, the same every time.
+
+    Surfaces that do not touch are decomposed one by one.
+    """
+    mesh = Triangles(*arrays(store.read(sha256)))
+    pieces: list[Triangles] = []
+    for members in surfaces(mesh):
+        body = without_slivers(mesh.vertices, mesh.faces[members])
+        whole = meshing.hull(body.vertices)
+        if whole is None or body.volume < 0.0:  # flat, or a void in the body around it
+            pieces = []
+            break
+        pieces.extend([whole] if whole.volume - body.volume <= CONVEX * whole.volume else _by_coacd(body))
+    return [mesh_to_json(stored_obj(piece, store)) for piece in pieces or _by_coacd(mesh)]
+
+
+def _by_coacd(mesh: Triangles) -> list[Triangles]:
+    """Wei et al., "Approximate convex decomposition for 3D meshes with collision-aware concavity and tree search", 2022."""
+    import coacd
+
+    coacd.set_log_level("off")
+    hulls = (meshing.hull(vertices) for vertices, _ in coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), seed=0))
+    return [piece for piece in hulls if piece is not None]

@@ -1,0 +1,265 @@
+"""From B-rep to triangles: one watertight mesh per shape.
+
+Vertices are joined along the kernel's own edges, not by distance: the two faces at an edge are cut at the same parameters
+but may lie a tolerance apart.
+
+The kernel cuts the faces that are bent. What lies in a plane is filled with triangles between the points that its neighbours have on
+their common edges (manifold3d): the surface is the same, and the kernel takes several times as long for it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from manifold3d import triangulate
+from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.BRepTools import BRepTools
+from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
+from OCP.GeomAbs import GeomAbs_Line, GeomAbs_Plane
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_REVERSED
+from OCP.TopExp import TopExp
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS, TopoDS_Compound
+
+from thingc.base.frozen import dataclass
+from thingc.geometry.worker.kernel.integrals import explored
+from thingc.geometry.worker.kernel.meshing import Triangles, without_slivers
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+    from OCP.gp import gp_Dir
+    from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+
+
+_THIN = 1e-12
+"""Of the square on its longest side: twice the area up to which the corners of a triangle are on a line."""
+
+
+def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
+    """Triangles of a shape [mm], at most `linear` [mm] off its surface and `angular` [rad] between neighbours. Whatever it was
+    meshed with before does not matter, and is forgotten."""
+    numbers = ShapeMap()
+    faces = [_face(TopoDS.Face(face), numbers) for face in explored(shape, TopAbs_FACE)]
+    bent = {number for face in faces if not face.plane for number in face.numbers}
+    filled = [
+        face.plane and all(number in bent or _straight(edge) for edge, number in zip(face.edges, face.numbers, strict=True))
+        for face in faces
+    ]
+    if any(filled):
+        mesh = _meshed(shape, faces, filled, linear, angular)
+        if mesh is not None:
+            return mesh
+    whole = _meshed(shape, faces, [False] * len(faces), linear, angular)
+    assert whole is not None
+    return whole
+
+
+@dataclass(frozen=True, slots=True)
+class _Face:
+    """A face, its edges with a number for each (the same for the same edge of other faces), and whether it lies in a `plane`."""
+
+    face: TopoDS_Face
+    edges: tuple[TopoDS_Edge, ...]
+    numbers: tuple[int, ...]
+    plane: bool
+
+
+def _face(face: TopoDS_Face, numbers: ShapeMap) -> _Face:
+    edges = tuple(map(TopoDS.Edge, explored(face, TopAbs_EDGE)))
+    plane = BRepAdaptor_Surface(face, False).GetType() == GeomAbs_Plane
+    return _Face(face, edges, tuple(map(numbers.Add, edges)), plane)
+
+
+def _straight(edge: TopoDS_Edge) -> bool:
+    return not BRep_Tool.Degenerated_s(edge) and BRepAdaptor_Curve(edge).GetType() == GeomAbs_Line
+
+
+def _meshed(
+    shape: TopoDS_Shape, faces: Sequence[_Face], filled: Sequence[bool], linear: float, angular: float
+) -> Triangles | None:
+    """The shape's triangles: of its faces some are `filled`, and the others cut by the kernel. None where a face cannot be filled."""
+    BRepTools.Clean_s(shape)  # the kernel keeps finer triangles that it finds
+    points = _Points()
+    others = [face for face, one in zip(faces, filled, strict=True) if not one]
+    if others:
+        BRepMesh_IncrementalMesh(_compound(face.face for face in others), linear, False, angular, False)
+    triangles = [np.zeros((0, 3), dtype=np.int64), *(points.of_kernel(face) for face in others)]
+    planes = [face for face, one in zip(faces, filled, strict=True) if one]
+    bounds = [points.rings(face) for face in planes]
+    joins = joined(len(points.places), points.ones, points.others)
+    places = np.array(points.places, dtype=np.float64).reshape(-1, 3)
+    triangles = [joins[some] for some in triangles]
+    for face, rings in zip(planes, bounds, strict=True):
+        inside = _filling(face.face, [joins[ring] for ring in rings], places) if rings else None
+        if inside is None:
+            return None
+        triangles.append(inside)
+    return without_slivers(places, np.concatenate(triangles))
+
+
+def _compound(faces: Iterable[TopoDS_Face]) -> TopoDS_Compound:
+    builder, compound = BRep_Builder(), TopoDS_Compound()
+    builder.MakeCompound(compound)
+    for face in faces:
+        builder.Add(compound, face)
+    return compound
+
+
+class _Points:
+    """The points of a mesh that is being made: their `places` [mm], and of some of them that `ones[i]` is one with `others[i]`."""
+
+    def __init__(self) -> None:
+        self.places: list[tuple[float, float, float]] = []
+        self.ones: list[int] = []
+        self.others: list[int] = []
+        self._along: dict[int, list[int]] = {}
+        """By the number of an edge its points, in the order of its parameter."""
+        self._vertices = ShapeMap()
+        self._corners: dict[int, int] = {}
+
+    def of_kernel(self, face: _Face) -> NDArray[np.int64]:
+        """Add the points that the kernel has given a face: its triangles (n, 3)."""
+        location = TopLoc_Location()
+        mesh = BRep_Tool.Triangulation_s(face.face, location)
+        if mesh is None:
+            return np.zeros((0, 3), dtype=np.int64)
+        offset = len(self.places) - 1  # the kernel counts from 1
+        moved = None if location.IsIdentity() else location.Transformation()
+        nodes = map(mesh.Node, range(1, mesh.NbNodes() + 1))
+        self.places += [node.Coord() if moved is None else node.Transformed(moved).Coord() for node in nodes]
+        for edge, number in zip(face.edges, face.numbers, strict=True):
+            polygon = BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)
+            if polygon is None:
+                continue
+            chain = [node + offset for node in map(polygon.Node, range(1, polygon.NbNodes() + 1))]
+            known = [chain[0]] * len(chain) if BRep_Tool.Degenerated_s(edge) else self._along.setdefault(number, chain)
+            if len(known) == len(chain):
+                self.ones += known
+                self.others += chain
+        turned = (face.face.Orientation() == TopAbs_REVERSED) != (moved is not None and moved.IsNegative())
+        corners = np.array([triangle.Get() for triangle in map(mesh.Triangle, range(1, mesh.NbTriangles() + 1))], dtype=np.int64)
+        return np.asarray(corners.reshape(-1, 3)[:, (0, 2, 1) if turned else (0, 1, 2)] + offset)
+
+    def rings(self, face: _Face) -> list[list[int]] | None:
+        """The points around a plane face and around its holes, the face to the left as seen from outside. None where its edges do not
+        say by themselves which follows which."""
+        chains: dict[int, tuple[list[int], int]] = {}
+        for edge, number in zip(face.edges, face.numbers, strict=True):
+            ends = [self._corner(edge, first) for first in (True, False)]
+            chain = self._along.get(number)
+            if chain is None:
+                chain = ends
+            else:
+                self.ones += ends
+                self.others += (chain[0], chain[-1])
+            orientation = edge.Orientation()
+            if orientation == TopAbs_REVERSED:
+                chain, ends = chain[::-1], ends[::-1]
+            if ends[0] in chains or orientation not in (TopAbs_FORWARD, TopAbs_REVERSED):
+                return None
+            chains[ends[0]] = chain[:-1], ends[1]
+        rings: list[list[int]] = []
+        while chains:
+            begin, (ring, end) = chains.popitem()
+            while end != begin:
+                if end not in chains:
+                    return None
+                chain, end = chains.pop(end)
+                ring = ring + chain
+            rings.append(ring)
+        mirrored = face.face.Location().Transformation().IsNegative()  # edges keep their order, and run round the other way
+        return [ring[::-1] for ring in rings] if mirrored else rings
+
+    def _corner(self, edge: TopoDS_Edge, first: bool) -> int:
+        """The point at an end of an edge."""
+        vertex = TopExp.FirstVertex_s(edge) if first else TopExp.LastVertex_s(edge)
+        number = self._vertices.Add(vertex)
+        if number not in self._corners:
+            self._corners[number] = len(self.places)
+            self.places.append(BRep_Tool.Pnt_s(vertex).Coord())
+        return self._corners[number]
+
+
+def _filling(face: TopoDS_Face, rings: Sequence[NDArray[np.int64]], places: NDArray[np.float64]) -> NDArray[np.int64] | None:
+    """Triangles (n, 3) between the points around a plane face; None where its borders cross, or all points are on a line."""
+    plane = BRepAdaptor_Surface(face, False).Plane()
+    across = np.array([_direction(axis.Direction()) for axis in (plane.XAxis(), plane.YAxis())])
+    points = np.concatenate(rings)
+    flat = (places[points] - places[points[0]]) @ across.T
+    ends = np.cumsum([len(ring) for ring in rings]).tolist()
+    begins = [0, *ends[:-1]]
+    following = np.arange(1, len(points) + 1)
+    following[[end - 1 for end in ends]] = begins
+    if _across(flat, flat[following]).sum() < 0.0:
+        flat = flat[:, ::-1]
+    borders = [np.ascontiguousarray(flat[begin:end]) for begin, end in zip(begins, ends, strict=True)]
+    triangles = np.asarray(triangulate(borders, allow_convex=False), dtype=np.int64)  # what is convex at once has triangles on a line
+    upright = _flipped(triangles, flat) if len(triangles) > 0 else None
+    return points[upright] if upright is not None else None
+
+
+def _flipped(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray[np.int64] | None:
+    """The same triangles (n, 3) of points (m, 2), but for those whose corners are on a line, as they come about between holes in rows: such
+    a one and its neighbour at its longest side are cut the other way. None where that leaves one that holds nothing, or is turned over."""
+    areas, sides = _areas(triangles, flat)
+    thin = np.flatnonzero(areas <= _THIN * sides.max(axis=1) ** 2).tolist()
+    if not thin:
+        return triangles
+    corners = triangles.tolist()
+    of_side = {(one[k - 1], one[k]): number for number, one in enumerate(corners) for k in range(3)}
+    while thin:
+        left = []
+        for number in thin:
+            longest = int(sides[number].argmax())
+            c, a, b = (corners[number][(longest + k) % 3] for k in range(3))
+            other = of_side.get((a, c))
+            if other is None or other in thin:  # of several on a line the last is cut first
+                left.append(number)
+                continue
+            (d,) = {*corners[other]} - {a, c}
+            corners[number], corners[other] = [a, b, d], [b, c, d]
+            of_side |= {(d, a): number, (b, d): number, (b, c): other, (d, b): other, (c, d): other}
+        if len(left) == len(thin):
+            break
+        thin = left
+    made = np.array(corners, dtype=np.int64)
+    return made if _areas(made, flat)[0].min() > 0.0 else None
+
+
+def _areas(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Twice the areas (n,) of triangles of points (m, 2), negative where they are turned over; and the lengths (n, 3) of their sides, each
+    from the corner of its column to the next."""
+    corners = flat[triangles]
+    along = corners[:, (1, 2, 0)] - corners
+    return _across(along[:, 0], along[:, 1]), np.hypot(along[:, :, 0], along[:, :, 1])
+
+
+def _direction(direction: gp_Dir) -> tuple[float, float, float]:
+    return direction.X(), direction.Y(), direction.Z()
+
+
+def _across(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The cross products (n,) of vectors (n, 2): positive where the second is to the left of the first."""
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def joined(count: int, ones: Sequence[int], others: Sequence[int]) -> NDArray[np.int64]:
+    """For each of `count` vertices (count,) the lowest of those that it is one with, where `ones[i]` is one with `others[i]`."""
+    a, b = np.array(ones, dtype=np.int64), np.array(others, dtype=np.int64)
+    stands = np.arange(count)
+    while True:  # each turn doubles, at least, how far the lowest number has come
+        lowest = np.minimum(stands[a], stands[b])
+        fewer = stands.copy()
+        np.minimum.at(fewer, stands[a], lowest)
+        np.minimum.at(fewer, stands[b], lowest)
+        np.minimum.at(fewer, a, lowest)
+        np.minimum.at(fewer, b, lowest)
+        fewer = fewer[fewer]
+        if np.array_equal(fewer, stands):
+            return stands
+        stands = fewer

@@ -1,0 +1,91 @@
+"""Describes part classes in a child of the worker: their parameters and what else the class alone says."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from collections.abc import Collection, Sequence
+from typing import Any
+
+from thingc.geometry.record import ParameterSchema, PartSchema
+from thingc.geometry.record_json import failure_to_json, schema_to_json
+from thingc.geometry.worker.kernel import convert
+from thingc.geometry.worker.part_session import NoPart, PartSession, RequestContext, kind_of
+
+
+def describe(references: Sequence[str], placed: Collection[str], around: RequestContext) -> dict[str, Any]:
+    """Schemas (or failures) of part classes of one module: `{"answers": {reference: ...}, "reads": [...]}`.
+
+    Of those that are `placed` it is known where they are written: to find that out takes long.
+    """
+    answers: dict[str, Any] = {}
+    mentioned: list[str | None] = []
+    with PartSession(around) as session:
+        for reference in references:
+            try:
+                schema = _schema(session, reference, placed=reference in placed)
+                answers[reference] = {"schema": schema_to_json(schema, around.root)}
+            except BaseException as fault:
+                failure = session.failure(reference, fault)
+                mentioned.append(failure.file)
+                answers[reference] = {"failure": failure_to_json(failure, around.root)}
+        session.stop()
+        return {"answers": answers, "reads": session.reads(*mentioned)}
+
+
+def _schema(session: PartSession, reference: str, *, placed: bool) -> PartSchema:
+    from thingc.geometry.things.inspection import actuator_of, lacking_result, parameters_of
+
+    part = session.part(reference)
+    kind = kind_of(part, reference)
+    parameters = tuple(_parameter(parameter) for parameter in parameters_of(part))
+    lacks = lacking_result(part)
+    if lacks is not None:
+        raise NoPart("resultless", f"`{reference}` {lacks.words}", place=lacks.place)
+    file, line = ("", 1) if placed else _place(part, kind)
+    return PartSchema(
+        reference=reference, kind=kind, doc=inspect.cleandoc(part.__doc__ or ""),
+        parameters=parameters,
+        material=_default_material(part), actuator=actuator_of(part) is not None, file=file, line=line,
+    )
+
+
+def _place(part: Any, kind: str) -> tuple[str, int]:
+    """The file and line of a class or function."""
+    try:
+        return inspect.getsourcefile(part) or "", inspect.getsourcelines(part)[1]
+    except (OSError, TypeError):
+        code = inspect.unwrap(part.__init__).__code__ if kind == "thing" and hasattr(part.__init__, "__code__") else None
+        return (code.co_filename, code.co_firstlineno) if code is not None else ("", 1)
+
+
+def _default_material(part: Any) -> str | None:
+    """The material that the class names in `super().__init__(material="petg")`, read from its source without making a
+    member; None where it is not written out (the record knows it in any case)."""
+    from thingc.geometry.things.inspection import syntax_of
+
+    for family in getattr(part, "__mro__", ()):
+        if "__init__" not in vars(family) or family.__module__.startswith(("thingc.", "build123d.")):
+            continue
+        tree = syntax_of(vars(family)["__init__"])
+        if tree is None:
+            return None
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "__init__":
+                given = [keyword.value for keyword in node.keywords if keyword.arg == "material"]
+                for value in given:
+                    return value.value if isinstance(value, ast.Constant) and isinstance(value.value, str) else None
+    return None
+
+
+def _parameter(parameter: Any) -> ParameterSchema:
+    kind = parameter.kind
+    minimum, maximum = (
+        None if bound is None else convert.to_si(kind, bound) for bound in (parameter.minimum, parameter.maximum)
+    )
+    return ParameterSchema(
+        name=parameter.name, kind=kind, required=parameter.required,
+        default=None if parameter.required else convert.to_si(kind, parameter.default),
+        minimum=minimum, maximum=maximum,  # type: ignore[arg-type]
+        choices=tuple(convert.to_si(kind, choice) for choice in parameter.choices), doc=parameter.doc or "",
+    )

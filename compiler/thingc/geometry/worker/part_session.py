@@ -1,0 +1,196 @@
+"""Where the authors' code runs: part modules loaded, reads recorded, and whatever goes wrong put into words."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import os
+import re
+import sys
+import traceback
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from time import monotonic
+from typing import Any
+
+from thingc.geometry.key.file_states import state_of
+from thingc.geometry.record import FailureKind, Outside, PartFailure, SchemaKind
+from thingc.geometry.worker import captured_output, executed_functions, sandbox
+from thingc.geometry.worker.file_reads import Recorder, loaded_files
+from thingc.geometry.worker.impure_inputs import Asking
+from thingc.geometry.worker.kernel.mesh_files import BadPartFile
+from thingc.geometry.worker.loading import PartImporter
+
+
+class NoPart(Exception):
+    """A part that cannot be: `kind` as in `PartFailure`, the words, and the file and line where that is known beforehand."""
+
+    def __init__(self, kind: FailureKind, message: str, candidates: Iterable[str] = (), place: tuple[str, int] | None = None) -> None:
+        super().__init__(message)
+        self.kind = kind
+        self.candidates = tuple(candidates)
+        self.place = place
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RequestContext:
+    """What a request says about where it runs: the workspace's `root`, part folders and packages, the files of the code that has
+    a key (`hashes`: SHA-256 by file), part packages without `__init__.py`, the store, and the part's own folder `scratch`."""
+
+    root: str
+    parts: tuple[str, ...]
+    packages: tuple[str, ...]
+    hashes: dict[str, str]
+    plain: tuple[str, ...]
+    store: str
+    scratch: str
+
+
+@dataclass(slots=True)
+class PartSession:
+    """One request in its process, in the workspace's folder: the importer, the recorder of reads, and who notes what the part asks
+    and prints, installed while it lasts. `loaded` is since when the class that was asked for last is there (`time.monotonic`)."""
+
+    around: RequestContext
+    recorder: Recorder = field(init=False)
+    importer: PartImporter = field(init=False)
+    asking: Asking = field(init=False)
+    loaded: float | None = None
+    _before: int = -1
+    _printing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
+
+    def __post_init__(self) -> None:
+        self.importer = PartImporter(self.around.parts, self.around.packages, self.around.hashes, self.around.plain)
+        self.recorder = Recorder(self.around.root, (self.around.store, self.around.scratch), self.around.hashes)
+        self.asking = Asking(self.is_own)
+
+    def __enter__(self) -> PartSession:
+        from thingc.geometry.things import assets
+
+        self._before = os.open(os.curdir, os.O_RDONLY)  # it may have been deleted, and has no name then
+        os.chdir(self.around.root)
+        self.importer.install()
+        executed_functions.begin()
+        self.recorder.start()
+        self.asking.start()
+        sandbox.begin(self.around.scratch)
+        self._printing.enter_context(captured_output.keep(self.around.scratch))
+        assets.install(self.recorder.note, (self.around.root,))
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        from thingc.geometry.things import assets
+
+        self.stop()
+        assets.install(None)
+        self.importer.remove()
+        os.fchdir(self._before)
+        os.close(self._before)
+
+    def stop(self) -> None:
+        """The part is done: what is read, asked and changed from here on is not its doing."""
+        sandbox.end()
+        self._printing.close()
+        self.recorder.stop()
+        self.asking.stop()
+
+    def is_own(self, file: str) -> bool:
+        """Whether a file holds the authors' code."""
+        return file in self.around.hashes or file in self.importer.loaded.values()
+
+    def reads(self, *mentioned: str | None) -> list[tuple[str, str]]:
+        """What was read: files, modules that no version stands for, and the files that an answer mentions by line (whose layout
+        counts for that answer)."""
+        states = dict(self.recorder.reads())
+        loaded = [file for file in loaded_files() if file not in self.around.hashes and not self.recorder.leaves_out(file)]
+        for file in (*loaded, *mentioned):
+            if file is not None:
+                states[self.recorder.relative(file)] = state_of(file)
+        return sorted(states.items())
+
+    def ran(self) -> dict[str, list[int] | None] | None:
+        """By file of the code that has a key, the functions that ran, None for all of them; None where other processes have run some."""
+        if any(warning.asked is Outside.PROCESS for warning in self.asking.found):
+            return None
+        return executed_functions.of([file for file in self.importer.loaded.values() if file in self.around.hashes], self.around.hashes)
+
+    def part(self, reference: str) -> Any:
+        """The object that `module:Class` names. Raises `NoPart` when there is none, and whatever its module raises."""
+        module_name, _, name = reference.partition(":")
+        try:
+            module = importlib.import_module(module_name)
+        except ModuleNotFoundError as fault:
+            if fault.name is not None and (module_name == fault.name or module_name.startswith(fault.name + ".")):
+                raise NoPart("missing", f"there is no module `{module_name}`") from None
+            raise
+        named: Any = module
+        for step in name.split("."):
+            try:
+                named = getattr(named, step)
+            except AttributeError:
+                from thingc.geometry.things.inspection import is_part
+
+                names = sorted(
+                    f"{module_name}:{own}" for own, value in vars(module).items()
+                    if not own.startswith("_") and getattr(value, "__module__", None) == module_name and is_part(value)
+                )
+                raise NoPart("missing", f"`{module_name}` has no `{name}`", names) from None
+        self.loaded = monotonic()
+        return named
+
+    def failure(self, subject: str, fault: BaseException) -> PartFailure:
+        """What went wrong, in words, with the innermost place in the authors' files."""
+        from thingc.geometry.things.parameters import ParameterError, SignatureError
+
+        if isinstance(fault, MemoryError):
+            raise fault  # how much there is depends on the machine: no answer to cache
+        detail: str | None = "".join(traceback.format_exception(fault))
+        places = [(one.filename, one.lineno) for one in traceback.extract_tb(fault.__traceback__) if self.is_own(one.filename)]
+        if isinstance(fault, SyntaxError) and fault.filename is not None and self.is_own(fault.filename):
+            places.append((str(fault.filename), fault.lineno))
+        file, line = places[-1] if places else (None, None)
+        kind: FailureKind = "raised"
+        message = _words(fault)
+        candidates: tuple[str, ...] = ()
+        if isinstance(fault, NoPart):
+            kind, message, candidates, detail = fault.kind, str(fault), fault.candidates, None
+            file, line = fault.place or (file, line)
+        elif isinstance(fault, sandbox.Trespass):
+            kind, message = "trespassed", f"`{self.recorder.relative(fault.filename)}`"
+        elif isinstance(fault, (SignatureError, BadPartFile)) or isinstance(fault, ParameterError) and not places:
+            kind, message = "invalid", str(fault)
+        message = message.replace(os.path.join(self.around.root, ""), "")  # other machines have another
+        return PartFailure(
+            subject=subject, kind=kind, message=message, file=file, line=line, candidates=candidates, detail=detail
+        )
+
+
+def _words(fault: BaseException) -> str:
+    text = fault.msg if isinstance(fault, SyntaxError) else str(fault)
+    if isinstance(fault, (NameError, AttributeError, ImportError)) and (meant := _python_suggests(fault)):
+        text = f"{text}. {meant}"
+    words = f"{type(fault).__name__}: {text}" if text else type(fault).__name__
+    if isinstance(fault, ImportError) and (fault.name or "").startswith("thingc."):
+        words = f"{words}; part files import from `thingc` itself: write `from thingc import MATE, MountPoint, Thing`"
+    return "; ".join((words, *getattr(fault, "__notes__", ())))
+
+
+def _python_suggests(fault: BaseException) -> str | None:
+    """`Did you mean: 'MountPoint'?`, which Python works out where it prints an exception that nobody catches, and nowhere else."""
+    with contextlib.redirect_stderr(io.StringIO()) as captured_output:
+        sys.__excepthook__(type(fault), fault, fault.__traceback__)
+    match = re.search(r"\. (Did you (?:mean|forget)\b.*\?)\s*\Z", captured_output.getvalue())
+    return match.group(1) if match is not None else None
+
+
+def kind_of(part: Any, reference: str) -> SchemaKind:
+    """What makes it. Raises `NoPart` for anything else."""
+    from thingc.geometry.things.inspection import is_part
+
+    kind = is_part(part)
+    if kind is None:
+        raise NoPart(
+            "invalid", f"`{reference}` is no part: expected a Thing, a build123d shape class or a function that returns a shape"
+        )
+    return kind

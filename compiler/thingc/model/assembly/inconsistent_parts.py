@@ -1,0 +1,142 @@
+"""Parts that are not the same twice: what two records of one definition do not agree on, and where that is said."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from thingc.base.diagnostics import Code, Note, Report
+from thingc.base.frozen import dataclass
+from thingc.base.source import line_of
+from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, Stated
+from thingc.model.assembly.report import written_at
+from thingc.model.assembly.types import Assembly
+
+OTHER_SEED = 1
+"""The hash seed of the second time. It is fixed, so that a part that differs does so in every run."""
+
+_HELP = (
+    "sort what comes from a set: `sorted(names)`; seed generators; make a parameter of what the clock, the environment or another "
+    "process says"
+)
+
+Show = Callable[[Any, int], str]
+"""A value for people, numbers to so many digits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Something that two records do not agree on: what it is called (`volume`), and in words (`its volume is 1.2 cm^3 and
+    1.3 cm^3`)."""
+
+    name: str
+    words: str
+
+
+def _number(unit: str, scale: float = 1.0) -> Show:
+    return lambda value, digits: f"{scale * value:.{digits}g} {unit}"
+
+
+def _lengths(value: Any, digits: int) -> str:
+    return f"[{', '.join(f'{1e3 * x:.{digits}g}' for x in value)}] mm"
+
+
+def _corners(value: Any, digits: int) -> str:
+    return " to ".join(_lengths(corner, digits) for corner in value)
+
+
+def _text(value: Any, digits: int) -> str:
+    return f"`{value}`"
+
+
+@dataclass(frozen=True, slots=True)
+class _Field:
+    """A field of a record as people call it, and how its value is shown; what cannot be shown in a few words only differs."""
+
+    name: str
+    show: Show | None = None
+
+    def difference(self, first: Any, second: Any) -> Difference | None:
+        """What to say of these two values, or None where they are equal, in order as well."""
+        if isinstance(first, Stated) and isinstance(second, Stated) and first.source == second.source:
+            first, second = first.value, second.value
+        if isinstance(first, Mapping):
+            return self._of_names(first, second)
+        if first == second:
+            return None
+        if self.show is None or isinstance(first, Stated) or isinstance(second, Stated):
+            return Difference(self.name, f"its {self.name} differs")
+        for digits in (4, 8, 12, 17):
+            one, other = ("nothing" if value is None else self.show(value, digits) for value in (first, second))
+            if one != other:
+                break
+        return Difference(self.name, f"its {self.name} is {one} and {other}")
+
+    def _of_names(self, first: Mapping[str, Any], second: Mapping[str, Any]) -> Difference | None:
+        names = [name for name in dict.fromkeys((*first, *second)) if first.get(name) != second.get(name)]
+        if names:
+            return Difference(self.name, f"its {self.name} differ: {_listed(names)}")
+        if list(first) != list(second):
+            return Difference(self.name, f"its {self.name} come in another order: {_listed(first)}, and {_listed(second)}")
+        return None
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
+FIELDS: Mapping[str, _Field] = {
+    "material": _Field("material", _text), "color": _Field("colour", _text),
+    "volume": _Field("volume", _number("cm^3", 1e6)), "area": _Field("surface", _number("cm^2", 1e4)),
+    "centre": _Field("centre", _lengths), "inertia": _Field("inertia"), "box": _Field("bounding box", _corners),
+    "mass": _Field("stated mass", _number("kg")), "com": _Field("stated centre of mass", _lengths),
+    "matrix": _Field("stated inertia"), "density": _Field("stated density", _number("kg/m^3")),
+    "mounts": _Field("mounts"), "expectations": _Field("list of what its mounts were cut for"),
+    "references": _Field("list of parts that it was cut for"), "actuator": _Field("actuator"),
+    "bom": _Field("entries in the bill of materials"),
+    "up": _Field("way to lie on a printer"), "apart": _Field("number of bodies, or their volume"),
+    "meshes": _Field("meshes"), "pieces": _Field("collision geometry"), "fits": _Field("smallest enclosing shapes"),
+}
+"""By field of a record, the most telling first."""
+
+LEFT_OUT = frozenset({"text", "code", "own_image", "warnings", "convex", "slices", "exact", "brep"})
+"""Fields that say nothing of what a part has become, or follow from its meshes. The B-rep has noise of the kernel
+(see `modelling.DECIMALS`)."""
+
+
+def differences(first: PartRecord, second: PartRecord) -> list[Difference]:
+    """Everything that two records do not agree on, to the last bit; the most telling first."""
+    compared = (field.difference(getattr(first, name), getattr(second, name)) for name, field in FIELDS.items())
+    return [difference for difference in compared if difference is not None]
+
+
+def definitions_of(assembly: Assembly) -> tuple[PartDefinition, ...]:
+    """Every part of an assembly, once, in the order in which they stand in it."""
+    parts = (one.component.definition for one in assembly.occurrences)
+    return tuple({part.text: part for part in parts if isinstance(part, PartDefinition)}.values())
+
+
+def compare(assembly: Assembly, again: Mapping[str, PartRecord | PartFailure], report: Report) -> None:
+    """An error for each part of which the record in `again` (by text) is another than in the assembly, at the first of its
+    occurrences."""
+    waiting = dict(again)
+    for occurrence in assembly.occurrences:
+        second = waiting.pop(occurrence.definition.text, None)
+        if occurrence.record is None or second is None:
+            continue
+        of = f"`{occurrence.definition.label}`"
+        notes = list(written_at(of, occurrence.record.code))
+        if isinstance(second, PartFailure):
+            words = f"the second time it fails: {second.message}"
+            if second.file is not None:
+                notes = [Note(message="in the part file, here", span=line_of(second.file, second.line or 1))]
+        else:
+            differing = differences(occurrence.record, second)
+            if not differing:
+                continue
+            words = differing[0].words
+            if len(differing) > 1:
+                notes.append(Note(message=f"what differs, too: {', '.join(other.name for other in differing[1:])}"))
+        report.add(
+            Code.NOT_TWICE, f"{of} is not the same twice: {words}", occurrence.origin, path=occurrence.path, notes=notes, help=_HELP,
+        )

@@ -1,0 +1,125 @@
+"""Whether every link that moves can: mass above 0, an inertia that some solid has, and both of a size that MuJoCo reckons with."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from thingc.base.diagnostics import Code
+from thingc.base.inertia import LEAST_MASS, LEAST_MOMENT, ZERO, moments_fault, physical_fault, principal_moments
+from thingc.base.joints.bases import stays
+from thingc.base.safe_text import quoted
+from thingc.base.source import Span
+from thingc.model.assembly.mass import stated_inertia
+from thingc.model.assembly.report import Findings
+from thingc.model.assembly.types import Connected, Occurrence
+from thingc.model.resolve.plausibility import SMALLEST, density_doubt, mass_words, measures, unit_meant
+
+_ROOM = 1e-9
+"""For rounding, as a part of a moment."""
+
+
+def check_stated(robot: Connected, findings: Findings) -> list[int]:
+    """The occurrences with an inertia, written in a document, that no solid has, in a link that has none either: each is an error.
+
+    Where the link as a whole has one that is, as after `fixed` joints of URDF, nothing will move otherwise than a solid.
+    """
+    faulty = []
+    for index, one in enumerate(robot.occurrences):
+        stated = one.overrides.inertia
+        if stated is None:
+            continue
+        inertia = stated_inertia(stated.value)
+        fault = physical_fault(inertia)
+        if fault is None or inertia != ZERO and physical_fault(robot.links[robot.link_of[index]].properties.inertia) is None:
+            continue
+        faulty.append(index)
+        help = "inertia is about the centre of mass, in component axes: check units and signs"
+        if inertia == ZERO:
+            help = "leave it out: it is that of the geometry then, and a frame is a point"
+        findings.error(
+            Code.NOT_PHYSICAL, f"the inertia of `{one.component.name}` is not physical: {fault}",
+            stated.origin + one.origin[len(one.component.origin):], path=one.path, help=help,
+        )
+    return faulty
+
+
+def check_links(robot: Connected, faulty: Collection[int], findings: Findings) -> None:
+    """One error per link that moves in some mode and cannot.
+
+    A link moves in a mode unless it is that mode's root and the base is `fixed` or `held`. Those `between` two joints, which are several
+    joints of the link behind them, have to weigh something where they are the root alone. Links with an occurrence
+    of `faulty` (its mass is wrong, and that has been reported) are left out; of links that the same line of a document
+    made (a definition used several times), the first is named.
+    """
+    said: set[Span] = set()
+    modes, link_of = robot.modes, robot.link_of
+    still = [link_of[mode.root.occurrence] if stays(mode.base) else None for mode in modes]
+    common = set(still)
+    skip = {link_of[occurrence] for occurrence in faulty}
+    for link in robot.links:
+        if link.index in skip or common == {link.index} or not modes or not said.isdisjoint(link.origin[:1]):
+            continue
+        moving = (mode for mode, held in zip(modes, still) if held != link.index)
+        mode = next((one.name for one in moving if link.index not in robot.between or link_of[one.root.occurrence] == link.index), None)
+        if mode is None:
+            continue
+        mass, moments = link.properties.mass, principal_moments(link.properties.inertia)
+        fault = moments_fault(*moments) if mass > 0.0 else None
+        light = _light(mass, moments[0])
+        if light is None and fault is None:
+            continue
+        said.update(link.origin[:1])
+        members = [robot.occurrences[k] for k in link.members]
+        named = _named(members)
+        if mass > 0.0 and light is not None and fault is None:
+            heaviest = max(members, key=lambda one: one.properties.mass)
+            findings.error(
+                Code.TOO_LIGHT, f"link `{link.name}` moves in mode `{mode}` and is too light for MuJoCo: {light} ({_measured(heaviest)})",
+                link.origin, path=link.name, help=_cause(heaviest),
+            )
+        elif fault is None:
+            findings.error(
+                Code.MASSLESS, f"link `{link.name}` moves in mode `{mode}` and has no mass ({named})", link.origin,
+                path=link.name,
+                help="give one of its components `mass:` (and `inertia:` where it has no geometry), or attach it to another link; "
+                "without a mass it may only join two joints",
+            )
+        else:
+            findings.error(
+                Code.NOT_PHYSICAL,
+                f"link `{link.name}` moves in mode `{mode}` and its inertia is not physical: {fault} ({named})",
+                link.origin, path=link.name, help="give a component with geometry a mass, or state `inertia:` on one of them",
+            )
+
+
+def _light(mass: float, least: float) -> str | None:
+    """What of a link that moves is too small for MuJoCo, its mass or its smallest moment, in words; None where neither is."""
+    if mass <= LEAST_MASS:
+        return f"it weighs {mass_words(mass)}, and must weigh more than {mass_words(LEAST_MASS)}"
+    if least < LEAST_MOMENT * (1.0 + _ROOM):
+        return f"its smallest moment of inertia is {least:.3g} kg m^2, and must be {LEAST_MOMENT:g} at least"
+    return None
+
+
+def _measured(one: Occurrence) -> str:
+    """`arm` (`foot.stl`) measures 0.06 x 0.06 x 0.06 mm and weighs 2.7e-07 g."""
+    size = f" measures {measures(one.box)} and" if one.box is not None else ""
+    return f"`{one.path}`, `{one.definition.label}`,{size} weighs {mass_words(one.properties.mass)}"
+
+
+def _cause(one: Occurrence) -> str:
+    """What is probably wrong with the heaviest component of a link that is too light: its unit, its density, or nothing."""
+    record = one.record
+    if record is not None and record.box is not None:
+        longest = max(above - below for below, above in zip(*record.box))
+        if longest < SMALLEST:
+            return unit_meant(one.component.definition, longest)
+        doubt = density_doubt(one.properties.mass / record.volume)
+        if doubt is not None:
+            return f"check its density or mass: it {doubt.words}"
+    return "check the units of its sizes, `mass` and `inertia`, or attach it to another link"
+
+
+def _named(members: Sequence[Occurrence]) -> str:
+    """`components a, b and 3 more`."""
+    return f"component{'' if len(members) == 1 else 's'} {quoted([one.path for one in members], 6)}"

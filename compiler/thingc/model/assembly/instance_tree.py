@@ -1,0 +1,293 @@
+"""The definitions unrolled into a tree of instances, and references looked up in it.
+
+An instance is one place of a definition: of a nested assembly, or of a part or frame (an occurrence).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+
+from thingc.base.diagnostics import Code, Note, noted
+from thingc.base.mirror import Mirror
+from thingc.base.pose import Pose
+from thingc.base.source import Origin
+from thingc.base.suggestions import did_you_mean, meant
+from thingc.model.assembly.part_instances import PartInstance, PartInstances
+from thingc.model.assembly.report import Findings, written_at
+from thingc.model.assembly.types import MountFrame
+from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Component, Reference
+
+
+@dataclass(slots=True, eq=False)
+class Instance:
+    """A place in the tree. `path` is `hand/cap` (empty at the top); `origin` the chain of spans that made it.
+
+    Exactly one of `assembly` and `part` is there, unless the component was wrong and has been reported (neither).
+    `index` counts occurrences in document order; of an assembly, whose `base` is the component that nothing places, it is
+    that of the base's occurrence. None where that is missing.
+    """
+
+    path: str
+    component: Component | None
+    origin: Origin
+    assembly: AssemblyDefinition | None = None
+    part: PartInstance | None = None
+    children: dict[str, Instance] = field(default_factory=dict)
+    index: int | None = None
+    base: Instance | None = None
+
+    def within(self, name: str) -> str:
+        """The path of something called `name` in this assembly."""
+        return f"{self.path}/{name}" if self.path else name
+
+    def occurrences(self) -> Iterator[Instance]:
+        """The occurrences in it, itself if it is one, in document order."""
+        waiting = [self]
+        while waiting:
+            instance = waiting.pop()
+            if instance.part is not None:
+                yield instance
+            waiting.extend(reversed(instance.children.values()))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundMount:
+    """A mount that was looked up: the occurrence that carries it, its name there, and its frame in the occurrence's."""
+
+    occurrence: int
+    mount: str
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Fault:
+    """Why a name leads nowhere. `silent`: because of something that has been, or will be, reported by itself."""
+
+    code: Code = Code.INCOMPLETE
+    message: str = ""
+    help: str = ""
+    notes: tuple[Note, ...] = ()
+    silent: bool = False
+
+
+_SILENT = _Fault(silent=True)
+
+
+def unplaced(definition: AssemblyDefinition) -> list[str]:
+    """The names of the components that nothing places: exactly one, the base, in a sound document."""
+    placed = {joint.child.path[0] for joint in definition.joints if joint.child.path and not joint.loop}
+    return [c.name for c in definition.components if c.placement is None and c.name not in placed]
+
+
+class Tree:
+    """The unrolled model.
+
+    `assemblies` are parents first, `occurrences` in document order (those of a nested assembly where it stands); `added`
+    are mounts that documents add to nested assemblies, per occurrence: they lie on the base of the assembly.
+    """
+
+    def __init__(self, model: AssemblyDefinition, instances: PartInstances, findings: Findings) -> None:
+        self._findings = findings
+        self._said: set[tuple[Code, str, Origin]] = set()
+        self.top = Instance(path="", component=None, origin=(), assembly=model)
+        self.assemblies: list[tuple[Instance, AssemblyDefinition]] = []
+        self.occurrences: list[Instance] = []
+        self.added: dict[int, dict[str, MountFrame]] = {}
+        self._unroll(model, instances)
+        self._find_bases()
+        self._add_mounts()
+
+    def _unroll(self, model: AssemblyDefinition, instances: PartInstances) -> None:
+        waiting: list[tuple[Instance, AssemblyDefinition]] = [(self.top, model)]
+        while waiting:
+            instance, scope = waiting.pop()
+            component = instance.component
+            if instance.assembly is not None:
+                scope = instance.assembly
+                self.assemblies.append((instance, scope))
+                if not scope.whole:
+                    self._findings.leave_out()
+                for inner in scope.components:
+                    nested = inner.definition if isinstance(inner.definition, AssemblyDefinition) else None
+                    instance.children[inner.name] = Instance(
+                        path=instance.within(inner.name), component=inner, origin=inner.origin + instance.origin, assembly=nested,
+                    )
+                waiting.extend((child, scope) for child in reversed(instance.children.values()))
+            elif component is not None:
+                instance.part = instances.of(component, scope, instance.path, instance.origin)
+                if instance.part is None:
+                    self._findings.leave_out()
+                else:
+                    instance.index = len(self.occurrences)
+                    self.occurrences.append(instance)
+
+    def _find_bases(self) -> None:
+        for instance, definition in reversed(self.assemblies):  # a base that is an assembly has found its own before
+            bases = unplaced(definition)
+            if len(bases) != 1:
+                self._findings.leave_out()
+            if bases:
+                instance.base = instance.children[bases[0]]
+                instance.index = instance.base.index
+
+    def _add_mounts(self) -> None:
+        for instance, definition in self.assemblies:
+            component = instance.component
+            if component is None:
+                continue
+            for name, extra in component.mounts.items():
+                if name in definition.mounts or name in instance.children:
+                    origin = extra.origin + instance.origin[len(component.origin):]
+                    self._findings.error(
+                        Code.MOUNT_CLASH, f"`{component.name}` already shows `{name}`", origin, path=instance.path,
+                        help="give the mount that is added here another name", notes=_shown_by(definition),
+                    )
+                elif instance.index is not None:
+                    frame = MountFrame(pose=extra.pose, interface=extra.interface)
+                    self.added.setdefault(instance.index, {})[f"{instance.path}/{name}"] = frame
+
+    def find(self, instance: Instance, reference: Reference) -> FoundMount | None:
+        """The mount that `reference` names, read in the document of `instance`; None where it is wrong (reported)."""
+        place: FoundMount | Instance | _Fault = self._walk(instance, reference.path)
+        if isinstance(place, Instance):
+            place = self._mount(place, reference.mount or "origin", ".".join(reference.path), instance)
+        if isinstance(place, FoundMount):
+            return place
+        self._say(place, reference, instance)
+        return None
+
+    def shown(self, instance: Instance, name: str) -> FoundMount | None:
+        """The mount called `name` that a component shows; None where it has none of that name."""
+        mount = self._mount(instance, name, "", self.top)
+        return mount if isinstance(mount, FoundMount) else None
+
+    def component(self, instance: Instance, reference: Reference) -> Instance | None:
+        """The component that `reference` names (its mount, if it has one, is not looked at)."""
+        place = self._walk(instance, reference.path)
+        if isinstance(place, Instance):
+            return place
+        self._say(place, reference, instance)
+        return None
+
+    def _say(self, fault: _Fault, reference: Reference, instance: Instance) -> None:
+        self._findings.leave_out()
+        # One line of a document may refer to many things (a `repeat`, a nested document used twice): it is said once.
+        place = (fault.code, re.sub(r"\d+", "#", reference.text), reference.origin[:1])
+        if not fault.silent and place not in self._said:
+            self._said.add(place)
+            self._findings.error(
+                fault.code, fault.message, reference.origin + instance.origin, help=fault.help, notes=fault.notes + _counted(reference),
+                path=instance.within(reference.text.replace(".", "/")),
+            )
+
+    def _walk(self, instance: Instance, path: tuple[str, ...]) -> Instance | _Fault:
+        for depth, name in enumerate(path):
+            child = instance.children.get(name)
+            if child is None:
+                owner = _owner(instance, ".".join(path[:depth]))
+                return _Fault(
+                    code=Code.UNKNOWN_COMPONENT, message=f"{owner} has no component `{name}`",
+                    help=did_you_mean(name, instance.children, what="components"),
+                )
+            if child.assembly is None and child.part is None:
+                return _SILENT
+            instance = child
+        return instance
+
+    def _mount(self, instance: Instance, name: str, shown: str, document: Instance) -> FoundMount | _Fault:
+        """A mount by name: of a part, of an assembly (exported or added), or `origin`. `shown` names the instance, as `document` does.
+
+        What is wrong with an exported mount is said of the line that exports it, not of those that use it.
+        """
+        met: set[tuple[str, str]] = set()
+        exported, within = False, document.assembly
+        while instance.assembly is not None:
+            definition = instance.assembly
+            if (instance.path, name) in met:
+                return _Fault(
+                    message=f"the mount `{name}` of `{definition.label}` stands for itself",
+                    help="let it name a component's mount",
+                )
+            met.add((instance.path, name))
+            component = instance.component
+            if name == "origin":
+                if instance.base is None:
+                    return _SILENT
+                instance = instance.base
+            elif component is not None and name in component.mounts and name not in definition.mounts:
+                if instance.index is None:
+                    return _SILENT
+                return FoundMount(occurrence=instance.index, mount=f"{instance.path}/{name}", pose=component.mounts[name].pose)
+            elif name in definition.mounts:
+                reference = definition.mounts[name]
+                place = self._walk(instance, reference.path)
+                if isinstance(place, _Fault):
+                    return _SILENT
+                instance, name, exported, within = place, reference.mount or "origin", True, definition
+            elif exported:
+                return _SILENT
+            else:
+                added = component.mounts if component is not None else {}
+                return _Fault(
+                    code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} shows no mount `{name}`",
+                    help=_mount_help(name, [*definition.mounts, *added, "origin"], document), notes=_shown_by(definition),
+                )
+        if instance.part is not None and instance.index is not None and name in instance.part.mounts:
+            mirror = within.mirror if within is not None and name == "origin" else None  # the image of a frame, as a mount, is another
+            pose = Mirror(mirror).origin if mirror else instance.part.mounts[name].pose
+            return FoundMount(occurrence=instance.index, mount=name, pose=pose)
+        return _SILENT if exported else _no_mount(instance, name, shown, document)
+
+
+def _no_mount(instance: Instance, name: str, shown: str, document: Instance) -> _Fault:
+    """What there is to say of a part that has no such mount."""
+    part = instance.part
+    if part is None or instance.index is None:
+        return _SILENT
+    if part.record is not None and not part.record.exact and _may_be_there(name, part.record.mounts):
+        return _SILENT
+    return _Fault(
+        code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} has no mount `{name}`",
+        help=f"the part has `{name}`, but not as a mount: write `self.{name} = MountPoint(...)`"
+        if part.record is not None and name in part.record.references else _mount_help(name, part.mounts, document),
+        notes=written_at(f"`{part.definition.label}`", part.record.code) if part.record is not None else (),
+    )
+
+
+def _mount_help(name: str, mounts: Collection[str], document: Instance) -> str:
+    """A hint for a mount that a component does not have: the numbers of a list, the nearest name, or the mounts that it has and those of
+    this name that one other component has."""
+    numbers = sorted(int(one[len(name) + 1 :]) for one in mounts if re.fullmatch(rf"{re.escape(name)}_\d+", one))
+    if numbers:
+        return f"`{name}` is a list: its mounts are `{name}_{numbers[0]}`" + (f" to `{name}_{numbers[-1]}`" if len(numbers) > 1 else "")
+    having = [one for one, child in document.children.items() if child.part is not None and name in child.part.mounts]
+    if meant(name, mounts) is None and len(having) == 1:
+        return f"{did_you_mean('', mounts, what='mounts')}; or did you mean `{having[0]}.{name}`?"
+    return did_you_mean(name, mounts, what="mounts")
+
+
+def _may_be_there(name: str, mounts: Collection[str]) -> bool:
+    """Whether a part of which only the mounts of a relative are known may have this one, too: where none are known, and a member
+    of a list (`hip_7` where there is a `hip_0`), for how many a list has may follow from any parameter."""
+    stem, _, index = name.rpartition("_")
+    return not mounts or index.isdigit() and f"{stem}_0" in mounts
+
+
+def _counted(reference: Reference) -> tuple[Note, ...]:
+    """The note that shows how often a reference with an index is repeated; none where both are on one line."""
+    here, there = reference.repeat_origin[:1], reference.origin[:1]
+    return noted(COUNTED, here) if here and there and here[0].line != there[0].line else ()
+
+
+def _owner(instance: Instance, shown: str) -> str:
+    """`hand.cap` (`arm:Cap`): as the document that refers to it names it, and what it is."""
+    label = instance.assembly.label if instance.assembly is not None else instance.part.definition.label if instance.part else ""
+    return f"`{shown}` (`{label}`)" if shown and label else f"`{shown or label}`"
+
+
+def _shown_by(definition: AssemblyDefinition) -> tuple[Note, ...]:
+    """Where an assembly says what it shows."""
+    places = [reference.origin[0] for reference in definition.mounts.values() if reference.origin] or list(definition.origin[:1])
+    return (Note(message=f"the mounts that `{definition.label}` shows are written here", span=places[0]),) if places else ()

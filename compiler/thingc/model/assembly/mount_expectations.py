@@ -1,0 +1,72 @@
+"""Mounts that a part's geometry was cut for another part: a warning where the assembly puts something else."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Sequence
+
+from thingc.base.diagnostics import Code, allow_hint, noted
+from thingc.geometry.record import Expectation
+from thingc.model.assembly.report import Findings
+from thingc.model.assembly.types import Connected, Occurrence
+
+_NUMBER = re.compile(r"\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+")
+
+
+def check_expectations(robot: Connected, laid: Collection[int], findings: Findings) -> None:
+    """A warning per mount on which there is another part than the geometry was cut for, or none.
+
+    `laid` are the numbers of the mates that `at` made: those put no mount onto another. Where nothing sits on a mount that the top
+    document shows, that is no fault: what goes there may come with a parent assembly.
+    """
+    occurrences = robot.occurrences
+    open_mounts = {(mount.occurrence, mount.mount) for mount in robot.exported if "/" not in mount.path}
+    on: dict[tuple[int, str], list[tuple[int, str]]] = {}
+    for number, mate in enumerate(robot.mates):
+        if number not in laid:
+            on.setdefault((mate.parent, mate.parent_mount), []).append((mate.child, mate.child_mount))
+            on.setdefault((mate.child, mate.child_mount), []).append((mate.parent, mate.parent_mount))
+    for owner in occurrences:
+        if owner.record is None:
+            continue
+        expected = owner.record.expectations
+        for one in expected:
+            sitting = [(occurrences[other], mount) for other, mount in on.get((owner.index, one.mount), ())]
+            if any(_is(other, one, owner) and mount == one.child_mount for other, mount in sitting):
+                continue
+            if not sitting and (owner.index, one.mount) in open_mounts:
+                continue
+            spoken_for = [e for e in expected if e.mount == one.mount]
+            others = [(o, m) for o, m in sitting if not any(_is(o, e, owner) and m == e.child_mount for e in spoken_for)]
+            _warn(owner, one, others, findings)
+
+
+def _is(other: Occurrence, expected: Expectation, owner: Occurrence) -> bool:
+    """Whether `other` is what was expected. In a mirror image its mirror image fits, and it itself if that is no other part."""
+    plain = other.definition.plain if owner.definition.mirror is not None else None
+    texts = (other.definition.text,) if plain is None else (other.definition.text, plain.text)
+    return other.record is not None and _rounded(expected.text) in map(_rounded, texts)
+
+
+def _rounded(definition: str) -> str:
+    """A definition with its numbers to 12 digits: parts count in millimetres, and a length that went through one has another last digit."""
+    return _NUMBER.sub(lambda number: f"{float(number[0]):.12g}", definition)
+
+
+def _warn(owner: Occurrence, one: Expectation, others: Sequence[tuple[Occurrence, str]], findings: Findings) -> None:
+    name, wanted = owner.component.name, one.label
+    other, mount = next(((o, m) for o, m in others if _is(o, one, owner)), others[0] if others else (None, ""))
+    found = other.definition.label if other is not None else ""
+    if other is not None and found == wanted:  # they differ in digits that labels do not show
+        wanted, found = one.text, other.definition.text
+    cut = f"`{name}.{one.mount}` was cut for `{wanted}`"
+    help = f"put `{wanted}` there by its mount `{one.child_mount}`; {allow_hint(Code.EXPECTATION)}"
+    if other is None:
+        findings.warn(Code.EXPECTATION, f"{cut}, and nothing sits there", owner.origin, path=owner.path, help=help)
+        return
+    if _is(other, one, owner):
+        message = f"{cut} by its mount `{one.child_mount}`, but `{other.component.name}` sits there by `{mount}`"
+    else:
+        message = f"{cut}, but `{other.component.name}` (`{found}`) sits there"
+    notes = noted(f"`{name}` is here", owner.origin)
+    findings.warn(Code.EXPECTATION, message, other.origin, path=other.path, help=help, notes=notes)

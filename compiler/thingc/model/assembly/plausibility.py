@@ -1,0 +1,429 @@
+"""What is well-formed and probably not meant: warnings that name the number and its likely cause.
+
+Each is decided on the numbers alone, so that `check` says it. What geometry tells is looked at by `build`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Iterator, Sequence
+
+from thingc.base.diagnostics import Code, Note, allow_hint, noted
+from thingc.base.frozen import dataclass
+from thingc.base.pose import NO_POSE, Pose, Vector
+from thingc.base.source import Origin
+from thingc.base.summing import dist, hypot, plain_sum
+from thingc.model.assembly.instance_tree import Instance, Tree
+from thingc.model.assembly.part_instances import doubted
+from thingc.model.assembly.plausibility_modes import check_modes, check_nested_simulation
+from thingc.model.assembly.plausibility_prints import check_processes
+from thingc.model.assembly.plausible_mirrors import check_mirrored_pairs
+from thingc.model.assembly.report import Findings, written_at
+from thingc.model.assembly.types import Assembly, JointEdge, Link, LinkedMode, Mate, Occurrence
+from thingc.model.resolve.plausibility import (
+    LARGEST,
+    SMALLEST,
+    density_cure,
+    density_doubt,
+    length_words,
+    mass_words,
+    measures,
+    times_words,
+    unit_meant,
+)
+from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Joint, StatedValue
+
+TURNS = 2.0
+"""A hinge that stops beyond so many turns is rarely one: what turns without end is `continuous`."""
+FAR = 10.0
+"""An offset, or a travel, of so many times the largest part's diagonal leads away from the robot; of so many times its reach, a root."""
+FEATHER, ELEPHANT = 1e-3, 1e4
+"""Of robots: what they weigh [kg]."""
+DRAG = 0.5
+"""Dry friction of a joint that takes so much of what its drive gives is rarely meant; that of gears takes a tenth."""
+SLOW = 0.05
+"""A joint that its damping keeps below so much of the speed that its drive has without a load."""
+SPREAD, COMPACT = 3.0, 200.0
+"""A part has its mass at most so many times its diagonal from the centre, on average (root of the mean square), and at least this part."""
+BURDEN = 10.0
+"""A mass without a shape that weighs so many times all the rest of the robot."""
+
+_PLAIN = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?) *([A-Za-z]+)", re.IGNORECASE)
+
+
+def check_plausible(tree: Tree, assembly: Assembly, findings: Findings) -> None:
+    """Every such warning about a whole assembly, of documents without errors."""
+    if findings.earlier:
+        return
+    occurrences, mates, links, modes = assembly.occurrences, assembly.mates, assembly.links, assembly.modes
+    edges = {joint.path: joint for mate in mates for joint in mate.joints}
+    for instance, definition in tree.assemblies:
+        for joint in definition.joints:
+            _check_limits(instance, joint, findings)
+            _check_drive(instance, joint, edges.get(instance.within(joint.path)), findings)
+    _check_materials(tree, occurrences, findings)
+    check_processes(tree, occurrences, findings)
+    _check_stated(occurrences, findings)
+    odd = _check_sizes(occurrences, findings)
+    if not odd and not findings.has_said(Code.DENSITY) and any(mate.joints for mate in mates):
+        _check_mass(tree.top, plain_sum(link.properties.mass for link in links), findings)
+    _check_actuators(tree, occurrences, mates, {mount.occurrence for mount in assembly.exported if "/" not in mount.path}, findings)
+    _check_mounts(tree, mates, findings)
+    check_mirrored_pairs(assembly, findings)
+    if tree.top.assembly is not None:
+        check_nested_simulation(tree, tree.top.assembly, findings)
+        check_modes(tree.top.assembly, modes, assembly.adhesions, plain_sum(link.properties.mass for link in links), findings)
+    sizes = {one.index: dist(*one.box) for one in occurrences if one.box is not None}
+    if sizes and all(one.record is None or one.record.exact for one in occurrences):
+        largest = max(sizes, key=lambda index: sizes[index])
+        _check_offsets(tree, occurrences[largest], sizes[largest], findings)
+        reach = plain_sum(max((sizes.get(member, 0.0) for member in link.members), default=0.0) for link in links)
+        _check_roots(modes, reach, findings)
+        _check_bare_masses(occurrences, links, findings)
+
+
+# --- parts -------------------------------------------------------------------------------------------------------------
+
+
+def _check_sizes(occurrences: Sequence[Occurrence], findings: Findings) -> bool:
+    """Parts that are smaller or larger than parts are, each at the first component that it is; whether there are any."""
+    warned: set[str] = set()
+    for one in occurrences:
+        if one.box is None or one.record is not None and not one.record.exact or one.definition.text in warned:
+            continue
+        low, high = one.box
+        sides = [above - below for below, above in zip(low, high)]
+        if SMALLEST <= max(sides) <= LARGEST:
+            continue
+        bound = f"under {1000.0 * SMALLEST:g} mm" if max(sides) < SMALLEST else f"over {LARGEST:g} m"
+        if findings.warn(
+            Code.SIZE, f"`{one.component.name}` (`{one.definition.label}`) is {bound} long: it measures {measures(one.box)}",
+            one.origin, path=one.path, notes=written_at(f"`{one.definition.label}`", one.record.code) if one.record is not None else (),
+            help=f"{unit_meant(one.component.definition, max(sides))}; {allow_hint(Code.SIZE)}",
+        ):
+            warned.add(one.definition.text)
+    return bool(warned)
+
+
+def _check_stated(occurrences: Sequence[Occurrence], findings: Findings) -> None:
+    """Centres and inertias that are stated, and cannot be those of the part's shape: it has its mass within its box, more or less. What
+    is worked out of a shape always fits it."""
+    said: set[Origin] = set()
+    for one in occurrences:
+        doubt = _stated_doubt(one)
+        if doubt is None:
+            continue
+        stated, what, help = doubt
+        where = stated.origin + one.origin[len(one.component.origin) :] if stated is not None else one.origin
+        notes = () if stated is not None or one.record is None else written_at(f"`{one.definition.label}`", one.record.code)
+        if where not in said and findings.warn(
+            Code.STATED, what, where, path=one.path, help=f"{help}; {allow_hint(Code.STATED)}", notes=notes
+        ):
+            said.add(where)
+
+
+def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None:
+    """What the document states of a part that its shape cannot have (None: the Thing does), in words, and what to look at."""
+    mass = one.properties.mass
+    if one.box is None or one.record is not None and not one.record.exact or mass <= 0.0:
+        return None
+    (low, high), centre, inertia = one.box, one.properties.centre, one.properties.inertia
+    size = dist(low, high)
+    across = f"and it measures {length_words(size, 3)} across"
+    away = hypot(*(max(least - at, at - most, 0.0) for least, at, most in zip(low, centre, high, strict=True)))
+    if away > size:
+        what = f"the centre of mass of `{one.component.name}` is {length_words(away, 3)} outside of it, {across}"
+        return one.overrides.com, what, "mind the unit (`mm`, `m`; a Thing's `centre()` is in mm), and that it is in the component's axes"
+    radius = math.sqrt(max(inertia[0][0] + inertia[1][1] + inertia[2][2], 0.0) / (2.0 * mass))
+    if not size / COMPACT <= radius <= SPREAD * size:
+        what = f"the inertia of `{one.component.name}` is that of {mass_words(mass)} at {length_words(radius, 3)} from its centre, {across}"
+        return one.overrides.inertia, what, "mind the unit: 1 kg*m^2 is 1e6 kg*mm^2, or 1e9 g*mm^2"
+    return None
+
+
+def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: Findings) -> None:
+    """Densities that no solid has, of materials that no part weighs by: those of others are looked at with the parts."""
+    weighing = {
+        one.material.density_origin for one in occurrences
+        if one.material is not None and one.overrides.mass is None
+        and one.record is not None and one.record.mass is None and one.record.density is None
+    }
+    for instance, definition in tree.assemblies:
+        for material in definition.materials.values():
+            doubt = density_doubt(material.density) if material.density is not None else None
+            if doubt is not None and material.density_origin not in weighing:
+                findings.warn(
+                    Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin + instance.origin,
+                    path=instance.within(material.name), notes=noted(f"no part of `{definition.name}` weighs by it", definition.origin),
+                    help=doubted(density_cure(doubt)),
+                )
+
+
+def _check_mass(top: Instance, mass: float, findings: Findings) -> None:
+    """A whole robot that weighs less, or more, than robots do; one that weighs nothing is another matter."""
+    definition = top.assembly
+    if definition is None or mass <= 0.0 or FEATHER <= mass <= ELEPHANT:
+        return
+    findings.warn(
+        Code.ROBOT_MASS, f"`{definition.name}` weighs {mass_words(mass)} as a whole", definition.origin, path="name",
+        help=f"`thingc info` shows what each part weighs: check units of densities, masses and files; {allow_hint(Code.ROBOT_MASS)}",
+    )
+
+
+# --- joints ------------------------------------------------------------------------------------------------------------
+
+
+def _check_limits(instance: Instance, joint: Joint, findings: Findings) -> None:
+    """Limits of a hinge beyond some turns; else limits of which one is in rad and the other in deg."""
+    twist = joint.twist
+    if twist is None or not twist.turns:
+        return
+    ends = {key: value for key, value in (("lower", joint.limit.lower), ("upper", joint.limit.upper)) if value is not None}
+    path, here = instance.within(joint.path), joint.origin + instance.origin
+    wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * math.pi and not twist.pitch]  # a screw takes many turns
+    for key in wide:
+        text, number, unit = _written(joint, key)
+        cause = f"`{number} deg` was meant" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "there is a digit too many"
+        findings.warn(
+            Code.LIMIT_TURNS, f"`limit.{key}` of joint `{joint.name}` is {times_words(abs(ends[key]) / (2.0 * math.pi))} turns (`{text}`)",
+            _place(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
+            help=f"probably {cause}; a joint that turns without end is `continuous`; {allow_hint(Code.LIMIT_TURNS)}",
+        )
+    if wide or len(ends) < 2 or not all(ends.values()):
+        return
+    (lower, _, low_unit), (upper, _, high_unit) = _written(joint, "lower"), _written(joint, "upper")
+    by_option = any(_place(joint, f"limit.{key}", here)[0].option for key in ends)  # whoever sets one may know nothing of the other
+    if {low_unit, high_unit} == {"rad", "deg"} and not by_option:
+        key, value = ("upper", upper) if high_unit == "rad" else ("lower", lower)
+        findings.warn(
+            Code.LIMIT_UNITS,
+            f"of joint `{joint.name}` the lower limit is in {low_unit} (`{lower}`), the upper one in {high_unit} (`{upper}`)",
+            _place(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
+            help=f"write both in one unit: `{value}` is `{twist.shown(ends[key])}`; {allow_hint(Code.LIMIT_UNITS)}",
+        )
+
+
+def _written(joint: Joint, key: str) -> tuple[str, str, str]:
+    """A limit as it is written, its number and its unit (empty of what is no plain quantity)."""
+    text = joint.written.get(f"limit.{key}", "").strip()
+    plain = _PLAIN.fullmatch(text)
+    return (text, plain[1], plain[2]) if plain is not None else (text, "", "")
+
+
+def _place(joint: Joint, key: str, here: Origin) -> Origin:
+    """Where a value of the joint is written, with the documents around it."""
+    span = joint.spans.get(key)
+    return (span, *here[1:]) if span is not None else here
+
+
+def _elsewhere(joint: Joint, key: str) -> tuple[Note, ...]:
+    """The note on the joint whose value is written on another line (it may be that of the defaults)."""
+    span = joint.spans.get(key)
+    return noted(f"joint `{joint.name}` is here", joint.origin) if span is not None and span.line != joint.origin[0].line else ()
+
+
+def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findings: Findings) -> None:
+    """Friction or damping of a joint against which its drive can do little or nothing."""
+    if edge is None or edge.actuator is None or not edge.actuator.effort:
+        return
+    effort, fastest = edge.actuator.effort, edge.actuator.velocity
+    force, speed = ("N*m", "rad/s") if edge.twist.turns else ("N", "m/s")
+    friction, damping = edge.dynamics.friction or 0.0, edge.dynamics.damping or 0.0
+    if friction >= DRAG * effort:
+        key = "dynamics.friction"
+        words = "more than" if friction > effort else f"{100.0 * friction / effort:.0f} % of"
+        said = f"dry friction of {friction:.4g} {force}, {words} what its drive gives ({effort:.4g} {force})"
+    elif fastest and damping and (effort - friction) / damping < SLOW * fastest:
+        key = "dynamics.damping"
+        slowest = (effort - friction) / damping
+        said = (
+            f"so much damping that its drive ({effort:.4g} {force}) moves it by {slowest:.3g} {speed} at most, "
+            f"{100.0 * slowest / fastest:.2g} % of its speed without a load ({fastest:.3g} {speed})"
+        )
+    else:
+        return
+    findings.warn(
+        Code.STUCK, f"joint `{joint.name}` has {said}", _place(joint, key, joint.origin + instance.origin), path=edge.path,
+        notes=_elsewhere(joint, key), help=f"mind the unit (`m{force}`, `{force}`); {allow_hint(Code.STUCK)}",
+    )
+
+
+# --- actuators and mounts ----------------------------------------------------------------------------------------------
+
+
+def _check_actuators(
+    tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], shown: Collection[int], findings: Findings,
+) -> None:
+    """Parts with an actuator that no joint is driven by. Of those in `shown` the top document shows a mount: what they drive may come
+    with an assembly around it; an inline drive of a joint on it says itself what the actuator does."""
+    driving: set[int] = set()
+    inline: set[str] = set()
+    for instance, definition in tree.assemblies:
+        for joint in definition.joints:
+            if joint.drive is None:
+                continue
+            named = tree.component(instance, joint.drive.component) if joint.drive.component is not None else None
+            if named is not None and named.index is not None:
+                driving.add(named.index)
+            else:
+                inline.add(instance.within(joint.path))
+    for one in occurrences:
+        if one.record is None or one.record.actuator is None or one.index in driving or one.index in shown:
+            continue
+        name = one.component.name
+        turning = [joint for mate in mates if one.index in (mate.parent, mate.child) for joint in mate.joints]
+        if any(edge.path in inline for edge in turning):
+            continue
+        still = [edge for edge in turning if edge.actuator is None]
+        nearby = (still or turning)[:1]
+        help = f"write `drive: {name}` on the joint that it moves"
+        if still:
+            help = f"if it moves joint `{still[0].path}`, write `drive: {name}` there"
+        findings.warn(
+            Code.IDLE_ACTUATOR, f"`{name}` (`{one.definition.label}`) has an actuator, and no joint is driven by it", one.origin,
+            path=one.path, help=f"{help}; {allow_hint(Code.IDLE_ACTUATOR)}",
+            notes=[
+                note for edge in nearby
+                for note in noted(f"joint `{edge.path}` is on it, " + ("without a drive" if still else "with another drive"), edge.origin)
+            ],
+        )
+
+
+def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: Findings) -> None:
+    """Mounts that a document shows by the name of another mount of the component that they are on. Of one with that name that
+    something sits on nothing is said: it has its use inside."""
+    used = {(end, mount) for mate in mates for end, mount in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount))}
+    for instance, definition in tree.assemblies:
+        for name, reference in definition.mounts.items():
+            on = tree.component(instance, reference)
+            namesake = tree.shown(on, name) if on is not None else None
+            mount = tree.find(instance, reference)
+            if namesake is None or mount is None or (namesake.occurrence, namesake.mount) in used:
+                continue
+            if (namesake.occurrence, namesake.pose) == (mount.occurrence, mount.pose):
+                continue
+            meant = ".".join((*reference.path, name))
+            findings.warn(
+                Code.OTHER_MOUNT, f"the mount `{name}` of `{definition.name}` is `{reference.text}`, and there is a `{meant}`, too",
+                reference.origin + instance.origin, path=instance.within(name),
+                help=f"write `{name}: {meant}`, or give it another name; {allow_hint(Code.OTHER_MOUNT)}",
+            )
+
+
+# --- places ------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Offset:
+    """What leads somewhere, in words that a length [m] follows, the path of its owner, where it is said, and what to look at."""
+
+    words: str
+    length: float
+    path: str
+    origin: Origin
+    notes: tuple[Note, ...] = ()
+    mind: str = "unit (`mm`, `m`)"
+
+
+def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: Findings) -> None:
+    """Offsets, and travels of joints, that lead away from the robot, by the diagonal `size` [m] of its largest part."""
+    for instance, definition in tree.assemblies:
+        for offset in _offsets(definition, FAR * size):
+            times = abs(offset.length) / size
+            if times > FAR:
+                findings.warn(
+                    Code.FAR, f"{offset.words} {length_words(offset.length)}, {times_words(times)} times the size of the largest part "
+                    f"(`{largest.path}`, {length_words(size, 3)} across)", offset.origin + instance.origin,
+                    path=instance.within(offset.path), notes=offset.notes, help=f"mind the {offset.mind}; {allow_hint(Code.FAR)}",
+                )
+
+
+def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
+    """What a document moves, and how far its joints go: what matters is beyond `bound` [m]."""
+    for component in definition.components:
+        name, placement = component.name, component.placement
+        if isinstance(placement, At):
+            yield _Offset(words=f"`{name}` is moved by", length=_length(placement.pose), path=name, origin=placement.origin)
+        elif isinstance(placement, Attach):
+            yield _Offset(words=f"`{name}` is moved by", length=abs(placement.gap), path=name, origin=placement.origin)
+        for mount, extra in component.mounts.items():
+            yield _Offset(words=f"the mount `{name}.{mount}` is moved by", length=_length(extra.pose), path=name, origin=extra.origin)
+    for joint in definition.joints:
+        yield from _travels(joint, bound)
+
+
+def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
+    """How far a joint is moved at q = 0, and how far it goes: of a screw whose lead is beyond `bound` [m] no more than that."""
+    per_unit, turns = (hypot(*joint.twist.linear), joint.twist.turns) if joint.twist is not None else (0.0, False)
+    moved = max(abs(joint.gap), abs(joint.offset) * per_unit)
+    yield _Offset(words=f"joint `{joint.name}` is moved by", length=moved, path=joint.name, origin=joint.origin)
+    lead = math.tau * per_unit if turns else 0.0
+    ends = {"lead": lead} if lead > bound else {
+        key: value * per_unit for key, value in (("limit.lower", joint.limit.lower), ("limit.upper", joint.limit.upper))
+        if value is not None
+    }
+    for key, length in ends.items():
+        of, place, notes = f"`{key}` of joint `{joint.name}`", _place(joint, key, joint.origin), _elsewhere(joint, key)
+        if turns and key != "lead":
+            yield _Offset(
+                words=f"{of} lets it advance by", length=length, path=joint.name, origin=place, notes=notes,
+                mind=f"unit (`deg`, `rev`): it takes {length_words(lead)} in a turn",
+            )
+        else:
+            yield _Offset(words=f"{of} is", length=length, path=joint.name, origin=place, notes=notes)
+
+
+def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: Findings) -> None:
+    """Roots that are far from the origin of the world, by the `reach` [m]: the diagonals of the largest part of every link, summed."""
+    for mode in modes:
+        offset = _length(mode.at)
+        if offset > FAR * reach:
+            findings.warn(
+                Code.FAR, f"mode `{mode.name}` puts its root {length_words(offset)} from the origin of the world, "
+                f"{times_words(offset / reach)} times the robot's reach ({length_words(reach, 3)})", mode.origin,
+                path=mode.name, help=f"mind the unit (`mm`, `m`); {allow_hint(Code.FAR)}",
+            )
+
+
+def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link], findings: Findings) -> None:
+    """Masses without a shape, of which only the rest of the robot can tell whether they are right: by how heavy it is, and by where the
+    parts of their link are. Where an offset is said to lead away from the robot, where they are is no news."""
+    whole = plain_sum(link.properties.mass for link in links)
+    for link in links:
+        placed = [(occurrences[member], pose) for member, pose in zip(link.members, link.poses, strict=True)]
+        boxes = [(one.box, pose) for one, pose in placed if one.box is not None]
+        for one, pose in placed:
+            stated, mass = one.overrides.mass, one.properties.mass
+            if one.record is not None or one.listed is not None or stated is None:
+                continue
+            rest = whole - mass
+            if mass > BURDEN * rest > 0.0:
+                findings.warn(
+                    Code.BARE_MASS, f"`{one.component.name}` weighs {mass_words(mass)}, {times_words(mass / rest)} times all the rest "
+                    f"of the robot ({mass_words(rest)})", stated.origin + one.origin[len(one.component.origin):],
+                    path=one.path, help=f"mind the unit (`g`, `kg`); {allow_hint(Code.BARE_MASS)}",
+                )
+            elif boxes and not findings.has_said(Code.FAR):
+                # the frame of the link counts: a joint may be there, and the parts far along the link
+                _check_place(one, pose.apply(one.properties.centre), [*boxes, (((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), NO_POSE)], findings)
+
+
+def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector, Vector], Pose]], findings: Findings) -> None:
+    """A mass without a shape, `at` a point of its link, that is far from the boxes around the parts of the link."""
+    corners = [corner for box, pose in boxes for corner in pose.around(box)]
+    sides = [(min(side), max(side)) for side in zip(*corners, strict=True)]
+    away = hypot(*(max(low - x, x - high, 0.0) for x, (low, high) in zip(at, sides, strict=True)))
+    size = max(high - low for low, high in sides)
+    if away > size:
+        placement = one.component.placement
+        place = placement.origin + one.origin[len(one.component.origin):] if isinstance(placement, At) else one.origin
+        findings.warn(
+            Code.BARE_MASS, f"the mass of `{one.component.name}` is {length_words(away, 3)} away from the parts of its link, "
+            f"which measure {length_words(size, 3)}", place, path=one.path, help=f"mind the unit (`mm`, `m`); {allow_hint(Code.BARE_MASS)}",
+        )
+
+
+def _length(pose: Pose) -> float:
+    offset: Vector = pose.translation
+    return hypot(*offset)

@@ -1,0 +1,134 @@
+"""Modes that are well-formed and probably not meant."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from thingc.base.diagnostics import Code, allow_hint, noted
+from thingc.base.units import FORCE, Quantity
+from thingc.model.assembly.instance_tree import Tree
+from thingc.model.assembly.report import Findings
+from thingc.model.assembly.types import Adhesion, LinkedMode
+from thingc.model.resolve.plausibility import times_words
+from thingc.model.resolve.types import AssemblyDefinition, Mode
+
+WEAK, STRONG = 0.1, 1000.0
+"""A magnet that pulls less, or more, than so many times what the robot weighs."""
+LONG_STEP = 10e-3
+"""[s] Time steps from here on: contacts of MuJoCo want a fifth of it."""
+GRAVITY = 9.81
+"""[m/s^2], for weights, whatever a mode's own gravity is."""
+
+
+def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: Findings) -> None:
+    """Warn of settings in `simulation` of nested documents that neither the top document nor a mode of it states."""
+    stated = {*top.simulation, *(key for mode in top.modes for key in mode.simulation)}
+    nested = {definition.document: (definition, instance) for instance, definition in tree.assemblies if instance is not tree.top}
+    for definition, instance in nested.values():
+        unused = {key: f"{value} s" if key == "timestep" else value for key, value in definition.simulation.items() if key not in stated}
+        if unused:
+            said = ", ".join(f"{key}: {value}" for key, value in unused.items())
+            findings.warn(
+                Code.NESTED_SIMULATION,
+                f"`simulation: {{{said}}}` of the nested document `{definition.name}` is not used, and `{top.name}` does not state it",
+                (definition.step_origin or definition.origin) + instance.origin, path=instance.path,
+                help=f"write `simulation: {{{said}}}` in the document of `{top.name}`; {allow_hint(Code.NESTED_SIMULATION)}",
+            )
+
+
+def check_modes(
+    top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: Collection[Adhesion], mass: float, findings: Findings,
+) -> None:
+    """Every such warning about the modes of the `top` document, whose robot has a `mass` [kg]; `magnets` are those of all modes."""
+    _check_steps(top, findings)
+    _check_gravity(top.modes, findings)
+    _check_magnets(top, modes, mass, findings)
+    _check_held(top, modes, magnets, findings)
+    worked_out = {mode.name for mode in top.modes if mode.worked_out}
+    _check_alike([mode for mode in modes if mode.name not in worked_out], findings)
+
+
+def _check_steps(top: AssemblyDefinition, findings: Findings) -> None:
+    """Time steps that are too long for contacts, where they are written."""
+    owners: list[tuple[AssemblyDefinition | Mode, str]] = [(top, "simulation"), *((mode, mode.name) for mode in top.modes)]
+    for owner, path in owners:
+        step = owner.simulation.get("timestep")
+        if isinstance(step, float) and step >= LONG_STEP:
+            findings.warn(
+                Code.LONG_STEP, f"a time step of {1e3 * step:g} ms is too long for contacts: parts sink into each other, or bounce",
+                owner.step_origin, path=path, help=f"1 to 5 ms are usual, 2 ms is MuJoCo's own; {allow_hint(Code.LONG_STEP)}",
+            )
+
+
+def _check_gravity(modes: Sequence[Mode], findings: Findings) -> None:
+    """Gravity in numbers that points straight up: without a sign, as it is often said, and under a ceiling there is a word for it."""
+    for mode in modes:
+        x, y, z = mode.gravity
+        if mode.gravity_origin and x == y == 0.0 < z:
+            findings.warn(
+                Code.GRAVITY_UP, f"gravity points up: what is loose falls away from the floor, with {z:.6g} m/s^2", mode.gravity_origin,
+                path=mode.name, help="write `gravity: floor` for -9.81 m/s^2 along z, and `gravity: ceiling` for a robot that hangs "
+                f"from one; {allow_hint(Code.GRAVITY_UP)}",
+            )
+
+
+def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: float, findings: Findings) -> None:
+    """Pulls of magnets that are far from what the robot weighs."""
+    weight = mass * GRAVITY
+    places = {mode.name: mode for mode in top.modes}
+    said: set[tuple[str, float]] = set()
+    for mode in modes:
+        for reference, force in places[mode.name].adhesion if mode.name in places else ():
+            if WEAK * weight <= force <= STRONG * weight or weight <= 0.0 or (reference.text, force) in said:
+                continue
+            ratio = force / weight
+            times = f"{times_words(ratio)} times" if ratio > 1.0 else f"{ratio:.2g} of"
+            said.add((reference.text, force))
+            findings.warn(
+                Code.MAGNET, f"the magnet `{reference.text}` pulls with {Quantity(force, FORCE)}, {times} what the robot weighs "
+                f"({Quantity(float(f'{weight:.3g}'), FORCE)})", reference.origin, path=mode.name,
+                notes=noted(f"mode `{mode.name}` is here", mode.origin),
+                help=f"mind the unit (`mN`, `N`, `kN`); {allow_hint(Code.MAGNET)}",
+            )
+
+
+def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: Collection[Adhesion], findings: Findings) -> None:
+    """Modes that are held at a magnet which is off, while one that nothing holds is on."""
+    places = {magnet.path: (magnet.occurrence, magnet.mount) for magnet in magnets}
+    written = {mode.name: {reference.text: reference.origin for reference, _ in mode.adhesion} for mode in top.modes}
+    for mode in modes:
+        holding = {(at.occurrence, at.mount or "origin") for at in (mode.root, *(hold.mount for hold in mode.holds))}
+        on = [path for path in mode.adhesion if path in places]
+        off = next((path for path, place in places.items() if place == (mode.root.occurrence, mode.root.mount)), None)
+        if mode.base != "held" or off is None or not on or any(places[path] in holding for path in on):
+            continue
+        shown, other = (path.replace("/", ".") for path in (off, on[0]))
+        findings.warn(
+            Code.HELD_OFF, f"mode `{mode.name}` is held at `{shown}`, whose magnet is off in it, and that of `{other}` is on", mode.origin,
+            path=mode.name, notes=noted(f"that of `{other}` pulls here", written[mode.name].get(other, ())),
+            help=f"write `root: {other}`, or let the magnet at `{shown}` pull, too; {allow_hint(Code.HELD_OFF)}",
+        )
+
+
+def _check_alike(modes: Sequence[LinkedMode], findings: Findings) -> None:
+    """Modes that say what an earlier one says, in other words or by what they extend: two models that are the same."""
+    met: dict[object, LinkedMode] = {}
+    for mode in modes:
+        first = met.setdefault(_content(mode), mode)
+        if first is not mode:
+            findings.warn(
+                Code.ALIKE, f"mode `{mode.name}` is the same as mode `{first.name}` in everything", mode.origin, path=mode.name,
+                notes=noted(f"mode `{first.name}` is here", first.origin),
+                help=f"write what is to be different in it (check its `extends`), or take one of them out; {allow_hint(Code.ALIKE)}",
+            )
+
+
+def _content(mode: LinkedMode) -> object:
+    """All that a mode says but its name and where it is written."""
+    return (
+        (mode.root.occurrence, mode.root.mount), mode.base, mode.at, mode.on_floor, mode.gravity, mode.pose, mode.poses, mode.actuators,
+        frozenset(mode.exclude), frozenset(mode.adhesion.items()), frozenset(mode.simulation.items()),
+        frozenset((hold.mount.occurrence, hold.mount.mount, hold.pose, hold.turns) for hold in mode.holds),
+        frozenset((foot.mount.occurrence, foot.mount.mount, foot.friction) for foot in mode.feet),
+        frozenset(cut.joint for cut in mode.cut),
+    )

@@ -1,0 +1,108 @@
+"""Processes that are well-formed, and that no printer keeps to: numbers of a `process` that a slip of units or digits makes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+
+from thingc.base.diagnostics import Code, Note, allow_hint, noted
+from thingc.base.frozen import dataclass
+from thingc.base.source import Span
+from thingc.model.assembly.instance_tree import Tree
+from thingc.model.assembly.mass import merged
+from thingc.model.assembly.report import Findings
+from thingc.model.assembly.types import Occurrence
+from thingc.model.resolve.plausibility import length_words
+from thingc.model.resolve.types import Process
+
+WIDTHS, HEIGHTS = (0.05e-3, 3e-3), (0.01e-3, 1.5e-3)
+"""Of lines and layers [m]: what printers lay, from the finest nozzles to the widest."""
+USUAL_WIDTHS, USUAL_HEIGHTS = (0.2e-3, 1.2e-3), (0.05e-3, 0.6e-3)
+"""Of lines and layers [m]: what was probably meant by a number that is off by a unit."""
+SKINS, USUAL_SKINS = (0.05e-3, 30e-3), (1e-3, 10e-3)
+"""Of what is not printed in lines, where `line_width` is how thick a wall is [m]: bounds, and what was probably meant."""
+WALLS, LIDS = 50, 100
+"""Lines side by side, layers on top or below: more are a solid part."""
+LEAST_SHARE = 0.01
+"""An infill or an overlap below is one that was written with a unit too many (`0.15 %`)."""
+
+_SLIPS = (1e-1, 1e-2, 1e-3, 1e1, 1e2, 1e3)
+"""By what a slip of units multiplies, the smallest first; those of a number that is too large before those of one that is too small."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Doubt:
+    """The key of a process whose number is odd, in words, and what to look at."""
+
+    key: str
+    words: str
+    help: str
+
+
+def check_processes(tree: Tree, occurrences: Sequence[Occurrence], findings: Findings) -> None:
+    """A warning at every such number: of what components say, of the materials that they are made of, and of those that none is made of."""
+    doubts_of: dict[int, Sequence[_Doubt]] = {}
+
+    def doubts(process: Process) -> Sequence[_Doubt]:
+        if id(process) not in doubts_of:
+            doubts_of[id(process)] = list(_doubts(process, process.origins))
+        return doubts_of[id(process)]
+
+    used = set()
+    for one in occurrences:
+        material, own = one.material, one.overrides.process
+        under = material.process if material is not None else None
+        if under is not None and material is not None:
+            used.add(material.process_origin)
+            for doubt in doubts(under):
+                _warn(doubt, under, (), one.path, noted(f"`{one.component.name}` is made of it", one.origin), findings)
+        if own is not None:
+            for doubt in _doubts(merged(own, under) or own, own.origins):
+                notes = noted(f"`{one.component.name}` is printed so", one.component.origin)
+                beside = own.origins[doubt.key][0].line == one.component.origin[0].line
+                _warn(doubt, own, one.origin[len(one.component.origin) :], one.path, () if beside else notes, findings)
+    for instance, definition in tree.assemblies:
+        for material in definition.materials.values():
+            if material.process is not None and material.process_origin not in used:
+                notes = noted(f"no part of `{definition.name}` is made of it", definition.origin)
+                for doubt in doubts(material.process):
+                    _warn(doubt, material.process, instance.origin, instance.within(material.name), notes, findings)
+
+
+def _warn(doubt: _Doubt, process: Process, outer: Sequence[Span], path: str, notes: Sequence[Note], findings: Findings) -> None:
+    findings.warn(
+        Code.PROCESS, doubt.words, (*process.origins[doubt.key], *outer), path=path, help=f"{doubt.help}; {allow_hint(Code.PROCESS)}",
+        notes=notes,
+    )
+
+
+def _doubts(process: Process, keys: Collection[str]) -> Iterator[_Doubt]:
+    """What is odd of these keys of a process."""
+    lines = process.kind in (None, "fdm")
+    for key, value, (least, most), usual, words in (
+        ("line_width", process.line_width, WIDTHS, USUAL_WIDTHS, "lines are {} to {} wide") if lines else
+        ("line_width", process.line_width, SKINS, USUAL_SKINS, "walls are {} to {} thick"),
+        ("layer", process.layer, HEIGHTS, USUAL_HEIGHTS, "layers are {} to {} high"),
+    ):
+        if key in keys and value is not None and not least <= value <= most:
+            meant = next((value * slip for slip in _SLIPS if usual[0] <= value * slip <= usual[1]), None)
+            yield _Doubt(
+                key=key, words=f"`{key}` is {length_words(value)}: {words.format(length_words(least), length_words(most))}",
+                help="mind the unit (`mm`, `um`)" if meant is None else f"probably `{length_words(meant)}` was meant",
+            )
+    for key, count, most, unit, size, some in (
+        ("walls", process.walls, WALLS, "lines side by side", process.line_width, "2 to 6"),
+        ("top", process.top, LIDS, "layers", process.layer, "3 to 8"),
+        ("bottom", process.bottom, LIDS, "layers", process.layer, "3 to 8"),
+    ):
+        if key in keys and count is not None and count > most:
+            thick = "" if size is None else f", together {length_words(count * size)}"
+            yield _Doubt(
+                key=key, words=f"`{key}` is {count}: so many {unit}{thick}",
+                help=f"it counts {unit}, {some} are usual; a solid part is `infill: 100 %`",
+            )
+    for key, share in (("infill", process.infill), ("overlap", process.overlap)):
+        if key in keys and share is not None and 0.0 < share < LEAST_SHARE:
+            yield _Doubt(
+                key=key, words=f"`{key}` is {100.0 * share:.6g} %, less than a hundredth",
+                help=f"write `{key}: {10_000.0 * share:.6g} %` if that is meant",
+            )

@@ -1,0 +1,61 @@
+"""How the parts of a model are printed, as far as their masses depend on it: what to ask the geometry service for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from thingc.geometry.print_slices import LikelySlicing, Slicing
+from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.model.assembly.mass import layers_of, merged, slicing_of
+from thingc.model.resolve.nested import assemblies_of
+from thingc.model.resolve.types import AssemblyDefinition, Component, Material, Process
+
+
+def material_of(component: Component, record: PartRecord | None, scope: AssemblyDefinition) -> Material | None:
+    """What a component is made of: what the document says, else the Thing's default where the document knows it."""
+    if component.material is not None or record is None or record.material is None:
+        return component.material
+    return scope.materials.get(record.material)
+
+
+def process_of(component: Component, material: Material | None) -> Process | None:
+    """How a component is made: what it says, key by key on top of what its material says."""
+    return merged(component.overrides.process, material.process if material is not None else None)
+
+
+def slicings_of(
+    model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure],
+) -> dict[str, set[Slicing]]:
+    """The ways in which parts of a model are cut into layers, by the text of their definition. Equal copies of a part are one;
+    a part that is printed in two ways has two."""
+    slicings: dict[str, set[Slicing]] = {}
+    for definition, component, scope in _parts(model):
+        record = records.get(definition.text)
+        if not isinstance(record, PartRecord):
+            continue
+        process = process_of(component, material_of(component, record, scope))
+        slicing = slicing_of(process, component.overrides, record)
+        if slicing is not None:
+            slicings.setdefault(definition.text, set()).add(slicing)
+    return slicings
+
+
+def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema | PartFailure]) -> dict[str, set[LikelySlicing]]:
+    """What `slicings_of` will come to, as far as that can be said before parts are modelled: where a class says what they are made of."""
+    likely: dict[str, set[LikelySlicing]] = {}
+    for definition, component, scope in _parts(model):
+        schema, material, up = schemas.get(definition.reference), component.material, component.overrides.up
+        if material is None and isinstance(schema, PartSchema):
+            material = scope.materials.get(schema.material or "")
+        slicing = layers_of(process_of(component, material), up)
+        if slicing is not None:
+            likely.setdefault(definition.text, set()).add((slicing, up is None))
+    return likely
+
+
+def _parts(model: AssemblyDefinition) -> Iterator[tuple[PartDefinition, Component, AssemblyDefinition]]:
+    """Every component that is a part, once for each assembly that it is written in."""
+    for scope in assemblies_of(model):
+        for component in scope.components:
+            if isinstance(component.definition, PartDefinition):
+                yield component.definition, component, scope

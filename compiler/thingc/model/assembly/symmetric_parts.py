@@ -1,0 +1,49 @@
+"""Parts of a mirrored assembly that are their own mirror images: screws, bearings, plates. They are the parts themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from thingc.geometry.record import PartDefinition, PartFailure, PartRecord
+from thingc.model.resolve.types import AssemblyDefinition, Component
+
+
+def with_own_images(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> AssemblyDefinition:
+    """The model with what is its own mirror image in mirrored assemblies as it is there: no part of its own, and bought by its number.
+    `records` are those of all definitions of the model, and of what they mirror."""
+    return _Substituted(records).of(model)
+
+
+class _Substituted:
+    """Equal definitions stay one object, and what has nothing of that kind is what it was."""
+
+    def __init__(self, records: Mapping[str, PartRecord | PartFailure]) -> None:
+        self._records = records
+        self._made: dict[int, AssemblyDefinition] = {}
+
+    def of(self, definition: AssemblyDefinition) -> AssemblyDefinition:
+        """That of one assembly."""
+        if id(definition) not in self._made:
+            components = tuple(map(self._component, definition.components))
+            same = all(new is old for new, old in zip(components, definition.components, strict=True))
+            self._made[id(definition)] = definition if same else replace(definition, components=components)
+        return self._made[id(definition)]
+
+    def _component(self, component: Component) -> Component:
+        definition = component.definition
+        if isinstance(definition, AssemblyDefinition):
+            inner = self.of(definition)
+            return component if inner is definition else replace(component, definition=inner)
+        if not isinstance(definition, PartDefinition) or component.image_of is None or definition.plain is None:
+            return component
+        if not self._is_own(definition, definition.plain):
+            return component
+        return replace(component, definition=definition.plain, bom=component.image_of.bom, mounts_mirrored=definition.mirror)
+
+    def _is_own(self, definition: PartDefinition, plain: PartDefinition) -> bool:
+        """Whether the image is the part: its solid, its mounts, and the centre and inertia that it states, if it does."""
+        image, record = self._records.get(definition.text), self._records.get(plain.text)
+        if not isinstance(image, PartRecord) or not isinstance(record, PartRecord):
+            return False
+        return image.own_image and (image.com, image.matrix) == (record.com, record.matrix)

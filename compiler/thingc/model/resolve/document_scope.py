@@ -1,0 +1,273 @@
+"""What resolving knows of a document beyond the model it makes: also the names of what was wrong, so that a mistake is
+reported once and not again by everything that refers to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeVar
+
+from pydantic import BaseModel
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.memo import Memo
+from thingc.base.source import SET, Document, Path
+from thingc.documents.expressions.evaluation import ExpressionValue
+from thingc.documents.expressions.terms import Expression
+from thingc.documents.spec.invalid_entries import NO_DOUBTS, Doubts
+from thingc.geometry.record import PartDefinition, PartFailure, PartSchema, Value
+from thingc.geometry.store.file_digests import digest_of
+from thingc.model.resolve.coordinates import CoordinateName
+from thingc.model.resolve.link_definition import LinkDefinition
+from thingc.model.resolve.scope import NOTHING, Scope
+from thingc.model.resolve.types import AssemblyDefinition, Component, ExtraMount, Joint, Material, NamedPose, Reference
+
+if TYPE_CHECKING:
+    from thingc.documents.load.documents import Documents
+    from thingc.documents.spec.assembly import AssemblySpec, ComponentSpec
+    from thingc.documents.spec.invalid_entries import Specs
+    from thingc.documents.workspace import Workspace
+
+
+Named = TypeVar("Named", Component, Joint)
+Answer = TypeVar("Answer")
+
+
+@dataclass(slots=True, kw_only=True)
+class Node:
+    """A component while its document is resolved. `table` is that of the nested document, None for parts and frames;
+    `unsound`: something that later passes need was wrong; `unplaced`: nothing else than its place was; `doubtful`: validation has left
+    something of it out; `chosen` are the keys whose values are choices (see `choices`)."""
+
+    name: str
+    spec: ComponentSpec
+    path: Path
+    scope: Scope
+    definition: PartDefinition | LinkDefinition | AssemblyDefinition | None = None
+    table: Table | None = None
+    mounts: dict[str, ExtraMount] = field(default_factory=dict)
+    unsound: bool = False
+    unplaced: bool = False
+    doubtful: bool = False
+    chosen: frozenset[str] = frozenset()
+
+    @property
+    def frame(self) -> bool:
+        """Whether it is a component without geometry."""
+        return self.spec.frame is True
+
+    @property
+    def bare(self) -> str | None:
+        """`frame` or `link` of one that has no other mounts than the document gives it; None of all others."""
+        return "frame" if self.frame else "link" if self.spec.link is not None else None
+
+
+@dataclass(slots=True, kw_only=True)
+class Table:
+    """One document with one set of parameters. In `exports`, `joints` and `poses` None stands for one that was wrong.
+
+    `parameters` include the `choices` made inside it (see `thingc.model.resolve.choices`). `unbuilt` and `unbuilt_joints` are the
+    prefixes (`leg_`) of repeats that could not be unrolled; `occurrences` counts its parts, links and frames; `base` is the name of the
+    base component; `loose` are the sound references of what was left out because another one in it was wrong; `images` are the mirror
+    images of its definition, by axis.
+    """
+
+    document: Document
+    spec: AssemblySpec
+    scope: Scope
+    parameters: tuple[tuple[str, Value], ...]
+    text: str
+    label: str
+    choices: tuple[tuple[str, str], ...] = ()
+    materials_unreadable: bool = False
+    materials: dict[str, Material | None] = field(default_factory=dict)
+    nodes: dict[str, Node] = field(default_factory=dict)
+    unbuilt: list[str] = field(default_factory=list)
+    unbuilt_joints: list[str] = field(default_factory=list)
+    exports: dict[str, Reference | None] = field(default_factory=dict)
+    joints: dict[CoordinateName, Joint | None] = field(default_factory=dict)
+    poses: dict[str, NamedPose | None] = field(default_factory=dict)
+    base: str | None = None
+    loose: list[Reference] = field(default_factory=list)
+    occurrences: int = 0
+    definition: AssemblyDefinition | None = None
+    images: dict[str, AssemblyDefinition] = field(default_factory=dict)
+
+    @property
+    def doubts(self) -> Doubts:
+        """What validation has left out of the document."""
+        return self.scope.doubts
+
+    @property
+    def key(self) -> tuple[str, tuple[tuple[str, Value], ...]]:
+        """What it is known by."""
+        return self.document.relative, self.parameters
+
+    def inner(self) -> Iterator[Table]:
+        """The tables of the documents nested in it, each as often as it is nested."""
+        return (node.table for _, node in self.all_nodes() if node.table is not None)
+
+    def all_joints(self) -> Iterator[tuple[CoordinateName, Joint | None]]:
+        """Every joint with its path in dots, nested ones after this document's own; None for one that was wrong."""
+        yield from self.joints.items()
+        for node in self.nodes.values():
+            if node.table is not None:
+                for path, joint in node.table.all_joints():
+                    yield CoordinateName(f"{node.name}.{path}"), joint
+
+    def all_nodes(self) -> Iterator[tuple[str, Node]]:
+        """Every component with its path in dots, parents before what is inside them."""
+        for node in self.nodes.values():
+            yield node.name, node
+            if node.table is not None:
+                for path, inner in node.table.all_nodes():
+                    yield f"{node.name}.{path}", inner
+
+    def unsure_joints(self) -> bool:
+        """Whether joints may be missing here because something was wrong: then a pattern without a match is no news."""
+        return bool(self.unbuilt or self.unbuilt_joints) or any(
+            node.unsound or node.unplaced or (node.table is not None and node.table.unsure_joints()) for node in self.nodes.values()
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Declared:
+    """The parameters of a document with nothing set: their values (absent where wrong), and the names that were wrong."""
+
+    values: Mapping[str, ExpressionValue]
+    broken: frozenset[str]
+
+
+@dataclass(slots=True, kw_only=True)
+class Context:
+    """One run of `resolve`: its inputs, and what has been worked out or reported already.
+
+    `tables` is keyed by document and canonical parameters (equal definitions are one object); `nesting` holds the
+    documents being resolved, outermost first, `route` the components that nest them; `said` is that of every scope; `overfull`: too many
+    occurrences were reported; `digest` gives the SHA-256 of a file.
+    """
+
+    documents: Documents
+    specs: Specs
+    workspace: Workspace
+    schemas: Mapping[str, PartSchema | PartFailure]
+    report: Report
+    tables: dict[tuple[str, tuple[tuple[str, Value], ...]], Table] = field(default_factory=dict)
+    declared: dict[str, Declared] = field(default_factory=dict)
+    nesting: list[str] = field(default_factory=list)
+    route: list[str] = field(default_factory=list)
+    parts: dict[tuple[str, tuple[tuple[str, Value], ...]], PartDefinition] = field(default_factory=dict)
+    failed_parts: set[str] = field(default_factory=set)
+    materials: dict[str, dict[str, Material | None]] = field(default_factory=dict)
+    said: set[tuple[str, Code, Path, bool]] = field(default_factory=set)
+    overfull: bool = False
+    recalled: Mapping[tuple[str, tuple[tuple[str, Value], ...]], Table] = field(default_factory=dict)
+    memo: Memo = field(default_factory=Memo)
+    of_any_text: Memo = field(default_factory=Memo)
+    digest: Callable[[str], str] = digest_of
+
+    def recall(self) -> None:
+        """Take over from the last run what was sound there: nested documents with their parameters, and material documents."""
+        known = self.memo.last("resolve", (self.specs, self.schemas))
+        if known is not None:
+            self.recalled, declared, materials = known
+            self.declared.update(declared)
+            self.materials.update(materials)
+        else:
+            self.recalled = self.of_any_text.last(("nested", self.documents.root.relative), self._nested()) or {}
+
+    def _nested(self) -> tuple[object, ...]:
+        """All that nested documents depend on, and what they nest."""
+        root = self.documents.root
+        return {path: one for path, one in self.documents.by_path.items() if one is not root}, self.schemas, self.workspace
+
+    def table(self, key: tuple[str, tuple[tuple[str, Value], ...]]) -> Table | None:
+        """What has been worked out of a document with these parameters, in this run or the last."""
+        known = self.tables.get(key)
+        if known is None and key in self.recalled:
+            known = self.tables[key] = self.recalled[key]
+            self.tables.update((table.key, table) for table in known.inner())
+        return known
+
+    def values(self, scope: Scope, place: str, model: object) -> tuple[ExpressionValue | None, ...]:
+        """The values of all names that expressions in a section of a document use."""
+        names = self.memo(("names", scope.document.relative, place), names_in, model)
+        return tuple(scope.names.get(name) for name in names)
+
+    def there(self, table: Table) -> list[tuple[object, ...]]:
+        """The components of a document, as far as references can see them."""
+        return [
+            (node.name, node.spec, node.unsound, node.unplaced, node.definition if node.table is not None else node.definition is None)
+            for node in table.nodes.values()
+        ]
+
+    def around(self, table: Table) -> tuple[object, ...]:
+        """What a sound section of a document can see of the others: what is there, but no numbers."""
+        return (
+            self.there(table),
+            [
+                (name, joint and (joint.kind.name, joint.drive is not None, joint.mimic is not None, joint.loop))
+                for name, joint in table.joints.items()
+            ],
+            dict(table.exports), list(table.poses), table.base,
+        )
+
+    def sound(self, place: Hashable, inputs: tuple[object, ...], make: Callable[[], Answer]) -> Answer:
+        """What `make` gives, or gave in the last run with equal inputs; kept as long as nothing at all was said."""
+        known: Answer | None = self.memo.last(place, inputs)
+        if known is None:
+            known = make()
+            if not self.report.diagnostics:
+                self.memo.keep(place, inputs, known)
+        return known
+
+    def same(self, what: str, document: str, made: Iterable[Named]) -> tuple[Named, ...]:
+        """What a document's text makes, each the equal object of the last run where it is no other: later passes know it then."""
+        return tuple(self.memo.same((what, document, *self.route, one.name), one) for one in made)
+
+    def remember(self, top: Table) -> None:
+        """Keep for the next run the nested documents that this one has used, if nothing at all was said; for one of another text of the top
+        document alone, if what was said is of that. (Of a part that failed and what was allowed is told only once.)"""
+        tables = {table.key: table for table in top.inner()}
+        said = [diagnostic.span for diagnostic in self.report.diagnostics]
+        own = self.documents.root.path
+        if not (self.failed_parts or self.report.allowed) and all(span is not None and span.file == own for span in said):
+            self.of_any_text.keep(("nested", self.documents.root.relative), self._nested(), tables)
+        if said:
+            return
+        self.memo.keep("resolve", (self.specs, self.schemas), (tables, self.declared, self.materials))
+
+    def from_top(self, path: str) -> str:
+        """A path in the document that is being resolved, as the top document has it."""
+        return ".".join((*(f"components.{name}" for name in self.route), path))
+
+    def say_of_option(self, path: str, message: str, help: str | None) -> None:
+        """Report what is wrong with `--set` at a path in the document that is being resolved."""
+        self.report.add(Code.CHOICE_OPTION, message, None, path=f"{SET}{self.from_top(path)}", help=help)
+
+    def scope(self, document: Document, names: Mapping[str, ExpressionValue], broken: frozenset[str] = NOTHING) -> Scope:
+        """A scope that reports to this run."""
+        return Scope(
+            document=document, report=self.report, names=names, broken=broken, said=self.said, doubts=self.doubts(document),
+        )
+
+    def doubts(self, document: Document) -> Doubts:
+        """What validation has left out of a document."""
+        return self.specs.doubts.get(document.relative, NO_DOUBTS)
+
+
+def names_in(*models: object) -> tuple[str, ...]:
+    """The names that expressions anywhere in these models use: all that what is made of them depends on besides."""
+    names: set[str] = set()
+    waiting = list(models)
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, Expression):
+            names.update(use.name for use in value.names)
+        elif isinstance(value, BaseModel):
+            waiting.extend(vars(value).values())
+        elif isinstance(value, Mapping):
+            waiting.extend(value.values())
+        elif isinstance(value, (list, tuple)):
+            waiting.extend(value)
+    return tuple(sorted(names))

@@ -1,0 +1,161 @@
+"""Values that are set by their path in place of what a document says: `joints.elbow.limit.upper` and a text.
+
+The text is put into the document's tree as if it were written there, a mapping or a list on one line (`{on: floor}`) included, and the tree
+is validated anew: what may stand at a place, and in which unit, is said by whoever says it of documents. Its place is the option
+(`source.option_span`), so that whatever is wrong with it, here or in a later pass, is said of the option and not of the document.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+
+from thingc.base.diagnostics import Code, Diagnostic, Report
+from thingc.base.frozen import dataclass
+from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span, closest, option_span
+from thingc.base.suggestions import did_you_mean, nearest
+from thingc.base.units import shortened
+from thingc.documents.load.inline_values import is_flow, read_flow
+from thingc.documents.load.text import forbidden
+from thingc.documents.load.yaml_scalars import core_value
+from thingc.documents.spec.annotation_types import AnnotationShape, alternatives, model_keys, shape_of
+from thingc.documents.spec.assembly import AssemblySpec
+from thingc.documents.spec.settable_values import whole_drive
+from thingc.documents.spec.validation import validate_one
+from thingc.model.resolve.document_scope import Context
+
+FIXED = {
+    "thingc": "it says what kind of document this is",
+    "name": "a robot keeps its name",
+    "parameters": "a parameter is set by its name: `-p 'NAME=VALUE'`, and in a document of variants `NAME: ...`",
+}
+"""Keys of an assembly at which nothing is set, and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Astray:
+    """Why a text cannot stand at a path, and what helps."""
+
+    message: str
+    help: str | None
+
+
+def substituted(
+    context: Context, document: Document, spec: AssemblySpec, values: Mapping[str, str],
+) -> tuple[Document, AssemblySpec]:
+    """The document and its model with the texts `values` at their paths in it; both as they were where one of them cannot stand there,
+    which is reported. A document with faults of its own (reported) stays as it is."""
+    if not values or context.doubts(document):
+        return document, spec
+    tree: Node = document.tree
+    wrong = False
+    for path, text in values.items():
+        keys = tuple(path.split("."))
+        place = option_span(context.from_top(path), shortened(text))
+        if (drive := whole_drive(tree, keys)) is not None:
+            tree = _with(tree, keys[:3], drive)
+        read = _astray(document, tree, keys, text, context.from_top) or _read(path, text, place)
+        if isinstance(read, Astray):
+            context.say_of_option(path, read.message, read.help)
+            wrong = True
+        else:
+            tree = _with(tree, keys, read)
+    if wrong or not isinstance(tree, MappingNode):
+        return document, spec
+    changed = replace(document, tree=tree)
+    report = Report()
+    sound = validate_one(changed, report)
+    for fault in report.ordered():
+        if fault.code is Code.CHOICE_OPTION:
+            context.report.say(fault)
+        else:  # the document has no faults: a value makes something else wrong
+            context.say_of_option(closest(values, fault.path or ""), fault.message, fault.help)
+    return (changed, sound) if isinstance(sound, AssemblySpec) else (document, spec)
+
+
+def _read(path: str, text: str, place: Span) -> Node | Astray:
+    """What a text says at a path, all of it at one place."""
+    if (bad := forbidden(text)) is not None:
+        return Astray(f"`{path}`: {bad[1]}", "take it out")
+    if is_flow(text):
+        tree = read_flow(text, place)
+        return Astray(f"`{path}` cannot be read: {tree.message}", tree.help) if isinstance(tree, Diagnostic) else tree
+    try:
+        return ScalarNode(value=core_value(text), text=text, span=place)
+    except OverflowError:
+        return Astray(f"`{path}` is a number that is not finite (`{shortened(text)}`)", "write a finite number")
+
+
+def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
+    """A tree like `node` with `leaf` at `keys`; mappings on the way that are not there are made."""
+    if not keys:
+        return leaf
+    entries, spans = (dict(node.entries), dict(node.keys)) if isinstance(node, MappingNode) else ({}, {})
+    if len(keys) == 1 or keys[0] not in spans:
+        spans[keys[0]] = leaf.span
+    entries[keys[0]] = _with(entries.get(keys[0]), keys[1:], leaf)
+    return MappingNode(entries=entries, keys=spans, span=leaf.span if node is None else node.span)
+
+
+def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, whole: Callable[[str], str]) -> Astray | None:
+    """Where a path leaves what an assembly may have or, of things with names, what the `tree` has: a message, and the nearest path that
+    does not. None where it leads to a value, or `text` is what holds values. `whole` gives paths as the top document has them."""
+    if keys[0] in FIXED:
+        return Astray(f"`{keys[0]}` is not set by a path", FIXED[keys[0]])
+    node: Node | None = tree
+    shape = shape_of(AssemblySpec)
+    for depth, key in enumerate(keys):
+        here = whole(".".join(keys[:depth]))
+        if isinstance(node, ScalarNode):
+            return Astray(f"`{here}` is `{shortened(node.text)}`: there is nothing inside it", f"set `{here}`")
+        if isinstance(node, SequenceNode):
+            return Astray(f"`{here}` is a list: nothing inside it is set by a path", f"set `{here}` as a whole")
+        branches = alternatives(shape)
+        inner = next((branch for branch in branches if branch.model is not None and key in model_keys(branch.model)), None)
+        if inner is not None:
+            assert inner.model is not None
+            shape = model_keys(inner.model)[key][0]
+        elif (named := next((branch for branch in branches if branch.kind == "dict"), None)) is not None:
+            written = node.entries if isinstance(node, MappingNode) else {}
+            shape = shape_of(named.members[0])
+            if shape.kind in ("model", "dict") and key not in written:
+                return _no_such(document, keys, depth, written, whole)
+        elif keys[0] == "raw":  # whatever its target takes
+            return None
+        elif any(branch.model is not None for branch in branches):
+            there = [key for one in branches if one.model is not None for key in model_keys(one.model)]
+            return _no_such(document, keys, depth, there, whole)
+        else:
+            return Astray(f"`{here}` is a value: there is nothing inside it", f"set `{here}`")
+        node = node.entries.get(key) if isinstance(node, MappingNode) else None
+    return None if is_flow(text) else _unfinished(whole(".".join(keys)), shape, node)
+
+
+def _no_such(
+    document: Document, keys: tuple[str, ...], depth: int, known: Iterable[str], whole: Callable[[str], str],
+) -> Astray:
+    """What to say of the key at `depth`, which is none of those that are known there."""
+    known, key = list(known), keys[depth]
+    sections = [name for name, node in document.tree.entries.items() if isinstance(node, MappingNode) and keys[0] in node.entries]
+    near = nearest(key, known)
+    if depth == 0 and sections:
+        help = f"did you mean `{whole('.'.join((sections[0], *keys)))}`?"
+    elif near is not None:
+        help = f"did you mean `{whole('.'.join((*keys[:depth], near, *keys[depth + 1:])))}`?"
+    else:
+        help = did_you_mean(key, known, what=keys[0] if depth == 1 else "keys")
+    here = f"`{whole('.'.join(keys[:depth]))}` has" if depth else "an assembly has"
+    return Astray(f"{here} no `{shortened(key)}`", help)
+
+
+def _unfinished(path: str, shape: AnnotationShape, node: Node | None) -> Astray | None:
+    """What to say where a path ends before a value: at something that is a mapping, or a list of them, and nothing else."""
+    branches = alternatives(shape)
+    kinds = {branch.kind for branch in branches}
+    if not kinds & {"model", "dict"} or kinds - {"model", "dict", "list"}:
+        return None
+    inside = [key for branch in branches if branch.model is not None for key in model_keys(branch.model)]
+    inside += node.entries if isinstance(node, MappingNode) else ()
+    named = [f"`{path}.{key}`" for key in dict.fromkeys(inside[:6])]
+    help = f"name one of them: {', '.join(named)}; or set all of it: `{path}={{...}}`" if named else f"set all of it: `{path}={{...}}`"
+    return Astray(f"`{path}` is no value, but has values inside", help)

@@ -1,0 +1,132 @@
+"""Standing on the floor: how high a mode that is `on: floor` has to be for its lowest point to touch z = 0 of the world.
+
+The lowest point is that of the shapes that simulators collide, so that a simulation begins with the robot touching the floor and
+nothing in it. A mode has its height from its start pose; a `free` base from each of its poses, for its keyframes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.memo import Memo
+from thingc.base.pose import Pose, Vector
+from thingc.base.primitives import Primitive
+from thingc.base.summing import plain_sum
+from thingc.geometry.record import Mesh
+from thingc.model.assembly.types import Assembly, LinkedMode, Occurrence
+from thingc.model.resolve.types import NamedPose
+from thingc.model.robot.kinematics import placed_bodies
+from thingc.model.robot.loop_closure import closed_coordinates
+from thingc.model.robot.loop_cuts import spanning
+from thingc.model.robot.tree import bodies_from, in_link, root_pose
+
+MeshVertices = Callable[[Mesh], Sequence[Vector]]
+"""The vertices [m] of a mesh in the store."""
+
+DECIMALS = 7
+"""Heights [m] are rounded to these: vertices of meshes have single precision, and 0.05825 would be 0.05825000014901161."""
+
+ROUNDING = 1e-6
+"""How far [m] a mesh may stick out of its part's box: rounding."""
+
+
+def stand(assembly: Assembly, mesh_vertices: MeshVertices | None, report: Report, memo: Memo | None = None) -> Assembly:
+    """The assembly with the heights of its modes that are `on: floor` found: in their `at` and `at_in`.
+
+    Without `mesh_vertices` parts count as large as their boxes, which is near enough for what does without meshes. A robot that touches
+    nothing is said in `report`. What `memo` has of it is taken from there.
+    """
+    if not any(mode.on_floor for mode in assembly.modes):
+        return assembly
+    modes = tuple(_stood(assembly, mode, mesh_vertices, report, memo or Memo()) if mode.on_floor else mode for mode in assembly.modes)
+    return replace(assembly, modes=modes)
+
+
+def _stood(assembly: Assembly, mode: LinkedMode, mesh_vertices: MeshVertices | None, report: Report, memo: Memo) -> LinkedMode:
+    by_name = {pose.name: pose for pose in assembly.poses}
+    start = _height(assembly, mode, by_name.get(mode.pose or ""), mesh_vertices, memo)
+    if start is None:
+        if all(one.record is None or one.record.exact for one in assembly.occurrences):
+            report.add(
+                Code.NOTHING_TOUCHES, f"mode `{mode.name}` is `on: floor`, and no part of `{assembly.name}` could touch it",
+                mode.origin, path=mode.name, help="give a part a `collision` other than `none`, or write `at: {xyz: ...}`",
+            )
+        return mode
+    at_in: dict[str, Pose] = {}
+    if mode.base == "free" and not mode.holds:
+        for name in mode.poses:
+            height = start if name == mode.pose else _height(assembly, mode, by_name.get(name), mesh_vertices, memo)
+            at_in[name] = _raised(mode.at, start if height is None else height)
+    return replace(mode, at=_raised(mode.at, start), at_in=at_in | mode.at_in)
+
+
+def _raised(at: Pose, height: float) -> Pose:
+    x, y, _ = at.translation
+    return replace(at, translation=(x, y, height))
+
+
+def _height(
+    assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, mesh_vertices: MeshVertices | None, memo: Memo,
+) -> float | None:
+    """Where z [m] of the mode's `at` has to be in a pose (None: every joint at 0); None where nothing can touch."""
+    start = assembly.link_of[mode.root.occurrence]
+    on_plane = root_pose(assembly, replace(mode, at=_raised(mode.at, 0.0)))
+    bodies = bodies_from(assembly, start, spanning(assembly, mode), on_plane, memo)
+    at = dict(zip((body.link for body in bodies), placed_bodies(bodies, closed_coordinates(assembly, pose, memo), bodies[0].X_PL)))
+    poses = [at[link] @ inner for link, inner in zip(assembly.link_of, in_link(assembly)) if link in at]
+    if len(poses) < len(assembly.occurrences):
+        return None
+    place = (mode.name, pose.name if pose is not None else None)
+    lowest = _lowest(list(zip(assembly.occurrences, poses, strict=True)), place, mesh_vertices, memo)
+    return None if lowest == math.inf else round(-lowest, DECIMALS) + 0.0
+
+
+def _lowest(
+    parts: Sequence[tuple[Occurrence, Pose]], place: tuple[str, str | None], mesh_vertices: MeshVertices | None, memo: Memo,
+) -> float:
+    """The lowest z [m] of what collides, infinite where nothing does. Meshes are looked into from the one whose box reaches lowest,
+    and no further than one can be lower than what has been found."""
+    lowest = math.inf
+    meshes: list[tuple[float, int, int, Mesh, Pose]] = []
+    for number, (part, pose) in enumerate(parts):
+        low = math.inf if part.box is None else pose.translation[2] + of_box(part.box, pose.rotation[2])
+        if mesh_vertices is None:
+            lowest = min(lowest, low if part.collides else math.inf)
+            continue
+        for index, surface in enumerate(part.touching):
+            shape = surface.solid
+            if isinstance(shape, Primitive):
+                if min(shape.size) > 0.0 and shape.shape != "plane":
+                    lowest = min(lowest, pose.translation[2] + shape.lowest(pose.rotation[2]))
+            elif shape.flat:  # MuJoCo does not touch what has no inside
+                continue
+            else:  # what a Thing collides as may lie anywhere
+                under = -math.inf if part.overrides.collision == "part" else low - ROUNDING
+                meshes.append((under, number, index, shape, pose @ surface.pose))
+    for under, number, index, mesh, pose in sorted(meshes, key=lambda entry: entry[:3]):
+        if under >= lowest or mesh_vertices is None:
+            break
+        part, _ = parts[number]
+        points = memo(("mesh_vertices", part.path, index), partial(vertices_of, mesh_vertices, mesh), mesh.sha256)
+        lowest = min(lowest, pose.translation[2] + memo(("lowest", *place, part.path, index), of_points, points, pose.rotation[2]))
+    return lowest
+
+
+def vertices_of(mesh_vertices: MeshVertices, mesh: Mesh, sha256: str) -> Sequence[Vector]:
+    """The vertices of a mesh, by its digest: for a `Memo`."""
+    return mesh_vertices(mesh)
+
+
+def of_points(points: Sequence[Vector], down: Vector) -> float:
+    """The least of `down` times x [m] over points x."""
+    x, y, z = down
+    return min(x * a + y * b + z * c for a, b, c in points)
+
+
+def of_box(box: tuple[Vector, Vector], down: Vector) -> float:
+    """The same over the points of a box."""
+    return plain_sum(min(component * low, component * high) for component, low, high in zip(down, *box, strict=True))

@@ -1,0 +1,236 @@
+"""Where a mode starts: whether parts that are seen lie under the plane of its scene, which is z = 0 of the world, whether it stands on
+its feet there, and whether its joints are within their limits."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+from thingc.base.diagnostics import Code, Note, Report, allow_hint, shown_path
+from thingc.base.memo import Memo
+from thingc.base.pose import Pose, Vector
+from thingc.base.summing import hypot, plain_sum
+from thingc.base.units import LENGTH, Quantity
+from thingc.model.assembly.kinematics import joints_of
+from thingc.model.assembly.types import Assembly, Link, Occurrence
+from thingc.model.resolve.coordinates import Limit
+from thingc.model.robot.floor_height import MeshVertices, of_box, of_points, vertices_of
+from thingc.model.robot.kinematics import body_poses
+from thingc.model.robot.types import Keyframe, Robot, Unclosed
+
+Box = tuple[Vector, Vector]
+"""Two corners [m], the lower one first."""
+
+DEEP = 0.5e-3
+"""[m] How far under the plane a part may start: soles are pressed on by less."""
+
+MOVED = {True: math.radians(0.5), False: 0.5e-3}
+"""How far closing the loops may move a given value of a pose without a warning: of a turn [rad], of a slide [m]."""
+
+ROUNDING = 1e-9
+"""[rad, m] How far 0 may be beyond a limit."""
+
+
+def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, report: Report, memo: Memo) -> None:
+    """Warn about each mode that is meant to stand on the plane and starts with a part under it; modes that start alike (they differ in
+    gravity, say) share one warning. The root of a `fixed` base may reach into the ground that it is bolted to, unless all of it lies there.
+
+    Without `mesh_vertices` (the vertices of a mesh) only the boxes of parts are known, and the warning gives a lower bound: something
+    touches every side of a box. And a warning for each mode that has feet, and something else lower than them; and for each that starts
+    without a pose, and so with a joint at 0, where that joint cannot be. And a warning for each pose that a loop changes.
+    """
+    _check_feet(robots, report)
+    _check_limits(robots, report)
+    _check_poses(robots, report)
+    spheres = [_sphere(link, robots[0].assembly) for link in robots[0].assembly.links] if robots else []
+    alike: dict[tuple[int, float], list[Robot]] = {}
+    for robot in robots:
+        if _is_meant_to_stand(robot):
+            deepest = min(_lowest(robot, spheres, mesh_vertices, memo), default=None)
+            if deepest is not None and deepest[0] < -DEEP and not report.allows(Code.START_BELOW, robot.mode.origin):
+                alike.setdefault((deepest[1], round(-deepest[0], 6)), []).append(robot)
+    for (number, depth), group in alike.items():
+        others = [robot.mode.name for robot in group[1:]]
+        _warn(group[0], others, group[0].assembly.occurrences[number], depth, mesh_vertices is None, report)
+
+
+def _is_meant_to_stand(robot: Robot) -> bool:
+    """Whether the document puts the robot on the plane: it says where (`at`), or what its feet are. A robot that is held, or whose root is
+    in the origin because nothing says otherwise (as in most imported files), may be anywhere. With `on: floor` it cannot be too low."""
+    mode = robot.mode
+    placed = mode.at.translation != (0.0, 0.0, 0.0) and (robot.base != "held" or mode.at.translation[2] < 0.0)
+    return mode.stated and not mode.on_floor and (placed or bool(mode.feet))
+
+
+def _warn(robot: Robot, others: Sequence[str], part: Occurrence, depth: float, bound: bool, report: Report) -> None:
+    mode = robot.mode
+    height = mode.at.translation[2]
+    shown = Quantity(float(f"{depth:.3g}"), LENGTH)
+    raised = Quantity(float(f"{height + math.ceil(1e4 * depth) / 1e4:.6g}"), LENGTH)
+    stands = any(one.collides for one in robot.assembly.occurrences)
+    help = f"write for example `at: {{xyz: 0 0 {raised}}}`{', or let it stand: `at: {on: floor}`' if stands else ''}"
+    if height == 0.0 and mode.origin and stands:
+        typed = shlex.join(["thingc", "set", shown_path(mode.origin[0].file), f"modes.{mode.name}.at.on=floor"])
+        help = f"let it stand: `{typed}`, or write for example `at: {{xyz: 0 0 {raised}}}`"
+    if height < 0.0:
+        help = f"`at` is at z = {Quantity(height, LENGTH)}, probably with a sign too many"
+    notes = [Note(message=f"`{part.path}` is here", span=part.origin[0])] if part.origin else []
+    if others:
+        notes.append(Note(message=f"so {'does' if len(others) == 1 else 'do'} mode{'' if len(others) == 1 else 's'} "
+                          + ", ".join(f"`{name}`" for name in others)))
+    report.warn(
+        Code.START_BELOW,
+        f"mode `{mode.name}` starts with `{part.path}` {'at least ' if bound else ''}{shown} under the plane z = 0 of its scene",
+        mode.origin, path=mode.name, help=f"{help}; {allow_hint(Code.START_BELOW)}", notes=notes,
+    )
+
+
+def _check_feet(robots: Sequence[Robot], report: Report) -> None:
+    """A warning for each mode in which something is lower than all that its feet belong to, as certain as boxes tell it."""
+    alike: dict[tuple[int, float], list[Robot]] = {}
+    for robot in robots:
+        lowest = _under_feet(robot) if robot.mode.feet and not report.allows(Code.OFF_FEET, robot.mode.origin) else None
+        if lowest is not None:
+            alike.setdefault(lowest, []).append(robot)
+    for (number, depth), modes in alike.items():
+        mode, part = modes[0].mode, modes[0].assembly.occurrences[number]
+        notes = [Note(message=f"`{part.path}` is here", span=part.origin[0])] if part.origin else []
+        others = ", ".join(f"`{robot.mode.name}`" for robot in modes[1:])
+        feet = ", ".join(f"`{foot.mount.path}`" for foot in mode.feet[:3]) + (" and others" if len(mode.feet) > 3 else "")
+        report.warn(
+            Code.OFF_FEET,
+            f"mode `{mode.name}` stands on {feet}, and `{part.path}` is at least {Quantity(float(f'{depth:.3g}'), LENGTH)} lower "
+            + (f"in pose `{mode.pose}`" if mode.pose is not None else "with all joints at 0"),
+            mode.origin, path=mode.name, notes=[*notes, *([Note(message=f"so it is in {others}")] if others else [])],
+            help=f"start in a pose that puts the feet down, or mend how the legs are put together; {allow_hint(Code.OFF_FEET)}",
+        )
+
+
+def _under_feet(robot: Robot) -> tuple[int, float] | None:
+    """The part that is lowest of the links without feet, and how much lower [m] it certainly is than all parts of those with; None
+    where that is less than `DEEP`, or not known."""
+    assembly = robot.assembly
+    standing = {assembly.link_of[foot.mount.occurrence] for foot in robot.mode.feet}
+    frame = robot.start
+    feet, lowest, number = math.inf, math.inf, -1
+    placed = body_poses(robot, frame.q if frame is not None else {}, frame.base if frame is not None else None)
+    for body, at in zip(robot.bodies, placed, strict=True):
+        for part, box, pose in _seen(assembly, assembly.links[body.link], at):
+            if body.link in standing:
+                feet = min(feet, pose.translation[2] + of_box(box, pose.rotation[2]))
+            elif (low := pose.translation[2] + _certain(box, pose.rotation[2])) < lowest:
+                lowest, number = low, part.index
+    return (number, round(feet - lowest, 6)) if lowest + DEEP < feet < math.inf else None
+
+
+def _check_limits(robots: Sequence[Robot], report: Report) -> None:
+    """A warning for each mode that starts without a pose while 0 is outside of what a joint of it can do. Where loops or holds are
+    closed, the joints go where these take them."""
+    alike: dict[tuple[str, ...], list[Robot]] = {}
+    for robot in robots:
+        mode = robot.mode
+        if mode.stated and mode.pose is None and not robot.closures:
+            free = (joint for body in robot.bodies for joint in body.joints if joint.mimic is None)
+            beyond = tuple(joint.path for joint in free if not _at_rest(joint.limit))
+            if beyond and not report.allows(Code.START_LIMITS, mode.origin):
+                alike.setdefault(beyond, []).append(robot)
+    for paths, modes in alike.items():
+        mode = modes[0].mode
+        first, *more = (joint for body in modes[0].bodies for joint in body.joints if joint.path in paths)
+        ends = [first.twist.shown(end) for end in (first.limit.lower, first.limit.upper) if end is not None]
+        others = ", ".join(f"`{robot.mode.name}`" for robot in modes[1:])
+        report.warn(
+            Code.START_LIMITS,
+            f"mode `{mode.name}` starts without a pose, so with `{first.path}` at 0, outside its limits {' to '.join(ends)}",
+            mode.origin, path=mode.name,
+            notes=[
+                *([Note(message=f"`{first.path}` is here", span=first.origin[0])] if first.origin else []),
+                *(Note(message=f"so it is with `{joint.path}`") for joint in more[:3]),
+                *([Note(message=f"so it is in {others}")] if others else []),
+            ],
+            help=f"give the mode a `pose` that sets `{first.path.replace('/', '.')}`; {allow_hint(Code.START_LIMITS)}",
+        )
+
+
+def _check_poses(robots: Sequence[Robot], report: Report) -> None:
+    """Warn once for each pose with given values that move far when the loops of joints are closed. Holds are meant to move joints."""
+    looped = [robot for robot in robots if robot.closures and not any(closure.hold for closure in robot.closures)]
+    frames: dict[str, Keyframe | Unclosed] = {}
+    for robot in looped:
+        frames |= {frame.name: frame for frame in robot.unclosed} | {frame.name: frame for frame in robot.keyframes}
+    for pose in (one for one in looped[0].assembly.poses if one.name in frames) if looped else ():
+        joints = {joint.path: joint for joint in joints_of(looped[0].assembly) if joint.path in pose.values}
+        moved = {path: by for path, by in frames[pose.name].moved.items() if path in joints and abs(by) > MOVED[joints[path].twist.turns]}
+        if not moved or report.allows(Code.POSE_MOVED, pose.origin):
+            continue
+        path, *more = sorted(moved, key=lambda one: -abs(moved[one]))
+        old, new = (joints[path].twist.shown(value) for value in (pose.values[path], pose.values[path] + moved[path]))
+        lost = ", too far for a keyframe" if isinstance(frames[pose.name], Unclosed) else ""
+        others = f" ({len(more)} more of its values move)" if more else ""
+        report.warn(
+            Code.POSE_MOVED,
+            f"pose `{pose.name}` sets `{path}` to {old}, but its loops close nearest to it at {new}{lost}{others}",
+            pose.origins[path], path=pose.name,
+            help=f"write `{path.replace('/', '.')}: {new}`, or leave out joints that may move; {allow_hint(Code.POSE_MOVED)}",
+        )
+
+
+def _at_rest(limit: Limit) -> bool:
+    """Whether 0 is within these limits, up to rounding."""
+    return (limit.lower is None or limit.lower <= ROUNDING) and (limit.upper is None or limit.upper >= -ROUNDING)
+
+
+def _lowest(robot: Robot, spheres: Sequence[float], mesh_vertices: MeshVertices | None, memo: Memo) -> Iterator[tuple[float, int]]:
+    """The lowest z [m] of every part that may lie under the plane where the mode starts, with the part's number."""
+    assembly, name = robot.assembly, robot.mode.pose
+    frame = next((frame for frame in robot.keyframes if frame.name == name), None)
+    placed = body_poses(robot, frame.q if frame is not None else {}, frame.base if frame is not None else None)
+    for body, at in zip(robot.bodies, placed, strict=True):
+        if at.translation[2] - spheres[body.link] > -DEEP:
+            continue
+        seen = list(_seen(assembly, assembly.links[body.link], at))
+        if body.parent is None and robot.base != "free" and any(_top(box, pose) > -DEEP for _, box, pose in seen):
+            continue  # what is bolted to the ground may reach into it
+        for part, box, pose in seen:
+            if pose.translation[2] + of_box(box, pose.rotation[2]) > -DEEP:
+                continue
+            hull = part.record.meshes.get("hull") if mesh_vertices is not None and part.record is not None else None
+            if mesh_vertices is None or hull is None:
+                yield pose.translation[2] + _certain(box, pose.rotation[2]), part.index
+            else:
+                points = memo(("hull", part.path), partial(vertices_of, mesh_vertices, hull), hull.sha256)
+                yield pose.translation[2] + of_points(points, pose.rotation[2]), part.index
+
+
+def _seen(assembly: Assembly, link: Link, at: Pose) -> Iterator[tuple[Occurrence, Box, Pose]]:
+    """The parts of a link that are drawn, with their boxes and their poses in the world."""
+    for member, inner in zip(link.members, link.poses, strict=True):
+        part = assembly.occurrences[member]
+        if part.box is not None and part.drawn and (part.record is None or part.record.exact):
+            yield part, part.box, at @ inner
+
+
+def _top(box: Box, pose: Pose) -> float:
+    """The highest z [m] that something in a box can have."""
+    x, y, z = pose.rotation[2]
+    return pose.translation[2] - of_box(box, (-x, -y, -z))
+
+
+def _certain(box: Box, down: Vector) -> float:
+    """The lowest that is certain of a part in a box, which it touches on every side: on each side the point that it touches is no
+    higher than the highest of that side."""
+    highest = [max(component * low, component * high) for component, low, high in zip(down, *box, strict=True)]
+    return min(plain_sum(highest) - highest[axis] + down[axis] * side[axis] for axis in range(3) for side in box)
+
+
+def _sphere(link: Link, assembly: Assembly) -> float:
+    """A radius [m] around the origin of a link within which all of its parts lie."""
+    reach = 0.0
+    for member, pose in zip(link.members, link.poses, strict=True):
+        box = assembly.occurrences[member].box
+        if box is not None:
+            corner = hypot(*(max(abs(low), abs(high)) for low, high in zip(*box, strict=True)))
+            reach = max(reach, hypot(*pose.translation) + corner)
+    return reach

@@ -1,0 +1,169 @@
+"""Static efforts where the load can be shared in more than one way: loops, holds, and feet on the floor, by least squares.
+
+With the coordinates x of a robot (of a floating one the base's six as well), Q what gravity and springs do on them, N a basis of the
+motions that loops and holds leave free, S the drives, and J the velocities of the feet, the efforts t and the forces f of the floor hold
+the robot where
+
+    N' (Q + S t + J' f) = 0,    every f within the cone |f_t| <= mu f_n of its foot, moved down its axis by what adhesion pulls
+
+Of all such t the answer is the one with the least sum of squares of effort by limit. Without feet that is a pseudo-inverse. With them the
+f are nonnegative sums of the edges of pyramids within the cones, and the problem one of nonnegative least squares with equality
+constraints, which weigh so much more that they are met (Haskell and Hanson, "An algorithm for linear least squares problems with equality
+and nonnegativity constraints", 1981); the edges that are used are then taken as they are and the rest is solved exactly.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from thingc.base.pose import Pose
+from thingc.base.summing import hypot
+from thingc.model.assembly.kinematics import joints_of, leaders
+from thingc.model.robot.loop_solver import Loops, SolverState
+from thingc.model.robot.types import Robot
+from thingc.model.statics.support import Stance, outside, stance
+from thingc.model.statics.types import DriveTransmission, Efforts, Fall, answer
+
+Array = NDArray[np.float64]
+
+RANK = 1e-9
+"""Singular values below this part of the greatest are none."""
+
+EDGES = 16
+"""Edges of the pyramid within a friction cone: it has at most 1 - cos(pi / 16), 2 %, less friction than the cone."""
+
+HEAVY = 1e5
+"""How much more than efforts the balance weighs."""
+
+MET = 1e-7
+"""A balance that is off by less than this part of the load is met."""
+
+
+def balance_shared(
+    robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], load: Mapping[str, float], drives: Sequence[DriveTransmission],
+) -> Efforts:
+    """The efforts at `q`, where the loops are closed; `load` [N m or N] by coordinate. Of a robot without closures and feet it is the
+    answer of `balance_tree`, by another way. The base is held, but for one that floats and that feet or holds carry."""
+    loops = Loops(robot.bodies, robot.closures, joints_of(robot.assembly), bodies[0])
+    paths = [coordinate.path for coordinate in loops.coordinates]
+    column = {path: k for k, path in enumerate(paths)}
+    stands = stance(robot, q, bodies) if robot.carried else None
+    count = len(paths) + (0 if stands is None else 6)
+    closing = np.array(loops.linearized(SolverState(q=dict(q), base=bodies[0]), base_moves=robot.carried)[1], dtype=np.float64)
+    free = _null_space(closing.reshape(count, -1).T)
+    known, pushed = np.array([load[path] for path in paths]), np.zeros((count, 0))
+    if stands is not None:
+        known = np.concatenate([known, np.array(stands.weight) * loops.length, stands.turning])
+        J = _feet(robot, q, stands, column, loops.length)
+        known -= sum((foot.pull * moves[2] for foot, moves in zip(stands.feet, J, strict=True)), np.zeros(count))
+        pushed = np.hstack([pushed, *(moves.T @ edges(foot.friction).T for foot, moves in zip(stands.feet, J, strict=True))])
+    weights = np.array([drive.weight for drive in drives])
+    moved = np.zeros((count, len(drives)))
+    for number, drive in enumerate(drives):
+        for path, factor in drive.moves:
+            moved[column[path], number] = factor
+    shared = _share(free.T @ moved * weights, free.T @ known, free.T @ pushed)
+    effort = weights * shared.efforts
+    rest = np.abs(free @ (free.T @ (known + moved @ effort + pushed @ shared.forces)))
+    efforts = {drive.path: float(value) + 0.0 for drive, value in zip(drives, effort, strict=True)}
+    worst = int(rest.argmax()) if count else 0
+    return answer(
+        drives, efforts, float(np.abs(known).max(initial=0.0)), float(rest.max(initial=0.0)), paths[worst] if worst < len(paths) else "",
+        shared.choices, fall=None if stands is None else _fall(robot, stands),
+    )
+
+
+def _feet(robot: Robot, q: Mapping[str, float], stands: Stance, column: Mapping[str, int], size: float) -> list[Array]:
+    """At `q` how each foot moves [m] with the coordinates (3 x n): the joints', then the base's, three shifts (in lengths of `size` [m])
+    and three turns about its origin."""
+    following = leaders(joints_of(robot.assembly), q)
+    jacobians: list[Array] = []
+    for foot in stands.feet:
+        J = np.zeros((3, len(column) + 6))
+        for path, velocity in foot.moves.items():
+            leader, factor, _ = following[path]
+            J[:, column[leader]] += factor * np.array(velocity)
+        x, y, z = np.array(foot.point) - np.array(stands.origin)
+        J[:, -6:-3] = np.eye(3) * size
+        J[:, -3:] = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+        jacobians.append(J)
+    return jacobians
+
+
+def _fall(robot: Robot, stands: Stance) -> Fall | None:
+    """Why the floor cannot carry the robot, however its drives hold it; None where it can, and where holds carry it, too."""
+    if robot.closures and any(closure.hold for closure in robot.closures):
+        return None
+    known = np.concatenate([stands.weight, np.cross(np.subtract(stands.centre, stands.feet[0].point), stands.weight)])
+    pushed: list[Array] = []
+    for foot in stands.feet:
+        arm = np.subtract(foot.point, stands.feet[0].point)
+        forces = edges(foot.friction)
+        pushed.append(np.hstack([forces, np.cross(arm, forces)]).T)
+        known -= np.concatenate([(0.0, 0.0, foot.pull), np.cross(arm, (0.0, 0.0, foot.pull))])
+    matrix = np.hstack(pushed)
+    _, left = nnls(matrix, -known, maxiter=50 * matrix.shape[1])
+    if left <= MET * float(np.linalg.norm(known)):
+        return None
+    far = outside(stands)
+    if math.isinf(far):
+        return Fall("pulls" if stands.weight[2] > 1e-9 * hypot(*stands.weight) else "slides", far)
+    return Fall("tips" if far > 0.0 else "slides", far)
+
+
+def edges(friction: float) -> Array:
+    """The edges (n x 3) of the pyramid within the cone of a foot on the floor, one of 1 along its axis z."""
+    if friction == 0.0:
+        return np.array([[0.0, 0.0, 1.0]])
+    angles = 2.0 * math.pi * np.arange(EDGES) / EDGES
+    return np.stack([friction * np.cos(angles), friction * np.sin(angles), np.ones(EDGES)], axis=1)
+
+
+class _Shares(NamedTuple):
+    """`efforts` by their weights, `forces` along the edges, and in how many directions the efforts could be otherwise."""
+
+    efforts: Array
+    forces: Array
+    choices: int
+
+
+def _share(held: Array, known: Array, pushed: Array) -> _Shares:
+    """The x (drives) and y >= 0 (edges) with `held x + known + pushed y = 0`, as well as that can be, and the least |x|."""
+    left, sizes, right = np.linalg.svd(held) if held.size else (np.eye(len(known)), np.zeros(0), np.eye(held.shape[1]))
+    rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
+    inverse = right[:rank].T / sizes[:rank] @ left[:, :rank].T
+    rigid = left[:, rank:].T  # what no drive balances
+    y = _forces(rigid @ pushed, rigid @ known, inverse @ pushed, inverse @ known) if pushed.shape[1] else np.zeros(0)
+    inner = inverse @ pushed @ _null_space(rigid @ pushed) if pushed.shape[1] else np.zeros((len(inverse), 0))
+    open_ = held.shape[1] - rank + (int(np.linalg.matrix_rank(inner, tol=1e-9 * np.abs(inverse @ pushed).max())) if inner.size else 0)
+    return _Shares(-inverse @ (known + pushed @ y), y, open_)
+
+
+def _forces(must: Array, due: Array, costs: Array, before: Array) -> Array:
+    """The y >= 0 with `must y + due = 0` and the least |costs y + before|."""
+    scale = np.abs(due).max(initial=0.0) or 1.0
+    y, _ = nnls(np.vstack([HEAVY / scale * must, costs]), -np.concatenate([HEAVY / scale * due, before]), maxiter=50 * must.shape[1])
+    used = np.flatnonzero(y > 0.0)
+    start = np.linalg.lstsq(must[:, used], -due, rcond=RANK)[0]
+    open_ = _null_space(must[:, used])
+    exact = start
+    if open_.shape[1]:
+        exact = start - open_ @ np.linalg.lstsq(costs[:, used] @ open_, costs[:, used] @ start + before, rcond=RANK)[0]
+    if exact.min(initial=0.0) >= -MET and np.abs(must[:, used] @ exact + due).max(initial=0.0) <= MET * scale:
+        y[used] = np.maximum(exact, 0.0)
+    return np.asarray(y)
+
+
+def _null_space(rows: Array) -> Array:
+    """An orthonormal basis (n x k) of what the rows (m x n) map to 0."""
+    if not rows.size:
+        return np.eye(rows.shape[1])
+    _, sizes, right = np.linalg.svd(rows)
+    rank = int((sizes > RANK * max(float(sizes.max(initial=0.0)), 1e-12)).sum())
+    return np.asarray(right[rank:].T, dtype=np.float64)

@@ -1,0 +1,76 @@
+"""Bases that move in part: `planar` in the x-y plane of a frame A that stands in the world, `ball` about the origin of A.
+
+With X_WR the pose of the root link, X0_WR where the mode puts it, and M the motion in A, X_WR = X_WA M inv(X_WA) X0_WR. MuJoCo has of M two
+slides and a turn about z, or a quaternion in the axes of the root link.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from thingc.base.one_line_repr import Brief
+from thingc.modes.frames import Array, inverse, pose, quaternion_of, rotation_of, turned
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PartBase(Brief):
+    """How the root link of a mode moves: `kind` is `planar` or `ball`, `X_WA` and `X0_WR` (4, 4) as above."""
+
+    kind: Literal["planar", "ball"]
+    X_WA: Array
+    X0_WR: Array
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints that the model has for it."""
+        return ("root",) if self.kind == "ball" else ("root_0", "root_1", "root_2")
+
+    def qpos(self, X: Array) -> Array:
+        """MuJoCo's `qpos` of the root link at X (4, 4), as near as it can come."""
+        if self.kind == "ball":
+            return quaternion_of(self.X0_WR[:3, :3].T @ X[:3, :3])
+        M = self._motion(X)
+        return np.array([M[0, 3], M[1, 3], np.arctan2(M[1, 0] - M[0, 1], M[0, 0] + M[1, 1])])
+
+    def pose(self, qpos: ArrayLike) -> Array:
+        """Where the root link is (4, 4) at MuJoCo's `qpos`."""
+        values = np.asarray(qpos, dtype=float)
+        if self.kind == "ball":
+            turn = self.X0_WR[:3, :3] @ rotation_of(values) @ self.X0_WR[:3, :3].T
+            about = self.X_WA[:3, 3]
+            return pose(turn, about - turn @ about) @ self.X0_WR
+        M = pose(turned(np.array([0.0, 0.0, 1.0]), float(values[2])), np.array([values[0], values[1], 0.0]))
+        return self.X_WA @ M @ inverse(self.X_WA) @ self.X0_WR
+
+    def qvel(self, X: Array, twist: Array) -> Array:
+        """(3,): MuJoCo's `qvel` where the root link at X moves with a twist (6,), without what it cannot keep."""
+        if self.kind == "ball":
+            return twist[3:]
+        R, spin = self.X_WA[:3, :3], X[:3, :3] @ twist[3:]
+        x, y, _ = R.T @ (twist[:3] + np.cross(spin, self._carried(X) - X[:3, 3]))
+        return np.array([x, y, (R.T @ spin)[2]])
+
+    def twist(self, X: Array, qvel: ArrayLike) -> Array:
+        """(6,): how the root link at X moves at MuJoCo's `qvel`."""
+        values = np.asarray(qvel, dtype=float)
+        R = self.X_WA[:3, :3]
+        if self.kind == "ball":
+            spin, linear = X[:3, :3] @ values, np.zeros(3)
+        else:
+            spin, linear = R[:, 2] * values[2], R[:, :2] @ values[:2]
+        return np.concatenate([linear + np.cross(spin, X[:3, 3] - self._carried(X)), X[:3, :3].T @ spin])
+
+    def motions(self, X: Array) -> Array:
+        """(6, 3): the twists that it has at X, per unit of each entry of `qvel`."""
+        return np.array([self.twist(X, unit) for unit in np.eye(3)]).T
+
+    def _motion(self, X: Array) -> Array:
+        return inverse(self.X_WA) @ X @ inverse(self.X0_WR) @ self.X_WA
+
+    def _carried(self, X: Array) -> Array:
+        """(3,): where the root link at X has the point that was at the origin of A."""
+        return (self.X_WA @ self._motion(X))[:3, 3]

@@ -1,0 +1,152 @@
+"""The robot as files call it: what `names:` of the documents says goes before the paths of things.
+
+Targets that other programs read by name (`Target.by_name`) are asked with this robot, and know of no other name. A `/` in a name is written
+as one in a path is.
+
+Which fields of records hold paths is said by their types (`file_names.py`), and they are found by those. What a record holds in another
+way has a rule of its own (`_Caller.rules`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import is_dataclass, replace
+from functools import cache
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
+
+from thingc.model.assembly.hag import Definition
+from thingc.model.assembly.types import Assembly, FileNames, JointEdge, LinkedSensor, LinkedTendon, LinkedTest, Occurrence
+from thingc.model.resolve.coordinates import CoordinateName
+from thingc.model.resolve.raw_elements import named_kind
+from thingc.model.resolve.types import AssemblyDefinition, Component, RawAttribute, RawElement
+from thingc.model.robot.types import Closure, CoreJoint
+from thingc.targets.request import EmitRequest
+
+MADE = "called"
+"""Where the request that has been made of another is kept."""
+
+AS_WRITTEN = frozenset({AssemblyDefinition, Component, Definition, FileNames, LinkedTest, Occurrence})
+"""Records that speak of things as the documents do."""
+
+
+def called(request: EmitRequest) -> EmitRequest:
+    """The request with the names of files in it; itself, where those are the paths."""
+    names = request.assembly.names
+    if names is None:
+        return request
+    known = request.made.get(MADE)
+    if isinstance(known, EmitRequest):
+        return known
+    caller = _Caller(request.assembly, names)
+    robots = tuple(caller.record(robot) for robot in request.robots)
+    made = replace(request, assembly=caller.record(request.assembly), robots=robots, made={})
+    request.made[MADE] = made
+    return made
+
+
+@cache
+def fields_of(record: type) -> Mapping[str, Any]:
+    """The fields of a record in which paths are, at whatever depth, with their types."""
+    return {name: hint for name, hint in get_type_hints(record, include_extras=True).items() if _holds(hint, frozenset())}
+
+
+def _holds(hint: Any, within: frozenset[type]) -> bool:
+    if get_origin(hint) is Annotated or hint is CoordinateName:
+        return True
+    if is_dataclass(hint) and isinstance(hint, type) and hint not in AS_WRITTEN | within:
+        return any(_holds(inner, within | {hint}) for inner in get_type_hints(hint, include_extras=True).values())
+    return any(_holds(argument, within) for argument in get_args(hint))
+
+
+class _Caller:
+    """Lays the names over an assembly and its robots."""
+
+    def __init__(self, assembly: Assembly, names: FileNames) -> None:
+        self.names = names
+        joints = dict(names.joints)  # whole joints, and their coordinates
+        for mate in assembly.mates:
+            whole = names.joints.get(mate.name or "")
+            for joint in mate.joints if whole is not None else ():
+                joints[joint.path] = f"{whole}{joint.path.removeprefix(mate.name or '')}"
+        self.named: dict[str, Mapping[str, str]] = {
+            "components": names.components, "mounts": names.components | names.mounts, "joints": joints, "poses": names.poses,
+            "sensors": names.sensors, "tendons": names.tendons,
+        }
+        self.raw = {
+            "joint": joints, "numeric": joints,
+            "equality": names.mounts | joints
+            | {f"{own}:{mark}": name for own, name in names.equalities.items() for mark in ("mimic", "loop")},
+            "body": names.components, "link": names.components, "site": names.mounts, "key": names.poses,
+            "actuator": joints | names.tendons | names.actuators, "sensor": names.sensors, "camera": names.sensors,
+            "tendon": names.tendons,
+        }
+        self.rules: dict[type, Callable[[Any, dict[str, Any]], dict[str, Any]]] = {
+            Assembly: self._assembly, JointEdge: self._drive, CoreJoint: self._drive, LinkedTendon: self._drive, Closure: self._closure,
+            LinkedSensor: self._sensor, RawAttribute: self._attribute, RawElement: self._element,
+        }
+        self._made: dict[int, tuple[Any, Any]] = {}
+
+    def record(self, old: Any) -> Any:
+        """A record with the names of files; what several records share they share again."""
+        if id(old) not in self._made:
+            fields = {name: self.value(hint, getattr(old, name)) for name, hint in fields_of(old.__class__).items()}
+            rule = self.rules.get(old.__class__)
+            self._made[id(old)] = old, replace(old, **(fields if rule is None else rule(old, fields)))
+        return self._made[id(old)][1]
+
+    def value(self, hint: Any, old: Any) -> Any:
+        """A value of a type with the names of files."""
+        kind = get_origin(hint)
+        if old is None:
+            return None
+        if kind is Annotated:
+            (what,) = hint.__metadata__
+            return self.named[what].get(old, old) if what in self.named else old
+        if isinstance(old, CoordinateName):
+            return old.in_files(self.named["joints"].get(old.path, old.path))
+        if kind is tuple:
+            return tuple(self.value(get_args(hint)[0], one) for one in old)
+        if kind is dict:
+            of_key, of_value = get_args(hint)
+            return {self.value(of_key, key): self.value(of_value, one) for key, one in old.items()}
+        if is_dataclass(old):
+            return self.record(old) if type(old) not in AS_WRITTEN else old
+        return self.value(next(one for one in get_args(hint) if _holds(one, frozenset())), old) if get_args(hint) else old
+
+    # --- rules: the fields of a record that change, of which `fields` have been found by their types -----------------------
+
+    def _assembly(self, assembly: Assembly, fields: dict[str, Any]) -> dict[str, Any]:
+        return {**fields, "names": None}
+
+    def _drive(self, of: JointEdge | CoreJoint | LinkedTendon, fields: dict[str, Any]) -> dict[str, Any]:
+        own, tied = self.names.actuators.get(of.path), self.names.equalities.get(of.path)
+        if not isinstance(of, LinkedTendon) and of.mimic is not None and tied is not None:
+            fields = {**fields, "mimic": replace(fields["mimic"], name=tied)}
+        return fields if of.actuator is None or own is None else {**fields, "actuator": replace(of.actuator, name=own)}
+
+    def _closure(self, closure: Closure, fields: dict[str, Any]) -> dict[str, Any]:
+        kind = "mounts" if closure.hold else "joints"
+        name = None if closure.hold else self.names.equalities.get(closure.path)
+        return {**fields, "path": self.named[kind].get(closure.path, closure.path), "name": name}
+
+    def _sensor(self, sensor: LinkedSensor, fields: dict[str, Any]) -> dict[str, Any]:
+        names, begin = self.names.sensors, f"{sensor.path}:"
+        parts = {path.removeprefix(begin): name for path, name in names.items() if path.startswith(begin)}
+        return {**fields, "parts": parts}
+
+    def _attribute(self, attribute: RawAttribute, fields: dict[str, Any]) -> dict[str, Any]:
+        path = attribute.path
+        if len(path) < 3:
+            return fields
+        named, name = self.raw.get(path[0], {}), path[1].replace(".", "/")
+        thing, colon, part = name.partition(":")  # `knee:mimic` is the equality of a joint, `imu:gyro` a part of a sensor
+        name = named.get(name) or (f"{named[thing]}:{part}" if colon and thing in named else path[1])
+        return {**fields, "path": (path[0], name, *path[2:])}
+
+    def _element(self, element: RawElement, fields: dict[str, Any]) -> dict[str, Any]:
+        attributes = {}
+        for name, value in element.attributes.items():
+            kind = named_kind(element.attributes, name)
+            path = CoordinateName(value.replace("/", ".")).path if kind == "joint" else value
+            attributes[name] = self.raw.get(kind or "", {}).get(path, value)
+        return {**fields, "attributes": attributes}

@@ -1,0 +1,115 @@
+"""The hierarchical assembly graph in words: its edges put together, how often each definition stands in it, what a component is."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import get_args
+
+from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import counted
+from thingc.base.safe_text import shown
+from thingc.model.assembly.hag import Definition, DefinitionEdge, DefinitionKind, Hag
+
+KINDS: tuple[DefinitionKind, ...] = get_args(DefinitionKind)
+"""Kinds of definitions, in the order of a legend."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bundle:
+    """All edges from one definition to another: drawn as one line."""
+
+    parent: str
+    child: str
+    edges: tuple[DefinitionEdge, ...]
+
+def bundles(hag: Hag) -> tuple[Bundle, ...]:
+    """The edges put together by their two ends, in the order first met."""
+    grouped: dict[tuple[str, str], list[DefinitionEdge]] = {}
+    for edge in hag.edges:
+        grouped.setdefault((edge.parent, edge.child), []).append(edge)
+    return tuple(Bundle(parent=parent, child=child, edges=tuple(edges)) for (parent, child), edges in grouped.items())
+
+def quantities(hag: Hag) -> dict[str, int]:
+    """How often each definition stands in the whole robot, by its text: the number of paths from the root to it."""
+    waiting = {definition.text: 0 for definition in hag.definitions}
+    for edge in hag.edges:
+        waiting[edge.child] += 1
+    below = children(hag)
+    counted = dict.fromkeys(waiting, 0)
+    counted[hag.root] = 1
+    ready = [text for text, number in waiting.items() if number == 0]
+    for text in ready:
+        for edge in below.get(text, ()):
+            counted[edge.child] += counted[text]
+            waiting[edge.child] -= 1
+            if waiting[edge.child] == 0:
+                ready.append(edge.child)
+    return counted
+
+def how(edge: DefinitionEdge) -> str:
+    """How a component is placed, on one line: `joint yaw: yaw_seat -> yaw_servo.rotor`; empty for a base."""
+    parts = [f"joint {edge.joint}"] if edge.joint is not None else []
+    if edge.mounts:
+        parts.append(edge.mounts)
+    return shown(": ".join(parts))
+
+def mirrors(hag: Hag) -> list[tuple[Definition, str]]:
+    """Every mirror image of a definition that stands in the graph as well, with the text of that."""
+    texts = {definition.text for definition in hag.definitions}
+    return [(one, one.plain.text) for one in hag.definitions if one.plain is not None and one.plain.text in texts]
+
+def total(hag: Hag) -> str:
+    """`12 definitions, 18 components`: the size of the graph and of the tree that it unrolls to (without its root)."""
+    components = sum(quantities(hag).values()) - 1
+    return f"{counted(len(hag.definitions), 'definition')}, {counted(components, 'component')}"
+
+def entries(edges: Sequence[DefinitionEdge]) -> list[tuple[str, str]]:
+    """Edges of one bundle as `(component, how it is placed)`; three or more that a `repeat` made (`leg_0`, `leg_1`, ...) are
+    one entry: `leg_0 ... leg_5`, placed as the first with each number that counts along written as `*`."""
+    placements: list[tuple[str, str]] = []
+    position = 0
+    while position < len(edges):
+        run = _run(edges, position)
+        first, last = edges[position], edges[position + run - 1]
+        if run < 3:
+            placements.append((first.component, how(first)))
+            position += 1
+            continue
+        placed = how(first)
+        if any(how(edge) != placed for edge in edges[position : position + run]):
+            number = first.component.rpartition("_")[2]
+            placed = re.sub(rf"(?<=_){number}(?![0-9A-Za-z_])", "*", placed)
+        placements.append((f"{first.component} ... {last.component}", placed))
+        position += run
+    return placements
+
+def short(definition: Definition) -> tuple[str, str, str]:
+    """`(name, where, parameters)` of a definition, for a box: `("RotorBrace", "arm", "length=100 mm")`."""
+    text = shown(definition.label).removesuffix(f" [{shown(definition.reference)}]")
+    head, opening, rest = text.partition("(") if definition.kind != "file" else (text, "", "")
+    parameters = rest[:-1] if opening and rest.endswith(")") else rest
+    if definition.kind == "part" and ":" in head:
+        where, _, name = head.rpartition(":")
+        return name, where, parameters
+    if definition.kind == "file":
+        where, _, name = head.rpartition("/")
+        return name, where, parameters
+    return head, shown(definition.reference) if definition.kind == "assembly" else "", parameters
+
+def _run(edges: Sequence[DefinitionEdge], start: int) -> int:
+    """How many edges from `start` on are named `stem_k`, `stem_k+1`, ..."""
+    stem, _, number = edges[start].component.rpartition("_")
+    if not stem or not number.isdecimal():
+        return 1
+    length = 1
+    while start + length < len(edges) and edges[start + length].component == f"{stem}_{int(number) + length}":
+        length += 1
+    return length
+
+def children(hag: Hag) -> dict[str, list[DefinitionEdge]]:
+    """The edges below each definition, by its text."""
+    below: dict[str, list[DefinitionEdge]] = {}
+    for edge in hag.edges:
+        below.setdefault(edge.parent, []).append(edge)
+    return below

@@ -1,0 +1,71 @@
+"""`html/<name>.html`: frame, style, program, data and meshes of the viewer, put into one page."""
+
+from __future__ import annotations
+
+import base64
+import html
+from importlib import resources
+
+from thingc.base.frozen import dataclass
+from thingc.base.html_page import in_script, pieces
+from thingc.base.safe_text import shown
+from thingc.targets.artifact import Artifacts
+from thingc.targets.html.mesh_packing import Packed
+from thingc.targets.html.viewer_data import describe
+from thingc.targets.request import EmitRequest
+
+_AGAINST = (
+    '<script id="thingc-against-robot" type="application/json">{data}</script>\n'
+    '<script id="thingc-against-geometry" type="text/plain">{glb}</script>'
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """What a page is made from: the `name` of the robot, what the page is told of it (`data`, JSON), and its meshes (`glb`)."""
+
+    name: str
+    data: str
+    glb: bytes
+
+    def html(self, *, live: str | None = None, editor: str | None = None, against: Page | None = None) -> bytes:
+        """The page. A `live` one asks the server that it comes from for what has changed since it stood as the word says, by which the
+        server knows it. `editor` is an address that opens a place in an editor, with `{file}` (its path in the workspace) and `{line}`.
+        The robot of `against` is seen through its own."""
+        return _framed(self.name, self.data, self.glb, live=live, editor=editor, against=against)
+
+    def news(self) -> bytes:
+        """What a live page takes of it, JSON: `robot` and `geometry`, of one and the same build."""
+        return f'{{"robot": {self.data}, "geometry": "{base64.b64encode(self.glb).decode()}"}}'.encode()
+
+
+def waiting(name: str, editor: str | None = None) -> bytes:
+    """A live page that has no robot yet, and takes the first that there is. `name` is what it is called until then."""
+    return _framed(name, "null", b"", live="", editor=editor, against=None)
+
+
+def _framed(name: str, data: str, glb: bytes, *, live: str | None, editor: str | None, against: Page | None) -> bytes:
+    own = resources.files("thingc.targets.html") / "page"
+    texts = {
+        "@STYLE@": (own / "viewer.css").read_text(encoding="utf-8"), "@SCRIPT@": (own / "viewer.js").read_text(encoding="utf-8"),
+        "@TITLE@": html.escape(shown(name)), "@LIVE@": "\n".join(
+            f'<meta name="thingc-{name}" content="{html.escape(content)}">'
+            for name, content in (("live", live), ("editor", editor)) if content is not None
+        ),
+        "@CONNECT@": "'none'" if live is None else "'self'", "@ROBOT@": data, "@GEOMETRY@": base64.b64encode(glb).decode(),
+        "@AGAINST@": "" if against is None else _AGAINST.format(data=against.data, glb=base64.b64encode(against.glb).decode()),
+    }
+    frame = pieces((own / "viewer.html").read_text(encoding="utf-8"))
+    return "".join(texts.get(piece, piece) for piece in frame).encode()
+
+
+def page_of(request: EmitRequest) -> Page:
+    """The page of a robot in all chosen modes. Raises `BlobMissing`."""
+    packed = Packed(request.store)
+    data = describe(request.assembly, request.robots, request.workspace, packed)
+    return Page(name=request.assembly.name, data=in_script(data), glb=packed.glb())
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """The page, which loses nothing: it shows what the assembly says."""
+    return Artifacts(files={f"html/{request.assembly.name}.html": page_of(request).html()})

@@ -1,0 +1,225 @@
+"""What the page of a robot is told of it: plain data for JSON, SI, from which the page works out where everything is.
+
+In a mode's `bodies` (parents before children) a link stands, for q of the coordinates that move it, at
+
+    X_W,link(q) = X_W,parent @ X @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...
+
+those of a ball at once, `exp(twist_0 q_0 + ...)`; its `loops` are closed where `X_W,parent @ X_PA @ exp(...) == X_W,child @ X_CB` over
+their own coordinates. Poses are 12 numbers, the first three rows of the matrix; a twist is `[angular, linear, anchor]`.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Sequence
+
+from thingc.base.inertia import MassProperties, principal_axes
+from thingc.base.joints.twist import Twist
+from thingc.base.pose import NO_POSE, Pose
+from thingc.base.source import Origin
+from thingc.documents.workspace import Workspace
+from thingc.geometry.record import Mesh, PartDefinition
+from thingc.model.assembly.kinematics import coordinates, joints_of
+from thingc.model.assembly.types import Assembly, JointEdge, Mate, Occurrence, Surface
+from thingc.model.robot.kinematics import placed_bodies
+from thingc.model.robot.tree import in_link
+from thingc.model.robot.types import Body, Closure, Keyframe, Robot
+from thingc.model.statics.efforts import static_efforts
+from thingc.targets.bom import listed, make_of, with_pieces
+from thingc.targets.html.mesh_packing import Packed
+
+VERSION = 1
+"""Of the form of the data: the page refuses another."""
+
+SLACK = 1e-6
+"""What part of the gravity on the joints may stay unbalanced: rounding."""
+
+Data = dict[str, object]
+
+
+def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, packed: Packed) -> Data:
+    """All that the page is told. Meshes are asked of `packed`, and named by their numbers there."""
+    within = in_link(assembly)
+    places = _Places(workspace)
+    definitions = {one.definition.text: one for one in assembly.occurrences}
+    numbers = {text: number for number, text in enumerate(definitions)}
+    return {
+        "version": VERSION,
+        "name": assembly.name,
+        "mass": assembly.properties.mass,
+        "definitions": [_definition(one, places) for one in definitions.values()],
+        "links": [{"name": link.name, **_mass(link.properties)} for link in assembly.links],
+        "occurrences": [
+            _occurrence(one, numbers[one.definition.text], assembly.link_of[one.index], within[one.index], packed, places)
+            for one in assembly.occurrences
+        ],
+        "mounts": [{"path": one.path, "occurrence": one.occurrence, "mount": one.mount} for one in assembly.exported],
+        "joints": [_joint(joint, mate, assembly, places) for mate in assembly.mates for joint in mate.joints],
+        "tendons": len(assembly.tendons),
+        "magnets": [{"path": one.path, "occurrence": one.occurrence, "mount": one.mount} for one in assembly.adhesions],
+        "bom": [
+            {
+                "number": row.number, "name": row.name, "definition": row.definition, "quantity": row.quantity, "make": row.make,
+                "material": row.material, "mass": row.mass, "source": row.mass_source, "supplier": row.supplier, "cost": row.cost,
+                "pieces": [one.index for one in pieces],
+            }
+            for row, pieces in with_pieces(assembly)
+        ],
+        "modes": [_mode(robot, places) for robot in robots],
+    }
+
+
+class _Places:
+    """Where things are written, in files of the workspace; absolute paths are nobody else's."""
+
+    def __init__(self, workspace: Workspace) -> None:
+        self._workspace = workspace
+        self._texts: dict[str, str] = {}
+
+    def of(self, origin: Origin) -> Data:
+        """`file` and `line` of the first place of an origin, null without one."""
+        span = next(iter(origin), None)
+        if span is None or span.option is not None:
+            return {"file": None, "line": None}
+        return {"file": self._workspace.relative(span.file), "line": span.line}
+
+    def code(self, path: str, reference: str) -> Data:
+        """The same of a part's class or function. A record may be older than the last edit of its file that moved lines alone, so the line
+        is looked up; null for a file that is outside the workspace."""
+        if not self._workspace.contains(path):
+            return {"file": None, "line": None}
+        if path not in self._texts:
+            try:
+                with open(path, encoding="utf-8", errors="replace") as stream:
+                    self._texts[path] = stream.read()
+            except OSError:
+                self._texts[path] = ""
+        text = self._texts[path]
+        name = re.escape(reference.rpartition(":")[2].rpartition(".")[2])
+        head = re.search(rf"^[ \t]*(?:class|def)[ \t]+{name}\b", text, re.MULTILINE)
+        line = text.count("\n", 0, head.start()) + 1 if head is not None else None
+        return {"file": self._workspace.relative(path), "line": line}
+
+
+def _definition(occurrence: Occurrence, places: _Places) -> Data:
+    """What an occurrence, and all others of its definition, are made from."""
+    definition, made, record = occurrence.definition, occurrence.component.definition, occurrence.record
+    where: Data = {"file": None, "line": None}
+    if record is not None and record.code is not None and os.path.isabs(record.code[0]):
+        where = places.code(record.code[0], definition.reference)
+    elif definition.kind == "file":
+        where = {"file": definition.reference, "line": None}
+    words = [*zip((name for name, _ in made.parameters), made.words, strict=False)] if isinstance(made, PartDefinition) else []
+    return {
+        "text": definition.text, "label": definition.label, "kind": definition.kind,
+        "mirrors": definition.plain.label if definition.plain is not None else None, "parameters": words, **where,
+    }
+
+
+def _occurrence(one: Occurrence, definition: int, link: int, pose: Pose, packed: Packed, places: _Places) -> Data:
+    return {
+        "path": one.path, "definition": definition, "link": link, "pose": _rows(pose), "mass": one.properties.mass,
+        "centre": one.properties.centre, "source": one.mass_source, "estimate": one.estimate,
+        "material": one.material.name if one.material is not None else None, "color": one.color,
+        "make": make_of(one) if listed(one) else None,
+        "visual": [{**_shape(surface, packed), "color": surface.color} for surface in one.drawn],
+        "collides": one.overrides.collision,
+        "collision": [_shape(surface, packed) for surface in one.touching],
+        "mounts": [
+            {"name": name, "pose": _rows(mount.pose), "interface": mount.interface}
+            for name, mount in one.mounts.items() if name != "origin"
+        ],
+        **places.of(one.origin),
+    }
+
+
+def _shape(surface: Surface, packed: Packed) -> Data:
+    solid = surface.solid
+    if isinstance(solid, Mesh):
+        return {"shape": "mesh", "mesh": packed.number(solid), "pose": None if surface.pose == NO_POSE else _rows(surface.pose)}
+    return {"shape": solid.shape, "size": solid.size, "pose": _rows(solid.pose)}
+
+
+def _mass(own: MassProperties) -> Data:
+    """Mass [kg], centre [m], principal moments [kg m^2] about it, and the axes that they are about, the columns of `axes` (by rows)."""
+    moments, axes = principal_axes(own.inertia)
+    return {"mass": own.mass, "centre": own.centre, "moments": moments, "axes": [x for row in axes for x in row]}
+
+
+def _joint(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Places) -> Data:
+    """A coordinate, the same in all modes; `parent` and `child` are the document's, links by number."""
+    drive = joint.actuator
+    return {
+        "path": joint.path, "joint": mate.name, "kind": joint.kind.name, "turns": joint.twist.turns,
+        "axis": "xyz"[max(range(3), key=lambda k: abs(joint.twist.axis[k]))],
+        "parent": assembly.link_of[mate.parent], "child": assembly.link_of[mate.child],
+        "lower": joint.limit.lower, "upper": joint.limit.upper, "cone": joint.limit.cone, "offset": joint.offset,
+        "effort": joint.limit.effort, "velocity": joint.limit.velocity,
+        "stiffness": joint.dynamics.stiffness, "rest": joint.dynamics.rest,
+        "mimic": None if joint.mimic is None else {
+            "joint": joint.mimic.joint.path, "multiplier": joint.mimic.multiplier, "offset": joint.mimic.offset,
+            "higher": joint.mimic.higher,
+        },
+        "drive": None if drive is None else drive.kind, "drive_axis": None if drive is None else drive.axis,
+        **places.of(joint.origin),
+    }
+
+
+def _mode(robot: Robot, places: _Places) -> Data:
+    mode = robot.mode
+    start = robot.start
+    return {
+        "name": mode.name, "root": {"path": mode.root.path, "occurrence": mode.root.occurrence, "mount": mode.root.mount},
+        "base": robot.base, "at": _rows(mode.at), "gravity": robot.gravity,
+        "bodies": [_body(body) for body in robot.bodies],
+        "loops": [_loop(closure) for closure in robot.closures],
+        "feet": [{"path": foot.mount.path, "occurrence": foot.mount.occurrence, "mount": foot.mount.mount} for foot in mode.feet],
+        "adhesion": {path: force for path, force in robot.adhesion.items() if force > 0.0},
+        "driven": robot.present,
+        "start": start.name if start is not None else None,
+        "poses": [_pose(robot, frame) for frame in robot.keyframes],
+        "unclosed": [one.name for one in robot.unclosed],
+        **places.of(mode.origin),
+    }
+
+
+def _body(body: Body) -> Data:
+    return {
+        "link": body.link, "parent": body.parent, "X": _rows(body.X_PL), "at_once": body.at_once,
+        "joints": [{"path": joint.path, "twist": _twist(joint.twist)} for joint in body.joints],
+    }
+
+
+def _loop(closure: Closure) -> Data:
+    return {
+        "path": closure.path, "hold": closure.hold, "parent": closure.parent, "child": closure.child, "turns": closure.turns,
+        "at_once": closure.at_once, "X_PA": _rows(closure.X_PA), "X_CB": _rows(closure.X_CB),
+        "joints": [
+            {"path": joint.path, "twist": _twist(twist)} for joint, twist in zip(closure.joints, closure.twists, strict=True)
+        ],
+    }
+
+
+def _pose(robot: Robot, frame: Keyframe) -> Data:
+    """A pose of a mode: q by path, where the base stands if that is elsewhere, how many times over the drives hold it (`margins`), whether
+    it `falls` whatever they give, and the joint that they leave `unheld` (empty for the base, null without any)."""
+    q = coordinates(joints_of(robot.assembly), frame.q)
+    base = frame.base or robot.bodies[0].X_PL
+    held = static_efforts(robot, q, placed_bodies(robot.bodies, q, base)) if robot.base != "free" or robot.carried else None
+    falls = held is not None and held.fall is not None
+    margins = held.margins if held is not None and not falls else {}
+    return {
+        "name": frame.name, "q": q, "base": _rows(frame.base) if frame.base is not None else None,
+        "margins": {path: margin for path, margin in margins.items() if math.isfinite(margin)},
+        "falls": falls, "unheld": held.where if held is not None and held.unheld > SLACK else None,
+    }
+
+
+def _twist(twist: Twist) -> list[object]:
+    return [twist.angular, twist.linear, twist.anchor]
+
+
+def _rows(pose: Pose) -> list[float]:
+    return [x for row in pose.rows()[:3] for x in row]

@@ -1,0 +1,59 @@
+"""JSON as our artifacts write it: two spaces, `repr` floats, and a row of numbers on one line so that a matrix reads as one."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from json.encoder import encode_basestring
+
+from thingc.base.gaps import Gap
+from thingc.base.safe_text import json_text
+
+
+def encode(value: object) -> bytes:
+    """`value` (mappings, sequences, text, numbers, flags, None) as UTF-8 JSON with a final newline, keys in the order given.
+
+    Raises `ValueError` for a number that is not finite, which JSON cannot say, and `TypeError` for anything else.
+    """
+    return (json_text(_text(value, "\n")) + "\n").encode()
+
+
+class Fragment(str):
+    """A value that is JSON already, at the depth where it will stand (see `fragment`)."""
+
+    __slots__ = ()
+
+
+def fragment(value: object, depth: int) -> Fragment:
+    """The text of a value that will stand `depth` mappings or sequences deep in another one. Raises as `encode`."""
+    return Fragment(_text(value, "\n" + "  " * depth))
+
+
+def number(value: float) -> str:
+    """A finite number."""
+    return repr(value + 0.0)  # a rotation leaves -0.0 where nothing is
+
+
+_PLAIN = {float, int, str, bool, type(None)}
+
+
+def _text(value: object, newline: str) -> str:
+    if type(value) is float and math.isfinite(value):
+        return number(value)
+    if isinstance(value, str):
+        return value if type(value) is Fragment else encode_basestring(value)
+    inner = newline + "  "
+    if isinstance(value, (dict, Mapping)):  # the concrete type first: to ask an abstract one is slow
+        if not value:
+            return "{}"
+        entries = [f"{encode_basestring(str(key))}: {_text(item, inner)}" for key, item in value.items()]
+        return "{" + inner + ("," + inner).join(entries) + newline + "}"
+    if isinstance(value, (list, tuple, Sequence)) and not isinstance(value, bytes):
+        texts = [_text(item, inner) for item in value]
+        if _PLAIN.issuperset(map(type, value)) or not any(isinstance(item, (Mapping, list, tuple, Fragment)) for item in value):
+            return "[" + ", ".join(texts) + "]"
+        return "[" + inner + ("," + inner).join(texts) + newline + "]"
+    if isinstance(value, Gap):
+        return value.word("json")
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -1,0 +1,158 @@
+"""What MuJoCo has accepted before, by content, so that it need not be asked again.
+
+Reading meshes takes most of MuJoCo's time with a model (200 of 220 ms for twelve parts), and one that it has taken once,
+it takes again: whether a mesh is fit depends on its bytes and on whether it is read as a surface, on nothing else. So a
+model whose limits, masses or poses were edited is compiled with a tetrahedron in the place of every mesh that is known.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import itertools
+import json
+import os
+import re
+import struct
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from types import MappingProxyType
+
+from thingc.geometry.store.local import Store
+from thingc.targets.geometry import MeshAsset
+from thingc.targets.mjcf.limits import is_shell
+from thingc.targets.xml_writer import Element
+
+MODEL, MESH, START = "mujoco-model", "mujoco-mesh", "mujoco-start"
+"""Kinds of documents in the store: a model, a mesh that a version of MuJoCo compiled without a word, a first instant (`start.py`) in
+which everything was in order."""
+
+HARMLESS = frozenset({"condim", "friction", "gap", "group", "margin", "priority", "rgba", "solimp", "solmix", "solref"})
+"""Attributes of a geom that change nothing of what MuJoCo makes of its mesh."""
+
+_CORNERS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_SIDES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
+_BOX_SIDES = (
+    (0, 1, 3), (0, 3, 2), (4, 7, 5), (4, 6, 7), (0, 4, 5), (0, 5, 1), (2, 7, 6), (2, 3, 7), (0, 2, 6), (0, 6, 4), (1, 7, 3), (1, 5, 7),
+)
+"""Of corners whose z changes first, then y, then x."""
+
+
+class Known:
+    """The memory of one version of MuJoCo, kept in a store, of models with these `meshes`."""
+
+    def __init__(self, store: Store, version: str, meshes: Sequence[MeshAsset]) -> None:
+        self.store = store
+        self.version = version
+        self._meshes = meshes
+        self._around = json.dumps([version, {mesh.file: mesh.stored.sha256 for mesh in meshes}], sort_keys=True)
+
+    @functools.cached_property
+    def _new(self) -> dict[str, str]:
+        """What the meshes that no accepted model had are remembered by, by file."""
+        keys = {mesh.file: self._mesh_key(mesh) for mesh in self._meshes}
+        return {file: key for file, key in keys.items() if self.store.get_json(MESH, key) is None}
+
+    def model(self, texts: Sequence[str], *, started: bool) -> bool:
+        """Whether exactly these files were accepted together; with `started` only if their first instant was in order, too."""
+        answers = (True,) if started else (True, False)
+        return any(self.store.get_json(MODEL, self._key((*texts, str(one)))) is not None for one in answers)
+
+    def accept(self, texts: Sequence[str], *, started: bool) -> None:
+        """Remember a model, and the meshes in it; with `started` also that its first instant was in order."""
+        self.store.note_json(MODEL, self._key((*texts, str(started))), True)
+        self.accept_meshes()
+
+    def accept_meshes(self) -> None:
+        """Remember the meshes of a model that was accepted."""
+        while self._new:
+            self.store.note_json(MESH, self._new.popitem()[1], True)
+
+    def accept_mesh(self, mesh: MeshAsset) -> None:
+        """Remember one that was accepted by itself."""
+        if (key := self._new.pop(mesh.file, None)) is not None:
+            self.store.note_json(MESH, key, True)
+
+    def unread(self, true: Collection[str]) -> list[MeshAsset]:
+        """The meshes that MuJoCo has to read: those that are not known, and those that have to be `true` (names of meshes)."""
+        return [mesh for mesh in self._meshes if mesh.name in true or mesh.file in self._new]
+
+    def start(self, key: str) -> bool:
+        """Whether a first instant was in order."""
+        return self.store.get_json(START, self._key((key,))) is not None
+
+    def accept_start(self, key: str) -> None:
+        """Remember that it was."""
+        self.store.note_json(START, self._key((key,)), True)
+
+    def data(
+        self, models: Iterable[Element], true: Collection[str] = (), instead: Mapping[str, bytes] = MappingProxyType({}),
+    ) -> dict[str, bytes]:
+        """What MuJoCo shall read as each file: where it is not known, or has to be `true` (names of meshes), its bytes, or those of
+        `instead`, else a tetrahedron.
+
+        All bytes are the files' own when the documents may change what MuJoCo makes of meshes.
+        """
+        whole = any(about_meshes(model) for model in models)
+        files = {mesh.file for mesh in (self._meshes if whole else self.unread(true))}
+        return {
+            mesh.file: tetrahedron(mesh.file) if mesh.file not in files else instead.get(mesh.file) or self.store.read(mesh.stored.sha256)
+            for mesh in self._meshes
+        }
+
+    def _mesh_key(self, mesh: MeshAsset) -> str:
+        extension = mesh.file.rpartition(".")[2]
+        scale = f" {mesh.scale}" if mesh.own is not None else ""
+        return f"{self.version} {mesh.stored.sha256} {extension} {'shell' if is_shell(mesh) else 'solid'}{scale}"
+
+    def _key(self, texts: Sequence[str]) -> str:
+        return hashlib.sha256("\0".join((self._around, *texts)).encode()).hexdigest()
+
+
+@functools.cache
+def mujoco_version() -> str:
+    """The version of the installed MuJoCo, from the name of its metadata folder, because importing it takes 0.1 s. Looked up once in a
+    process."""
+    from importlib.util import find_spec
+
+    spec = find_spec("mujoco")
+    for place in (spec.submodule_search_locations or ()) if spec is not None else ():
+        for name in sorted(os.listdir(os.path.dirname(place))):
+            match = re.fullmatch(r"mujoco-(.+)\.dist-info", name)
+            if match:
+                return match[1]
+    from importlib.metadata import version
+
+    return version("mujoco")
+
+
+def about_meshes(model: Element) -> bool:
+    """Whether raw attributes touch meshes, or how they are read or used, or an element that was added pairs what collides, drawn or not."""
+    sections: Mapping[str, Element] = {child.tag: child for child in model.children}
+    if "contact" in sections and any(child.tag == "pair" for child in sections["contact"].children):
+        return True
+    if any(element.raw for tag in ("compiler", "default") if tag in sections for element in sections[tag].walk()):
+        return True
+    return any(
+        element.tag == "mesh" or (element.tag == "geom" and not HARMLESS.issuperset(element.raw))
+        for element in model.walk() if element.raw
+    )
+
+
+def tetrahedron(file: str) -> bytes:
+    """A mesh that MuJoCo takes as any file of this name, and quickly."""
+    return mesh_bytes(file, _CORNERS, _SIDES)
+
+
+def box_bytes(file: str, points: Sequence[Sequence[float]]) -> bytes:
+    """What a file of this name holds that is the box around points [n x 3]."""
+    low, high = (tuple(map(side, zip(*points, strict=True))) for side in (min, max))
+    return mesh_bytes(file, [*itertools.product(*zip(low, high, strict=True))], _BOX_SIDES)
+
+
+def mesh_bytes(file: str, corners: Sequence[Sequence[float]], sides: Sequence[Sequence[int]]) -> bytes:
+    """What a file of this name holds, OBJ or binary STL, with these corners [n x 3] and triangles [n x 3]."""
+    if file.endswith(".obj"):
+        lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in sides]
+        return "\n".join(lines).encode() + b"\n"
+    triangles = (struct.pack("<12fH", 0, 0, 0, *(x for corner in side for x in corners[corner]), 0) for side in sides)
+    return bytes(80) + struct.pack("<I", len(sides)) + b"".join(triangles)

@@ -1,0 +1,279 @@
+"""One mode's robot as an MJCF tree, by the conventions of the MuJoCo Menagerie."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from itertools import chain
+from typing import Any, assert_never
+
+from thingc.base.memo import Memo
+from thingc.base.pose import Pose
+from thingc.base.summing import plain_sum
+from thingc.model.assembly.types import Link
+from thingc.model.robot.tree import BASE
+from thingc.model.robot.types import CoreJoint, Robot
+from thingc.targets.artifact import Loss
+from thingc.targets.capabilities import drive_cell, written
+from thingc.targets.geometry import Geometry
+from thingc.targets.mjcf import adhesion_contacts, closures, elements, merged_joints, sensors, tendons
+from thingc.targets.mjcf.capabilities import CAPABILITIES
+from thingc.targets.mjcf.drives import NOTHING
+from thingc.targets.mjcf.lowering import base_positions, in_body, is_ball, lowered, positions
+from thingc.targets.mjcf.poses import pose_attributes
+from thingc.targets.xml_writer import Element, number, numbers
+
+FREE_JOINT = BASE
+"""The name of the joint of a base that turns as a ball; a planar one has `root_0`, `root_1` and `root_2`."""
+
+INTEGRATORS = {"euler": "Euler", "rk4": "RK4", "implicit": "implicit", "implicitfast": "implicitfast"}
+RESERVED_CLASSES = frozenset({"main", "visual", "collision", adhesion_contacts.CLASS})
+
+STIFF = "0.9999 0.9999 0.001 0.5 2"
+"""`solimp` of a joint that mimics, as hard as MuJoCo allows. MuJoCo regularizes the constraint by the plain sum of both joints'
+inverse inertias, whatever the multiplier; with its default a slide that mimics a light hinge lags by seconds instead of 20 ms."""
+
+
+def model(robot: Robot, geometry: Geometry, memo: Memo | None = None) -> Element:
+    """The whole `<mujoco>` element of a mode, before raw attributes. What `memo` has of it is taken from there."""
+    return _Builder(robot, geometry, memo or Memo()).build()
+
+
+def losses(robot: Robot) -> Iterator[Loss]:
+    """What MJCF cannot say of this mode for what it is: where a joint is cut or reversed, and what a sensor sits on."""
+    for joint in _joints(robot):
+        if joint.reversed and joint.kind.at_once and joint.dynamics.friction and joint.path.endswith("_0"):
+            what = "its dry friction: MuJoCo has a box of torques about the axes of the tree's child, which is the document's parent"
+            path = robot.assembly.mates[joint.mate].name or joint.path
+            yield Loss.of(joint.origin, "mjcf", robot.mode.name, path, what, "approximated")
+    yield from merged_joints.losses(robot)
+    yield from closures.losses(robot)
+    yield from sensors.losses(robot)
+    yield from tendons.losses(robot)
+
+
+def class_name(robot: Robot) -> str:
+    """The robot's default class: its name, unless MuJoCo or we have a class of that name already."""
+    name = robot.assembly.name
+    return f"{name}_robot" if name in RESERVED_CLASSES else name
+
+
+def adhesion_name(robot: Robot, path: str) -> str:
+    """The actuator of a magnet: its mount's path, marked where a joint of that path has the name."""
+    taken = any(joint.path == path for mate in robot.assembly.mates for joint in mate.joints)
+    return f"{path}:adhesion" if taken else path
+
+
+def _joints(robot: Robot) -> list[CoreJoint]:
+    return [joint for body in robot.bodies for joint in body.joints]
+
+
+class _Builder:
+    """The sections of one model, one method each."""
+
+    def __init__(self, robot: Robot, geometry: Geometry, memo: Memo) -> None:
+        self.robot = robot
+        self.memo = memo
+        self.raw = {word for attribute in robot.assembly.raw for word in _suffixes(attribute.path[1:2])}
+        self.geometry = geometry
+        self.assembly = robot.assembly
+        self.adhering = adhesion_contacts.adhering(robot)
+        self.links: list[Link] = [robot.assembly.links[body.link] for body in robot.bodies]
+        self.joints = {joint.path: joint for joint in _joints(robot)}
+        self.driven = [path for path in robot.present if path in self.joints and self.joints[path].actuator is not None]
+        self.root = Element(
+            tag="mujoco", attributes={"model": f"{self.assembly.name}_{robot.mode.name}"}, origin=robot.mode.origin
+        )
+
+    def grow(self, parent: Element, place: tuple[str, ...], make: Callable[..., tuple[Element, ...]], *inputs: Any) -> None:
+        """Add the elements that `make(*inputs)` gives, which are none of this model alone, unless raw attributes name them."""
+        grown, names = self.memo(place, elements.made, make, *inputs)
+        if self.raw.isdisjoint(names):
+            parent.children.extend(grown)
+        else:
+            parent.children.extend(element.copy() for element in grown)
+
+    def build(self) -> Element:
+        """The sections in the order of the Menagerie."""
+        self.root.add("compiler", {"angle": "radian", "meshdir": "assets", "autolimits": "true"})
+        self.option()
+        self.default()
+        self.custom()
+        self.asset()
+        self.worldbody()
+        self.contact()
+        section = self.root.add("tendon")
+        tendons.tendons(self.robot, section)
+        closures.tendons(self.robot, section)
+        self.equality()
+        self.actuator()
+        sensors.sensors(self.robot, self.root.add("sensor"))
+        self.keyframe()
+        self.root.children = [
+            section for section in self.root.children if section.children or section.tag in ("compiler", "option", "worldbody")
+        ]
+        return self.root
+
+    def option(self) -> None:
+        """Gravity [m/s^2], and how to step: the document's `simulation` with the mode's over it."""
+        mode = self.robot.mode
+        attributes: dict[str, str] = {}
+        for name, value in {**self.assembly.definition.simulation, **mode.simulation}.items():
+            text = value if isinstance(value, str) else number(value)
+            attributes[name] = INTEGRATORS.get(text.lower(), text) if name == "integrator" else text
+        attributes |= adhesion_contacts.option(self.robot, attributes)
+        self.root.add("option", {**attributes, "gravity": numbers(self.robot.gravity)}, mode.origin)
+
+    def default(self) -> None:
+        """Classes. Geoms weigh nothing: the mass of a link is what its `inertial` says."""
+        own = self.root.add("default").add("default", {"class": class_name(self.robot)})
+        own.add("site", {"group": "3"})
+        visual = own.add("default", {"class": "visual"})
+        visual.add("geom", {"type": "mesh", "contype": "0", "conaffinity": "0", "group": "2", "mass": "0"})
+        collision = own.add("default", {"class": "collision"})
+        collision.add("geom", {"type": "mesh", "group": "3", "mass": "0"})
+        if self.adhering:
+            collision.add("default", {"class": adhesion_contacts.CLASS}).add("geom", adhesion_contacts.contact(self.assembly))
+
+    def custom(self) -> None:
+        """Velocity limits [rad/s or m/s], which MJCF has no place for."""
+        section = self.root.add("custom")
+        for joint in self.joints.values():
+            if joint.limit.velocity is not None:
+                data = number(joint.limit.velocity)
+                section.add("numeric", {"name": f"{joint.path}:velocity", "data": data}, joint.origin)
+
+    def asset(self) -> None:
+        """Materials and meshes, in the order in which the document's occurrences first need them."""
+        section = self.root.add("asset")
+        self.grow(section, ("material",), elements.materials, self.geometry.shapes)
+        self.grow(section, ("mesh",), elements.meshes, self.geometry.meshes)
+
+    def worldbody(self) -> None:
+        """The tree of links."""
+        world = self.root.add("worldbody")
+        made: dict[int, Element] = {}
+        taken = frozenset(shape.name for one in self.geometry.shapes for shape in (*one.visual, *one.collision) if shape.name is not None)
+        for index, body in merged_joints.model_bodies(self.robot).items():
+            link = self.links[index]
+            attributes = {"name": link.name, **pose_attributes(body.X_PL)}
+            if body.parent is None:
+                attributes["childclass"] = class_name(self.robot)
+                if self.robot.base == "held":
+                    attributes["mocap"] = "true"
+            element = (world if body.parent is None else made[body.parent]).add("body", attributes, link.origin)
+            made[index] = element
+            if link.properties.mass > 0.0:
+                self.grow(element, ("inertial", link.name), elements.inertial_of, link.properties, link.origin)
+            if body.parent is None and self.robot.base == "free":
+                element.add("freejoint", {"name": self.assembly.free_joint}, self.robot.mode.origin)
+            joints = self.robot.moves if body.parent is None else body.joints
+            if is_ball(joints):
+                place = ("joint", self.robot.mode.name, joints[0].path)
+                self.grow(element, place, elements.ball, self.name_of(joints[0]), joints[0])
+                joints = ()
+            for joint in joints:
+                driven = joint.path in self.driven
+                self.grow(element, ("joint", self.robot.mode.name, joint.path), elements.joint, joint, driven)
+            shapes = tuple(self.geometry.shapes[member] for member in link.members)
+            touching = adhesion_contacts.CLASS if body.link in self.adhering else "collision"
+            self.grow(element, ("geoms", link.name, touching), elements.geoms, link.poses, shapes, touching, taken)
+        for site in merged_joints.sites(self.robot).values():
+            self.grow(made[site.body], ("site", site.path), elements.site, site.path, site.pose, site.origin)
+        closures.sites(self.robot, world, made)
+        sensors.cameras(self.robot, made)
+        sensors.volumes(self.robot, made)
+        tendons.shapes(self.robot, made)
+        # The sites of a link belong to it, not to what hangs on it: children come last.
+        for element in made.values():
+            element.children.sort(key=lambda child: child.tag == "body")
+
+    def contact(self) -> None:
+        """Pairs of links that never touch."""
+        section = self.root.add("contact")
+        for first, second in self.robot.excluded:
+            crossed = self.robot.bodies[max(first, second)].joints
+            section.add(
+                "exclude", {"body1": self.links[first].name, "body2": self.links[second].name},
+                crossed[0].origin if crossed else self.robot.mode.origin,
+            )
+
+    def equality(self) -> None:
+        """Joints that mimic: q by a polynomial in q(other), which are as far from 0 as from where they are at qpos0; then loops."""
+        section = self.root.add("equality")
+        for joint in self.joints.values():
+            for slide in lowered(joint)[1:]:
+                # The turn depends on the slide: the other way round the slide's share of the constraint is so small that loads slip.
+                polynomial = numbers((0.0, 1.0 / slide.ratio, 0.0, 0.0, 0.0))
+                names = {"name": f"{joint.path}:screw", "joint1": joint.path, "joint2": slide.name}
+                section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.origin)
+            if joint.mimic is not None and joint.mimic.joint.path in self.joints:
+                polynomial = numbers((*joint.mimic.polynomial, 0.0, 0.0, 0.0)[:5])
+                names = {"name": joint.mimic.name or f"{joint.path}:mimic", "joint1": joint.path, "joint2": joint.mimic.joint.path}
+                section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.mimic.origin)
+        closures.equalities(self.robot, section, [link.name for link in self.links])
+
+    def actuator(self) -> None:
+        """Drives in joint order, those of tendons, then magnets."""
+        section = self.root.add("actuator")
+        for path in self.driven:
+            joint, drive = self.joints[path], self.joints[path].actuator
+            form = None if drive is None else written(CAPABILITIES["drives"][drive_cell(joint, drive)])
+            match form:
+                case "ball":
+                    assert drive is not None and drive.axis is not None
+                    body = next(body for body in self.robot.bodies if joint in body.joints)
+                    inputs = self.name_of(joint), joint, drive, in_body(body, drive.axis)
+                    self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive_of_ball, *inputs)
+                case "joint":
+                    self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive, joint, drive)
+                case None:
+                    pass
+                case _:
+                    assert_never(form)
+        tendons.drives(self.robot, section)
+        body_of = {body.link: index for index, body in enumerate(self.robot.bodies)}
+        for magnet in self.assembly.adhesions:
+            link = self.links[body_of[self.assembly.link_of[magnet.occurrence]]]
+            attributes = {"name": adhesion_name(self.robot, magnet.path), "body": link.name}
+            attributes |= {"ctrlrange": numbers((0.0, max(magnet.force, NOTHING))), "gain": "1"}
+            section.add("adhesion", attributes, self.assembly.occurrences[magnet.occurrence].origin)
+
+    def keyframe(self) -> None:
+        """Poses of the mode: q and controls; the base stands where the mode puts it, a free one where holds want it."""
+        section = self.root.add("keyframe")
+        for frame in self.robot.keyframes:
+            base = frame.base or self.robot.bodies[0].X_PL
+            turned = self.memo(("base", self.robot.mode.name, frame.name), Pose.quaternion, base)
+            qpos = [*base.translation, *turned] if self.robot.base == "free" else [*base_positions(self.robot)]
+            qpos += [value for body in self.robot.bodies for value in positions(body, frame.q)]
+            ctrl = [self.position(path, frame.q) for path in self.driven]
+            ctrl += tendons.controls(self.robot, frame.q)
+            ctrl += [self.robot.adhesion.get(magnet.path, 0.0) for magnet in self.assembly.adhesions]
+            values: list[tuple[str, str | tuple[float, ...]]] = [("name", frame.name)]
+            values += [(name, tuple(row)) for name, row in (("qpos", qpos), ("ctrl", ctrl)) if row]
+            mocap = [(base.translation, turned)] if self.robot.base == "held" else []
+            mocap += [(pose.translation, pose.quaternion()) for pose in closures.anchors(self.robot).values()]
+            values += zip(("mpos", "mquat"), (tuple(chain(*column)) for column in zip(*mocap)))
+            self.grow(section, ("key", self.robot.mode.name, frame.name), elements.key, tuple(values), frame.origin)
+
+    def name_of(self, joint: CoreJoint) -> str:
+        """What the whole joint is called that a coordinate is of."""
+        return FREE_JOINT if joint.mate < 0 else self.assembly.mates[joint.mate].name or joint.path
+
+    def position(self, path: str, q: Mapping[str, float]) -> float:
+        """The control [rad or m] that keeps a drive of positions at `q`; 0 of any other. That of a ball's drive is the part of the rotation
+        vector along its axis."""
+        joint = self.joints[path]
+        drive = joint.actuator
+        if drive is None or drive.kind != "position":
+            return 0.0
+        if drive.axis is None:
+            return q[path]
+        return plain_sum(part * q[one.path] for part, one in zip(drive.axis, self.assembly.mates[joint.mate].joints, strict=True))
+
+
+def _suffixes(words: tuple[str, ...]) -> Iterator[str]:
+    """What the name in the path of a raw attribute may mean: see `raw.py`."""
+    for word in words:
+        parts = word.replace(".", "/").split("/")
+        yield from ("/".join(parts[first:]) for first in range(len(parts)))

@@ -1,0 +1,98 @@
+"""Which geoms of a model may touch, read from its tree as MuJoCo reads it (the chapter Computation of its documentation, "Selection")."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import combinations, product
+
+from thingc.base.frozen import dataclass
+from thingc.targets.xml_writer import Element
+
+Values = Mapping[str, str]
+
+PLANE = "plane"
+WORLD = -1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Touching:
+    """A geom that may touch something: its element (None: the floor of the scene), and its attributes with those of its class."""
+
+    element: Element | None
+    values: Values
+
+    @property
+    def type(self) -> str:
+        """As MJCF has it."""
+        return self.values.get("type", "sphere")
+
+    @property
+    def margin(self) -> float:
+        """[m]"""
+        return float(self.values.get("margin", "0"))
+
+
+FLOOR = Touching(element=None, values={"type": PLANE})
+
+
+def pairs(root: Element) -> Iterator[tuple[Touching, Touching]]:
+    """Every two geoms of a model that MuJoCo looks at, one of them perhaps the floor: those of two bodies that are not rigidly one, not
+    parent and child, and not excluded. (Of a held root and the floor, MuJoCo sees later that neither moves.)"""
+    classes = defaults(root, "geom")
+    bodies = list(_bodies(root))
+    index = {body.attributes.get("name"): number for number, (body, _) in enumerate(bodies)}
+    excluded = {
+        frozenset((index.get(one.attributes.get("body1")), index.get(one.attributes.get("body2"))))
+        for section in [root.find("contact")] if section is not None for one in section.children if one.tag == "exclude"
+    }
+    rigid: list[int] = []  # of every body the one that carries it, rigidly: itself, or the world
+    for number, (body, parent) in enumerate(bodies):
+        moves = body.attributes.get("mocap") == "true" or any(child.tag in ("joint", "freejoint") for child in body.children)
+        rigid.append(number if moves else WORLD if parent is None else rigid[parent])
+    geoms = [list(_geoms(body, classes)) for body, _ in bodies]
+    carrier = [WORLD if bodies[one][1] is None else rigid[bodies[one][1] or 0] for one in range(len(bodies))]
+    for number, own in enumerate(geoms):
+        if rigid[number] != WORLD:
+            yield from product([FLOOR], own)
+    for one, other in combinations(range(len(bodies)), 2):
+        a, b = rigid[one], rigid[other]
+        if a == b or frozenset((one, other)) in excluded:
+            continue
+        if WORLD not in (a, b) and (carrier[a] == b or carrier[b] == a):
+            continue
+        yield from product(geoms[one], geoms[other])
+
+
+def defaults(root: Element, tag: str) -> dict[str, dict[str, str]]:
+    """What the default classes say of elements of a kind, by class, with what they have of those around them."""
+    by_class: dict[str, dict[str, str]] = {}
+    waiting = [(child, dict[str, str]()) for child in root.children if child.tag == "default"]
+    while waiting:
+        element, above = waiting.pop()
+        own = element.find(tag)
+        values = {**above, **(own.attributes if own is not None else {})}
+        by_class[element.attributes.get("class", "main")] = values
+        waiting += [(child, values) for child in element.children if child.tag == "default"]
+    return by_class
+
+
+def _bodies(root: Element) -> Iterator[tuple[Element, int | None]]:
+    """Every body, parents first, each with the number of its parent."""
+    world = root.find("worldbody")
+    waiting: list[tuple[Element, int | None]] = [(child, None) for child in world.children] if world is not None else []
+    number = 0
+    while waiting:
+        element, parent = waiting.pop(0)
+        if element.tag == "body":
+            yield element, parent
+            waiting += [(child, number) for child in element.children]
+            number += 1
+
+
+def _geoms(body: Element, classes: Mapping[str, Values]) -> Iterator[Touching]:
+    """Those of its geoms that touch at all."""
+    for one in body.children:
+        if one.tag == "geom":
+            values = {**classes.get(one.attributes.get("class", "main"), {}), **one.attributes}
+            if values.get("contype", "1") != "0" or values.get("conaffinity", "1") != "0":
+                yield Touching(element=one, values=values)

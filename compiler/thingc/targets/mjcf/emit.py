@@ -1,0 +1,107 @@
+"""MJCF: one MuJoCo model and one scene per mode, and the meshes that all of them share."""
+
+from __future__ import annotations
+
+from thingc.base.diagnostics import Code
+from thingc.base.frozen import dataclass
+from thingc.base.generated_header import heading
+from thingc.model.robot.types import Robot
+from thingc.targets.artifact import Artifacts, Content, Loss, Stored
+from thingc.targets.capabilities import losses
+from thingc.targets.custom_names import called
+from thingc.targets.geometry import Geometry
+from thingc.targets.mjcf import body_tree as tree
+from thingc.targets.mjcf import compat, raw, raw_elements, scene, verify
+from thingc.targets.mjcf.capabilities import CAPABILITIES
+from thingc.targets.mjcf.limits import taken
+from thingc.targets.request import EmitRequest
+from thingc.targets.xml_writer import Element, write
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Models:
+    """What is written of every mode, before it is laid out as files: `assets` are the meshes, by their name in `assets/`."""
+
+    candidates: tuple[verify.Candidate, ...]
+    assets: dict[str, Stored]
+    losses: tuple[Loss, ...]
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """`mjcf/<name>_<mode>.xml` and `mjcf/scene_<mode>.xml` of each chosen mode, and `mjcf/assets/`."""
+    made = models(request)
+    files: dict[str, Content] = {}
+    for candidate in made.candidates:
+        files[f"mjcf/{candidate.file}"] = candidate.model.text.encode()
+        files[f"mjcf/scene_{candidate.mode}.xml"] = candidate.scene.text.encode()
+    files |= {f"mjcf/assets/{file}": stored for file, stored in made.assets.items()}
+    return Artifacts(files=dict(sorted(files.items())), losses=made.losses)
+
+
+def models(request: EmitRequest) -> Models:
+    """The models of the chosen modes, made once for all targets of a request.
+
+    With `verify` every one, or one of so many, has been compiled by MuJoCo; what it says against one is in the report, at the place in the
+    documents.
+    """
+    known = request.made.get("mjcf")
+    if isinstance(known, Models):
+        return known
+    assembly, robots, report = request.assembly, request.robots, request.report
+    geometry, unsaid, roots, suited = _roots(request)
+
+    lost: dict[Loss, None] = dict.fromkeys((*unsaid, *losses("mjcf", CAPABILITIES, assembly, robots)))
+    candidates: list[verify.Candidate] = []
+    for robot, root in zip(robots, roots, strict=True):
+        file, said = f"{assembly.name}_{robot.mode.name}.xml", _heading(robot)
+        lost |= dict.fromkeys(tree.losses(robot))
+        model = write(root, said)
+        candidates.append(verify.Candidate(
+            mode=robot.mode.name, file=file, root=root, heading=said, model=model,
+            scene=scene.scene(robot, file, said, model, request.memo, compat.separator(request.compat)), origin=robot.mode.origin,
+            robot=robot,
+        ))
+    lost |= suited
+    every = tuple(candidates)
+    scenes = {f"scene_{one.mode}.xml" for one in every}
+    for file in sorted(scenes & {one.file for one in every}):
+        report.add(
+            Code.SAME_NAME, f"a model of the robot `{assembly.name}` and a scene would both be `mjcf/{file}`", assembly.definition.origin,
+            help="rename the robot",
+        )
+    if request.verify:
+        starts = not request.repeated
+        due = verify.due(every, request.verify, request.memo)
+        waiting = verify.doubtful(due, geometry.meshes, request.store, request.memo, starts=starts)
+        verify.check(waiting, geometry, request.store, report, request.memo, starts=starts)
+        if not report.diagnostics:
+            verify.took_scenes(waiting, request.memo)
+            verify.took(due, request.verify, request.memo)
+    made = Models(candidates=every, assets=geometry.assets, losses=tuple(lost))
+    request.made["mjcf"] = made
+    return made
+
+
+def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str], dict[str, Stored]]:
+    """The model of each chosen mode as text, by mode, with the `floor` of its scene or without, and the meshes that they name, by file;
+    nothing else: MuJoCo is not asked."""
+    request = called(request)
+    geometry, _, roots, _ = _roots(request)
+    texts: dict[str, str] = {}
+    for robot, root in zip(request.robots, roots, strict=True):
+        model = write(root, _heading(robot))
+        texts[robot.mode.name] = scene.floored(robot, model, compat.separator(request.compat)) if floor else model.text
+    return texts, geometry.assets
+
+
+def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element], dict[Loss, None]]:
+    """The geometry, its losses, the tree of each mode with its raw attributes for those who read it, and what is lost by that."""
+    geometry, unsaid = taken(request.assembly, request.report, request.memo)
+    roots = [tree.model(robot, geometry, request.memo) for robot in request.robots]
+    left = raw_elements.add(request.assembly, request.robots, roots, request.report)
+    raw.lay(request.assembly, request.robots, roots, request.report)
+    return geometry, [*unsaid, *left], *compat.suited(request.compat, request.robots, roots, request.report)
+
+
+def _heading(robot: Robot) -> str:
+    return heading(robot.assembly.definition.document, robot.mode.name)

@@ -1,0 +1,358 @@
+"""What MuJoCo finds in the first instant of a mode: links that start in each other, and drives that chatter.
+
+A simulation of either goes wrong at once, and the model compiles without a word. Both are looked for where a model is compiled anyway,
+with its true meshes, and what was found to be in order is remembered by what it depends on (see `key`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+from thingc.base.diagnostics import Code, Note, Report, allow_hint
+from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import counted
+from thingc.base.safe_text import quoted
+from thingc.base.source import Origin
+from thingc.base.units import LENGTH, Quantity
+from thingc.model.robot.types import CoreJoint, Robot
+from thingc.targets.mjcf.compat.pymjcf import SEPARATOR
+
+DEEP = 0.5e-3
+"""[m] How far two links may start in each other: what fits tightly touches, and meshes are a little off."""
+SHOWN = 3
+"""Further pairs that a message names."""
+
+_INDIFFERENT = re.compile(r' (?:range|ctrlrange|rgba|gravity)="[^"]*"')
+
+
+def key(text: str, robot: Robot) -> str:
+    """What the first instant of a robot depends on, as a digest: the keyframe that it starts in, and of its model's `text` everything but
+    names, colours, the limits of joints, and where down is, so that on a wall a robot starts as on the floor."""
+    model = _INDIFFERENT.sub("", text.partition("<mujoco ")[2].partition(">")[2])
+    return hashlib.sha256(f"{robot.mode.pose}\n{model}".encode()).hexdigest()
+
+
+def apart(text: str) -> tuple[str, ...]:
+    """What of a model's text no first instant depends on: what `key` leaves out."""
+    head, _, rest = text.partition("<mujoco ")
+    return (head, rest.partition(">")[0], *_INDIFFERENT.findall(rest))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inside:
+    """Two parts, by path, that start in each other by `depth` [m]."""
+
+    one: str
+    other: str
+    depth: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gains:
+    """A drive as the step of a simulation sees it: `stiffness` (kp and a spring) [N m/rad or N/m], `kv` and `damping` [N m s/rad or
+    N s/m], the `inertia` [kg m^2 or kg] that it moves with everything else free, whether its force has a limit, and the time step `dt`
+    [s] and integrator."""
+
+    stiffness: float
+    kv: float
+    damping: float
+    inertia: float
+    saturates: bool
+    dt: float
+    integrator: str
+
+    @property
+    def stiffest(self) -> float:
+        """The stiffness k beyond which a step makes an error larger.
+
+        With the velocity after a step used for the position, v' = a v - b q and q' = q + dt v', a step has the determinant a and the
+        trace 1 + a - dt b; it is stable (Jury) while 2 + 2 a > dt b. An implicit integrator divides by I + dt d, d = kv + damping:
+        a = I / (I + dt d), b = dt k / (I + dt d), which gives dt^2 k < 4 I + 2 dt d. Euler is implicit in the damping c of joints, and
+        explicit in kv: dt^2 k < 4 I + 2 dt c - 2 dt kv. Runge-Kutta of order 4 is stable for dt^2 k < 8 I (its region cuts the
+        imaginary axis at 2 sqrt(2)).
+        """
+        if self.integrator == "RK4":
+            return 8.0 * self.inertia / self.dt**2
+        if self.integrator == "Euler":
+            return (4.0 * self.inertia + 2.0 * self.dt * (self.damping - self.kv)) / self.dt**2
+        return (4.0 * self.inertia + 2.0 * self.dt * (self.damping + self.kv)) / self.dt**2
+
+    @property
+    def too_stiff(self) -> bool:
+        """Whether the position swings up from step to step."""
+        return self.stiffness > 0.0 and self.stiffness > self.stiffest
+
+    @property
+    def explicit(self) -> bool:
+        """Whether the integrator takes kv times the velocity before the step."""
+        return self.integrator in ("Euler", "RK4")
+
+    @property
+    def too_quick(self) -> bool:
+        """Whether an explicit kv turns a velocity round within one step: v' = (1 - dt kv / I) v changes its sign for dt kv > I."""
+        return self.explicit and self.dt * self.kv > self.inertia
+
+    @property
+    def jumps(self) -> bool:
+        """Whether the force can go on jumping from one limit F to the other, though the integrator is implicit in kv.
+
+        At its limit a force does not depend on the velocity, and MuJoCo leaves it out of the derivative. From rest at an error of J / 2,
+        J = dt^2 F / I, a step at the limit leads to -J / 2, where dt kv > I makes the force stop it in one step, at rest again: and so
+        on for ever, if the force is at its limit there, kp J / 2 > F, which is dt^2 kp > 2 I.
+        """
+        return self.saturates and self.dt * self.kv > self.inertia and self.dt**2 * self.stiffness > 2.0 * self.inertia
+
+    @property
+    def calmest(self) -> float:
+        """The kv up to which an explicit integrator is calm, the rest as it is; not above 0 where no kv makes it so (see `stiffest`,
+        `too_quick`)."""
+        quick = self.inertia / self.dt
+        if self.integrator == "RK4":
+            return 0.0 if self.too_stiff else quick
+        return min(quick, (4.0 * self.inertia - self.dt**2 * self.stiffness) / (2.0 * self.dt) + self.damping)
+
+    @property
+    def calm(self) -> bool:
+        """Whether nothing of this is so."""
+        return not (self.too_stiff or self.too_quick or self.jumps)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """What was found of one mode: parts in each other, deepest first, and by joint the gains that chatter."""
+
+    robot: Robot
+    inside: tuple[Inside, ...]
+    gains: dict[str, Gains]
+
+    @property
+    def in_order(self) -> bool:
+        """Whether nothing is to be said."""
+        return not self.inside and not self.gains
+
+
+def look(model: Any, robot: Robot) -> Start:
+    """The first instant of a compiled scene (an `mujoco.MjModel`): contacts where the mode starts, gains over all of its keyframes.
+
+    A model that is too large for the memory that MuJoCo takes for a step is not looked at further.
+    """
+    import mujoco
+
+    data = mujoco.MjData(model)
+    frames = {frame.name: model.key(frame.name).id for frame in robot.keyframes}
+    start = frames.get(robot.mode.pose or "")
+    inside: tuple[Inside, ...] = ()
+    worst: dict[str, Gains] = {}
+    drives = {name: path for path, name in robot.assembly.drives.items()}
+    options = model.opt.jacobian, model.opt.disableflags  # who asked may look at the model again
+    try:
+        _pose(model, data, start)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_collision(model, data)
+        inside = tuple(_inside(model, data, robot))
+        model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        for flag in ("CONTACT", "LIMIT", "FRICTIONLOSS"):
+            model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
+        for number in dict.fromkeys((start, *frames.values())):
+            _pose(model, data, number)
+            mujoco.mj_fwdPosition(model, data)
+            for name, gains in gains_of(model, data):
+                path = drives.get(name) or _path(name)
+                if not gains.calm and (path not in worst or gains.inertia < worst[path].inertia):
+                    worst[path] = gains
+    except mujoco.FatalError:
+        pass
+    finally:
+        model.opt.jacobian, model.opt.disableflags = options
+    return Start(robot=robot, inside=inside, gains=worst)
+
+
+def _pose(model: Any, data: Any, number: int | None) -> None:
+    """A keyframe by its number, or every joint at 0."""
+    import mujoco
+
+    if number is None:
+        mujoco.mj_resetData(model, data)
+    else:
+        mujoco.mj_resetDataKeyframe(model, data, number)
+
+
+def _inside(model: Any, data: Any, robot: Robot) -> Iterator[Inside]:
+    """The pairs of parts of two links that are in each other, deepest first."""
+    owners = {one.name_in_files(surface): one.path for one in robot.assembly.occurrences for surface in one.touching}
+    deepest: dict[tuple[str, str], float] = {}
+    for contact in data.contact:
+        bodies = [int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2)]
+        if contact.dist > -DEEP or 0 in bodies:
+            continue
+        names = (model.geom(int(geom)).name.replace(SEPARATOR, "/") for geom in (contact.geom1, contact.geom2))
+        one, other = sorted(owners.get(name) or _path(name) for name in names)
+        deepest[one, other] = max(deepest.get((one, other), 0.0), -float(contact.dist))
+    for (one, other), depth in sorted(deepest.items(), key=lambda entry: (-entry[1], entry[0])):
+        yield Inside(one=one, other=other, depth=depth)
+
+
+def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
+    """Every drive of a joint by its name, at positions that `mj_fwdPosition` has seen, with dense constraints of equality alone.
+
+    A drive acts along g, its row of the transmission's Jacobian: of a hinge the joint's own dof, of a ball an axis in its three. The
+    inertia is 1 / (g M^-1 g'), with what constraints of equality (loops, joints that mimic) tie together moving together: with the
+    rows T of the constraints, W = T M^-1, it is 1 / (g (M^-1 - W' (T W')^+ W) g'). None is seen in a step whose square, which the rules
+    need, is 0 or no number.
+    """
+    import mujoco
+    import numpy as np
+
+    of_joints = {int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)}
+    driven = [k for k in range(model.nu) if int(model.actuator_trntype[k]) in of_joints]
+    if not driven or not 0.0 < model.opt.timestep * model.opt.timestep < math.inf:
+        return
+    # MuJoCo makes room for constraints that it then leaves out because nothing in them can move.
+    rows = np.asarray(data.efc_J, dtype=float)[: data.nefc * model.nv].reshape(-1, model.nv)
+    tied = np.ascontiguousarray(rows[np.asarray(data.efc_type) == mujoco.mjtConstraint.mjCNSTR_EQUALITY])
+    across = np.zeros_like(tied)
+    if len(tied):
+        mujoco.mj_solveM(model, data, across, tied)
+        holding = np.linalg.pinv(tied @ across.T, rcond=1e-9)
+    moments = np.zeros((model.nu, model.nv))
+    mujoco.mju_sparse2dense(moments, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)
+    integrator = {mujoco.mjtIntegrator.mjINT_EULER: "Euler", mujoco.mjtIntegrator.mjINT_RK4: "RK4"}.get(model.opt.integrator, "implicit")
+    for actuator in driven:
+        joint = int(model.actuator_trnid[actuator][0])
+        along, answer = moments[actuator : actuator + 1], np.zeros((1, model.nv))
+        mujoco.mj_solveM(model, data, answer, along)
+        inverse = alone = float(answer[0] @ along[0])
+        if len(tied):
+            tying = across @ along[0]
+            inverse -= float(tying @ holding @ tying)
+        if inverse <= 1e-9 * alone:  # what it is tied to cannot move
+            continue
+        bias, gear = model.actuator_biasprm[actuator], float(along[0] @ along[0])
+        yield model.actuator(actuator).name, Gains(
+            stiffness=-float(bias[1]) + float(np.ravel(model.jnt_stiffness[joint])[0]) / gear, kv=-float(bias[2]),
+            damping=float(np.ravel(model.dof_damping[model.jnt_dofadr[joint]])[0]) / gear, inertia=1.0 / inverse,
+            saturates=bool(model.actuator_forcelimited[actuator]), dt=float(model.opt.timestep), integrator=integrator,
+        )
+
+
+def _path(name: str) -> str:
+    """The path that the name of an element begins with, whatever stands between its parts there."""
+    return name.partition(":")[0].replace(SEPARATOR, "/")
+
+
+# --- words -------------------------------------------------------------------------------------------------------------
+
+
+def say(starts: Sequence[Start], report: Report) -> None:
+    """A warning for each mode that starts in itself (modes that start alike share one), and for each drive that chatters, where it is
+    worst."""
+    alike: dict[tuple[tuple[str, str, float], ...], list[Start]] = {}
+    for start in starts:
+        if start.inside and not report.allows(Code.START_CONTACT, start.robot.mode.origin):
+            alike.setdefault(tuple((one.one, one.other, round(one.depth, 5)) for one in start.inside), []).append(start)
+    for group in alike.values():
+        _say_inside(group[0], [start.robot.mode.name for start in group[1:]], report)
+    worst: dict[str, tuple[Gains, CoreJoint, Robot]] = {}
+    for start in starts:
+        joints = {joint.path: joint for body in start.robot.bodies for joint in body.joints}
+        for path, gains in start.gains.items():
+            if path in joints and (path not in worst or gains.inertia < worst[path][0].inertia):  # what `raw` adds is its own business
+                worst[path] = gains, joints[path], start.robot
+    written: dict[object, list[str]] = {}
+    for path, (_, joint, _) in worst.items():  # one drive is that of every joint that repeats it
+        if report.allows(Code.CHATTER, (*_written_at(joint), *joint.origin[:1])):
+            continue
+        written.setdefault(_written_at(joint), []).append(path)
+    for paths in written.values():
+        first = min(paths, key=lambda path: float(f"{worst[path][0].inertia:.3g}"))
+        _say_gains(*worst[first], [path for path in paths if path != first], report)
+
+
+def _written_at(joint: CoreJoint) -> Origin:
+    return joint.actuator.origin if joint.actuator is not None else joint.origin
+
+
+def _say_inside(start: Start, others: Sequence[str], report: Report) -> None:
+    robot, first = start.robot, start.inside[0]
+    origins = {part.path: part.origin for part in robot.assembly.occurrences}
+    notes = [Note(message=f"`{path}` is here", span=origins[path][0]) for path in (first.one, first.other) if origins.get(path)]
+    notes += [
+        Note(message=f"also `{one.one}` in `{one.other}`, {Quantity(float(f'{one.depth:.3g}'), LENGTH)} deep")
+        for one in start.inside[1 : SHOWN + 1]
+    ]
+    if len(start.inside) > SHOWN + 1:
+        notes.append(Note(message=f"and {counted(len(start.inside) - SHOWN - 1, 'more pair')}"))
+    if others:
+        notes.append(Note(message=f"so {'does' if len(others) == 1 else 'do'} mode{'' if len(others) == 1 else 's'} "
+                          + ", ".join(f"`{name}`" for name in others)))
+    pose = f" (pose `{robot.mode.pose}`)" if robot.mode.pose is not None else ""
+    pair = ", ".join(path.replace("/", ".") for path in (first.one, first.other))
+    depth = Quantity(float(f"{first.depth:.3g}"), LENGTH)
+    report.warn(
+        Code.START_CONTACT,
+        f"mode `{robot.mode.name}` starts{pose} with `{first.one}` {depth} deep in `{first.other}`, as their collision shapes are",
+        robot.mode.origin, path=robot.mode.name, notes=notes,
+        help=f"change the pose, choose another `collision` for one of them, or write `contacts: {{exclude: [[{pair}]]}}`; "
+        + allow_hint(Code.START_CONTACT),
+    )
+
+
+def _say_gains(gains: Gains, joint: CoreJoint, robot: Robot, others: Sequence[str], report: Report) -> None:
+    weight = "kg*m^2" if joint.twist.turns else "kg"
+    name = joint.path.rpartition("/")[2]
+    what, cure, needed = _of_kv(gains, joint) if gains.too_quick and gains.calmest > 0.0 else _of_stiffness(gains, joint)
+    where = _written_at(joint)
+    apart = joint.origin[:1] if where and joint.origin and joint.origin[0].line != where[0].line else ()
+    notes = [Note(message=f"joint `{name}` is here", span=span) for span in apart]
+    if others:
+        notes.append(Note(message=f"the same drive is that of {quoted(others, SHOWN)}"))
+    report.warn(
+        Code.CHATTER,
+        f"{what}: what it moves has {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`) and a step takes {1e3 * gains.dt:g} ms",
+        where, path=joint.path, notes=notes,
+        help=f"{cure}; so is a rotor with `armature: {_up(needed)} {weight}`, or a shorter `timestep`; {allow_hint(Code.CHATTER)}",
+    )
+
+
+def _of_kv(gains: Gains, joint: CoreJoint) -> tuple[str, str, float]:
+    """What a velocity gain does that is too great by itself, what cures it, and the armature [kg m^2 or kg] that would."""
+    rate = "N*m*s/rad" if joint.twist.turns else "N*s/m"
+    does = "swings it up from step to step" if gains.too_stiff else "turns its velocity round in one step"
+    cure = f"up to {_down(gains.calmest / 2.0)} {rate} is calm"
+    if replace(gains, integrator="implicitfast").calm:
+        cure += ", and this one with `integrator: implicitfast`"
+    needed = max(2.0 * gains.dt * gains.kv, gains.dt**2 * gains.stiffness / 2.0 + gains.dt * gains.kv) - gains.inertia
+    return f"`kv` of joint `{joint.path.rpartition('/')[2]}`, {gains.kv:.6g} {rate}, {does}", cure, needed
+
+
+def _of_stiffness(gains: Gains, joint: CoreJoint) -> tuple[str, str, float]:
+    """The same of a position gain, or of the joint's spring where there is none."""
+    turn, dt, spring = "N*m/rad" if joint.twist.turns else "N/m", gains.dt, joint.dynamics.stiffness or 0.0
+    kp = gains.stiffness - spring
+    key, value, beside = ("kp", kp, spring) if kp > 0.0 else ("stiffness", spring, 0.0)
+    does = "swings it up from step to step" if gains.too_stiff else "lets its force jump from limit to limit"
+    fine = min(gains.stiffest / 2.0, gains.inertia / dt**2 if gains.jumps else gains.stiffest) - beside
+    cure = f"up to {_down(fine)} {turn} is calm"
+    if fine <= 0.0:
+        cure = "with this `kv` none is calm, unless with `integrator: implicitfast`"
+    needed = dt**2 * gains.stiffness / 2.0 - gains.stiffest * dt**2 / 4.0
+    if gains.jumps:
+        needed = max(needed, dt**2 * gains.stiffness - gains.inertia)
+    return f"`{key}` of joint `{joint.path.rpartition('/')[2]}`, {value:.6g} {turn}, {does}", cure, needed
+
+
+def _down(value: float) -> str:
+    """A number with two digits, not above it."""
+    shown = float(f"{value:.1e}")
+    return f"{shown if shown <= value else float(f'{value * 0.95:.1e}'):g}"
+
+
+def _up(value: float) -> str:
+    shown = float(f"{value:.1e}")
+    return f"{shown if shown >= value else float(f'{value * 1.06:.1e}'):g}"

@@ -1,0 +1,160 @@
+"""Elements that documents add to models by `raw: {mjcf: {add: ...}}`.
+
+What they name are the document's joints and components by their paths, its mounts (each gets its site), elements of the model, and what has
+been added before. An element that names something which a mode has not got (a drive that is left out, a joint at which a loop is cut) is
+left out of that mode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.source import Origin
+from thingc.base.suggestions import did_you_mean
+from thingc.model.assembly.types import Assembly
+from thingc.model.resolve.coordinates import CoordinateName
+from thingc.model.resolve.raw_elements import KINDS, named_kind
+from thingc.model.resolve.types import RawElement
+from thingc.model.robot.tree import in_link
+from thingc.model.robot.types import Robot
+from thingc.targets.artifact import Loss
+from thingc.targets.mjcf import elements
+from thingc.targets.xml_writer import Element, unwritable
+
+SECTIONS = ("contact", "custom", "tendon", "equality", "actuator", "sensor", "keyframe")
+"""Sections in the order in which those that are not there yet are put."""
+
+
+def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> list[Loss]:
+    """Add to each mode's model what the documents add; what is left out of one. What no mode can have is reported where it is written."""
+    lost: list[Loss] = []
+    if assembly.added and models:
+        targets = [_Target(robot, model) for robot, model in zip(robots, models, strict=True)]
+        for element in assembly.added:
+            strange = next(_strange(element), None)
+            if strange is not None:
+                report.add(Code.RAW_UNKNOWN, *strange, path=element.dotted, help="write what MJCF has in its reference")
+                continue
+            missing = [target.add(element) for target in targets]
+            if None not in missing and not _elsewhere(assembly, missing[0] or ("", "")):
+                kind, name = missing[0] or ("", "")
+                known = sorted({one for target in targets for one in target.names.get(kind, ())})
+                names = "bodies" if kind == "body" else f"{kind}s"
+                report.add(
+                    Code.RAW_UNKNOWN, f"`{element.tag}` names {kind} `{name}`, which no mode has", element.origin,
+                    help=did_you_mean(name, known, what=names), path=element.dotted,
+                )
+            for target, one in zip(targets, missing, strict=True):
+                if one is not None:
+                    what = f"this element: the mode has no {one[0]} `{one[1]}`"
+                    lost.append(Loss.of(element.origin, "mjcf", target.robot.mode.name, element.dotted, what, "omitted"))
+        for target in targets:
+            target.command()
+    return lost
+
+
+def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
+    """What can be no element of MJCF, or no attribute, and MuJoCo must not read: where a name ends it would read on."""
+    for name, value in ((element.tag, ""), *element.attributes.items()):
+        why = unwritable(name, value)
+        if why is not None:
+            yield why, element.origin
+    if element.tag == "include":
+        yield "a model includes no files", element.origin
+    for child in element.children:
+        yield from _strange(child)
+
+
+def _elsewhere(assembly: Assembly, missing: tuple[str, str]) -> bool:
+    """Whether some mode that is not built here may have it, or it is one that is added itself, and is reported."""
+    kind, name = missing
+    if any((one.section, one.attributes.get("name", "").replace(".", "/")) == (kind, name.replace(".", "/")) for one in assembly.added):
+        return True
+    joints = {joint.path for mate in assembly.mates for joint in mate.joints}
+    return (kind == "joint" and name in joints) or (kind == "actuator" and name in assembly.drives.values())
+
+
+class _Target:
+    """A model, and the names in it by kind."""
+
+    def __init__(self, robot: Robot, model: Element) -> None:
+        self.robot = robot
+        self.model = model
+        self.drives = 0
+        self.names: dict[str, set[str]] = {}
+        world = model.find("worldbody")
+        for element in world.walk() if world is not None else ():
+            self.names.setdefault("joint" if element.tag == "freejoint" else element.tag, set()).add(element.attributes.get("name", ""))
+        for kind in ("tendon", "actuator"):
+            section = model.find(kind)
+            self.names[kind] = {one.attributes.get("name", "") for one in section.children} if section is not None else set()
+
+    def add(self, wanted: RawElement) -> tuple[str, str] | None:
+        """Add an element. The kind and the name of what it names and this model has not got, or None."""
+        made = self.made(wanted)
+        if isinstance(made, tuple):
+            return made
+        section = self.model.find(wanted.section)
+        if section is None:
+            section = Element(tag=wanted.section)
+            later = SECTIONS[SECTIONS.index(wanted.section) + 1 :]
+            places = [index for index, child in enumerate(self.model.children) if child.tag in later]
+            self.model.children.insert(places[0] if places else len(self.model.children), section)
+        section.children.append(made)
+        if wanted.section in self.names and "name" in made.attributes:
+            self.names[wanted.section].add(made.attributes["name"])
+        self.drives += wanted.section == "actuator"
+        return None
+
+    def made(self, wanted: RawElement) -> Element | tuple[str, str]:
+        """The element of this model, or the kind and the name of what it names in vain."""
+        made = Element(tag=wanted.tag, attributes=dict(wanted.attributes), origin=wanted.origin)
+        for name, value in wanted.attributes.items():
+            kind = named_kind(wanted.attributes, name)
+            if kind is not None and name != "name":
+                called = self.found(kind, value)
+                if called is None:
+                    return kind, value
+                made.attributes[name] = called
+        for child in wanted.children:
+            inner = self.made(child)
+            if isinstance(inner, tuple):
+                return inner
+            made.children.append(inner)
+        return made
+
+    def found(self, kind: str, path: str) -> str | None:
+        """What the model calls an element of a kind; a mount that has no site gets one."""
+        plain = kind != "joint" or path in self.names.get(kind, ())
+        name = path if plain else CoordinateName(path.replace("/", ".")).path
+        if name in self.names.get(kind, ()) or kind not in KINDS:
+            return name
+        named = next((one for one in self.names.get(kind, ()) if one.replace(".", "/") == path), None)  # `link` writes `/` for `.`
+        if named is not None:
+            return named
+        assembly = self.robot.assembly
+        if kind == "body":
+            links = (assembly.links[assembly.link_of[one.index]].name for one in assembly.occurrences if one.path == path)
+            return next((link for link in links if link in self.names["body"]), None)
+        if kind == "site":
+            owner, _, mount = path.rpartition("/")
+            for one in assembly.occurrences:
+                link = assembly.links[assembly.link_of[one.index]].name
+                if one.path == owner and mount in one.mounts and link in self.names["body"]:  # between joints of one body is no place
+                    body = next(body for body in self.model.walk() if body.tag == "body" and body.attributes["name"] == link)
+                    pose = in_link(assembly)[one.index] @ one.mounts[mount].pose
+                    places = [index for index, child in enumerate(body.children) if child.tag == "body"]
+                    place = places[0] if places else len(body.children)
+                    body.children[place:place] = elements.site(path, pose, one.origin)
+                    self.names.setdefault("site", set()).add(path)
+                    return path
+        return None
+
+    def command(self) -> None:
+        """In keyframes the commands of drives that were added are 0."""
+        section = self.model.find("keyframe")
+        for place, key in enumerate(section.children if section is not None and self.drives else ()):
+            assert section is not None
+            ctrl = " ".join([*key.attributes.get("ctrl", "").split(), *["0"] * self.drives])
+            section.children[place] = Element(tag=key.tag, attributes={**key.attributes, "ctrl": ctrl}, origin=key.origin)

@@ -1,0 +1,213 @@
+"""`modes.json`: what switching between modes at run time needs to know of every mode's tree.
+
+Enough for the forward kinematics of any mode at any q, without MuJoCo. With P the document's parent link of a joint and C its child,
+J the parent mount's frame and the joint's coordinates in order,
+
+    X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ inv(X_CJ)
+
+where a twist (`angular`, `linear`) turns about `angular` and shifts along `linear`, through the origin of J, per unit of q; those of a
+`ball` are made at once, `exp(twist_0 q_0 + twist_1 q_1 + twist_2 q_2)`: its q is a rotation vector. Where the mode has C for the parent in
+its tree (`reversed`) it is the inverse of that. None of it depends on the root.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from thingc.base.inertia import MassProperties
+from thingc.base.joints.twist import Twist
+from thingc.base.memo import Memo
+from thingc.base.pose import NO_POSE, Pose
+from thingc.model.assembly.types import Mate
+from thingc.model.resolve.coordinates import Mimic
+from thingc.model.robot.tree import in_link
+from thingc.model.robot.types import Closure, CoreJoint, Robot
+from thingc.targets import json_writer
+from thingc.targets.artifact import Artifacts
+from thingc.targets.custom_names import called
+from thingc.targets.json_writer import Fragment, fragment
+from thingc.targets.mjcf import tendons
+from thingc.targets.mjcf.closures import anchor_name
+from thingc.targets.mjcf.compat import separator
+from thingc.targets.mjcf.lowering import is_ball, lowered, sizes
+from thingc.targets.request import EmitRequest
+
+VERSION = 2
+"""Of the form of every mode: a reader refuses another."""
+
+LISTED = 3
+"""How deep a link or a joint stands in the file: in a list of a mode of the whole."""
+
+FREE = (7, 6)
+"""The same for a free base: position and quaternion; linear and angular velocity."""
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """`modes.json` of the chosen modes, in document order. It goes with the MJCF files, whose addresses it states."""
+    between = separator(request.compat)
+    described = {robot.mode.name: describe(robot, request.memo, between) for robot in request.robots}
+    return Artifacts(files={"modes.json": json_writer.encode(described)})
+
+
+def alone(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
+    """`modes.json` of a build without its models, as an artifact of the first target."""
+    return {targets[0]: emit(called(request))}
+
+
+def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> dict[str, object]:
+    """One mode as plain data for `jsontext`, lengths in metres and angles in radians; names of links, and those of MuJoCo's joints, have
+    `separator` in them, as the model has.
+
+    - `root` the path of the site on which the mode stands, `base` `fixed | held | free | planar | ball`, `gravity` [m/s^2] in the world,
+      `X_world_root` where the mode puts its root link, 4 x 4, by rows, and only of a base that is
+      `planar` or `ball` `X_world_at`, the frame in whose x-y plane it moves, or about whose origin it turns;
+    - `links` in the order of the bodies of the model, the root link first; `X_root_link` the pose of the link's frame in
+      the root link's frame at q = 0; `mass` [kg], `centre` [m] and `inertia` [kg m^2, about the centre] in the link's frame;
+    - `joints` in the order of the model: `parent` and `child` are links as this mode's tree has them; `reversed` says that
+      the document has them the other way round. `coordinates` are in the document's order; `in_model` names the joints of MuJoCo that
+      a coordinate is there, with how much each moves per unit of q, `qpos` and `dof` are their addresses in `MjData.qpos` and `.qvel`,
+      behind a free base's 7 and 6; each coordinate of a ball has those of the whole, a quaternion and an angular velocity;
+    - `holds` further mounts held to the world, by their paths: `link` that carries the mount, `anchor` the mocap body that holds it, what
+      the hold `carries` (`force`: the mount's origin is held, and the mount can turn; else `force and torque`), `X_LM` the mount in the
+      link, `X_WM` its pose in the world;
+    - `poses` q by joint path, the mode's own pose first; only where there are such, `bases`, `X_world_root` of the poses in which
+      a free base stands elsewhere, and `standing_on`, the mounts that the mode says it stands on;
+    - only where there are loops `cuts`, the joints that close them (no joints of this model): `X_PA` and `X_CB` are the frames
+      that meet, A on the parent moving by `coordinates` as above, the offsets in `X_PA`; and `residuals`, how far [m, rad] the worst
+      loop is from closed in each pose.
+    """
+    names = [robot.assembly.links[body.link].name.replace("/", separator) for body in robot.bodies]
+    memo = memo or Memo()
+    order = [joint.path for body in robot.bodies if body.parent is not None for joint in body.joints]
+    order += [joint.path for closure in robot.closures for joint in closure.joints]
+    stands = ((frame.name, frame.base) for frame in robot.keyframes)
+    moved = {one.path: one.moves for one in tendons.present(robot) if one.moves}
+    bases = {name: base.rows() for name, base in stands if base is not None and base != robot.bodies[0].X_PL}
+    return {
+        "version": VERSION,
+        "root": robot.mode.root.path,
+        "base": robot.base,
+        "gravity": robot.gravity,
+        "X_world_root": robot.bodies[0].X_PL.rows(),
+        **({"X_world_at": robot.mode.at.rows()} if robot.moves else {}),
+        "links": _links(robot, names, memo),
+        "joints": _joints(robot, names, memo, separator),
+        **({"tendons": moved} if moved else {}),
+        "holds": {closure.path: _hold(closure, names, separator) for closure in robot.closures if closure.hold},
+        "poses": {frame.name: {name: frame.q[name] for name in order} for frame in robot.keyframes},
+        **({"bases": bases} if bases else {}),
+        **({"standing_on": [foot.mount.path for foot in robot.mode.feet]} if robot.mode.feet else {}),
+        **(_loops(robot, names) if robot.closures else {}),
+    }
+
+
+def _hold(closure: Closure, names: Sequence[str], separator: str) -> dict[str, object]:
+    return {
+        "link": names[closure.child], "anchor": anchor_name(closure).replace("/", separator),
+        "carries": "force" if closure.kind == "ball" else "force and torque",
+        "X_LM": closure.X_CB.rows(), "X_WM": closure.X_PA.rows(),
+    }
+
+
+def _links(robot: Robot, names: Sequence[str], memo: Memo) -> list[Fragment]:
+    """The bodies, of these `names`, in their order."""
+    links: list[Fragment] = []
+    at_zero: list[Pose] = []
+    for name, body in zip(names, robot.bodies, strict=True):
+        at_zero.append(NO_POSE if body.parent is None else at_zero[body.parent] @ body.X_PL)
+        own = robot.assembly.links[body.link].properties
+        links.append(memo(("modes.json", robot.mode.name, "link", name), _link, name, at_zero[-1], own))
+    return links
+
+
+def _joints(robot: Robot, names: Sequence[str], memo: Memo, separator: str) -> list[Fragment]:
+    """The joints of bodies of these `names`, in the order of the model."""
+    joints: list[Fragment] = []
+    placed = in_link(robot.assembly)
+    qpos, dof = FREE if robot.base == "free" else sizes(robot.moves)
+    for name, body in zip(names, robot.bodies, strict=True):
+        if not body.joints or body.parent is None:
+            continue
+        mate = robot.assembly.mates[body.joints[0].mate]
+        joints.append(memo(
+            ("modes.json", robot.mode.name, "joint", mate.name), _joint, mate, (placed[mate.parent], placed[mate.child]),
+            (names[body.parent], name), body.joints, (qpos, dof), separator,
+        ))
+        count, speeds = sizes(body.joints)
+        qpos, dof = qpos + count, dof + speeds
+    return joints
+
+
+def _link(name: str, pose: Pose, own: MassProperties) -> Fragment:
+    return fragment({
+        "name": name, "X_root_link": pose.rows(), "mass": own.mass, "centre": own.centre, "inertia": own.inertia,
+    }, LISTED)
+
+
+def _joint(
+    mate: Mate, parts: tuple[Pose, Pose], links: tuple[str, str], crossed: tuple[CoreJoint, ...], addresses: tuple[int, int],
+    separator: str,
+) -> Fragment:
+    """A joint of the tree: the document's parent and child in their links, the links of this mode's parent and child, and its first
+    addresses in `qpos` and `qvel`."""
+    (parent_part, child_part), (parent, child), (qpos, dof) = parts, links, addresses
+    in_model: dict[str, tuple[dict[str, float], list[int], list[int]]] = {}
+    for joint in crossed:
+        if is_ball(crossed):
+            whole = (mate.name or joint.path).replace("/", separator)
+            in_model[joint.path] = {whole: 1.0}, list(range(qpos, qpos + 4)), list(range(dof, dof + 3))
+            continue
+        names = {one.name.replace("/", separator): one.ratio for one in lowered(joint)}
+        in_model[joint.path] = names, list(range(qpos, qpos + len(names))), list(range(dof, dof + len(names)))
+        qpos, dof = qpos + len(names), dof + len(names)
+    return fragment({
+        "name": mate.name,
+        "kind": mate.joints[0].kind.name,
+        "parent": parent,
+        "child": child,
+        "reversed": crossed[0].reversed,
+        "X_PJ": (parent_part @ mate.X_PJ).rows(),
+        "X_CJ": (child_part @ mate.X_JC.inverse()).rows(),
+        "coordinates": [
+            {
+                **_coordinate(joint.path, joint.twist),
+                "offset": joint.offset,
+                "armature": joint.dynamics.armature or 0.0,
+                "mimic": _mimic(joint.mimic),
+                **dict(zip(("in_model", "qpos", "dof"), in_model[joint.path], strict=True)),
+            }
+            for joint in mate.joints
+        ],
+    }, LISTED)
+
+
+def _coordinate(path: str, twist: Twist) -> dict[str, object]:
+    """A coordinate and its twist; what a joint kind says goes through the origin."""
+    linear, angular = twist.velocity((0.0, 0.0, 0.0))
+    return {"name": path, "angular": angular, "linear": linear}
+
+
+def _loops(robot: Robot, names: list[str]) -> dict[str, object]:
+    return {
+        "cuts": [
+            {
+                "name": closure.path,
+                "kind": closure.joints[0].kind.name if closure.joints else "fixed",
+                "parent": names[closure.parent],
+                "child": names[closure.child],
+                "X_PA": closure.X_PA.rows(),
+                "X_CB": closure.X_CB.rows(),
+                "coordinates": [_coordinate(joint.path, twist) for joint, twist in zip(closure.joints, closure.twists, strict=True)],
+            }
+            for closure in robot.closures
+            if closure.parent is not None
+        ],
+        "residuals": {frame.name: frame.residual for frame in robot.keyframes},
+    }
+
+
+def _mimic(mimic: Mimic | None) -> dict[str, object] | None:
+    if mimic is None:
+        return None
+    higher = {"higher": mimic.higher} if mimic.higher else {}
+    return {"joint": mimic.joint.path, "multiplier": mimic.multiplier, "offset": mimic.offset, **higher}

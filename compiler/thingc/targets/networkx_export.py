@@ -1,0 +1,117 @@
+"""The graphs of a robot as networkx has them, to be handed out: nothing in the compiler works on these.
+
+Attributes that do not hold are left out: GraphML has no word for nothing.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import networkx
+
+from thingc.base.frozen import dataclass
+from thingc.base.safe_text import shown
+from thingc.model.assembly.hag import Hag
+from thingc.model.assembly.types import Assembly
+from thingc.model.robot.loop_cuts import worths
+from thingc.model.robot.types import Robot
+
+Graph: TypeAlias = Any
+"""A `networkx.MultiDiGraph`, which has no types of its own."""
+
+
+def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
+    """The hierarchical assembly graph. Nodes are texts of definitions with `label`, `reference`, `kind`, `quantity` (how often each
+    stands in the robot), and of a mirror image `mirror` and `mirrors` (a text); edges go from an assembly to what is in it, their key is
+    the component, with `mounts` and `joint`."""
+    graph = networkx.MultiDiGraph(name=hag.label)
+    for one in hag.definitions:
+        plain = None if one.plain is None else one.plain.text
+        graph.add_node(one.text, **_said(
+            label=one.label, reference=one.reference, kind=one.kind, quantity=quantities[one.text], mirror=one.mirror, mirrors=plain,
+        ))
+    for edge in hag.edges:
+        graph.add_edge(edge.parent, edge.child, key=edge.component, **_said(mounts=edge.mounts or None, joint=edge.joint))
+    return graph
+
+
+def mate_graph(assembly: Assembly) -> Graph:
+    """The mates. Nodes are paths of occurrences with `definition` (a text), `link` and `mass` [kg]; edges go from the parent of a mate to
+    its child, their key is `mount -> mount`, with `parent_mount`, `child_mount`, `joint` (None: left out, it is rigid) and `loop`."""
+    graph = networkx.MultiDiGraph(name=assembly.name)
+    names = [occurrence.path for occurrence in assembly.occurrences]
+    for occurrence in assembly.occurrences:
+        link = assembly.links[assembly.link_of[occurrence.index]].name
+        graph.add_node(occurrence.path, definition=occurrence.definition.text, link=link, mass=occurrence.properties.mass)
+    for mate in assembly.mates:
+        graph.add_edge(names[mate.parent], names[mate.child], key=f"{mate.child_mount} -> {mate.parent_mount}", **_said(
+            parent_mount=mate.parent_mount, child_mount=mate.child_mount, joint=mate.name, loop=True if mate.loop is not None else None,
+        ))
+    return graph
+
+
+def link_graph(assembly: Assembly) -> Graph:
+    """The links. Nodes are names of links with `mass` [kg] and `occurrences`; edges go from the parent of a joint, as its document calls
+    it, to its child, their key is the path of the joint, with `kind`, `coordinates` (their paths) and `loop`."""
+    graph = networkx.MultiDiGraph(name=assembly.name)
+    for link in assembly.links:
+        members = [assembly.occurrences[member].path for member in link.members]
+        graph.add_node(link.name, mass=link.properties.mass, occurrences=members)
+    for mate in assembly.mates:
+        name = mate.name if mate.name is not None else mate.loop
+        parent, child = (assembly.links[assembly.link_of[one]].name for one in (mate.parent, mate.child))
+        if name is not None and parent != child:
+            kind = mate.joints[0].kind.name if mate.joints else "fixed"
+            graph.add_edge(parent, child, key=name, **_said(
+                kind=kind, coordinates=[joint.path for joint in mate.joints], loop=True if mate.loop is not None else None,
+            ))
+    return graph
+
+
+def _said(**attributes: Any) -> dict[str, Any]:
+    return {name: value for name, value in attributes.items() if value is not None}
+
+
+def graphml(graph: Graph) -> str:
+    """GraphML of a graph without lists. The ids of edges are numbers, because programs want them unique in a file; `name` is the key."""
+    spoken = networkx.MultiDiGraph(**_shown(graph.graph))
+    for node, attributes in graph.nodes(data=True):
+        spoken.add_node(shown(node), **_shown(attributes))
+    for number, (parent, child, key, attributes) in enumerate(graph.edges(keys=True, data=True)):
+        spoken.add_edge(shown(parent), shown(child), key=f"e{number}", name=shown(key), **_shown(attributes))
+    return "\n".join(networkx.generate_graphml(spoken, named_key_ids=True)) + "\n"
+
+
+def _shown(attributes: dict[str, Any]) -> dict[str, Any]:
+    return {name: shown(value) if isinstance(value, str) else value for name, value in attributes.items()}
+
+
+def plain(graph: Graph) -> dict[str, Any]:
+    """The graph as JSON has it, which `networkx.node_link_graph` reads."""
+    node_link: dict[str, Any] = networkx.node_link_data(graph, edges="edges")
+    return node_link
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loop:
+    """A loop that is cut at joint `cut`: `through` are the joints that it goes through besides, from the cut joint's parent to its child,
+    each with why it was not cut instead (nothing where the loop is closed rigidly)."""
+
+    cut: str
+    through: dict[str, str]
+
+
+def loops_of(robot: Robot) -> tuple[Loop, ...]:
+    """The loops that a mode cuts at joints, through two links or more: the fundamental cycles of its tree."""
+    assembly = robot.assembly
+    cuts = {closure.path for closure in robot.closures if not closure.hold}
+    graph = link_graph(assembly)
+    tree = graph.edge_subgraph([edge for edge in graph.edges if edge[2] not in cuts]).to_undirected()
+    worth = {assembly.mates[number].name: value for number, value in worths(assembly, robot.mode)}
+    loops = []
+    for parent, child, cut in graph.edges:
+        if cut in cuts:
+            way = networkx.shortest_path(tree, parent, child)
+            through = [key for pair in zip(way, way[1:]) for key in tree[pair[0]][pair[1]]]
+            loops.append(Loop(cut=cut, through={one: worth[one].over(worth[cut]) if cut in worth else "" for one in through}))
+    return tuple(loops)

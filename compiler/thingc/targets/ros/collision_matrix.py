@@ -1,0 +1,200 @@
+"""Which links meet as the joints move: MuJoCo looks for contacts in the mode's own URDF, at configurations drawn once for all.
+
+A link's meshes collide as their convex hulls. Links that their hulls keep apart are apart; where a mesh is not convex, two that are said to
+meet may not.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.frozen import dataclass
+from thingc.geometry.store.local import Store
+from thingc.model.assembly.types import Assembly
+from thingc.targets.geometry import MeshAsset
+from thingc.targets.mjcf.accepted_models import mujoco_version
+from thingc.targets.name_mangling import safe
+from thingc.targets.urdf.links import UNBOUNDED
+from thingc.targets.xml_writer import Element, write
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+SAMPLES = 10_000
+SEED = 0
+
+MEETING = "links-meeting"
+"""The kind of document in the store."""
+
+MEMORY = 1 << 26
+"""Of MuJoCo's arena [bytes]: more contacts at once than any robot has that is not folded into itself."""
+
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Meetings:
+    """In how many of `samples` configurations each pair of links meets (a pair that never does is left out), and which meet in each of the
+    configurations that were asked for, by name. Names within a pair are sorted."""
+
+    samples: int
+    counts: dict[Pair, int]
+    at: dict[str, frozenset[Pair]]
+
+
+def adjacent(assembly: Assembly) -> frozenset[Pair]:
+    """The pairs of links that a joint connects, also one that closes a loop."""
+    joined = (mate for mate in assembly.mates if mate.joints or mate.loop is not None)
+    linked = ((assembly.links[assembly.link_of[end]] for end in (mate.parent, mate.child)) for mate in joined)
+    return frozenset(pair_of(*(safe(link.name) for link in links)) for links in linked)
+
+
+def pair_of(one: str, other: str) -> Pair:
+    """Two links as a pair."""
+    return (one, other) if one < other else (other, one)
+
+
+def meetings(
+    tree: Element, meshes: str, assets: Sequence[MeshAsset], starts: Mapping[str, Mapping[str, float]], neighbours: Collection[Pair],
+    store: Store,
+) -> Meetings:
+    """Of a mode's URDF, `meshes` being the URI of the folder of its `assets`; `starts` are further configurations, q by joint, and
+    `neighbours` pairs that nobody asks for. Remembered in the store by what it depends on. Raises `ValueError` where MuJoCo does not
+    take the links' shapes."""
+    bare, needed = _collisions_only(tree, meshes)
+    used = {mesh.file: mesh for mesh in assets if mesh.file in needed}
+    text = write(bare, "What collides.").text
+    said = [mujoco_version(), SAMPLES, SEED, text, {file: mesh.mesh.sha256 for file, mesh in used.items()}, starts, sorted(neighbours)]
+    key = hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
+    known = store.get_json(MEETING, key)
+    if known is None:
+        import mujoco
+
+        try:
+            sampler = _Sampler(text, {file: store.read(mesh.mesh.sha256) for file, mesh in used.items()}, bare, neighbours)
+            counts = sampler.counts()
+            at = {name: sampler.at(q) for name, q in starts.items()}
+        except mujoco.FatalError as fault:
+            raise ValueError(str(fault)) from None
+        known = {
+            "samples": sampler.samples, "counts": [[*pair, count] for pair, count in sorted(counts.items())],
+            "at": {name: sorted(pairs) for name, pairs in at.items()},
+        }
+        store.put_json(MEETING, key, known)
+    return Meetings(
+        samples=known["samples"], counts={(one, other): count for one, other, count in known["counts"]},
+        at={name: frozenset((one, other) for one, other in pairs) for name, pairs in known["at"].items()},
+    )
+
+
+def _collisions_only(tree: Element, meshes: str) -> tuple[Element, set[str]]:
+    """The links with what they collide with alone, weighing anything, and the joints; and the files of meshes that they name."""
+    bare = Element(tag="robot", attributes=tree.attributes)
+    compiler = {"fusestatic": "false", "strippath": "false", "meshdir": "", "boundmass": "1", "boundinertia": "1", "balanceinertia": "true"}
+    bare.add("mujoco").add("compiler", compiler)
+    files: set[str] = set()
+    for element in tree.children:
+        if element.tag == "joint":
+            bare.children.append(Element(tag="joint", attributes=element.attributes, children=[
+                child for child in element.children if child.tag in ("origin", "parent", "child", "axis", "limit", "mimic")
+            ]))
+        elif element.tag == "link":
+            link = bare.add("link", element.attributes)
+            for collision in element.children:
+                if collision.tag == "collision":
+                    link.children.append(_renamed(collision, f"{meshes}/", files))
+    return bare, files
+
+
+def _renamed(collision: Element, prefix: str, files: set[str]) -> Element:
+    """A shape whose mesh, if it is one, is named by its file alone."""
+    shape = Element(tag="collision")
+    for child in collision.children:
+        mesh = child.find("mesh") if child.tag == "geometry" else None
+        if mesh is None:
+            shape.children.append(child)
+            continue
+        file = mesh.attributes["filename"].removeprefix(prefix)
+        files.add(file)
+        shape.add("geometry").add("mesh", {"filename": file})
+    return shape
+
+
+class _Sampler:
+    """MuJoCo, and the joints' coordinates in its state: those of joints by themselves, and those that follow one of them."""
+
+    def __init__(self, text: str, assets: Mapping[str, bytes], tree: Element, neighbours: Collection[Pair]) -> None:
+        import mujoco
+        import numpy as np
+
+        spec = mujoco.MjSpec.from_string(text, assets=dict(assets))
+        for mesh in spec.meshes:
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+        for one, other in neighbours:
+            spec.add_exclude(bodyname1=one, bodyname2=other)
+        spec.memory = MEMORY
+        self.model: Any = spec.compile()
+        self.data: Any = mujoco.MjData(self.model)
+        moving = {one.attributes["name"]: one for one in tree.children if one.tag == "joint" and one.attributes["type"] != "fixed"}
+        self.free = {name: joint for name, joint in moving.items() if joint.find("mimic") is None}
+        columns = {name: column for column, name in enumerate(self.free)}
+        self.leader, self.multiplier, self.offset = (np.zeros(self.model.nq, dtype=kind) for kind in (int, float, float))
+        for name, joint in moving.items():
+            mimic = joint.find("mimic")
+            said = mimic.attributes if mimic is not None else {"joint": name, "multiplier": "1", "offset": "0"}
+            address = self.model.joint(name).qposadr[0]
+            self.leader[address] = columns[said["joint"]]
+            self.multiplier[address], self.offset[address] = float(said["multiplier"]), float(said["offset"])
+        self.samples = SAMPLES if self.free else 1
+
+    def counts(self) -> dict[Pair, int]:
+        """In how many configurations pairs of links meet: joints by themselves are drawn between their limits, others follow them."""
+        import numpy as np
+
+        drawn = np.random.Generator(np.random.PCG64(SEED)).random((self.samples, len(self.free)))
+        ends = np.array([self._ends(joint) for joint in self.free.values()]).reshape(-1, 2)
+        return self._meeting(ends[:, 0] + drawn * (ends[:, 1] - ends[:, 0]))
+
+    def at(self, q: Mapping[str, float]) -> Collection[Pair]:
+        """The pairs of links that meet at `q`, by joint."""
+        import numpy as np
+
+        return self._meeting(np.array([[q[name] for name in self.free]])).keys()
+
+    def _meeting(self, q: NDArray[np.float64]) -> dict[Pair, int]:
+        """Of `q`, (n, joints by themselves), how often links meet."""
+        import mujoco
+        import numpy as np
+
+        met: list[tuple[int, NDArray[np.int32]]] = []
+        for number, position in enumerate(q[:, self.leader] * self.multiplier + self.offset if self.free else q):
+            self.data.qpos[:] = position
+            mujoco.mj_kinematics(self.model, self.data)
+            mujoco.mj_collision(self.model, self.data)
+            if self.data.ncon:
+                met.append((number, np.sort(self.model.geom_bodyid[self.data.contact.geom], axis=1)))
+        if not met:
+            return {}
+        numbers = np.repeat([number for number, _ in met], [len(bodies) for _, bodies in met])
+        once = np.unique(np.column_stack([numbers, np.concatenate([bodies for _, bodies in met])]), axis=0)
+        pairs, counts = np.unique(once[:, 1:], axis=0, return_counts=True)
+        named = [pair_of(*(self.model.body(int(body)).name for body in pair)) for pair in pairs]
+        return {pair: int(count) for pair, count in zip(named, counts, strict=True)}
+
+    def _ends(self, joint: Element) -> tuple[float, float]:
+        """Between which values [rad or m] a joint is drawn: where it has no limit a whole turn, or as far as the robot is large."""
+        limit = joint.find("limit")
+        assert limit is not None
+        lower, upper = (float(limit.attributes.get(name, sign * UNBOUNDED)) for name, sign in (("lower", -1.0), ("upper", 1.0)))
+        span = 2.0 * math.pi if joint.attributes["type"] != "prismatic" else 2.0 * float(self.model.stat.extent)
+        if lower <= -UNBOUNDED and upper >= UNBOUNDED:
+            return -span / 2.0, span / 2.0
+        if lower <= -UNBOUNDED:
+            return upper - span, upper
+        return (lower, lower + span) if upper >= UNBOUNDED else (lower, upper)
+

@@ -1,0 +1,81 @@
+"""`ros/<name>_description/`: a ROS 2 package of the chosen modes, which ament_cmake builds."""
+
+from __future__ import annotations
+
+from thingc.base.generated_header import heading
+from thingc.base.safe_text import shown
+from thingc.model.robot.types import Robot
+from thingc.targets import raw
+from thingc.targets.artifact import Artifacts, Content, Loss
+from thingc.targets.capabilities import losses
+from thingc.targets.geometry import Geometry, solid_geometry
+from thingc.targets.name_mangling import package_name, safe
+from thingc.targets.request import EmitRequest
+from thingc.targets.ros.capabilities import CAPABILITIES
+from thingc.targets.ros.collision_matrix import Meetings, adjacent, meetings
+from thingc.targets.ros.control import controllers, controllers_yaml, ros2_control
+from thingc.targets.ros.joints import start, values
+from thingc.targets.ros.package import cmake_lists, package_xml
+from thingc.targets.ros.rviz import frame_of, launch_file, rviz_config
+from thingc.targets.ros.srdf import srdf
+from thingc.targets.urdf.links import MESHES, model
+from thingc.targets.xml_writer import Element, write
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """The package: of each mode a URDF with its `<ros2_control>` and an SRDF, and what all of them share."""
+    assembly, robots = request.assembly, request.robots
+    name = package_name(assembly.name)
+    folder, uri = f"ros/{name}", f"package://{name}/{MESHES}"
+    shapes, flat = solid_geometry(assembly, "ros", f"{folder}/{MESHES}", request.report)
+    document = assembly.definition.document
+    said = heading(document)
+    trees = [model(robot, shapes, request.report, uri) for robot in robots]
+    raw.lay(assembly, robots, "urdf", trees, request.report)
+    touching = _touching(request, shapes)
+    met, unmet = _meetings(request, trees, shapes, uri) if len(touching) > 1 else ({}, [])
+    files: dict[str, Content] = {f"{MESHES}/{file}": stored for file, stored in shapes.assets.items()}
+    for robot, tree in zip(robots, trees, strict=True):
+        file, of_mode = f"{assembly.name}_{robot.mode.name}", heading(document, robot.mode.name)
+        semantics = srdf(robot, touching, met.get(robot.mode.name), request.report)
+        files[f"config/{file}.srdf"] = write(semantics, of_mode, sections=False).text.encode()
+        control = ros2_control(robot)
+        if control is not None:
+            tree.children.append(control)
+        files[f"urdf/{file}.urdf"] = write(tree, of_mode).text.encode()
+    commanded = controllers(robots)
+    files["config/controllers.yaml"] = f"# {said}\n{controllers_yaml(commanded)}".encode()
+    files["config/display.rviz"] = rviz_config(frame_of(robots[0]), said).encode()
+    files["launch/display.launch.py"] = launch_file(robots, commanded, said).encode()
+    files["CMakeLists.txt"] = cmake_lists(assembly.name, {path.partition("/")[0] for path in files}, said).encode()
+    description = " ".join(assembly.definition.description.split()) or f"The robot {assembly.name}."
+    files["package.xml"] = package_xml(assembly.name, shown(description, most=len(description)), request.workspace.about, said).encode()
+    lost = (*flat, *unmet, *losses("ros", CAPABILITIES, assembly, robots))
+    return Artifacts(files={f"{folder}/{path}": content for path, content in sorted(files.items())}, losses=tuple(dict.fromkeys(lost)))
+
+
+def _touching(request: EmitRequest, shapes: Geometry) -> frozenset[str]:
+    """The links that have shapes to collide with."""
+    links, link_of = request.assembly.links, request.assembly.link_of
+    return frozenset(safe(links[link_of[index]].name) for index, one in enumerate(shapes.shapes) if one.collision)
+
+
+def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri: str) -> tuple[dict[str, Meetings], list[Loss]]:
+    """Which links meet, by mode; and what nobody could find out. Where the same joints are cut the root changes nothing of it, so that it
+    is looked for once."""
+    alike: dict[frozenset[str], list[tuple[Robot, Element]]] = {}
+    for robot, tree in zip(request.robots, trees, strict=True):
+        alike.setdefault(frozenset(joint.path for body in robot.bodies for joint in body.joints), []).append((robot, tree))
+    by_mode: dict[str, Meetings] = {}
+    lost: list[Loss] = []
+    for group in alike.values():
+        first, tree = group[0]
+        starts = {robot.mode.name: values(first, start(robot)) for robot, _ in group}
+        try:
+            met = meetings(tree, uri, shapes.meshes, starts, adjacent(request.assembly), request.store)
+        except ValueError:
+            what = "which links never meet: MuJoCo does not read their shapes"
+            lost += [Loss.of(robot.mode.origin, "ros", robot.mode.name, robot.mode.name, what, "omitted") for robot, _ in group]
+        else:
+            by_mode |= {robot.mode.name: met for robot, _ in group}
+    return by_mode, lost

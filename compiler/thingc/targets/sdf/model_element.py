@@ -1,0 +1,270 @@
+"""One mode's robot as an SDF model.
+
+Links have the frames that MJCF and `modes.json` have of them. Joints lie where they are, with the axes of their child. Mounts, `frame`
+components and roots of modes are frames. Loops and holds are joints as well: SDF takes any graph.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, get_args
+
+from thingc.base.diagnostics import Report
+from thingc.base.inertia import MassProperties, physical_fault, within_triangle
+from thingc.base.pose import IDENTITY, NO_POSE, Pose, rpy_of, shifted
+from thingc.base.source import Origin
+from thingc.model.assembly.kinematics import joints_of, leaders
+from thingc.model.assembly.types import Link
+from thingc.model.resolve.types import Material
+from thingc.model.robot.kinematics import carried
+from thingc.model.robot.types import Robot
+from thingc.targets.artifact import Loss
+from thingc.targets.connections import Connection, connections
+from thingc.targets.geometry import ENDLESS, Geometry, Shape, channels, shape_names
+from thingc.targets.name_mangling import Names, frames
+from thingc.targets.sdf.capabilities import CAPABILITIES
+from thingc.targets.sdf.chain import LINK, SdfAxis, SdfJoint, chain
+from thingc.targets.sdf.drives import plugin
+from thingc.targets.sdf.sensors import sensors_of_joint, sensors_of_link
+from thingc.targets.sdf.zero_pose import ZeroState
+from thingc.targets.xml_writer import NAMESPACES, Element, number, numbers
+
+Kind = Literal["link", "joint", "frame"]
+"""What of a model has a name, among all others."""
+
+WORLD = "world"
+"""What SDF calls the world. No link or joint has the name, and no robot may."""
+
+PLAIN, NEWER = "1.9", "1.11"
+"""The version of a file, and of one with a mimic or a screw, which no older version has."""
+
+LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
+"""What a link weighs [kg] that has no mass, and its moments of inertia [kg m^2]: SDF takes no link without."""
+
+AXES = ("axis", "axis2")
+"""What the axes of a joint are called."""
+
+MESHES = "meshes"
+"""The folder of meshes beside the file."""
+
+PATCH = 16.0 / (3.0 * math.pi)
+"""The radius [m] of the patch of contact at which a coefficient of 1 gives as much torque as MuJoCo's torsional friction of 1 m: ODE's is
+`3 pi / 16` of the coefficient times the radius times the normal force."""
+
+
+def model(robot: Robot, geometry: Geometry, zero: ZeroState, report: Report) -> tuple[Element, tuple[Loss, ...]]:
+    """The whole `<sdf>` element of a mode, whose joints are at `zero`, and a loss for each name that is another one there. Two links of one
+    name, or two joints, are reported."""
+    builder = _Builder(robot, geometry, zero, report)
+    return builder.build(), tuple(builder.losses)
+
+
+class _Builder:
+    def __init__(self, robot: Robot, geometry: Geometry, zero: ZeroState, report: Report) -> None:
+        self.robot = robot
+        self.geometry = geometry
+        self.zero = zero
+        self.assembly = robot.assembly
+        self.robots = Names("have the name", "SDF", report)
+        self.parts = Names("have the name", "SDF", report)
+        self.names: dict[Kind, Names] = {kind: Names("have the name", "SDF", report) for kind in get_args(Kind)}
+        self.taken: dict[str, str] = {}
+        self.losses: list[Loss] = []
+        links = [self._link_of(index) for index in range(len(robot.bodies))]
+        self.links = [self._name("link", link.name, link.origin) for link in links]
+        self.root = Element(tag="sdf", attributes={"version": PLAIN}, origin=robot.mode.origin)
+        self.connections = [(one, chain(one, zero.q)) for one in connections(robot, CAPABILITIES["loops"], closed=zero.closed)]
+        self.joints = {
+            step.path: self._name("joint", step.path, one.origin) for one, steps in self.connections for step in steps
+        }
+        moved = [(step, axis, word) for _, steps in self.connections for step in steps for axis, word in zip(step.axes, AXES, strict=False)]
+        self.axes = {axis.joint.path: (self.joints[step.path], word) for step, axis, word in moved}
+        self.follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in self.axes)
+
+    def build(self) -> Element:
+        """Links with what they carry, then joints, frames, and what drives joints in Gazebo."""
+        robot, names = self.robot, self.links
+        self.robots.take(WORLD, (), "the world")
+        name = self.robots.take(self.assembly.name, self.assembly.definition.origin, "the robot")
+        model = self.root.add("model", {"name": name, "canonical_link": names[0]}, robot.mode.origin)
+        model.say("self_collide", "true")
+        for index, body in enumerate(robot.bodies):
+            if body.parent is None:
+                self._link(model, names[index], index, self.zero.base)
+            else:
+                self._link(model, names[index], index, carried(body, NO_POSE, self.zero.q), names[body.parent])
+        for one, steps in self.connections:
+            self._lead(model, WORLD if one.parent is None else names[one.parent], names[one.child], one, steps)
+        for index, sites in frames(robot).items():
+            for site in sites:
+                name = self._name("frame", site.path, site.origin)
+                frame = model.add("frame", {"name": name, "attached_to": names[index]}, site.origin)
+                _place(frame, site.pose)
+        for _, steps in self.connections:
+            model.children.extend(plugin(robot, self.zero, steps, self.joints))
+        return self.root
+
+    def _name(self, kind: Kind, path: str, origin: Origin, made: str | None = None) -> str:
+        """The name of what stands at a path. Links, joints and frames have one list of them: behind that of what is called like something
+        of another kind stands its kind, as SDFormat itself has it of files older than 1.7."""
+        name = own = self.names[kind].take(path, origin, made or f"{kind} `{path}`")
+        while name in self.taken:
+            name = f"{name}_{kind}"
+        self.taken[name] = f"{kind} `{path}`"
+        if name != own and made is None:
+            what = f"its name: it is `{name}` here, and {self.taken[own]} is `{own}`"
+            self.losses.append(Loss.of(origin, "sdf", None, path, what, "approximated"))
+        return name
+
+    def _lead(self, model: Element, parent: str, child: str, connection: Connection, steps: tuple[SdfJoint, ...]) -> None:
+        """The joints from a link to another, and the links between them, which are where the last is."""
+        *before, last = steps
+        for step in before:
+            between = self._name("link", f"{step.path}{LINK}", connection.origin, f"the link behind joint `{step.path}`")
+            link = model.add("link", {"name": between}, connection.origin)
+            _place(link, NO_POSE, child)
+            _weigh(link, MassProperties(mass=LEAST_MASS, centre=step.at))
+            self._joint(model, step, parent, between, connection.origin)
+            parent = between
+        element = self._joint(model, last, parent, child, connection.origin)
+        if connection.in_tree:
+            sensors_of_joint(self.robot, connection.child, last.at, element, self.parts)
+
+    def _joint(self, model: Element, step: SdfJoint, parent: str, child: str, origin: Origin) -> Element:
+        """One joint. What follows another follows the one that moves by itself, as in URDF."""
+        element = model.add("joint", {"name": self.joints[step.path], "type": step.type}, origin)
+        _place(element, shifted(*step.at))
+        element.say("parent", parent)
+        element.say("child", child)
+        if step.type == "screw":
+            element.say("screw_thread_pitch", number(2.0 * math.pi * step.axes[0].twist.pitch))
+            self.root.attributes["version"] = NEWER
+        for word, axis in zip(AXES, step.axes, strict=False):
+            self._axis(element, word, axis, alone=len(step.axes) == 1)
+        return element
+
+    def _axis(self, joint: Element, word: str, axis: SdfAxis, *, alone: bool) -> None:
+        """What a coordinate does, between which bounds, how strongly, and what it follows."""
+        own, at_zero = axis.joint, self.zero.q.get(axis.joint.path, 0.0)
+        element = joint.add(word)
+        element.say("xyz", numbers(axis.twist.axis))
+        dynamics = own.dynamics
+        if dynamics.damping or dynamics.friction or dynamics.stiffness:
+            acts = element.add("dynamics")
+            for name, value in (("damping", dynamics.damping), ("friction", dynamics.friction)):
+                if value:
+                    acts.say(name, number(value))
+            if dynamics.stiffness:
+                acts.say("spring_reference", number((dynamics.rest or 0.0) - at_zero))
+                acts.say("spring_stiffness", number(dynamics.stiffness))
+        leader, multiplier, offset = self.follows.get(own.path, (own.path, 1.0, 0.0))
+        follows = leader != own.path and leader in self.axes
+        limit = element.add("limit")
+        for name, end in (("lower", own.limit.lower), ("upper", own.limit.upper)):
+            if end is not None:
+                limit.say(name, number(end - at_zero))
+        driven = own.actuator is not None and own.path in self.robot.present
+        effort = own.limit.effort if own.limit.effort is not None else None if driven or follows else 0.0
+        for name, bound in (("effort", effort), ("velocity", own.limit.velocity)):
+            if bound is not None:
+                limit.say(name, number(bound))
+        if not follows:
+            return
+        there, which = self.axes[leader]
+        offset += multiplier * self.zero.q[leader] - at_zero
+        mimic = element.add("mimic", {"joint": there, "axis": which}, own.mimic.origin if own.mimic is not None else own.origin)
+        for name, value in (("multiplier", multiplier), ("offset", offset), ("reference", 0.0)):
+            mimic.say(name, number(value))
+        self.root.attributes["version"] = NEWER
+        if alone and (there, "axis2") not in self.axes.values():
+            self.root.attributes["xmlns:drake"] = NAMESPACES["drake"]
+            joint.add("drake:mimic", {"joint": there, "multiplier": number(multiplier), "offset": number(offset)})
+
+    def _link(self, model: Element, name: str, index: int, pose: Pose, parent: str | None = None) -> None:
+        """A link with all that it holds."""
+        link = self._link_of(index)
+        element = model.add("link", {"name": name}, link.origin)
+        _place(element, pose, parent)
+        _weigh(element, link.properties)
+        for member, at in zip(link.members, link.poses, strict=True):
+            shapes = self.geometry.shapes[member]
+            for shape, path in zip(shapes.visual, shape_names(shapes.visual, f"{shapes.path}_visual"), strict=True):
+                visual = element.add("visual", {"name": self.parts.take(path, shapes.origin)}, shapes.origin)
+                _shape(visual, shape, at)
+                if shape.color is not None:
+                    _paint(visual, shape.color)
+            for shape, path in zip(shapes.collision, shape_names(shapes.collision, f"{shapes.path}_collision"), strict=True):
+                collision = element.add("collision", {"name": self.parts.take(path, shapes.origin)}, shapes.origin)
+                _shape(collision, shape, at)
+                _rub(collision, shape.material)
+        sensors_of_link(self.robot, index, element, self.parts)
+
+    def _link_of(self, index: int) -> Link:
+        return self.assembly.links[self.robot.bodies[index].link]
+
+
+def _place(element: Element, pose: Pose, relative_to: str | None = None) -> None:
+    """Where something is, if it says anything."""
+    if relative_to is not None or pose != NO_POSE:
+        turned = (0.0, 0.0, 0.0) if pose.rotation == IDENTITY else rpy_of(pose.rotation)
+        attributes = {} if relative_to is None else {"relative_to": relative_to}
+        element.say("pose", numbers((*pose.translation, *turned)), attributes)
+
+
+def _shape(element: Element, shape: Shape, at: Pose) -> None:
+    _place(element, at @ shape.pose)
+    geometry = element.add("geometry").add(shape.kind)
+    match shape.kind:
+        case "mesh":
+            geometry.say("uri", f"{MESHES}/{shape.mesh}.obj")
+        case "box":
+            geometry.say("size", numbers(2.0 * half for half in shape.size))
+        case "sphere":
+            geometry.say("radius", number(shape.size[0]))
+        case "ellipsoid":
+            geometry.say("radii", numbers(shape.size))
+        case "plane":
+            geometry.say("normal", "0 0 1")
+            geometry.say("size", numbers(2.0 * (half or ENDLESS) for half in shape.size[:2]))
+        case _:
+            geometry.say("radius", number(shape.size[0]))
+            geometry.say("length", number(2.0 * shape.size[1]))
+
+
+def _paint(visual: Element, color: str) -> None:
+    """The colour of what is drawn."""
+    *_, opacity = channels(color)
+    if opacity < 1.0:
+        visual.say("transparency", number(1.0 - opacity))
+    material = visual.add("material")
+    for word in ("ambient", "diffuse"):
+        material.say(word, numbers(channels(color)))
+
+
+def _rub(collision: Element, material: Material | None) -> None:
+    """How it rubs, as far as its material says so."""
+    if material is None or (material.slide is None and material.torsion is None):
+        return
+    friction = collision.add("surface").add("friction")
+    if material.slide is not None:
+        ode = friction.add("ode")
+        ode.say("mu", number(material.slide))
+        ode.say("mu2", number(material.slide))
+    if material.torsion is not None:
+        torsional = friction.add("torsional")
+        torsional.say("coefficient", "1")
+        torsional.say("use_patch_radius", "true")
+        torsional.say("patch_radius", number(PATCH * material.torsion))
+
+
+def _weigh(link: Element, properties: MassProperties) -> None:
+    """Mass [kg], centre [m] and inertia [kg m^2] about it, in the axes of the link; of what has none the least that SDF takes."""
+    least = LEAST_INERTIA
+    fault = physical_fault(properties.inertia) is not None
+    i = ((least, 0.0, 0.0), (0.0, least, 0.0), (0.0, 0.0, least)) if fault else within_triangle(properties.inertia)
+    inertial = link.add("inertial")
+    _place(inertial, shifted(*properties.centre))
+    inertial.say("mass", number(properties.mass or LEAST_MASS))
+    inertia = inertial.add("inertia")
+    for name, value in (("ixx", i[0][0]), ("ixy", i[0][1]), ("ixz", i[0][2]), ("iyy", i[1][1]), ("iyz", i[1][2]), ("izz", i[2][2])):
+        inertia.say(name, number(value))

@@ -1,0 +1,45 @@
+"""`urdf/<name>_<mode>.urdf`: URDF 1.0 of each chosen mode, and `urdf/meshes/`, which all of them share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from thingc.base.generated_header import heading
+from thingc.targets import raw
+from thingc.targets.artifact import Artifacts, Content
+from thingc.targets.capabilities import losses
+from thingc.targets.geometry import solid_geometry
+from thingc.targets.name_mangling import package_name
+from thingc.targets.request import EmitRequest
+from thingc.targets.urdf.capabilities import CAPABILITIES
+from thingc.targets.urdf.links import MESHES, model, mujoco_extension
+from thingc.targets.xml_writer import write
+
+FOLDER = f"urdf/{MESHES}"
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """A file for each chosen mode."""
+    assembly = request.assembly
+    shapes, flat = solid_geometry(assembly, "urdf", FOLDER, request.report)
+    meshes = _uri(request)
+    files: dict[str, Content] = {f"{FOLDER}/{file}": stored for file, stored in shapes.assets.items()}
+    trees = [model(robot, shapes, request.report, meshes) for robot in request.robots]
+    for robot, tree in zip(request.robots, trees, strict=True):
+        tree.children.insert(0, mujoco_extension(robot))
+    raw.lay(assembly, request.robots, "urdf", trees, request.report)
+    for robot, tree in zip(request.robots, trees, strict=True):
+        said = heading(assembly.definition.document, robot.mode.name)
+        files[f"urdf/{assembly.name}_{robot.mode.name}.urdf"] = write(tree, said).text.encode()
+    lost = losses("urdf", CAPABILITIES, assembly, request.robots)
+    return Artifacts(files=dict(sorted(files.items())), losses=tuple(dict.fromkeys((*flat, *lost))))
+
+
+def _uri(request: EmitRequest) -> str:
+    """The folder of meshes as the workspace wants it named; relative, too, where nobody knows where the files will lie."""
+    match request.workspace.mesh_uri:
+        case "package":
+            return f"package://{package_name(request.assembly.name)}/{MESHES}"
+        case "absolute" if request.folder is not None:
+            return Path(request.folder, FOLDER).as_uri()
+    return MESHES

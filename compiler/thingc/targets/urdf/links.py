@@ -1,0 +1,292 @@
+"""One mode's robot as an URDF tree.
+
+A link's frame lies on the joint that leads to it. The frame that MJCF and `modes.json` have of it, the same in every mode, is the massless
+link `<link>_frame` wherever it lies elsewhere; exported mounts, `frame` components and roots of modes are massless links, too. Axes are the
+link's own, so that no frame of an inertia or a joint is turned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import assert_never
+
+from thingc.base.diagnostics import Report
+from thingc.base.inertia import ZERO, MassProperties, physical_fault, within_triangle
+from thingc.base.pose import IDENTITY, NO_POSE, Pose, rpy_of, shifted
+from thingc.base.source import Origin
+from thingc.base.summing import plain_sum
+from thingc.geometry.record import DriveType
+from thingc.model.assembly.kinematics import joints_of, leaders
+from thingc.model.assembly.types import ActuatorModel, JointEdge, Link
+from thingc.model.robot.tree import BASE
+from thingc.model.robot.types import Body, CoreJoint, Robot
+from thingc.targets.capabilities import drive_cell, shape_cell, written
+from thingc.targets.geometry import Geometry, Shape, channels, material_name, materials, numbered, shape_names
+from thingc.targets.name_mangling import Names, frames, safe
+from thingc.targets.urdf.capabilities import CAPABILITIES
+from thingc.targets.urdf.chain import Move, moves, own_frame
+from thingc.targets.xml_writer import Element, number, numbers
+
+WORLD = "world"
+"""The root link of a base that does not float."""
+
+UNBOUNDED = 1e9
+"""A limit [rad, m, N m, N, rad/s or m/s] where the document has none: URDF demands one."""
+
+BETWEEN = MassProperties(mass=1e-9, centre=(0.0, 0.0, 0.0), inertia=((1e-12, 0.0, 0.0), (0.0, 1e-12, 0.0), (0.0, 0.0, 1e-12)))
+"""What a link weighs that moves and has no mass of its own: MuJoCo refuses one of none."""
+
+MASSLESS = MassProperties(mass=0.0)
+"""What a link weighs that is fixed and has no mass of its own. Without `<inertial>`, PyBullet gives it 1 kg, unless it is `world`."""
+
+LINK = "_link"
+"""What the name of a link between the joints of a chain ends with, behind that of the joint before: components are called like joints."""
+
+MESHES = "meshes"
+"""The folder of meshes beside the files."""
+
+INTERFACES: Mapping[DriveType, str] = {
+    "position": "PositionJointInterface", "velocity": "VelocityJointInterface", "motor": "EffortJointInterface",
+}
+"""What a drive takes, as ROS called it."""
+
+
+def model(robot: Robot, geometry: Geometry, report: Report, meshes: str = MESHES) -> Element:
+    """The whole `<robot>` element of a mode; `meshes` is the URI of their folder. Names that URDF cannot tell apart are reported."""
+    return _Builder(robot, geometry, report, meshes).build()
+
+
+def mujoco_extension(robot: Robot) -> Element:
+    """The options with which MuJoCo reads the whole file. By default it drops fixed links and what is only drawn."""
+    section = Element(tag="mujoco", attributes={}, origin=robot.mode.origin)
+    section.add("compiler", {"fusestatic": "false", "discardvisual": "false", "strippath": "false", "meshdir": ""})
+    section.add("option", {"gravity": numbers(robot.gravity)}, robot.mode.origin)
+    return section
+
+
+class _Builder:
+    def __init__(self, robot: Robot, geometry: Geometry, report: Report, meshes: str) -> None:
+        self.robot = robot
+        self.meshes = meshes
+        self.geometry = geometry
+        self.assembly = robot.assembly
+        self.links = Names("be the link", "URDF", report)
+        self.joints = Names("be the joint", "URDF", report)
+        self.root = Element(tag="robot", attributes={"name": robot.assembly.name}, origin=robot.mode.origin)
+        self.followers: list[Element] = []
+        self.frames: list[Element] = []
+        self.transmissions: list[Element] = []
+        in_tree = {joint.path for body in robot.bodies for joint in body.joints}
+        self.edges = {joint.path: joint for joint in joints_of(robot.assembly) if joint.path in in_tree}
+        self.follows = leaders(self.edges.values())
+        self.followed = {leader for path, (leader, _, _) in self.follows.items() if leader != path}
+
+    def build(self) -> Element:
+        """Materials, links and joints from the root on, then joints that follow others, frames, and transmissions.
+
+        Frames come last because some readers, such as ikpy, go from a link to its first child.
+        """
+        for name, (color, origin) in materials(self.geometry.shapes).items():
+            self.root.add("material", {"name": name}, origin).add("color", {"rgba": numbers(channels(color))})
+        lead = [self.robot.moves if body.parent is None else body.joints for body in self.robot.bodies]
+        own = [own_frame(joints) for joints in lead]
+        names = [self.links.take(self._link_of(body).name, self._link_of(body).origin) for body in self.robot.bodies]
+        if self.robot.base != "free":
+            self.root.add("link", {"name": self.links.take(WORLD, self.robot.mode.origin)}, self.robot.mode.origin)
+        else:
+            self.root.add("gazebo").say("static", "false")
+        sites = frames(self.robot)
+        for index, body in enumerate(self.robot.bodies):
+            parent = (WORLD if self.robot.base != "free" else None) if body.parent is None else names[body.parent]
+            X_PL = body.X_PL if body.parent is None else own[body.parent].inverse() @ body.X_PL
+            if parent is not None:
+                self._lead(parent, names[index], tuple(moves(lead[index], X_PL)), X_PL)
+            self._link(names[index], body, own[index].inverse())
+            link = self._link_of(body)
+            if own[index] != NO_POSE:
+                made = f"the frame of link `{link.name}`"
+                self._frame(names[index], f"{link.name}_frame", own[index].inverse(), link.origin, made)
+            for site in sites.get(index, ()):
+                self._frame(names[index], site.path, own[index].inverse() @ site.pose, site.origin)
+        self.root.children += self.followers + self.frames + self.transmissions
+        return self.root
+
+    def _lead(self, parent: str, child: str, chain: tuple[Move, ...], X_PL: Pose) -> None:
+        """The joints from a link to the next, and the links between them; to a base that stays where it is one that is fixed."""
+        if not chain:
+            self.root.children.append(self._joint(BASE, "fixed", parent, child, X_PL, self.robot.mode.origin))
+            return
+        for number_, move in enumerate(chain):
+            last = number_ == len(chain) - 1
+            end = child if last else self.links.take(f"{move.path}{LINK}", move.joint.origin, f"the link behind joint `{move.path}`")
+            if not last:
+                _weigh(self.root.add("link", {"name": end}, move.joint.origin), BETWEEN)
+            self._moving(move, parent, end)
+            parent = end
+
+    def _moving(self, move: Move, parent: str, child: str) -> None:
+        """One joint that moves; what follows another follows the one that moves by itself: not every reader goes on from a follower."""
+        joint = move.joint
+        leader, multiplier, offset = self.follows.get(joint.path, (joint.path, 1.0, 0.0))
+        if move.follows is not None:
+            multiplier, offset = multiplier * move.follows[1], offset * move.follows[1]
+        follows = move.follows is not None or leader != joint.path
+        ends = self._ends(move)
+        endless = move.type == "turn" and ends == (-UNBOUNDED, UNBOUNDED)
+        alone = not (follows or joint.twist.pitch or joint.path in self.followed)
+        kind = "prismatic" if move.type == "slide" else "continuous" if endless and alone else "revolute"
+        made = f"the slide of `{joint.path}`" if move.follows is not None else None
+        element = self._joint(move.path, kind, parent, child, move.origin, joint.origin, made)
+        element.add("axis", {"xyz": numbers(move.axis)})
+        bounds = {} if kind == "continuous" else {"lower": number(ends[0]), "upper": number(ends[1])}
+        element.add("limit", {**bounds, **self._strength(move)})
+        if move.follows is None:
+            dynamics = (("damping", joint.dynamics.damping), ("friction", joint.dynamics.friction))
+            if any(value for _, value in dynamics):
+                element.add("dynamics", {name: number(value) for name, value in dynamics if value})
+        if follows:
+            origin = joint.mimic.origin if joint.mimic is not None else joint.origin
+            element.add("mimic", {"joint": safe(leader), "multiplier": number(multiplier), "offset": number(offset)}, origin)
+        (self.followers if follows else self.root.children).append(element)
+        drive = joint.actuator if move.follows is None and joint.path in self.robot.present else None
+        if drive is not None:
+            form = written(CAPABILITIES["drives"][drive_cell(joint, drive)])
+            match form:
+                case "transmission":
+                    self.transmissions.append(_transmission(element.attributes["name"], drive))
+                case None:
+                    pass
+                case _:
+                    assert_never(form)
+
+    def _ends(self, move: Move) -> tuple[float, float]:
+        """Between which values a joint stays: of one that follows and has no limits between those that its leader's take it to."""
+        limit, thread = move.joint.limit, 1.0 if move.follows is None else move.follows[1]
+        offset = 0.0
+        if not limit.bounded and move.joint.path in self.follows:
+            leader, multiplier, offset = self.follows[move.joint.path]
+            limit, thread, offset = self.edges[leader].limit, thread * multiplier, thread * offset
+        ends = [None if end is None else end * thread + offset for end in (limit.lower, limit.upper)]
+        lower, upper = ends if thread > 0.0 else ends[::-1]
+        return (-UNBOUNDED if lower is None else lower), (UNBOUNDED if upper is None else upper)
+
+    def _strength(self, move: Move) -> dict[str, str]:
+        """How strong and fast a joint may be: of a screw's slide what follows from the turn, which alone is driven."""
+        joint = move.joint
+        if joint.kind.at_once and joint.mate >= 0:
+            effort, velocity = self._strength_of_turn(joint)
+        else:
+            effort, velocity = self._effort(joint), joint.limit.velocity
+        if move.follows is not None:
+            effort, velocity = 0.0, None if velocity is None else velocity * abs(move.follows[1])
+        return {"effort": number(effort), "velocity": number(UNBOUNDED if velocity is None else velocity)}
+
+    def _effort(self, joint: CoreJoint | JointEdge) -> float:
+        driven = joint.actuator is not None and joint.path in self.robot.present
+        return joint.limit.effort if joint.limit.effort is not None else UNBOUNDED if driven else 0.0
+
+    def _strength_of_turn(self, joint: CoreJoint) -> tuple[float, float | None]:
+        """Of one of the three turns of a ball, at q = 0: the most that its drives, whose axes are their own, give about it together, and
+        how fast the slowest of them lets it go."""
+        joints = self.assembly.mates[joint.mate].joints
+        about = next(index for index, one in enumerate(joints) if one.path == joint.path)
+        drives = [(one, abs(one.actuator.axis[about])) for one in joints if one.actuator is not None and one.actuator.axis is not None]
+        efforts = [share * self._effort(one) for one, share in drives]
+        speeds = [one.limit.velocity / share for one, share in drives if share and one.limit.velocity is not None]
+        return min(UNBOUNDED, plain_sum(efforts)), min(speeds, default=None)
+
+    def _joint(
+        self, path: str, kind: str, parent: str, child: str, origin: Pose, made_by: Origin, made: str | None = None,
+    ) -> Element:
+        element = Element(tag="joint", attributes={"name": self.joints.take(path, made_by, made), "type": kind}, origin=made_by)
+        _origin(element, origin)
+        element.add("parent", {"link": parent})
+        element.add("child", {"link": child})
+        return element
+
+    def _frame(self, link: str, path: str, pose: Pose, origin: Origin, made: str | None = None) -> None:
+        """A massless link for a frame."""
+        if self.links.free(path, origin, made):
+            frame = Element(tag="link", attributes={"name": safe(path)}, origin=origin)
+            _weigh(frame, MASSLESS)
+            joint = self._joint(f"{path}_joint", "fixed", link, safe(path), pose, origin, f"the joint that fixes {made or f'`{path}`'}")
+            self.frames += frame, joint
+
+    def _link(self, name: str, body: Body, X_CL: Pose) -> None:
+        """A link with all that it holds, in its frame as URDF has it."""
+        link = self._link_of(body)
+        element = self.root.add("link", {"name": name}, link.origin)
+        weight = BETWEEN if body.joints else MASSLESS
+        _weigh(element, link.properties.seen_from(X_CL) if link.properties.mass > 0.0 else weight)
+        for member, pose in zip(link.members, link.poses, strict=True):
+            shapes, at = self.geometry.shapes[member], X_CL @ pose
+            for shape, name in zip(shapes.visual, shape_names(shapes.visual, shapes.path), strict=True):
+                for number_, part in enumerate(parts(shape)):
+                    visual = element.add("visual", {"name": numbered(name, number_)}, shapes.origin)
+                    self._shape(visual, part, at)
+                    material = material_name(shape.material, shape.color)
+                    if material is not None:
+                        visual.add("material", {"name": material})
+            for shape, name in zip(shapes.collision, shape_names(shapes.collision, f"{shapes.path}:collision"), strict=True):
+                for number_, part in enumerate(parts(shape)):
+                    self._shape(element.add("collision", {"name": numbered(name, number_)}, shapes.origin), part, at)
+
+    def _shape(self, element: Element, shape: Shape, pose: Pose) -> None:
+        _origin(element, pose @ shape.pose)
+        geometry = element.add("geometry")
+        match shape.kind:
+            case "mesh":
+                geometry.add("mesh", {"filename": f"{self.meshes}/{shape.mesh}.obj"})
+            case "box":
+                geometry.add("box", {"size": numbers(2.0 * half for half in shape.size)})
+            case "sphere":
+                geometry.add("sphere", {"radius": number(shape.size[0])})
+            case _:
+                geometry.add("cylinder", {"radius": number(shape.size[0]), "length": number(2.0 * shape.size[1])})
+
+    def _link_of(self, body: Body) -> Link:
+        return self.assembly.links[body.link]
+
+
+def _transmission(joint: str, drive: ActuatorModel) -> Element:
+    """A drive that turns the joint as much as itself, called like it."""
+    element = Element(tag="transmission", attributes={"name": f"{joint}_transmission"}, origin=drive.origin)
+    element.say("type", "transmission_interface/SimpleTransmission")
+    element.add("joint", {"name": joint}).say("hardwareInterface", f"hardware_interface/{INTERFACES[drive.kind]}")
+    element.add("actuator", {"name": joint}).say("mechanicalReduction", "1")
+    return element
+
+
+def parts(shape: Shape) -> tuple[Shape, ...]:
+    """The shapes of URDF 1.0 that are the same as one: it has no capsules."""
+    form = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
+    match form:
+        case "itself":
+            return (shape,)
+        case "cylinder and balls":
+            radius, half = shape.size
+            balls = (Shape(kind="sphere", size=(radius,), pose=shape.pose @ shifted(0.0, 0.0, end)) for end in (-half, half))
+            return (Shape(kind="cylinder", size=shape.size, pose=shape.pose), *balls)
+        case None:
+            return ()
+        case _:
+            assert_never(form)
+
+
+def _origin(element: Element, pose: Pose) -> None:
+    """Where something is, if it says anything."""
+    attributes = {"xyz": numbers(pose.translation)} if any(pose.translation) else {}
+    if pose.rotation != IDENTITY:
+        attributes["rpy"] = numbers(rpy_of(pose.rotation))
+    if attributes:
+        element.add("origin", attributes)
+
+
+def _weigh(link: Element, properties: MassProperties) -> None:
+    """Mass [kg], centre [m] and inertia [kg m^2] about it, in the axes of the link."""
+    inertial = link.add("inertial")
+    _origin(inertial, shifted(*properties.centre))
+    inertial.add("mass", {"value": number(properties.mass)})
+    i = ZERO if physical_fault(properties.inertia) is not None else within_triangle(properties.inertia)
+    moments = {"ixx": i[0][0], "ixy": i[0][1], "ixz": i[0][2], "iyy": i[1][1], "iyz": i[1][2], "izz": i[2][2]}
+    inertial.add("inertia", {name: number(value) for name, value in moments.items()})

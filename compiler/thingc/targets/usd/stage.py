@@ -1,0 +1,292 @@
+"""One mode's robot as a stage of UsdPhysics.
+
+    /arm  ->  scene, materials
+          ->  base_link, bracket, ...       links side by side, in the frames that MJCF and `modes.json` have of them, at q = 0
+                -> tip                      mounts, `frame` components and roots of modes
+                -> visuals, collisions
+          ->  joints
+    /arm_meshes                             prototypes (a class: nothing of it is there by itself)
+
+One articulation, whose root is the base link; one that does not float is carried by the joint `root`. (The schema would have the root of
+such an articulation on that joint: Newton takes either, mujoco-usd no other than a link.) Joints of the tree go from the parent in the tree
+to the child, which Newton insists on; those that close it are excluded from it.
+"""
+
+from __future__ import annotations
+
+from typing import assert_never
+
+from thingc.base.diagnostics import Report
+from thingc.base.inertia import MassProperties, physical_fault, principal_axes
+from thingc.base.pose import IDENTITY, Matrix, Pose, Vector
+from thingc.base.summing import hypot
+from thingc.model.assembly.types import Link
+from thingc.model.resolve.types import Material
+from thingc.model.robot.kinematics import placed_bodies
+from thingc.model.robot.types import Robot
+from thingc.targets.capabilities import shape_cell, written
+from thingc.targets.connections import Connection, connections
+from thingc.targets.geometry import ENDLESS, Geometry, Shape, channels, linear, material_name, materials, numbered
+from thingc.targets.name_mangling import Names, frames, safe
+from thingc.targets.usd.capabilities import CAPABILITIES
+from thingc.targets.usd.chain import UsdJoint, chain
+from thingc.targets.usd.drives import equip
+from thingc.targets.usd.meshes import MESH, free, identifiers
+from thingc.targets.usd.mimics import followers
+from thingc.targets.usd.usda import Prim, quaternion, several
+from thingc.targets.usd.vendor_schemas import articulation, dynamics, follow
+
+SCENE, MATERIALS, JOINTS = "scene", "materials", "joints"
+"""What stands beside the links, so that none of them can be called so."""
+
+LINK = "_link"
+"""What the name of a link between the joints of a chain ends with, behind that of the joint before."""
+
+LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
+"""What a link weighs [kg] that has no mass, and its moments of inertia [kg m^2]: UsdPhysics takes none for `not said`."""
+
+ROUGHNESS = 0.6
+"""Of every surface: what a part is made of says its colour, not how it shines."""
+
+ROOM = 2.0**-22
+"""By how large a part of it the largest principal moment is below the sum of the others at least: of a flat body it is that sum, and may be
+above it once the three are floats."""
+
+
+def model(robot: Robot, geometry: Geometry, meshes: dict[str, str], report: Report) -> Prim:
+    """The default prim of a mode; `meshes` are the paths of the prototypes by the names of the assets. Names that USD cannot tell apart are
+    reported."""
+    return _Builder(robot, geometry, meshes, report).build()
+
+
+class _Builder:
+    def __init__(self, robot: Robot, geometry: Geometry, meshes: dict[str, str], report: Report) -> None:
+        self.robot = robot
+        self.assembly = robot.assembly
+        self.geometry = geometry
+        self.meshes = meshes
+        self.report = report
+        self.names = Names("have the name", "USD", report)
+        self.joints = Names("be the joint", "USD", report)
+        self.path = f"/{self.assembly.name}"
+        self.root = Prim(type="Xform", name=self.assembly.name)
+        self.followers = followers(robot)
+        frictions = {friction: f"{material.name}_friction" for friction, material in rubbing(geometry).items()}
+        self.materials = identifiers({**{name: name for name in materials(geometry.shapes)}, **frictions})
+
+    def build(self) -> Prim:
+        """The scene, materials, links with what they carry, joints."""
+        robot = self.robot
+        for word, what in ((SCENE, "the physics scene"), (MATERIALS, "what holds the materials"), (JOINTS, "what holds the joints")):
+            self.names.take(word, (), what)
+        links = [self._link_of(index) for index in range(len(robot.bodies))]
+        names = [self.names.take(link.name, link.origin) for link in links]
+        self.root.metadata.append('kind = "component"')
+        self._scene()
+        self._materials()
+        poses = placed_bodies(robot.bodies, {joint.path: 0.0 for body in robot.bodies for joint in body.joints}, robot.bodies[0].X_PL)
+        sites = frames(robot)
+        for index, (name, pose) in enumerate(zip(names, poses, strict=True)):
+            prim = self._body(name, links[index].properties, pose)
+            if index == 0:
+                prim.schemas.append("PhysicsArticulationRootAPI")
+                articulation(prim)
+            apart = [names[max(pair)] for pair in robot.excluded if min(pair) == index]
+            if apart:
+                prim.schemas.append("PhysicsFilteredPairsAPI")
+                prim.say("rel physics:filteredPairs", f"[{', '.join(f'<{self.path}/{other}>' for other in apart)}]")
+            inside = Names("have the name", f"USD, below `{name}`,", self.report)
+            for site in sites.get(index, ()):
+                if inside.free(site.path, site.origin):
+                    prim.add("Xform", safe(site.path)).place(site.pose)
+            self._shapes(prim, links[index])
+        holder = Prim(type="Scope", name=JOINTS)
+        for connection in connections(robot, CAPABILITIES["loops"]):
+            self._lead(holder, names, poses, connection)
+        self.root.children.append(holder)
+        return self.root
+
+    def _scene(self) -> None:
+        """Gravity [m/s^2]."""
+        scene = self.root.add("PhysicsScene", SCENE)
+        size = hypot(*self.robot.gravity)
+        scene.say("vector3f physics:gravityDirection", several(g / size for g in self.robot.gravity) if size else "(0, 0, -1)")
+        scene.say("float physics:gravityMagnitude", size)
+
+    def _materials(self) -> None:
+        """What is seen, by its colour, and what is touched, by its friction."""
+        holder = self.root.add("Scope", MATERIALS)
+        for name, (color, _) in materials(self.geometry.shapes).items():
+            red, green, blue, alpha = channels(color)
+            material = holder.add("Material", self.materials[name])
+            path = f"{self.path}/{MATERIALS}/{material.name}/surface.outputs:surface"
+            material.properties.append(f"token outputs:surface.connect = <{path}>")
+            shader = material.add("Shader", "surface")
+            shader.say("uniform token info:id", '"UsdPreviewSurface"')
+            shader.say("color3f inputs:diffuseColor", several((linear(red), linear(green), linear(blue))))
+            shader.say("float inputs:opacity", alpha)
+            shader.say("float inputs:roughness", ROUGHNESS)
+            shader.properties.append("token outputs:surface")
+        for friction, one in rubbing(self.geometry).items():
+            material = holder.add("Material", self.materials[friction])
+            material.schemas.append("PhysicsMaterialAPI")
+            if one.slide is not None:
+                material.say("float physics:dynamicFriction", one.slide)
+                material.say("float physics:staticFriction", one.slide)
+            said = [(word, value) for word, value in (("torsional", one.torsion), ("rolling", one.roll)) if value is not None]
+            if said:
+                material.schemas.append("NewtonMaterialAPI")
+            for word, value in said:
+                material.say(f"float newton:{word}Friction", value)
+
+    def _body(self, name: str, properties: MassProperties, pose: Pose) -> Prim:
+        """A rigid body in the world, with its mass [kg], centre [m], and moments of inertia [kg m^2] in principal axes."""
+        prim = self.root.add("Xform", name, "PhysicsRigidBodyAPI", "PhysicsMassAPI")
+        moments, axes = moments_of(properties)
+        prim.say("float physics:mass", properties.mass or LEAST_MASS)
+        prim.say("point3f physics:centerOfMass", several(properties.centre))
+        prim.say("float3 physics:diagonalInertia", several(moments))
+        prim.say("quatf physics:principalAxes", quaternion(Pose(rotation=axes).quaternion()))
+        prim.place(pose)
+        return prim
+
+    def _lead(self, holder: Prim, names: list[str], poses: tuple[Pose, ...], connection: Connection) -> None:
+        """The joints from a link to another, and the links between them, which are where the last is."""
+        parent, X_0 = self.path if connection.parent is None else f"{self.path}/{names[connection.parent]}", connection.X_0
+        *before, last = chain(connection)
+        for step in before:
+            between = self.names.take(f"{step.path}{LINK}", connection.origin, f"the link behind joint `{step.path}`")
+            start = Pose() if connection.parent is None else poses[connection.parent]
+            self._body(between, MassProperties(mass=0.0, centre=step.frame.translation), start @ connection.X_0)
+            self._joint(holder, step, connection, (parent, X_0), (f"{self.path}/{between}", Pose()))
+            parent, X_0 = f"{self.path}/{between}", Pose()
+        self._joint(holder, last, connection, (parent, X_0), (f"{self.path}/{names[connection.child]}", connection.X_1))
+
+    def _joint(self, holder: Prim, joint: UsdJoint, connection: Connection, one: tuple[str, Pose], other: tuple[str, Pose]) -> None:
+        made = f"the joint that holds `{connection.path}`" if connection.parent is None and not connection.in_tree else None
+        kind = "PhysicsJoint" if joint.type == "D6" else f"Physics{joint.type}Joint"
+        prim = holder.add(kind, self.joints.take(joint.path, connection.origin, made))
+        for number, (path, pose) in enumerate((one, other)):
+            frame = pose @ joint.frame
+            prim.say(f"rel physics:body{number}", f"<{path}>")
+            prim.say(f"point3f physics:localPos{number}", several(frame.translation))
+            prim.say(f"quatf physics:localRot{number}", quaternion(frame.quaternion()))
+        if joint.type in ("Revolute", "Prismatic"):
+            prim.say("uniform token physics:axis", '"Z"')
+        elif joint.type == "Spherical":
+            prim.say("uniform token physics:axis", '"X"')
+        if not connection.in_tree:
+            prim.say("bool physics:excludeFromArticulation", "1")
+        equip(prim, joint, self.robot)
+        dynamics(prim, joint, in_tree=connection.in_tree)
+        follower = self.followers.get(joint.single.path) if joint.single is not None else None
+        if follower is not None and follower.said:
+            follow(prim, joint, follower, f"{self.path}/{JOINTS}/{safe(follower.leader)}")
+
+    def _shapes(self, prim: Prim, link: Link) -> None:
+        """What is drawn of a link, and what of it collides, which viewers show on demand."""
+        taken = {child.name for child in prim.children}
+        visuals, collisions = (Prim(type="Scope", name=free(word, taken)) for word in ("visuals", "collisions"))
+        collisions.say("uniform token purpose", '"guide"')
+        for member, pose in zip(link.members, link.poses, strict=True):
+            shapes = self.geometry.shapes[member]
+            for index, shape in enumerate(shapes.visual):
+                self._visual(visuals, numbered(safe(shapes.path), index), shape, pose)
+            for index, shape in enumerate(shapes.collision):
+                self._collider(collisions, numbered(safe(shapes.path), index), shape, pose)
+        prim.children += [one for one in (visuals, collisions) if one.children]
+
+    def _visual(self, holder: Prim, name: str, shape: Shape, pose: Pose) -> None:
+        """An instance of a mesh, or a primitive, in its colour."""
+        kind = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
+        if kind is None:
+            return
+        prim = holder.add("Xform" if shape.kind == "mesh" else kind, free(name, {child.name for child in holder.children}))
+        if shape.kind == "mesh":
+            prim.metadata += ["instanceable = true", f"prepend references = <{self.meshes[shape.mesh or '']}>"]
+        prim.place(pose @ shape.pose, _measured(prim, shape))
+        material = material_name(shape.material, shape.color)
+        if material is not None:
+            prim.schemas.append("MaterialBindingAPI")
+            prim.say("rel material:binding", f"<{self.path}/{MATERIALS}/{self.materials[material]}>")
+
+    def _collider(self, holder: Prim, name: str, shape: Shape, pose: Pose) -> None:
+        kind = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
+        if kind is None:
+            return
+        prim = holder.add(kind, free(name, {child.name for child in holder.children}), "PhysicsCollisionAPI")
+        if shape.kind == "mesh":
+            prim.schemas.append("PhysicsMeshCollisionAPI")
+            prim.metadata.append(f"prepend references = <{self.meshes[shape.mesh or '']}/{MESH}>")
+            prim.say("uniform token physics:approximation", '"convexHull"')
+        prim.place(pose @ shape.pose, _measured(prim, shape))
+        material = shape.material
+        if material is not None and _friction(material) in self.materials:
+            prim.schemas.append("MaterialBindingAPI")
+            path = f"{self.path}/{MATERIALS}/{self.materials[_friction(material)]}"
+            prim.properties.append(f"rel material:binding:physics = <{path}> (")
+            prim.properties += ['    bindMaterialAs = "weakerThanDescendants"', ")"]
+
+    def _link_of(self, index: int) -> Link:
+        return self.assembly.links[self.robot.bodies[index].link]
+
+
+def moments_of(properties: MassProperties) -> tuple[Vector, Matrix]:
+    """The moments of inertia [kg m^2] about principal axes, the columns of a rotation, that stay those of a body as floats; of what has
+    none that any solid has the least."""
+    if properties.mass <= 0.0 or physical_fault(properties.inertia) is not None:
+        return (LEAST_INERTIA,) * 3, IDENTITY
+    (a, b, c), axes = principal_axes(properties.inertia)
+    lift = max(0.0, max(a, b, c) * (2.0 + ROOM) - (a + b + c))
+    return (a + lift, b + lift, c + lift), axes
+
+
+Friction = tuple[str, float | None, float | None, float | None]
+
+
+def _friction(material: Material) -> Friction:
+    """What tells materials apart that rub: nested documents may have others of the same name."""
+    return material.name, material.slide, material.torsion, material.roll
+
+
+def rubbing(geometry: Geometry) -> dict[Friction, Material]:
+    """The materials of which any friction is said, of what collides."""
+    touching = [shape.material for one in geometry.shapes for shape in one.collision if shape.material is not None]
+    return {_friction(one): one for one in touching if (one.slide, one.torsion, one.roll) != (None, None, None)}
+
+
+def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
+    """Say how large a primitive is; the factors by which it is stretched besides (none: it is not). Of a mesh nothing is said."""
+    match shape.kind:
+        case "mesh":
+            return ()
+        case "box":
+            prim.say("double size", 2.0)
+            _extent(prim, (1.0, 1.0, 1.0))
+            return shape.size
+        case "ellipsoid":
+            prim.say("double radius", 1.0)
+            _extent(prim, (1.0, 1.0, 1.0))
+            return shape.size
+        case "plane":
+            half = [size or ENDLESS for size in shape.size[:2]]
+            prim.say("double width", 2.0 * half[0])
+            prim.say("double length", 2.0 * half[1])
+            prim.say("uniform token axis", '"Z"')
+            _extent(prim, (half[0], half[1], 0.0))
+        case "sphere" | "cylinder" | "capsule":
+            radius, half_length = shape.size[0], shape.size[-1] if len(shape.size) > 1 else 0.0
+            prim.say("double radius", radius)
+            if shape.kind != "sphere":
+                prim.say("double height", 2.0 * half_length)
+                prim.say("uniform token axis", '"Z"')
+            up = half_length if shape.kind == "cylinder" else half_length + radius
+            _extent(prim, (radius, radius, up))
+        case _:
+            assert_never(shape.kind)
+    return ()
+
+
+def _extent(prim: Prim, half: tuple[float, float, float]) -> None:
+    """The box around a primitive, which lies around its origin."""
+    prim.say("float3[] extent", f"[{several(-value for value in half)}, {several(half)}]")

@@ -1,0 +1,184 @@
+"""XML as data: elements that know their place in the documents, written at full precision with two-space indent.
+
+What simulators write themselves has fewer digits (MuJoCo's `to_xml`: six), and knows nothing of documents.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from thingc.base.safe_text import shown
+from thingc.base.source import Origin
+from thingc.model.resolve.types import RawAttribute
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RawValue:
+    """A raw attribute on an element, and what stood there before it (None: nothing)."""
+
+    attribute: RawAttribute
+    before: str | None
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Element:
+    """An XML element. `text` stands in it in place of children (empty: nothing does); `origin` is what in the documents made it (empty:
+    nothing in particular); `raw` its raw attributes; `opening` its tag with its attributes as text, once that was asked for.
+
+    Not frozen: a tree is grown from the top, and raw attributes are laid over it when every name is known. An element that stands
+    in several trees is never changed: a tree that needs another one takes a `copy`.
+    """
+
+    tag: str
+    attributes: dict[str, str] = field(default_factory=dict)
+    children: list[Element] = field(default_factory=list)
+    text: str = ""
+    origin: Origin = ()
+    raw: dict[str, RawValue] = field(default_factory=dict)
+    _opening: str | None = field(default=None, init=False, repr=False)
+
+    @property
+    def opening(self) -> str:
+        """`<joint name="yaw"`: the tag and its attributes, escaped, without what closes it."""
+        if self._opening is None:
+            values = "".join(self.attributes.values())
+            attributes = self.attributes.items() if _SPECIAL.search(values) is None else (
+                (name, value.translate(_ESCAPES)) for name, value in self.attributes.items()
+            )
+            self._opening = f"<{self.tag}" + "".join([f' {name}="{value}"' for name, value in attributes])
+        return self._opening
+
+    def copy(self) -> Element:
+        """The same tree, to be changed: of elements that are in no other."""
+        top = self._alone()
+        waiting = [(self, top)]
+        while waiting:
+            old, new = waiting.pop()
+            new.children = [child._alone() for child in old.children]
+            waiting += zip(old.children, new.children, strict=True)
+        return top
+
+    def _alone(self) -> Element:
+        return Element(tag=self.tag, attributes=dict(self.attributes), text=self.text, origin=self.origin, raw=dict(self.raw))
+
+    def add(self, tag: str, attributes: Mapping[str, str] | None = None, origin: Origin = ()) -> Element:
+        """A new last child."""
+        child = Element(tag=tag, attributes=dict(attributes or {}), origin=origin)
+        self.children.append(child)
+        return child
+
+    def say(self, tag: str, text: str, attributes: Mapping[str, str] | None = None) -> None:
+        """A new last child that holds a text."""
+        self.children.append(Element(tag=tag, attributes=dict(attributes or {}), text=text))
+
+    def find(self, tag: str) -> Element | None:
+        """The first child with this tag."""
+        return next((child for child in self.children if child.tag == tag), None)
+
+    def walk(self) -> Iterator[Element]:
+        """This element and all below it, in the order written (without recursion: a chain of links may be long)."""
+        waiting = [self]
+        while waiting:
+            element = waiting.pop()
+            yield element
+            waiting.extend(reversed(element.children))
+
+    @property
+    def label(self) -> str:
+        """What a person would call it: joint `yaw`, or its tag where it has no name."""
+        name = self.attributes.get("name")
+        return f"{self.tag} `{name}`" if name is not None else f"`{self.tag}`"
+
+    def lay(self, name: str, attribute: RawAttribute) -> None:
+        """Set an attribute to what a document's `raw` says; `lift` undoes it."""
+        before = self.raw[name].before if name in self.raw else self.attributes.get(name)
+        self.raw[name] = RawValue(attribute=attribute, before=before)
+        self.attributes[name] = attribute.value
+        self._opening = None
+
+    def lift(self, name: str) -> RawValue:
+        """Undo `lay`: the attribute is again what the compiler wrote."""
+        value = self.raw.pop(name)
+        if value.before is None:
+            del self.attributes[name]
+        else:
+            self.attributes[name] = value.before
+        self._opening = None
+        return value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Written:
+    """A document as text. `lines[k]` is the element that opens on line `k + 1` (None: it closes one, or is blank)."""
+
+    text: str
+    lines: tuple[Element | None, ...]
+
+    def element_at(self, line: int) -> Element | None:
+        """The element whose tag stands on a line, counted from 1 (where one closes: its nearest opening above)."""
+        for index in range(min(line, len(self.lines)) - 1, -1, -1):
+            if self.lines[index] is not None:
+                return self.lines[index]
+        return None
+
+
+def number(value: float) -> str:
+    """`repr`, but -0.0 is `0` and whole numbers are written without a point."""
+    whole = int(value) if abs(value) < 1e16 else None
+    return str(whole) if whole is not None and whole == value else repr(float(value))
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Numbers with a space between."""
+    return " ".join(number(value) for value in values)
+
+
+def write(root: Element, heading: str, *, sections: bool = True) -> Written:
+    """The document: one element per line, two spaces per level, blank lines between `sections`; `heading` is a comment."""
+    text: list[str] = [f"<!-- {_DASHES.sub('-', heading)} -->"]
+    lines: list[Element | None] = [None]
+    under_way: list[tuple[Iterator[Element], str, str]] = [(iter((root,)), "", "")]  # a stack: a chain of links may be long
+    while under_way:
+        waiting, indent, closing = under_way[-1]
+        for element in waiting:
+            if sections and len(under_way) == 2 and len(lines) > 2:
+                text.append("")
+                lines.append(None)
+            lines.append(element)
+            if element.children:
+                text.append(f"{indent}{element.opening}>")
+                under_way.append((iter(element.children), indent + "  ", f"{indent}</{element.tag}>"))
+                break
+            said = f">{element.text.translate(_ESCAPES)}</{element.tag}>" if element.text else "/>"
+            text.append(f"{indent}{element.opening}{said}")
+        else:
+            under_way.pop()
+            if closing:
+                text.append(closing)
+                lines.append(None)
+    return Written(text="\n".join(text) + "\n", lines=tuple(lines))
+
+
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*(?::[A-Za-z_][A-Za-z0-9_.-]*)?")
+"""What elements and attributes may be called; with a prefix before a `:`."""
+
+NAMESPACES = {"drake": "http://drake.mit.edu", "gz": "http://gazebosim.org/schema"}
+"""Of the prefixes of names that readers of URDF and SDF know: what `xmlns:drake` of the whole file is, where one is used."""
+
+NO_CHARACTER = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What no XML can hold, escaped or not (XML 1.0, `Char`)."""
+
+
+def unwritable(name: str, value: str) -> str | None:
+    """Why an element or attribute of that name, with that value, can stand in no XML; None where it can."""
+    if NAME.fullmatch(name) is None:
+        return f"`{name}` cannot be a name in XML"
+    strange = NO_CHARACTER.search(value)
+    return None if strange is None else f"XML has no character `{shown(strange[0])}`"
+
+
+_ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
+_DASHES = re.compile("-{2,}")  # which XML allows in no comment
+_SPECIAL = re.compile('[&<>"\n\r\t]')

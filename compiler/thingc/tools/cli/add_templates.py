@@ -1,0 +1,443 @@
+"""What `thingc add` begins with: a part, an assembly, a mode, a joint or a test that is right where it is added."""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import importlib.util
+import keyword
+import os
+import re
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, get_args
+
+from thingc.base.diagnostics import Report, shown_path
+from thingc.base.joints.bases import BaseType, stays
+from thingc.base.python_source import syntax_tree
+from thingc.base.replacement import Change
+from thingc.base.source import Document, MappingNode, SequenceNode, node_at
+from thingc.base.suggestions import did_you_mean, meant, nearest
+from thingc.base.units import shortened
+from thingc.documents.format.value_edits import Keys, Written
+from thingc.documents.load.documents import Documents, read_tree
+from thingc.documents.load.paths import DOCUMENT_SUFFIXES
+from thingc.documents.load.yaml_scalars import core_value
+from thingc.geometry.record import PartRecord, PartSchema
+from thingc.tools.cli import console
+from thingc.tools.cli.set import settings
+
+if TYPE_CHECKING:
+    from thingc.geometry.service import GeometryService
+
+BASES: tuple[BaseType, ...] = get_args(BaseType)
+"""What a mode may have for a base."""
+NAME = r"[A-Za-z][A-Za-z0-9_]*"
+"""What a name is made of."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Addition:
+    """What is added: `values` in the document at their keys, of which `placed` (if any) is taken out before; `files` that are
+    new, or change, by path."""
+
+    values: Mapping[Keys, Written]
+    placed: tuple[Keys, ...] = ()
+    files: Mapping[str, Change] = field(default_factory=dict)
+
+
+def _part(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
+    """A component that is a part: one that is there, or one of a class to begin with."""
+    from thingc.documents.workspace import Workspace
+    from thingc.driver.environment import geometry_of
+
+    report = Report()
+    workspace = Workspace.find(os.path.abspath("document") if documents is None else documents.root.path, report)
+    if workspace is None:
+        raise console.WrongCommandLine(report.diagnostics[0].message, "mend the workspace first")
+    told = ":" in arguments.name
+    reference = arguments.name if told else _reference(arguments.name)
+    module, _, name = reference.partition(":")
+    with geometry_of(workspace, console.options_of(arguments)) as geometry:
+        place = geometry.part_code.sources.finder.find(module)
+        if not arguments.new:
+            elsewhere = told and (re.fullmatch(NAME, module) is None or not (place.workspace or place.kind == "absent"))
+            source = geometry.part_code.sources.source(module)
+            if elsewhere or place.workspace and source is not None and name in source.facts.names:
+                return _placed_part(arguments, documents, geometry, reference)
+            near = meant(reference, geometry.catalogue()) if told else None
+            if near is not None:
+                raise console.WrongCommandLine(
+                    f"there is no part `{reference}`", f"did you mean `{near}`? With --new it is a class to begin with",
+                )
+    folder = next(iter(workspace.parts), os.path.join(workspace.root, "parts"))
+    path = (place.file if place.workspace else None) or os.path.join(folder, f"{module}.py")
+    if not workspace.contains(path):
+        message = f"`{shown_path(path)}` leaves the workspace by a link"
+        raise console.WrongCommandLine(message, "name another module: `thingc add part MODULE:CLASS`")
+    return _new_part(arguments, documents, reference, path)
+
+
+def _placed_part(
+    arguments: argparse.Namespace, documents: Documents | None, geometry: GeometryService, reference: str,
+) -> Addition:
+    """A component that is a part which is there, or which only `check` can tell what is wrong with."""
+    if documents is None:
+        raise console.WrongCommandLine(
+            f"`{shortened(reference)}` is no part to begin with, and which document it is for is not said", "write --to robot.yaml",
+        )
+    name = reference.rpartition(":")[2]
+    component = arguments.component or (_snake(name) if re.fullmatch(NAME, name) else "part")
+    answer = geometry.describe([reference])[reference]
+    definition = answer.default if isinstance(answer, PartSchema) else None
+    record = geometry.realize([definition]).get(definition.text) if definition is not None else None
+    value: dict[str, Written] = {"part": reference, **_params(arguments)}
+    mount = "origin"
+    if isinstance(record, PartRecord):
+        if record.box is not None and (record.material, record.mass, record.density) == (None, None, None):
+            value |= _weight(documents)
+        if arguments.on is not None and arguments.by is None:
+            mount = _sole_mount(reference, list(record.mounts) or ["origin"], "bottom")
+    elif isinstance(answer, PartSchema) and definition is None and arguments.on is not None and arguments.by is None:
+        raise console.WrongCommandLine(f"which mount of `{reference}` meets --on is not said", "name it with --by")
+    return Addition(values={("components", component): {**value, **_place(arguments, documents.root, component, mount)}})
+
+
+def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
+    """The mount by which something is attached where none is named: the usual one, or the only one. Raises `WrongCommandLine`."""
+    if usual in mounts or not mounts:
+        return usual
+    if len(mounts) > 1:
+        raise console.WrongCommandLine(
+            f"which mount of `{whose}` meets --on is not said", f"name it with --by ({did_you_mean('', mounts, what='mounts')})",
+        )
+    return mounts[0]
+
+
+def _new_part(arguments: argparse.Namespace, documents: Documents | None, reference: str, path: str) -> Addition:
+    """A class behind what its module has, or in a new one at that path, and a component that is one."""
+    from thingc.tools.templates import new_part
+
+    told, _, given = reference.partition(":")
+    module, name = _identifier(told), _class_name(given)
+    if keyword.iskeyword(name) or name in _bound(syntax_tree(new_part("_", None))):
+        raise console.WrongCommandLine(f"`{name}` is no name for a class of parts: it means something else there", "choose another name")
+    component = arguments.component or _snake(name)
+    placed = None if documents is None else _place(arguments, documents.root, component, "bottom")
+    weight = {"material": "pla"} if documents is None else _weight(documents)
+    material = weight.pop("material", None)
+    text = new_part(name, None if material is None else str(material))
+    change: Change = None, text.encode()
+    if os.path.exists(path):
+        change = _appended(path, name, text)
+    elif keyword.iskeyword(module) or _installed(module):
+        what = "a word of Python" if keyword.iskeyword(module) else "a module that Python has already"
+        raise console.WrongCommandLine(f"`{module}` is {what}", f"name the module yourself: `thingc add part {module}_parts:{name}`")
+    if documents is None or placed is None:
+        return Addition(values={}, files={path: change})
+    value = {"part": f"{module}:{name}", **_params(arguments), **weight, **placed}
+    return Addition(values={("components", component): value}, files={path: change})
+
+
+def _reference(word: str) -> str:
+    """`front_bracket:FrontBracket`, of the name of the class alone."""
+    name = _class_name(word)
+    return f"{_snake(name)}:{name}"
+
+
+def _class_name(word: str) -> str:
+    return "".join(part[:1].upper() + part[1:] for part in _identifier(word).split("_"))
+
+
+def _snake(name: str) -> str:
+    """`front_bracket` of `FrontBracket`, `mg90s` of `MG90S`."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Z][a-z])", "_", name).lower()
+
+
+def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
+    """A component that is another document: one that is there, or one to begin with."""
+    path = _nested_path(arguments.name, None if documents is None else documents.root.path)
+    there = os.path.lexists(path)
+    if documents is None and there:
+        hint = "choose another name, or name the document that it is for: --to robot.yaml"
+        raise console.WrongCommandLine(f"`{shown_path(path)}` is there already", hint)
+    name = _identifier(os.path.splitext(os.path.basename(path))[0])
+    text = ASSEMBLY_TOML if path.lower().endswith(".toml") else ASSEMBLY
+    files: dict[str, Change] = {} if there else {path: (None, text.replace("NAME", name).encode())}
+    if documents is None:
+        return Addition(values={}, files=files)
+    root, component = documents.root, arguments.component or name
+    mount = _own_mount(path) if there and arguments.on is not None and arguments.by is None else "base"
+    nested = os.path.relpath(path, os.path.dirname(root.path)).replace(os.sep, "/")
+    value = {"assembly": nested, **_params(arguments, "parameters"), **_place(arguments, root, component, mount)}
+    return Addition(values={("components", component): value}, files=files)
+
+
+def _nested_path(name: str, beside: str | None) -> str:
+    """The document that a name stands for, beside another one, of whose form it is unless there is one of that name in the other form; a
+    path is itself."""
+    if name.lower().endswith(DOCUMENT_SUFFIXES):
+        return os.path.abspath(name)
+    folder, suffix = ("", ".yaml") if beside is None else (os.path.dirname(beside), os.path.splitext(beside)[1])
+    usual, *others = (os.path.abspath(os.path.join(folder, _identifier(name) + one)) for one in (suffix, *DOCUMENT_SUFFIXES))
+    return next((path for path in (usual, *others) if os.path.lexists(path)), usual)
+
+
+def _own_mount(path: str) -> str:
+    """The mount that a nested document is attached by where none is named. What is wrong with the document is for `check` to say."""
+    try:
+        with open(path, "rb") as stream:
+            tree = read_tree(path, stream.read(), Report())
+    except OSError:
+        tree = None
+    return _sole_mount(shown_path(path), list(_section(tree, "mounts")), "base")
+
+
+ASSEMBLY = """\
+thingc: assembly/1
+name: NAME
+
+components:
+  frame:                            # a mass at a place, until there are parts
+    frame: true
+    mass: {value: 20 g, source: estimated}
+
+mounts:
+  base: frame.origin
+"""
+ASSEMBLY_TOML = """\
+thingc = "assembly/1"
+name = "NAME"
+
+# a mass at a place, until there are parts
+[components.frame]
+frame = true
+mass = {value = "20 g", source = "estimated"}
+
+[mounts]
+base = "frame.origin"
+"""
+
+
+def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
+    assert documents is not None
+    root = documents.root
+    name = _new(root, "modes", arguments.name)
+    modes = _section(root.tree, "modes")
+    first = {"root": _base(root), **(_extended(modes, next(iter(modes))) if modes else {})}
+    soles: list[str] = arguments.standing_on or []
+    by_sole = len(soles) == 1 and (arguments.base is None or stays(arguments.base))
+    if by_sole and arguments.root is not None:
+        raise console.WrongCommandLine(
+            f"`{soles[0]}` is the root of a mode that stands on it, and --root names another", "leave --root out, or write `--base free`",
+        )
+    stands = soles[0] if by_sole else arguments.root or str(first["root"])
+    usual: tuple[BaseType, ...] = ("held", "fixed") if by_sole else ("free",) if soles else ("fixed", "held", "free")
+    taken = {str(mode.get("base", "fixed")) for mode in (_extended(modes, one) for one in modes) if mode.get("root") == stands}
+    base: BaseType = arguments.base or next((one for one in usual if one not in taken), usual[0])
+    value: dict[str, Written] = {"root": stands, "base": base}
+    if by_sole:
+        pass  # the mount lies on the world's origin, and the robot stands above it
+    elif stands == first["root"] and stays(base):
+        value |= {"at": _written(first["at"])} if "at" in first else {}
+    elif _shaped(root):
+        value["at"] = {"on": "floor"}
+    if soles and not by_sole:
+        value["standing_on"] = list(soles)
+    if arguments.gravity is not None:
+        value["gravity"] = arguments.gravity
+    pose = arguments.pose or first.get("pose")
+    return Addition(values={("modes", name): {**value, **({"pose": str(pose)} if pose else {})}})
+
+
+def _written(plain: object) -> Written:
+    """What a document says, as it would say it again."""
+    if isinstance(plain, dict):
+        return {key: _written(one) for key, one in plain.items()}
+    return [_written(one) for one in plain] if isinstance(plain, list) else str(plain)
+
+
+def _joint(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
+    from thingc.base.joints.kinds import kind_of
+
+    assert documents is not None
+    root = documents.root
+    name = _new(root, "joints", arguments.name)
+    if arguments.parent is None or arguments.child is None:
+        raise console.WrongCommandLine(
+            "a joint needs --parent and --child, two mounts", "write for example `--parent base.top --child bracket.bottom`",
+        )
+    kind = kind_of(arguments.type or "revolute")
+    value: dict[str, Written] = {"type": kind.name, "parent": arguments.parent, "child": arguments.child}
+    if arguments.loop:
+        value["loop"] = "true"
+    if kind.leads:
+        value["lead"] = "2 mm"
+    if kind.limits == "required":
+        bounds: list[Written] = [
+            {"lower": "-90 deg", "upper": "90 deg"} if one.turns else {"lower": "0", "upper": "50 mm"} for one in kind.twists
+        ]
+        value["limit"] = bounds if len(bounds) > 1 else bounds[0]
+    component = arguments.child.partition(".")[0]
+    ways = () if arguments.loop else ("attach", "at")
+    placed = tuple(("components", component, way) for way in ways if node_at(root.tree, ("components", component, way)) is not None)
+    return Addition(values={("joints", name): value}, placed=placed)
+
+
+def _test(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
+    from thingc.documents.checks import kinds
+
+    assert documents is not None
+    root = documents.root
+    name = _new(root, "tests", arguments.name)
+    if arguments.kind not in kinds():
+        known = ", ".join(f"`{kind}`" for kind in kinds())
+        there = "none is here" if arguments.kind is None else f"found `{arguments.kind}`"
+        close = nearest(arguments.kind or "", kinds())
+        hint = f"did you mean `{close}`?" if close else "write for example `--kind mass`"
+        raise console.WrongCommandLine(f"a test needs a --kind ({known}); {there}", hint)
+    mounts = _section(root.tree, "mounts")
+    last = list(_section(root.tree, "components"))[-1]
+    words = {"$base": f"{_base(root)}.origin", "$mount": next(iter(mounts), f"{last}.origin")}
+    stub = {key: words.get(value, value) if isinstance(value, str) else value for key, value in kinds()[arguments.kind].stub.items()}
+    return Addition(values={("tests", name): {arguments.kind: stub}})
+
+
+STUBS: dict[str, Callable[[argparse.Namespace, Documents | None], Addition]] = {
+    "part": _part, "assembly": _assembly, "mode": _mode, "joint": _joint, "test": _test,
+}
+
+
+# --- what the document has --------------------------------------------------------------------------------------------
+
+
+def _section(tree: MappingNode | None, section: str) -> dict[str, object]:
+    """A section of a document as it is written, empty where there is none."""
+    node = None if tree is None else node_at(tree, (section,))
+    return {key: one.plain() for key, one in node.entries.items()} if isinstance(node, MappingNode) else {}
+
+
+def _extended(modes: Mapping[str, object], name: str, above: tuple[str, ...] = ()) -> dict[str, object]:
+    """The keys of a mode over those of the modes that it extends, as far as these are there; of a circle `check` has its say."""
+    mode = modes.get(name)
+    if not isinstance(mode, dict) or name in above:
+        return {}
+    return {**_extended(modes, str(mode.get("extends")), (*above, name)), **mode}
+
+
+def _base(root: Document) -> str:
+    """The component that nothing places."""
+    joints = [joint for joint in _section(root.tree, "joints").values() if isinstance(joint, dict) and not joint.get("loop")]
+    children = {str(joint.get("child", "")).partition(".")[0] for joint in joints}
+    components = _section(root.tree, "components")
+    free = (
+        name for name, one in components.items() if isinstance(one, dict) and not {"attach", "at"} & set(one) and name not in children
+    )
+    return next(free, next(iter(components)))
+
+
+def _place(arguments: argparse.Namespace, root: Document, name: str, mount: str) -> dict[str, Written]:
+    """How a new component is placed: by a mount of its own (`mount` unless --by names it) on a mount of the document, in a frame, else
+    beside the base."""
+    _new(root, "components", name, hint="choose another name with --name")
+    if arguments.on is not None:
+        return {"attach": {arguments.by or mount: arguments.on}}
+    if arguments.at is not None:
+        return {"at": {"in": arguments.at}}
+    return {"at": {"in": f"{_base(root)}.origin", "xyz": "0 0 100 mm" if _shaped(root) else "0 0 30 mm"}}
+
+
+def _shaped(root: Document) -> bool:
+    """Whether the document has more than masses at places."""
+    return any(isinstance(one, dict) and "frame" not in one for one in _section(root.tree, "components").values())
+
+
+def _weight(documents: Documents) -> dict[str, Written]:
+    """What a part that states neither material nor mass needs: a material that the document has in scope, for a print if there is one,
+    else a mass; nothing where the document states a material by `defaults`."""
+    root = documents.root
+    if node_at(root.tree, ("defaults", "component", "material")) is not None:
+        return {}
+    node = node_at(root.tree, ("materials",))
+    names: list[str] = list(node.entries) if isinstance(node, MappingNode) else []
+    for one in node.items if isinstance(node, SequenceNode) else ():
+        document = documents.named(root, str(one.plain()))
+        names += [] if document is None else _section(document.tree, "materials")
+    usual = next((name for name in ("pla", "petg") if name in names), next(iter(names), None))
+    return {"mass": {"value": "20 g", "source": "estimated"}} if usual is None else {"material": usual}
+
+
+def _params(arguments: argparse.Namespace, key: str = "params") -> dict[str, Written]:
+    """What a part is given, or, as `parameters`, an assembly."""
+    return {key: settings(arguments.param)} if arguments.param else {}
+
+
+def _new(root: Document, section: str, name: str, hint: str = "choose another name") -> str:
+    """A name that the section does not have. Raises `WrongCommandLine`."""
+    _identifier(name)
+    taken = {known.lower(): known for known in _section(root.tree, section)}
+    if name.lower() in taken:
+        document, what = shown_path(root.path), section.removesuffix("s")
+        raise console.WrongCommandLine(f"`{document}` has a {what} `{taken[name.lower()]}` already", hint)
+    return name
+
+
+def _identifier(name: str) -> str:
+    if not isinstance(core_value(name), str):
+        raise console.WrongCommandLine(f"`{name}` is no name: YAML means something else by it", "choose another name")
+    if not re.fullmatch(NAME, name):
+        near = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")
+        hint = f"write for example `{near}`" if re.fullmatch(r"[A-Za-z]\w*", near, re.ASCII) else "choose another name"
+        raise console.WrongCommandLine(f"`{name}` is no name: a letter, then letters, digits and `_`", hint)
+    return name
+
+
+def _installed(module: str) -> bool:
+    """Whether Python has a module of that name, which one of parts would stand before."""
+    spec = None if module in sys.stdlib_module_names else importlib.util.find_spec(module)
+    return module in sys.stdlib_module_names or (spec is not None and spec.origin is not None)
+
+
+# --- a class behind others ----------------------------------------------------------------------------------------------
+
+
+def _bound(module: ast.Module) -> set[str]:
+    """What the imports, classes and functions of a module are called in it; `module.*` for a star."""
+    names: set[str] = set()
+    for node in module.body:
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            names |= {alias.asname or alias.name for alias in node.names if alias.name != "*"}
+            names |= {f"{getattr(node, 'module', '')}.*" for alias in node.names if alias.name == "*"}
+        elif isinstance(node, (ast.ClassDef, ast.FunctionDef)):
+            names.add(node.name)
+    return names
+
+
+def _appended(path: str, name: str, text: str) -> Change:
+    """The change of a module that adds the class of `text` behind its own, and the imports that it needs and has not."""
+    with open(path, "rb") as stream:
+        data = stream.read()
+    before = data.decode()
+    try:
+        module = syntax_tree(before)
+    except SyntaxError as fault:
+        message = f"`{shown_path(path)}` cannot be read as Python: {fault.msg}"
+        raise console.WrongCommandLine(message, f"correct line {fault.lineno}") from fault
+    bound = _bound(module)
+    if name in bound:
+        raise console.WrongCommandLine(f"`{shown_path(path)}` has a `{name}` already", "choose another name")
+    missing = []
+    for node in syntax_tree(text).body:
+        if isinstance(node, ast.ImportFrom) and f"{node.module}.*" not in bound:
+            names = [alias.name for alias in node.names if alias.name not in bound]
+            missing += [f"from {node.module} import {', '.join(names)}\n"] if names else []
+    lines = before.splitlines(keepends=True)
+    if lines and not lines[-1].endswith("\n"):
+        lines[-1] += "\n"
+    imports = [node for node in module.body if isinstance(node, (ast.Import, ast.ImportFrom))]
+    doc = ast.get_docstring(module) is not None
+    at = (imports[-1].end_lineno if imports else module.body[0].end_lineno if doc else 0) or 0
+    return data, "".join([*lines[:at], *missing, *lines[at:], "\n\n", text[text.index("class ") :]]).encode()
+
+

@@ -1,0 +1,469 @@
+"""What commands share: their options, how they print diagnostics, and the exit code that follows."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import errno
+import os
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TextIO
+
+from thingc.base.diagnostic_output import as_json, as_text, summary
+from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, shown_path
+from thingc.base.filesystem import NO_ROOM, listing, working_folder
+from thingc.base.replacement import ReplacementRefused
+from thingc.base.safe_text import json_text, shown, shown_line
+from thingc.base.suggestions import did_you_mean, file_meant, nearest
+from thingc.driver.environment import Options
+
+USAGE = 2
+FINDINGS = ("text", "json", "github", "sarif")
+"""How `check` and `build` print what they find."""
+
+
+class WrongCommandLine(Exception):
+    """Something on the command line is wrong: exit code 2. `diagnostic` says it."""
+
+    def __init__(self, message: str, hint: str | None = None, code: Code = Code.COMMAND_LINE) -> None:
+        super().__init__(message)
+        self.diagnostic = Diagnostic(code=code, severity=Severity.ERROR, message=message, help=hint)
+
+
+def add_document(parser: argparse.ArgumentParser, *, what: str = "an assembly document (YAML or TOML)", metavar: str = "DOC") -> None:
+    """The DOC argument. Where it is left out it is None, and `main` puts in what `document_meant` gives."""
+    parser.add_argument("document", metavar=metavar, nargs="?", help=f"{what} (default: the only robot of the workspace)")
+
+
+def document_meant() -> str:
+    """The document of a command line that names none: the only assembly below the working folder, else of its workspace, that no other
+    nests. Raises `WrongCommandLine` with those that there are."""
+    from thingc.documents.load.discovery import assemblies_in, documents_near, is_document
+    from thingc.documents.workspace import Workspace
+
+    here = os.getcwd()
+    workspace = Workspace.find(os.path.join(here, "document"), Report())
+    assemblies, robots = list[str](), list[str]()
+    if workspace is not None:
+        assemblies = (
+            assemblies_in(here, workspace)
+            or [path for path in documents_near(here, None) if is_document(path, "assembly/")]  # in workspaces of their own
+            or assemblies_in(workspace.root, workspace)
+        )
+        robots = _unnested(assemblies)
+    if len(robots) == 1:
+        return shown_path(robots[0])
+    hint = did_you_mean("", map(shown_path, robots), what="robots") if robots else "`thingc new NAME` makes a workspace with a robot"
+    raise WrongCommandLine(f"missing: DOC, and there are {len(robots) or 'no'} robots here", hint)
+
+
+def _unnested(assemblies: Sequence[str]) -> list[str]:
+    """Those of the assembly documents that none of the others nests, of one that cannot be read as far as its text tells. Where documents
+    nest each other in a circle all count."""
+    from thingc.documents.load.documents import load
+    from thingc.documents.workspace import Workspace
+
+    nested: set[str] = set()
+    for path in assemblies if len(assemblies) > 1 else ():
+        workspace = Workspace.find(path, Report())
+        documents = None if workspace is None else load(path, workspace, Report())
+        if documents is not None and not documents.broken:
+            nested.update(os.path.realpath(one.path) for one in documents.by_path.values() if one is not documents.root)
+        else:
+            with open(path, encoding="utf-8", errors="replace") as stream:
+                named = re.findall(r"""\bassembly["']?\s*[:=]\s*["']?([^\s"',{}]+)""", stream.read())
+            nested.update(os.path.realpath(os.path.join(os.path.dirname(path), one)) for one in named)
+    return [path for path in assemblies if os.path.realpath(path) not in nested]
+
+
+def add_compiling(parser: argparse.ArgumentParser) -> None:
+    """The options of every command that reads a document."""
+    parser.add_argument(
+        "-p", "--parameter", metavar="NAME=VALUE", action="append", default=[],
+        help="set a parameter as a document would, for example -p 'reach=120 mm' (may be repeated)",
+    )
+    parser.add_argument(
+        "--set", metavar="PATH=TEXT", action="append", default=[], dest="choice",
+        help="set a value by its path, --set 'joints.elbow.limit.upper=90 deg', or choose a part, a nested assembly or a material, "
+        "--set components.foot.part=feet:Wide (may be repeated)",
+    )
+    parser.add_argument("--strict", action="store_true", help="warnings are errors")
+    add_geometry(parser)
+
+
+def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "parts modelled at once") -> None:
+    """The options of every command that may model parts; `jobs` is what `--jobs` counts."""
+    parser.add_argument(
+        "--store", metavar="DIR",
+        help="where modelled parts are kept, a folder or a URL (default: THINGC_STORE, else the user's cache folder)",
+    )
+    parser.add_argument("--jobs", metavar="N", type=positive, default=0, help=f"{jobs} (default: one per core)")
+    parser.add_argument("--part-timeout", metavar="TIME", help="longest time for one part, for example '30 s'")
+    parser.add_argument("--debug", action="store_true", help="show the Python traceback of a part that fails")
+
+
+def add_format(parser: argparse.ArgumentParser, choices: Sequence[str] = ("text", "json")) -> None:
+    """The --format option."""
+    metavar = "{" + ",".join(choices) + "}"
+    parser.add_argument("--format", type=one_of(choices), metavar=metavar, default=choices[0], help="how to print (default: %(default)s)")
+
+
+def one_of(known: Sequence[str]) -> Callable[[str], str]:
+    """A word out of several, as argparse wants it checked."""
+    def choice(text: str) -> str:
+        if text not in known:
+            words = ", ".join(f"`{one}`" for one in known[:-1]) + f" or `{known[-1]}`"
+            close = nearest(text, known)
+            raise argparse.ArgumentTypeError(f"expected {words}, found `{text}`{f' (did you mean `{close}`?)' if close else ''}")
+        return text
+
+    return choice
+
+
+def positive(text: str) -> int:
+    """A whole number from 1, as argparse wants it checked."""
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"expected a whole number from 1, found `{text}`")
+    return int(text)
+
+
+def parameters(words: Sequence[str]) -> Mapping[str, str]:
+    """`NAME=VALUE` words to a mapping. Raises `WrongCommandLine`."""
+    values: dict[str, str] = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        name, value = name.strip(), value.strip()
+        if not equals or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or not value:
+            by_path = "." in name and value != ""
+            raise WrongCommandLine(
+                f"expected -p NAME=VALUE, found `{word}`",
+                f"a value is set by its path with --set '{name}={value}'" if by_path else "write for example -p 'reach=120 mm'",
+            )
+        if name in values:
+            raise WrongCommandLine(f"-p sets `{name}` twice", "keep one of them")
+        values[name] = value
+    return values
+
+
+def choices(words: Sequence[str]) -> Mapping[str, str]:
+    """`PATH=TEXT` words to a mapping. Raises `WrongCommandLine`."""
+    texts: dict[str, str] = {}
+    for word in words:
+        path, equals, text = (piece.strip() for piece in word.partition("="))
+        if not equals or not path or not text:
+            raise WrongCommandLine(f"expected --set PATH=TEXT, found `{word}`", "write for example --set components.foot.part=feet:Wide")
+        if path in texts:
+            raise WrongCommandLine(f"--set chooses `{path}` twice", "keep one of them")
+        texts[path] = text
+    return texts
+
+
+def refuse_modules_of_others() -> None:
+    """Raises `WrongCommandLine` where Python would look for modules beside documents that nobody trusts."""
+    if "" in sys.path or os.getcwd() in sys.path and not sys.flags.safe_path:
+        raise WrongCommandLine(
+            "Python looks for modules in the working folder, which may be part of the change", "run `thingc`, or `python -I -m thingc`"
+        )
+
+
+def time_of(option: str, text: str) -> float:
+    """The time [s] that an option states. Raises `WrongCommandLine`."""
+    from thingc.base.units import TIME, UnitError, parse_quantity
+    from thingc.documents.workspace import LONGEST
+
+    try:
+        quantity = parse_quantity(text)
+    except UnitError as fault:
+        raise WrongCommandLine(f"{option}: {fault}", f"write for example {option} '30 s'") from fault
+    if quantity.dimension != TIME or not 0.0 < quantity.value <= LONGEST:
+        bounds = "above 0" if quantity.value <= LONGEST else f"of at most {LONGEST:.0f} s"
+        raise WrongCommandLine(f"{option}: expected a time {bounds}, found `{text}`", "write for example '30 s'")
+    return quantity.value
+
+
+def options_of(arguments: argparse.Namespace) -> Options:
+    """The compile options that the command line states. Raises `WrongCommandLine`."""
+    timeout = None if arguments.part_timeout is None else time_of("--part-timeout", arguments.part_timeout)
+    return Options(
+        parameters=parameters(getattr(arguments, "parameter", [])),
+        choices=choices(getattr(arguments, "choice", [])),
+        store=arguments.store,
+        jobs=arguments.jobs,
+        part_timeout=timeout,
+        compat=chosen_compat(getattr(arguments, "compat", [])),
+        progress=show_progress if getattr(arguments, "format", "text") == "text" else None,
+        printed=show_printed if getattr(arguments, "format", "text") == "text" else None,
+    )
+
+
+def chosen_compat(words: Sequence[str]) -> tuple[str, ...] | None:
+    """The programs that `--compat` names; None if it names none. Raises `WrongCommandLine`."""
+    from thingc.driver.pipeline import UnknownChoice, chosen_consumers
+
+    try:
+        return chosen_consumers(",".join(words)) or None
+    except UnknownChoice as fault:
+        raise WrongCommandLine(fault.message, fault.hint) from fault
+
+
+def require_document(path: str) -> None:
+    """Raises `WrongCommandLine` where there is no such file, or one that cannot be a document."""
+    from thingc.documents.load.paths import DOCUMENT_SUFFIXES
+    from thingc.documents.workspace import OWN_FILE, SHARED_FILE
+
+    is_file, is_folder = os.path.isfile(path), os.path.isdir(path)
+    if is_file and path.lower().endswith(DOCUMENT_SUFFIXES):
+        return
+    folder = path if is_folder else os.path.dirname(path) or "."
+    prefix = os.path.join(path, "") if is_folder else os.path.dirname(path)
+    settings = (OWN_FILE, SHARED_FILE)
+    near = [
+        os.path.join(prefix, name) for name in listing(folder)
+        if name.lower().endswith(DOCUMENT_SUFFIXES) and name not in settings and not name.startswith(".")
+    ]
+    if is_folder:
+        raise WrongCommandLine(
+            f"`{path}` is a folder, and a document was expected", _document_meant("", folder, near), Code.NO_DOCUMENT,
+        )
+    if os.path.exists(path) and not is_file:
+        raise WrongCommandLine(f"`{path}` is no file that can be read again", "name a document that is a file", Code.NO_DOCUMENT)
+    if is_file:
+        message = f"`{path}` is no document ({', '.join(DOCUMENT_SUFFIXES)})"
+        raise WrongCommandLine(message, file_meant(path, near, what="documents"), Code.NO_DOCUMENT)
+    meant = _document_meant(path, folder if os.path.isdir(folder) else os.curdir, near)
+    raise WrongCommandLine(f"there is no document `{path}`", meant, Code.NO_DOCUMENT)
+
+
+def _document_meant(path: str, folder: str, beside: Sequence[str]) -> str:
+    """What to write for a document that is not there: one `beside` it that is called nearly so, or one elsewhere in the workspace; else
+    those that there are."""
+    from thingc.documents.load.discovery import documents_near
+    from thingc.documents.workspace import Workspace
+
+    workspace = Workspace.find(os.path.join(os.path.abspath(folder), "document"), Report())
+    stem, elsewhere = os.path.splitext(os.path.basename(path))[0], [shown_path(one) for one in documents_near(folder, workspace)]
+    for known in (beside, elsewhere):
+        called = {os.path.splitext(os.path.basename(one))[0]: one for one in sorted(known, reverse=True)}
+        close = nearest(stem, called)
+        if close is not None:
+            return f"did you mean `{called[close]}`?"
+    return did_you_mean("", beside or elsewhere, what="documents")
+
+
+def expanded(words: Iterable[str]) -> list[str]:
+    """Documents as the command line names them, each once: a folder stands for all documents below it. Raises `WrongCommandLine` for a
+    folder that has none."""
+    from thingc.documents.load.discovery import documents_in
+
+    paths: dict[str, str] = {}
+    for word in words:
+        inside = [word]
+        if os.path.isdir(word):
+            inside = [path if os.path.isabs(word) else shown_path(path) for path in documents_in(word)]
+            if not inside:
+                raise WrongCommandLine(
+                    f"there is no document below `{word}`", "a document begins with `thingc: assembly/1` or another kind", Code.NO_DOCUMENT,
+                )
+        for path in inside:
+            paths.setdefault(os.path.realpath(path), path)
+    return list(paths.values())
+
+
+def present(documents: Iterable[str], diagnostics: list[Diagnostic]) -> Iterator[str]:
+    """Those of the documents that are there; of the others `diagnostics` gets the reason."""
+    for document in documents:
+        try:
+            require_document(document)
+        except WrongCommandLine as fault:
+            diagnostics.append(fault.diagnostic)
+        else:
+            yield document
+
+
+def show_progress(what: str, done: int, total: int) -> None:
+    """How far it is, on standard error: one line that counts on a terminal, else one at the start and one at the end."""
+    if sys.stderr.isatty():
+        say_in_place(f"{what} parts: {done} of {total}" if done < total else "")
+    elif done in (0, total):
+        say(f"{what} parts: {done} of {total}", stream=sys.stderr)
+
+
+def show_printed(part: str, lines: Sequence[str]) -> None:
+    """What a part has printed, on standard error: each line behind the part's name."""
+    say_in_place()
+    say(*(f"{part} | {line}" for line in lines), stream=sys.stderr)
+
+
+def say_waiting(folder: str) -> None:
+    """That another build of a folder must be waited for, on standard error."""
+    say(f"another build of {shown_path(folder)} is under way; waiting for it", stream=sys.stderr)
+
+
+def say(*lines: str, stream: TextIO | None = None) -> None:
+    """Lines for people, on standard output unless told otherwise: the one way by which what is no diagnostic gets there.
+
+    Whatever a document, a part or a file name has put into a line stays a piece of that line (see `shown`).
+    """
+    stream = stream or sys.stdout
+    stream.write("".join(f"{shown(line)}\n" for line in lines))
+    stream.flush()
+
+
+def say_lines_of_documents(lines: Iterable[str]) -> None:
+    """`say` for what stands in documents, where tabs stay."""
+    sys.stdout.write("".join(f"{shown_line(line)}\n" for line in lines))
+
+
+def say_diff(name: str, before: str, after: str) -> None:
+    """The changed lines of a document, as `diff -u` prints them."""
+    say_lines_of_documents(difflib.unified_diff(before.splitlines(), after.splitlines(), name, name, lineterm=""))
+
+
+def hand_on(content: bytes | str) -> None:
+    """What has a form of its own (XML, a document, names that end with a NUL), on standard output as it is."""
+    if isinstance(content, str):
+        sys.stdout.write(content)
+    else:
+        sys.stdout.flush()
+        sys.stdout.buffer.write(content)
+
+
+def say_in_place(line: str = "") -> None:
+    """A line on standard error that the next one replaces, where that is a terminal; else nothing."""
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\r\x1b[K{shown(line)}")
+        sys.stderr.flush()
+
+
+def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None) -> None:
+    """Code frames and a closing count, coloured only on a terminal (and never where NO_COLOR is set).
+
+    `texts` are those of documents that are in no file, by the name in their spans.
+    """
+    if not diagnostics:
+        return
+    color = stream.isatty() and "NO_COLOR" not in os.environ
+    print(as_text(diagnostics, color=color, debug=debug, texts=texts), file=stream)
+    counts = summary(diagnostics)
+    if counts:
+        print(counts, file=stream)
+
+
+def print_json(diagnostics: Sequence[Diagnostic], **more: object) -> None:
+    """The JSON answer of a command that may find something, alone on standard output."""
+    print_data({"diagnostics": as_json(diagnostics), **more})
+
+
+def print_data(value: Mapping[str, object]) -> None:
+    """JSON, alone on standard output."""
+    import json
+
+    sys.stdout.write(json_text(json.dumps(value, indent=2, ensure_ascii=False)) + "\n")
+
+
+def print_found(diagnostics: Sequence[Diagnostic], form: str, *, stream: TextIO, debug: bool, **more: object) -> None:
+    """What was found in one of the forms of `FINDINGS`: text goes to `stream`, the others go alone to standard output.
+
+    `more` are further keys of the JSON answer.
+    """
+    if form == "text":
+        print_text(diagnostics, stream=stream, debug=debug)
+    elif form == "json":
+        print_json(diagnostics, **more)
+    else:
+        from thingc.tools.reporting.repository_paths import repository
+
+        base = repository(working_folder() or os.sep)
+        if form == "github":
+            from thingc.tools.reporting.github import as_github
+
+            sys.stdout.write(as_github(diagnostics, base=base))
+        else:
+            from thingc import __version__
+            from thingc.tools.reporting.sarif import as_sarif
+
+            sys.stdout.write(as_sarif(diagnostics, base=base, version=__version__, documentation=_documentation()))
+
+
+def _documentation() -> str | None:
+    """Where the pages of codes are published, as the installed package says, or None where it does not."""
+    from importlib.metadata import PackageNotFoundError, metadata
+
+    try:
+        addresses = metadata("thingc").get_all("Project-URL") or []
+    except PackageNotFoundError:
+        return None
+    labelled = (address.partition(",") for address in addresses)
+    return next((url.strip() for label, _, url in labelled if label.strip().lower() == "diagnostics"), None)
+
+
+def losses_in_words(counts: Mapping[str, int]) -> str:
+    """`2 omitted, 1 approximated`."""
+    return ", ".join(f"{count} {how}" for how, count in counts.items())
+
+
+def final(report: Report, *, strict: bool) -> list[Diagnostic]:
+    """The diagnostics in order, warnings made errors where that was asked."""
+    return report.judged(strict=strict).ordered()
+
+
+def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
+    """0 without errors, 2 where the command line is to blame (a bad `-p`, unexpected files in the folder), else 1."""
+    errors = [d for d in diagnostics if d.severity is Severity.ERROR]
+    if any(d.code in USAGE_CODES for d in errors):
+        return USAGE
+    return 1 if errors else 0
+
+
+def of_exception(fault: Exception) -> Diagnostic:
+    """What to say of an exception that reached the command line: what was asked for and cannot be, and the system's refusals, in words;
+    else that thingc has failed."""
+    if isinstance(fault, WrongCommandLine | ReplacementRefused):
+        return fault.diagnostic
+    from thingc.driver.output import OutputError
+    from thingc.driver.pipeline import UnknownChoice
+    from thingc.geometry.store.local import StoreUnusable
+
+    if isinstance(fault, UnknownChoice | OutputError):
+        code = fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE
+        return Diagnostic(code=code, severity=Severity.ERROR, message=fault.message, help=fault.hint)
+    if isinstance(fault, FileNotFoundError) and working_folder() is None:
+        return Diagnostic(
+            code=Code.WORKING_FOLDER, severity=Severity.ERROR, message="the working folder is not there any more",
+            help="somebody has deleted it, or made it anew: `cd` to a folder that is there",
+        )
+    if isinstance(fault, StoreUnusable):
+        return Diagnostic(
+            code=Code.OUTPUT, severity=Severity.ERROR, message=f"the store `{fault.root}` cannot be used: {fault.reason}",
+            help="choose a folder that can be written with --store or THINGC_STORE",
+        )
+    if isinstance(fault, OSError) and (fault.filename is not None or fault.errno in NO_ROOM):
+        kind = PermissionError if fault.errno == errno.EROFS else type(fault)
+        where = "what is written has no room" if fault.filename is None else f"`{shown_path(str(fault.filename))}`"
+        return Diagnostic(
+            code=Code.OUTPUT, severity=Severity.ERROR, message=f"{where}: {fault.strerror or fault}",
+            help="choose a shorter name" if fault.errno == errno.ENAMETOOLONG else _CURES.get(kind, "make room, or choose another place"),
+        )
+    import traceback
+
+    words = " ".join(str(fault).split())
+    return Diagnostic(
+        code=Code.INTERNAL, severity=Severity.ERROR, message=f"thingc itself failed: {type(fault).__name__}: {words}",
+        help="this is a defect of thingc, not of your document; please report it with what --debug shows",
+        detail="".join(traceback.format_exception(fault)),
+    )
+
+
+_CURES: Mapping[type[OSError], str] = {
+    FileExistsError: "move away what is in its place", NotADirectoryError: "move away the file that is where a folder is needed",
+    IsADirectoryError: "move away the folder that is in its place", PermissionError: "allow it to be written, or choose another place",
+    FileNotFoundError: "somebody has moved or deleted it meanwhile: run the command again",
+}
+
+
+USAGE_CODES = frozenset({
+    Code.COMMAND_LINE, Code.WORKING_FOLDER, Code.NO_DOCUMENT, Code.PARAMETER_OPTION, Code.CHOICE_OPTION, Code.UNEXPECTED, Code.OUTPUT,
+    Code.NO_GRAPHICS, Code.BATCH_LOCKED, Code.BATCH_UNFINISHED, Code.BATCH_CHANGED, Code.NO_BATCH,
+})

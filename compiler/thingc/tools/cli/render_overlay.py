@@ -1,0 +1,101 @@
+"""What `thingc render` draws over a picture: mounts, joints and the root of a robot in one mode."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+from thingc.base.pose import NO_POSE, Pose, Vector, cross, turned_about, turned_x
+from thingc.base.suggestions import did_you_mean
+from thingc.base.summing import hypot
+from thingc.driver.pipeline import UnknownChoice
+from thingc.model.robot.kinematics import carried
+from thingc.model.robot.tree import in_link
+from thingc.model.robot.types import Robot
+from thingc.targets.render.frames import Frame, JointAxis, Mark
+
+ROOT_SIZE = 1.6
+"""How much longer the axes of the root are than those of a mount."""
+
+
+def mounts(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
+    """The mounts that another component sits on, that the document shows, or that it adds, each once. What sits there has its own
+    mount in the same place."""
+    assembly = robot.assembly
+    named = [(mate.parent, mate.parent_mount) for mate in assembly.mates]
+    named += [(one.occurrence, one.mount) for one in assembly.exported]
+    named += [(one.index, name) for one in assembly.occurrences for name in one.component.mounts]
+    return (_mount(robot, q, *place) for place in dict.fromkeys(named) if place[1] != "origin")
+
+
+def mounts_of(robot: Robot, q: Mapping[str, float], wanted: Sequence[str]) -> Iterator[Mark]:
+    """All mounts of these components (`hand/cap`, `hand.cap`, or `hand` for all that is in it), and their own frames. Raises
+    `UnknownChoice`."""
+    assembly = robot.assembly
+    for name in wanted:
+        path = name.replace(".", "/")
+        occurrences = [one for one in assembly.occurrences if one.path == path or one.path.startswith(f"{path}/")]
+        if not occurrences:
+            known = {one.path[:end] for one in assembly.occurrences for end in _ends(one.path)}
+            raise UnknownChoice(f"there is no component `{name}`", did_you_mean(path, known, what="components"))
+        for one in occurrences:
+            yield from (_mount(robot, q, one.index, mount) for mount in one.mounts)
+
+
+def joints(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
+    """The axis of every coordinate of every joint, as its documents mean it: in the parent's mount, as the coordinates before it have
+    moved that at `q` [rad or m by path]."""
+    for mate in robot.assembly.mates:
+        body, pose = _on_body(robot, q, mate.parent, mate.X_PJ)
+        for number, joint in enumerate(mate.joints):
+            label = _dotted(mate.name or joint.path) + (f"[{number}]" if len(mate.joints) > 1 else "")
+            yield JointAxis(label=label, body=body, pose=pose @ _along(joint.twist.axis), slides=not joint.twist.turns)
+            if not joint.kind.at_once:  # what turns at once turns about axes that stay
+                pose = pose @ joint.twist.exponential(q.get(joint.path, 0.0) + joint.offset)
+
+
+def root(robot: Robot) -> Iterator[Mark]:
+    """The frame of the root, which the mode puts somewhere."""
+    choice = robot.mode.root
+    body, pose = _on_body(
+        robot, {}, choice.occurrence, robot.assembly.occurrences[choice.occurrence].mounts[choice.mount or "origin"].pose
+    )
+    yield Frame(label=f"root {_dotted(choice.path)} ({robot.base})", body=body, pose=pose, size=ROOT_SIZE)
+
+
+def _mount(robot: Robot, q: Mapping[str, float], occurrence: int, name: str) -> Frame:
+    one = robot.assembly.occurrences[occurrence]
+    body, pose = _on_body(robot, q, occurrence, one.mounts[name].pose)
+    return Frame(label=f"{_dotted(one.path)}.{name}", body=body, pose=pose)
+
+
+def _on_body(robot: Robot, q: Mapping[str, float], occurrence: int, pose: Pose) -> tuple[str, Pose]:
+    """The link of an occurrence, and a pose of the occurrence's frame in that of the link; of a link that only joins two joints, which is
+    no body of the model, the one before it, in whose frame it is by `q`."""
+    assembly, number = robot.assembly, robot.assembly.link_of[occurrence]
+    body = next(body for body in robot.bodies if body.link == number)
+    pose = in_link(assembly)[occurrence] @ pose
+    while body.parent is not None and body.link in assembly.between:
+        pose = carried(body, NO_POSE, {joint.path: q.get(joint.path, 0.0) for joint in body.joints}) @ pose
+        body = robot.bodies[body.parent]
+    return assembly.links[body.link].name, pose
+
+
+def _along(axis: Vector) -> Pose:
+    """A frame whose z is a unit vector."""
+    if axis == (0.0, 0.0, 1.0):
+        return NO_POSE
+    across = cross((0.0, 0.0, 1.0), axis)
+    size = hypot(*across)
+    if size == 0.0:
+        return turned_x(math.pi)
+    return Pose(rotation=turned_about((across[0] / size, across[1] / size, across[2] / size), math.atan2(size, axis[2])))
+
+
+def _dotted(path: str) -> str:
+    return path.replace("/", ".")
+
+
+def _ends(path: str) -> list[int]:
+    """Where the names of a path end."""
+    return [*(at for at, letter in enumerate(path) if letter == "/"), len(path)]

@@ -1,0 +1,172 @@
+"""Work on documents that nobody trusts: in a child process with bounds on time and memory, which starts no process, opens no
+connection, writes nothing, and whose death, whatever the cause, is one diagnostic.
+
+The passes have bounds of their own; these are the last line of defence, against what nobody thought of.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import signal
+import sys
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+from thingc.base.diagnostics import Code, Diagnostic, Severity
+from thingc.driver.up_to_date import packed, unpacked
+from thingc.tools.cli import console
+
+MEMORY = 900_000_000
+"""Bytes of address space that the child may have beyond what it begins with, so that all of it stays below a gigabyte."""
+PATIENCE = 20.0
+"""Seconds without any computing that are allowed for each second of it: a machine may be busy, a read may hang for ever."""
+_REFUSED = (
+    "os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.startfile", "os.system", "pty.spawn", "socket.", "subprocess.Popen",
+    "os.remove", "os.rename", "os.rmdir", "os.mkdir", "os.link", "os.symlink", "os.chmod", "os.chown", "os.truncate", "os.kill",
+    "ctypes.dlopen", "webbrowser.open", "urllib.Request",
+)
+_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+
+
+class Refused(Exception):
+    """Something that work on untrusted documents never does: a defect of thingc, stopped before it happens."""
+
+
+def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -> Any | Diagnostic:
+    """What `work` answers (JSON values), done in a child process that may compute for `seconds` and have `memory` bytes; or a
+    diagnostic of how the child ended before it was done.
+
+    Where the system knows no such processes (Windows), `work` is done here, without bounds.
+    """
+    if not hasattr(os, "fork"):
+        return _done(work)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    _load_ahead()
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(reading)
+        _in_child(work, seconds, memory, writing)
+    os.close(writing)
+    data, in_time = _collected(reading, child, seconds * PATIENCE)
+    if not in_time:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(child, signal.SIGKILL)
+    _, status = os.waitpid(child, 0)
+    return _answer(data) if in_time and status == 0 else _costly(in_time, status, seconds, memory)
+
+
+def _answer(data: bytes) -> Any | Diagnostic:
+    kind, value = json.loads(data)
+    if kind == "failed":
+        return unpacked(value)
+    return value
+
+
+def _load_ahead() -> None:
+    """What every check imports, once for all children."""
+
+
+def _collected(reading: int, child: int, patience: float) -> tuple[bytes, bool]:
+    """What the child writes until it ends, and whether it did: it is given up when for `patience` [s] it has neither said nor computed
+    anything. How long it may compute the system sees to."""
+    pieces: list[bytes] = []
+    computed = _computed(child)
+    with os.fdopen(reading, "rb", buffering=0) as stream:
+        while True:
+            if select.select([stream], [], [], patience)[0]:
+                piece = stream.read(1 << 16)
+                if not piece:
+                    return b"".join(pieces), True
+                pieces.append(piece)
+                continue
+            before, computed = computed, _computed(child)
+            if computed == before:
+                return b"", False
+
+
+def _computed(child: int) -> int:
+    """The processor time of a process so far, in ticks of the system; 0 where the system does not say."""
+    try:
+        with open(f"/proc/{child}/stat", "rb") as stream:
+            fields = stream.read().rpartition(b")")[2].split()
+    except OSError:
+        return 0
+    return int(fields[11]) + int(fields[12])
+
+
+def _costly(in_time: bool, status: int, seconds: float, memory: int) -> Diagnostic:
+    ended_by = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
+    if not in_time:
+        message = f"the check has hung: after {seconds * PATIENCE:g} s in which it did nothing it was ended"
+        help = "see whether the machine is busy, or a file of the workspace cannot be read"
+    elif ended_by == signal.SIGPROF:
+        message = f"the check was not done after {seconds:g} s of computing and was ended"
+        help = "make the documents smaller, or allow more time with --time-limit"
+    elif os.WIFEXITED(status) and os.WEXITSTATUS(status) == _OUT_OF_MEMORY:
+        message = f"the check needed more than {memory // 1_000_000} MB and was ended"
+        help = "make the documents smaller"
+    else:
+        how = f"by {signal.Signals(ended_by).name}" if ended_by is not None else f"with status {os.WEXITSTATUS(status)}"
+        message = f"the check ended {how} before it was done"
+        help = "take the documents for hostile until they are understood; please report how they do this"
+    return Diagnostic(code=Code.TOO_COSTLY, severity=Severity.ERROR, message=message, help=help)
+
+
+_OUT_OF_MEMORY = 91
+
+
+def _in_child(work: Callable[[], Any], seconds: float, memory: int, writing: int) -> NoReturn:
+    """Never returns, whatever happens: two processes must not both go on."""
+    code = 1
+    try:
+        sys.dont_write_bytecode = True
+        _bound(seconds, memory)
+        sys.addaudithook(_refuse)
+        answer = _done(work)
+        data = json.dumps(["failed", packed(answer)] if isinstance(answer, Diagnostic) else ["done", answer]).encode()
+        view = memoryview(data)
+        while view:
+            view = view[os.write(writing, view):]
+        code = 0
+    except MemoryError:
+        code = _OUT_OF_MEMORY
+    except BaseException:
+        code = 1
+    finally:
+        os._exit(code)
+
+
+def _done(work: Callable[[], Any]) -> Any | Diagnostic:
+    try:
+        return work()
+    except MemoryError:
+        raise
+    except Exception as fault:
+        return console.of_exception(fault)
+
+
+def _bound(seconds: float, memory: int) -> None:
+    import resource
+
+    with contextlib.suppress(OSError, ValueError), open("/proc/self/statm", "rb") as stream:
+        memory += int(stream.read().split()[0]) * resource.getpagesize()
+    for kind, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CORE, 0)):
+        with contextlib.suppress(ValueError, OSError):  # a lower bound than ours is there already
+            resource.setrlimit(kind, (most, most))
+    signal.signal(signal.SIGPROF, signal.SIG_DFL)
+    signal.setitimer(signal.ITIMER_PROF, seconds)  # of computing; RLIMIT_CPU knows whole seconds only
+
+
+def _refuse(event: str, arguments: tuple[Any, ...]) -> None:
+    """The audit hook of the child: refuses what no check ever does."""
+    if event == "open":
+        _, mode, flags = arguments
+        if isinstance(flags, int) and flags & _WRITING or isinstance(mode, str) and set(mode) & set("wax+"):
+            raise Refused("a file was to be written")
+    elif event.startswith(_REFUSED):
+        raise Refused(f"`{event}` was to be done")

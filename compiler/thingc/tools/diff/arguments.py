@@ -1,0 +1,145 @@
+"""What stands on the command line -> two sides: which documents of which state of the workspace are compared with which."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Literal
+
+from thingc.base.filesystem import listing
+from thingc.base.frozen import dataclass
+from thingc.base.suggestions import did_you_mean
+from thingc.tools.affected.git_changes import NotARepository
+from thingc.tools.diff.revisions import DOCUMENTS, LOCK_FILE, Repository, UnknownRevision
+
+SideKind = Literal["document", "build", "lock", "revision", "checkout"]
+MANIFEST = "manifest.json"
+CHECKOUT = "working tree"
+
+
+class UnknownSide(Exception):
+    """A word that is no side, in words; `hint` says what to write."""
+
+    def __init__(self, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Side:
+    """One of the two: `name` is what it is called in answers, `place` the path of a document, build folder or lock, or the hash of a
+    commit."""
+
+    kind: SideKind
+    name: str
+    place: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """Two sides, and the documents (as named on the command line) that are compared where both are states of a repository; none: those
+    that the change concerns."""
+
+    old: Side
+    new: Side
+    documents: tuple[str, ...] = ()
+
+
+def asked(words: Sequence[str], documents: Sequence[str]) -> Asked:
+    """What the words of a command line ask for; `documents` are those behind `--`. Raises `UnknownSide`, `NotARepository`."""
+    words = list(words)
+    if len(words) > 2:
+        raise UnknownSide(
+            f"expected two sides, found {len(words)} words", "documents that are compared in two revisions follow `--`",
+        )
+    if not words:
+        words = ["HEAD"]
+    sides = [side for word in words for side in _sides(word)]
+    if len(sides) > 2:
+        raise UnknownSide(f"`{' '.join(words)}` are more than two sides", "write `OLD..NEW`, or two words")
+    if len(sides) == 1 and sides[0].kind == "document" and not documents:
+        return _asked([_revision("HEAD"), sides[0]], ())
+    if len(sides) == 1:
+        if sides[0].kind != "revision":
+            raise UnknownSide(f"`{words[0]}` is one side: with what is it compared?", "name two, the old one first")
+        sides.append(Side(kind="checkout", name=CHECKOUT))
+    return _asked(sides, documents)
+
+
+def _asked(sides: Sequence[Side], documents: Sequence[str]) -> Asked:
+    old, new = sides
+    kinds = {old.kind, new.kind}
+    if documents and not kinds <= {"revision", "checkout"}:
+        raise UnknownSide(
+            "documents behind `--` are those of revisions, and no two revisions are named", "write `thingc diff OLD.yaml NEW.yaml`",
+        )
+    if kinds == {"revision", "document"}:  # of one document its state there and here
+        document = next(side for side in sides if side.kind == "document").place
+        checkout = Side(kind="checkout", name=CHECKOUT)
+        one, other = (side if side.kind == "revision" else checkout for side in sides)
+        return Asked(old=one, new=other, documents=(document,))
+    if "lock" in kinds and kinds != {"lock"} or "revision" in kinds and not kinds <= {"revision", "checkout"}:
+        raise UnknownSide(
+            f"`{old.name}` and `{new.name}` cannot be compared: one is a {_CALLED[old.kind]}, the other a {_CALLED[new.kind]}",
+            "compare two revisions, two locks, or documents and build folders",
+        )
+    return Asked(old=old, new=new, documents=tuple(documents))
+
+
+_CALLED: dict[SideKind, str] = {
+    "document": "document", "build": "build folder", "lock": "lock", "revision": "revision", "checkout": "checkout",
+}
+
+
+def _sides(word: str) -> list[Side]:
+    """The side that a word is, or the two that it names: `main..HEAD`, and from where `main...HEAD` parted."""
+    if os.path.isfile(word):
+        if os.path.basename(word).endswith(LOCK_FILE):
+            return [Side(kind="lock", name=word, place=os.path.abspath(word))]
+        if word.lower().endswith(DOCUMENTS):
+            return [Side(kind="document", name=word, place=os.path.abspath(word))]
+        raise UnknownSide(f"`{word}` is no document ({', '.join(DOCUMENTS)}), build folder or lock", f"a lock is called `{LOCK_FILE}`")
+    if os.path.isdir(word):
+        if os.path.isfile(os.path.join(word, MANIFEST)):
+            return [Side(kind="build", name=word.rstrip("/"), place=os.path.abspath(word))]
+        inner = [name for name in listing(word) if os.path.isfile(os.path.join(word, name, MANIFEST))]
+        hint = "name a folder that `thingc build` has written, or a document"
+        hint = f"did you mean `{os.path.join(word, inner[0])}`?" if inner else hint
+        raise UnknownSide(f"`{word}` is a folder without a {MANIFEST}: no build", hint)
+    between = "..." if "..." in word else ".." if ".." in word else None
+    if between is None or os.sep in word.partition(between)[2][:1]:
+        return [_revision(word)]
+    old, _, new = word.partition(between)
+    ends = [_revision(old or "HEAD"), _revision(new or "HEAD")]
+    if between == "..":
+        return ends
+    repository = Repository.of(os.getcwd())
+    base = repository.common(ends[0].place, ends[1].place)
+    return [Side(kind="revision", name=f"{ends[0].name} ({base[:8]})", place=base), ends[1]]
+
+
+def _revision(word: str) -> Side:
+    try:
+        commit = Repository.of(os.getcwd()).commit(word)
+    except NotARepository as fault:
+        if _looks_like_file(word):
+            raise _absent(word) from None
+        raise UnknownSide(
+            f"`{word}` is no file or folder here, and no revision: {fault}", "name two documents, or run this in a git repository",
+        ) from fault
+    except UnknownRevision as fault:
+        if _looks_like_file(word):
+            raise _absent(word) from None
+        hint = did_you_mean(word, [*fault.names, "HEAD"], what="revisions")
+        raise UnknownSide(f"there is no revision, document or build folder `{word}`", hint) from None
+    return Side(kind="revision", name=word, place=commit)
+
+
+def _looks_like_file(word: str) -> bool:
+    return word.lower().endswith((*DOCUMENTS, ".json"))
+
+
+def _absent(word: str) -> UnknownSide:
+    folder = os.path.dirname(word)
+    names = [os.path.join(folder, name) for name in listing(folder or ".") if name.lower().endswith(DOCUMENTS)]
+    return UnknownSide(f"there is no document `{word}`", did_you_mean(word, names, what="documents"))

@@ -1,0 +1,172 @@
+"""Build folders and locks as portraits: what can be compared without their documents."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from thingc.base.diagnostics import Diagnostic, Report
+from thingc.base.source import line_of
+from thingc.documents.workspace import Workspace
+from thingc.geometry.lock.lock import read_lock
+from thingc.geometry.record import PartRecord
+from thingc.tools.diff.arguments import MANIFEST
+from thingc.tools.diff.snapshot import ComponentNode, Fact, OccurrenceOf, PartShape, Portrait, Row, StatedThing, Value
+
+OF_BUILDS = "parameters, mates, limits, drives, poses, materials, sensors, mounts, geometry and tests, which no build folder holds"
+OF_LOCKS = "what documents say, which no lock holds"
+
+
+class UnreadableSide(Exception):
+    """A folder or file that cannot be compared: why, in words, or as diagnostics."""
+
+    def __init__(self, message: str, diagnostics: tuple[Diagnostic, ...] = ()) -> None:
+        super().__init__(message)
+        self.diagnostics = diagnostics
+
+
+def portrait_of_build(folder: str) -> Portrait:
+    """What a build folder holds of a robot: components with definitions and masses, modes, joints, the bill of materials, print files.
+    Raises `UnreadableSide`."""
+    manifest = _json(folder, MANIFEST, dict)
+    modes, rows = _json(folder, "modes.json", dict, {}), _json(folder, "bom.json", list, [])
+    try:
+        return _of_build(manifest, modes, rows)
+    except (KeyError, TypeError, AttributeError) as fault:
+        raise UnreadableSide(f"`{folder}` is no build of this thingc: {type(fault).__name__}: {fault}") from fault
+
+
+def _of_build(manifest: Mapping[str, Any], modes: Mapping[str, Any], rows: list[Any]) -> Portrait:
+    occurrences = manifest["occurrences"]
+    joints = {joint["name"]: joint for mode in modes.values() for joint in mode["joints"]}
+    things = [
+        *(_component(one["path"], one["definition"]) for one in occurrences),
+        *(StatedThing(what="joint", path=name, facts={"type": Fact(value=joint["kind"])}) for name, joint in joints.items()),
+        *(_mode(name, mode["base"], tuple(mode["gravity"])) for name, mode in modes.items()),
+    ]
+    members: dict[str, list[str]] = {}
+    for one in occurrences:
+        members.setdefault(one["definition"], []).append(one["path"])
+    return Portrait(
+        name=manifest["name"],
+        nodes=tuple(_node(one["path"], one["definition"]) for one in occurrences),
+        things={(thing.what, thing.path): thing for thing in things},
+        occurrences={one["path"]: _occurrence(one["path"], one["definition"], one["mass"], one["mass_source"]) for one in occurrences},
+        rows=tuple(
+            Row(
+                definition=row["definition"], number=row["number"], quantity=row["quantity"], make=row["make"], material=row["material"],
+                members=tuple(members.get(row["definition"], ())),
+            )
+            for row in rows
+        ),
+        coordinates={
+            name: tuple(one["name"] for joint in mode["joints"] for one in joint["coordinates"]) for name, mode in modes.items()
+        },
+        prints={path: sha256 for path, sha256 in manifest["files"].items() if path.startswith("stl/")},
+        lacks=frozenset({OF_BUILDS}),
+    )
+
+
+def outline(portrait: Portrait) -> Portrait:
+    """Of a document what a build folder would hold, too."""
+    things = [_component(path, one.definition) for path, one in portrait.occurrences.items()]
+    for (what, _), thing in portrait.things.items():
+        if what == "joint" and "type" in thing.facts:
+            things.append(replace(thing, facts={"type": thing.facts["type"]}, of=""))
+        elif what == "mode":
+            things.append(replace(thing, facts={key: thing.facts[key] for key in ("base", "gravity")}))
+    return Portrait(
+        name=portrait.name, nodes=tuple(_node(path, one.definition) for path, one in portrait.occurrences.items()),
+        things={(thing.what, thing.path): thing for thing in things},
+        occurrences={path: _occurrence(path, one.definition, one.mass, one.source) for path, one in portrait.occurrences.items()},
+        rows=tuple(replace(row, stem=None) for row in portrait.rows), coordinates=portrait.coordinates, lacks=portrait.lacks,
+    )
+
+
+def portrait_of_lock(path: str) -> Portrait:
+    """What a lock says of parts: the parameters of each with defaults and bounds; of every definition volume, area, box, mounts and what
+    mass it states. Raises `UnreadableSide`."""
+    report = Report()
+    workspace = Workspace.find(path, report)
+    lock = read_lock(workspace, report) if workspace is not None else None
+    if lock is None:
+        raise UnreadableSide(f"`{path}` cannot be read", tuple(report.ordered()))
+    things: dict[str, StatedThing] = {}
+    occurrences: dict[str, OccurrenceOf] = {}
+    for reference in sorted(lock.things):
+        schema = lock.schema(reference)
+        facts: dict[str, Value] = {}
+        for one in schema.parameters if schema is not None else ():
+            facts |= {
+                f"params.{one.name}": one.default, f"params.{one.name}.min": one.minimum, f"params.{one.name}.max": one.maximum,
+                f"params.{one.name}.kind": one.kind,
+            }
+        things[reference] = _stated(reference, facts, path)
+        for record in lock.relatives(reference):
+            own = facts if record.text == reference else {}
+            things[record.text] = _stated(record.text, {**own, **_said(record)}, path)
+            occurrences[record.text] = _of_record(record)
+    return Portrait(
+        name=os.path.basename(path), nodes=tuple(_node(text, text) for text in things),
+        things={(thing.what, thing.path): thing for thing in things.values()}, occurrences=occurrences, lacks=frozenset({OF_LOCKS}),
+    )
+
+
+def _stated(text: str, facts: Mapping[str, Value], file: str) -> StatedThing:
+    span = line_of(file)
+    return StatedThing(what="component", path=text, facts={key: Fact(value=value) for key, value in facts.items()}, label=text, span=span)
+
+
+def _said(record: PartRecord) -> dict[str, Value]:
+    """What a part says of itself, besides its shape."""
+    said: dict[str, Value] = {"material": record.material, "color": record.color}
+    for key, stated in (("mass", record.mass), ("com", record.com), ("density", record.density)):
+        if stated is not None:
+            said |= {f"{key}.value": stated.value, f"{key}.source": stated.source}
+    if record.actuator is not None:
+        actuator = record.actuator
+        said |= {f"drive.{key}": getattr(actuator, key) for key in ("kind", "stall_torque", "no_load_speed", "rotor_inertia", "kp", "kv")}
+    return said
+
+
+def _of_record(record: PartRecord) -> OccurrenceOf:
+    shape = None if record.box is None else PartShape(
+        volume=record.volume, area=record.area, centre=record.centre, inertia=record.inertia, box=record.box,
+    )
+    return OccurrenceOf(
+        path=record.text, definition=record.text, properties=None, mass=0.0, source="", shape=shape,
+        mounts={name: mount.pose for name, mount in record.mounts.items()}, place=None,
+    )
+
+
+def _component(path: str, definition: str) -> StatedThing:
+    return StatedThing(what="component", path=path, facts={"part": Fact(value=definition)}, label=definition)
+
+
+def _mode(name: str, base: str, gravity: Value) -> StatedThing:
+    return StatedThing(what="mode", path=name, facts={"base": Fact(value=base), "gravity": Fact(value=gravity)})
+
+
+def _node(path: str, definition: str) -> ComponentNode:
+    return ComponentNode(path=path, kind="part", reference=definition.partition("(")[0], text=definition, place=None)
+
+
+def _occurrence(path: str, definition: str, mass: float, source: str) -> OccurrenceOf:
+    return OccurrenceOf(path=path, definition=definition, properties=None, mass=mass, source=source, shape=None, mounts={}, place=None)
+
+
+def _json(folder: str, name: str, kind: type, otherwise: Any = None) -> Any:
+    path = os.path.join(folder, name)
+    if otherwise is not None and not os.path.isfile(path):
+        return otherwise
+    try:
+        with open(path, encoding="utf-8") as stream:
+            value = json.load(stream)
+    except (OSError, ValueError) as fault:
+        raise UnreadableSide(f"`{path}` cannot be read: {fault}") from fault
+    if not isinstance(value, kind):
+        raise UnreadableSide(f"`{path}` is no build of this thingc")
+    return value

@@ -1,0 +1,127 @@
+"""A document -> its portrait: compiled, its tests run, and what is costly kept in the store by content."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from thingc.base.diagnostics import Diagnostic, Severity
+from thingc.base.one_line_repr import counted
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.driver.pipeline import Compilation
+from thingc.driver.up_to_date import fingerprint
+from thingc.tools.diff.reading import portrait
+from thingc.tools.diff.snapshot import Portrait, TestOutcome
+
+if TYPE_CHECKING:
+    from thingc.geometry.store.local import Store
+
+
+ASSETS = "mjcf/assets/"
+"""Where the meshes of models are."""
+
+
+class Broken(Exception):
+    """A document that does not compile. `diagnostics` say why."""
+
+    def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
+        super().__init__(counted(len(diagnostics), "error"))
+        self.diagnostics = tuple(diagnostics)
+
+
+class Subject:
+    """A document, compiled once; its tests are run when that is asked. A context manager: leaving it ends its workers.
+
+    Raises `Broken` where it does not compile.
+    """
+
+    def __init__(self, document: str, options: Options) -> None:
+        self._environment = Environment(document, options)
+        self._compilation: Compilation = pipeline.compile(self._environment)
+        errors = [d for d in self._compilation.report.ordered() if d.severity is Severity.ERROR]
+        if errors or self._compilation.assembly is None:
+            self._environment.__exit__()
+            raise Broken(errors)
+        self.portrait: Portrait = portrait(self._compilation)
+
+    def __enter__(self) -> Subject:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._environment.__exit__(*exception)
+
+    @property
+    def store(self) -> Store:
+        """Where what is modelled is kept."""
+        return self._environment.store
+
+    def tested(self) -> Portrait:
+        """The portrait with the outcomes of the tests; those that have been run before are in the store."""
+        from thingc.geometry.store.local import StoreUnusable
+
+        key = self._key()
+        earlier = self.store.get_json("diff-tests", key)
+        if earlier is not None:
+            return replace(self.portrait, outcomes=_unpacked(earlier))
+        outcomes = self._outcomes()
+        with contextlib.suppress(StoreUnusable):
+            self.store.put_json("diff-tests", key, [[one.test, one.where, one.passed, dict(one.measured)] for one in outcomes])
+        return replace(self.portrait, outcomes=outcomes)
+
+    def model(self) -> tuple[str, dict[str, bytes]]:
+        """The MuJoCo model of the first mode, and its meshes by name."""
+        compilation = replace(self._compilation, robots=self._compilation.robots[:1])
+        files = pipeline.emit(self._environment, compilation, ["mjcf"], verify=0)["mjcf"].files
+        read = {path: one if isinstance(one, bytes) else self.store.read(one.sha256) for path, one in files.items()}
+        robot = compilation.robots[0]
+        xml = read[f"mjcf/{robot.name}_{robot.mode.name}.xml"].decode()
+        return xml, {path.removeprefix(ASSETS): data for path, data in read.items() if path.startswith(ASSETS)}
+
+    def _outcomes(self) -> tuple[TestOutcome, ...]:
+        from thingc.driver.testing.running import Selection, run
+
+        assembly = self._compilation.assembly
+        if assembly is None or not assembly.tests:
+            return ()
+        results = run(pipeline.request_of(self._environment, self._compilation), Selection())
+        return tuple(
+            TestOutcome(
+                test=result.name, where=result.where, passed=result.passed,
+                measured={
+                    name: float(value) for name, value in result.outcome.measured.items()
+                    if isinstance(value, (int, float)) and not isinstance(value, bool)
+                },
+            )
+            for result in results
+        )
+
+    def _key(self) -> str:
+        """All that outcomes depend on: documents, parts, and thingc itself."""
+        documents, assembly = self._compilation.documents, self._compilation.assembly
+        assert documents is not None and assembly is not None
+        parts = sorted({
+            (o.definition.text, json.dumps([
+                o.record.volume, o.record.centre, o.record.inertia,
+                {name: [m.pose.rotation, m.pose.translation] for name, m in o.record.mounts.items()},
+                {name: mesh.sha256 for name, mesh in o.record.meshes.items()},
+                [o.mass_source, o.properties.mass],
+            ], sort_keys=True))
+            for o in assembly.occurrences if o.record is not None
+        })
+        links = sorted({o.definition.text for o in assembly.occurrences if o.listed is not None})  # mesh files by what is in them
+        settings = self._compilation.settings
+        about = [
+            fingerprint(), documents.root.relative, sorted((path, one.sha256) for path, one in documents.by_path.items()), parts, links,
+            sorted(settings.parameters.items()), sorted(settings.choices.items()), self._environment.compat,
+        ]
+        return hashlib.sha256(json.dumps(about).encode()).hexdigest()
+
+
+def _unpacked(values: list[tuple[str, str, bool, dict[str, float]]]) -> tuple[TestOutcome, ...]:
+    return tuple(TestOutcome(test=test, where=where, passed=passed, measured=measured) for test, where, passed, measured in values)
+

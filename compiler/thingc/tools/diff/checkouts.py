@@ -1,0 +1,211 @@
+"""Two sides -> pairs of documents, laid out where they are compared; and what came of comparing them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+
+from thingc.base.diagnostics import Diagnostic
+from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
+from thingc.base.source import Span
+from thingc.base.suggestions import did_you_mean
+from thingc.driver.environment import Options
+from thingc.tools.affected.dependents import touched
+from thingc.tools.affected.git_changes import changed_paths
+from thingc.tools.diff.arguments import Asked, Side, SideKind, UnknownSide
+from thingc.tools.diff.build_folder_snapshot import UnreadableSide, outline, portrait_of_build, portrait_of_lock
+from thingc.tools.diff.cached_snapshots import Broken, Subject
+from thingc.tools.diff.change import Change
+from thingc.tools.diff.comparing import Comparison, compare
+from thingc.tools.diff.revisions import Repository, Revision
+from thingc.tools.diff.snapshot import Portrait
+from thingc.tools.diff.surface_distance import Surfaces
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Laid(Brief):
+    """A document of one state: `path` is where it is laid out, `revision` the state, None where it lies there anyway. Or a build folder or
+    lock, as `kind` says."""
+
+    path: str
+    revision: Revision | None = None
+    kind: SideKind = "document"
+
+    def home(self, file: str) -> str:
+        """Where a file that was laid out belongs in the checkout."""
+        if self.revision is None:
+            return file
+        inside = os.path.relpath(file, self.revision.root)
+        return file if inside.startswith("..") else os.path.join(self.revision.repository.top, inside)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Both(Brief):
+    """A document in both states; `name` is what it is called on the command line. One that is in one state alone has no other."""
+
+    name: str
+    old: Laid | None
+    new: Laid | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BrokenSide(Brief):
+    """A side that does not compile: what is wrong, at places that say which state they are of, and the texts of those documents."""
+
+    name: str
+    diagnostics: tuple[Diagnostic, ...]
+    texts: Mapping[str, str]
+
+
+def laid_out(asked: Asked, stack: ExitStack, *, code: bool) -> list[Both]:
+    """The documents that are compared, laid out until the stack is left; `code`: whether code of the repository may run.
+
+    Raises `UnknownSide`, `NotARepository`.
+    """
+    if asked.old.kind in ("document", "build", "lock"):
+        old, new = (Laid(path=side.place, kind=side.kind) for side in (asked.old, asked.new))
+        return [Both(name=asked.new.name, old=old, new=new)]
+    here = os.getcwd()
+    repository = Repository.of(here, trusted=code)
+    states = [_state(repository, side, stack) for side in (asked.old, asked.new)]
+    if asked.documents:
+        paths = [repository.path(document) for document in asked.documents]
+        for document, path in zip(asked.documents, paths, strict=True):
+            if not any(_has(repository, state, path) for state in states):
+                known = [one for state in states if state is not None for one in state.documents(repository.path("."))]
+                raise UnknownSide(
+                    f"there is no document `{document}` in {asked.old.name} or {asked.new.name}",
+                    did_you_mean(path, known, what="documents") if known else "name a document",
+                )
+    else:
+        paths = _concerned(repository, asked, states, here)
+    for state in states:
+        if state is not None:
+            state.lay_out(paths)
+    return [
+        Both(
+            name=os.path.relpath(os.path.join(repository.top, path)),
+            old=_laid(repository, states[0], path), new=_laid(repository, states[1], path),
+        )
+        for path in paths
+    ]
+
+
+def _state(repository: Repository, side: Side, stack: ExitStack) -> Revision | None:
+    return None if side.kind == "checkout" else stack.enter_context(Revision(repository, side.name, side.place))
+
+
+def _has(repository: Repository, state: Revision | None, path: str) -> bool:
+    return os.path.isfile(os.path.join(repository.top, path)) if state is None else state.has(path)
+
+
+def _laid(repository: Repository, state: Revision | None, path: str) -> Laid | None:
+    if not _has(repository, state, path):
+        return None
+    return Laid(path=os.path.join(repository.top, path)) if state is None else Laid(path=state.file(path), revision=state)
+
+
+def _concerned(repository: Repository, asked: Asked, states: Sequence[Revision | None], here: str) -> list[str]:
+    """The documents below the working folder that depend on a file which differs: those that nothing else nests, or with modes."""
+    changed = changed_paths(here, asked.old.place, *filter(None, [asked.new.place]), trusted=repository.trusted)
+    if not changed:
+        return []
+    folder = repository.path(os.path.join(here, "document")).rpartition("/")[0]
+    documents: dict[str, None] = {}
+    for state in states:
+        top = repository.top if state is None else state.root
+        if state is not None:
+            state.lay_out(state.documents(folder or "."))
+        below = os.path.join(top, *folder.split("/")) if folder else top
+        if os.path.isdir(below):
+            roots = touched([os.path.join(top, path) for path in changed], below, None).roots
+            inside = (os.path.relpath(os.path.realpath(path), os.path.realpath(top)) for path in roots)
+            documents |= dict.fromkeys(path.replace(os.sep, "/") for path in inside)
+    return sorted(documents)
+
+
+def compared(
+    both: Both, options: Options, *, tests: bool, names: tuple[str, str], draw: bool = False,
+) -> Comparison | BrokenSide:
+    """What changed of a document that is in both states, with its `tests`, and pictures where something did (`draw`). Places are in the
+    checkout; those of a broken side begin with its name. Raises `UnknownSide`."""
+    assert both.old is not None and both.new is not None, "there is nothing to compare it with"
+    with ExitStack() as stack:
+        sides: list[Subject | Portrait] = []
+        for laid, name in ((both.old, names[0]), (both.new, names[1])):
+            try:
+                sides.append(_portrait(laid) if laid.kind != "document" else stack.enter_context(_subject(laid, options)))
+            except Broken as broken:
+                return _broken(laid, name, broken)
+        old, new = sides
+        answer = _compared(old, new, options, tests=tests)
+        if draw and answer.changes and isinstance(old, Subject) and isinstance(new, Subject) and options.code:
+            from thingc.tools.diff.pictures import pictures
+
+            answer = replace(answer, pictures=pictures(old.model(), new.model(), answer.changes))
+        return replace(answer, changes=tuple(_at_home(change, both) for change in answer.changes))
+
+
+def _compared(old: Subject | Portrait, new: Subject | Portrait, options: Options, *, tests: bool) -> Comparison:
+    """Of two documents all that there is to compare; else what a build folder, or a lock, holds."""
+    if not isinstance(old, Subject) or not isinstance(new, Subject):
+        before, after = (outline(one.portrait) if isinstance(one, Subject) else one for one in (old, new))
+        return compare(before, after)
+    if not options.code:
+        return compare(old.portrait, new.portrait)
+    farthest = Surfaces(new.store).farthest
+    comparison = compare(old.portrait, new.portrait, farthest)
+    return compare(old.tested(), new.tested(), farthest) if tests and comparison.changes else comparison
+
+
+def _portrait(laid: Laid) -> Portrait:
+    """Of a build folder or a lock. Raises `UnknownSide`, and `Broken` where a lock is."""
+    try:
+        return portrait_of_build(laid.path) if laid.kind == "build" else portrait_of_lock(laid.path)
+    except UnreadableSide as fault:
+        if fault.diagnostics:
+            raise Broken(fault.diagnostics) from fault
+        raise UnknownSide(str(fault), "build it again, or compare documents") from fault
+
+
+def _subject(laid: Laid, options: Options) -> Subject:
+    """Raises `Broken`. Where what was laid out is not enough, all of the state is."""
+    try:
+        return Subject(laid.path, options)
+    except Broken:
+        if laid.revision is None or not options.code or not laid.revision.everything():
+            raise
+    return Subject(laid.path, options)
+
+
+def _at_home(change: Change, both: Both) -> Change:
+    span = change.span
+    if span is None:
+        return change
+    for laid in (both.new, both.old):
+        if laid is not None and (file := laid.home(span.file)) != span.file:
+            return replace(change, span=replace(span, file=file))
+    return change
+
+
+def _broken(laid: Laid, name: str, broken: Broken) -> BrokenSide:
+    """What is wrong with a side; a file of a revision is called as git calls it, `main:arm.yaml`."""
+    texts: dict[str, str] = {}
+
+    def named(span: Span | None) -> Span | None:
+        if span is None or laid.revision is None or laid.home(span.file) == span.file:
+            return span
+        called = f"{name}:{os.path.relpath(span.file, laid.revision.root)}"
+        if called not in texts:
+            with open(span.file, encoding="utf-8", errors="replace") as stream:
+                texts[called] = stream.read()
+        return replace(span, file=called)
+
+    diagnostics = tuple(
+        replace(d, span=named(d.span), notes=tuple(replace(note, span=named(note.span)) for note in d.notes), fixes=())
+        for d in broken.diagnostics
+    )
+    return BrokenSide(name=name, diagnostics=diagnostics, texts=texts)

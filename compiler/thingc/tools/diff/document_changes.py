@@ -1,0 +1,243 @@
+"""What somebody changed in documents, and what of the rest that they state follows from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from thingc.base.source import Span
+from thingc.tools.diff.change import PERHAPS, Change, How, What
+from thingc.tools.diff.name_mapping import Pair, Pairing
+from thingc.tools.diff.snapshot import Fact, Named, StatedThing, Value, told
+from thingc.tools.diff.source_locations import names_in
+from thingc.tools.diff.wording import worded
+
+_MADE_OF = frozenset({"part", "file", "assembly", "link", "frame", "mirror"})
+"""Facts of a component that say what it is."""
+_MEANT: tuple[What, ...] = ("mount", "joint", "pose", "mode")
+_INNER: frozenset[What] = frozenset({"parameter", "mate", "mount"})
+"""What is not told of a component that is new or gone: it comes and goes with it."""
+
+
+class Changes:
+    """The changes that have been found, each with its causes; later ones ask for those of earlier ones."""
+
+    def __init__(self) -> None:
+        self.found: list[Change] = []
+        self._at: dict[tuple[What, str], list[Change]] = {}
+        self._on: dict[str, list[Change]] = {}
+
+    def add(self, change: Change) -> None:
+        """One more."""
+        self.found.append(change)
+        for path in {change.path, change.new_path or change.path}:
+            self._at.setdefault((change.what, path), []).append(change)
+            if change.what == "mount":
+                self._on.setdefault(path.rpartition("/")[0], []).append(change)
+
+    def roots(self, change: Change) -> tuple[str, ...]:
+        """What caused a change in the end: itself, where nothing did."""
+        return tuple(word for word in change.because if word != PERHAPS) if change.caused else (change.path,)
+
+    def causes(self, what: What, paths: Iterable[str], fields: Iterable[str] | None = None) -> dict[str, None]:
+        """The roots of all changes of a kind at one of the paths: of those fields, where they are named (`process.` for all that begin
+        so)."""
+        wanted = None if fields is None else tuple(fields)
+        causes: dict[str, None] = {}
+        for path in paths:
+            for change in self._at.get((what, path), ()):
+                if wanted is None or _is_of(change, wanted):
+                    causes |= dict.fromkeys(self.roots(change))
+        return causes
+
+    def causes_of_mounts(self, paths: Iterable[str]) -> dict[str, None]:
+        """The roots of all changes of mounts of components."""
+        return {root: None for path in paths for change in self._on.get(path, ()) for root in self.roots(change)}
+
+    def structure(self) -> dict[str, None]:
+        """The roots of all changes of who is connected to whom."""
+        causes: dict[str, None] = {}
+        for change in self.found:
+            built = change.what in ("component", "joint") and (
+                change.change in ("added", "removed", "renamed") or change.field in {*_MADE_OF, "type", "parent", "child", "loop"}
+            )
+            if built or change.what == "mate":
+                causes |= dict.fromkeys(self.roots(change))
+        return causes
+
+
+def _is_of(change: Change, fields: tuple[str, ...]) -> bool:
+    """Whether a change is of one of the fields, or of all of something. Another name changes nothing else."""
+    field = change.field
+    if field is None:
+        return change.change != "renamed"
+    return any(field == one or one.endswith(".") and field.startswith(one) for one in fields)
+
+
+def compare_stated(pairing: Pairing) -> Changes:
+    """All changes of what the documents state."""
+    return _StatedChanges(pairing).changes
+
+
+class _StatedChanges:
+    def __init__(self, pairing: Pairing) -> None:
+        self.pairing = pairing
+        self.changes = Changes()
+        self._parameters = {
+            pair.new.path: pair for pair in pairing.pairs if pair.new.what == "parameter"
+        }
+        self._known: dict[str, tuple[str, ...]] = {}
+        for thing, how in (*((one, "removed") for one in pairing.gone), *((one, "added") for one in pairing.come)):
+            if thing.what == "component":
+                self._alone(thing, how)  # type: ignore[arg-type]
+        for pair in pairing.pairs:
+            if pair.new_path is not None:
+                self._renamed(pair)
+        for thing, how in (*((one, "removed") for one in pairing.gone), *((one, "added") for one in pairing.come)):
+            if thing.what != "component":
+                self._alone(thing, how)  # type: ignore[arg-type]
+        for pair in pairing.pairs:
+            self._facts(pair)
+
+    def _alone(self, thing: StatedThing, how: How) -> None:
+        """What is new or gone."""
+        there = self.pairing.path("component", thing.of) if how == "removed" else self.pairing.old_component(thing.of)
+        inner = thing.of != "" and there is None and thing.what != "component"
+        if inner and thing.what in _INNER:
+            return
+        owner = thing.path.rpartition("/")[0] if thing.what == "component" else thing.of if inner else ""
+        because = tuple(self.changes.causes("component", [owner])) if owner else ()
+        label = thing.label if thing.label is not None else told(next(iter(thing.facts.values())).value) if len(thing.facts) == 1 else None
+        self.changes.add(Change(
+            what=thing.what, change=how, path=thing.path, old=label if how == "removed" else None, new=label if how == "added" else None,
+            because=because, span=thing.span,
+        ))
+
+    def _renamed(self, pair: Pair) -> None:
+        """A new name; below an assembly that has one, the new path follows from that."""
+        old, new = pair.old, pair.new
+        if old.what == "mate":
+            return
+        above = old.of if old.what != "component" else old.path.rpartition("/")[0]
+        same_name = new.path.rpartition("/")[2] == old.path.rpartition("/")[2]
+        at_home = self.pairing.path("component", above) == (new.of if old.what != "component" else new.path.rpartition("/")[0])
+        if old.what in ("parameter", "mount") and same_name and at_home:
+            return
+        because = tuple(self.changes.causes("component", [above])) if same_name and at_home and above else ()
+        if pair.perhaps and not because:
+            because = (PERHAPS,)
+        self.changes.add(Change(
+            what=old.what, change="renamed" if at_home else "moved", path=old.path, new_path=new.path, because=because, reason=pair.reason,
+            span=new.span,
+        ))
+
+    def _facts(self, pair: Pair) -> None:
+        """Values that are others now."""
+        pairing, old, new = self.pairing, pair.old, pair.new
+        changed = [(key, before, after) for key, before, after in pairing.facts(old, new) if not pairing.same(before, after)]
+        made = {key for key, _, _ in changed if key in _MADE_OF}
+        # what is written first: the rest may follow from it
+        changed.sort(key=lambda one: _both_written(old.facts.get(pairing.old_fact(old, one[0])), new.facts.get(one[0])))
+        for key, before, after in changed:
+            if made and key.startswith("params."):
+                continue  # they are of another part
+            earlier, later = old.facts.get(pairing.old_fact(old, key)), new.facts.get(key)
+            if old.what == "pose" and self._unknown(key):
+                because: tuple[str, ...] = tuple(self.changes.causes("joint", [key]))
+            else:
+                because = self._because(pair, key, earlier, later, made)
+            self.changes.add(Change(
+                what=_what(new, key), change="changed", path=old.path, new_path=pair.new_path, field=key, old=told(before), new=told(after),
+                because=because, words=worded(pair, key, earlier, later, (pairing.old, pairing.new)), span=_place(later, new.span),
+            ))
+
+    def _unknown(self, joint: str) -> bool:
+        """Whether a joint (of the new robot, or gone) is in one of the robots alone."""
+        return any(thing.what == "joint" and thing.path == joint for thing in (*self.pairing.gone, *self.pairing.come))
+
+    def _because(self, pair: Pair, key: str, old: Fact | None, new: Fact | None, made: set[str]) -> tuple[str, ...]:
+        """What a value follows from: parameters in the same expression as before; or, where it is not written at all, what the component,
+        or the drive, is now."""
+        before, after = (fact.value if fact is not None else None for fact in (old, new))
+        if old is not None and new is not None and old.written is not None and old.written == new.written:
+            return self._meant(new) or self._alive(before, after) or tuple(self.changes.structure())
+        if (old is None or old.written is None) and (new is None or new.written is None):
+            if pair.new.what == "component" and made and key not in made:
+                return tuple(self.changes.causes("component", [pair.new.path], _MADE_OF))
+            if pair.new.what == "joint" and key.startswith(("limit.", "dynamics.", "drive.")):
+                return self._driven(pair)
+            if pair.new.what == "mode" and key == "poses":
+                return tuple(self.changes.causes("mode", [pair.new.path], ("pose",))) or self._alive(before, after)
+            return self._alive(before, after)
+        return ()
+
+    def _meant(self, fact: Fact) -> tuple[str, ...]:
+        """What changed of what the words of a fact name: parameters, and mounts, joints, poses and modes of its document."""
+        causes: dict[str, None] = {}
+        for name in names_in(fact.written or ""):
+            path = f"{fact.scope}/{name}" if fact.scope else name
+            causes |= dict.fromkeys(self._parameter(path))
+            for what in _MEANT:
+                causes |= self.changes.causes(what, [path])
+        return tuple(causes)
+
+    def _driven(self, pair: Pair) -> tuple[str, ...]:
+        """What changed what a joint has of its drive, or a drive of its joint."""
+        own = self.changes.causes("joint", [pair.new.path], ("type", "drive", "drive.", "limit.", "dynamics."))
+        drives = [
+            fact.value.path for thing in (pair.old, pair.new)
+            if (fact := thing.facts.get("drive")) is not None and isinstance(fact.value, Named)
+        ]
+        return tuple(
+            own or self.changes.causes("component", drives, _MADE_OF) | self.changes.causes("parameter", drives, ("params.",))
+        )
+
+    def _alive(self, old: Value, new: Value) -> tuple[str, ...]:
+        """What comes and goes in a list, where that is all that is new about it."""
+        before, after = set(_named(self.pairing.now(old))), set(_named(new))
+        causes: dict[str, None] = {}
+        for one in before ^ after:
+            reasons = self.changes.causes(one.what, above_of(one.path))
+            if not reasons:
+                return ()
+            causes |= reasons
+        return tuple(sorted(causes))
+
+    def _parameter(self, path: str) -> tuple[str, ...]:
+        """What changed a parameter (its path in the new robot), in the end; nothing where it is as it was."""
+        if path not in self._known:
+            self._known[path] = ()  # parameters in a circle are a fault of the document
+            pair = self._parameters.get(path)
+            if pair is not None:
+                old, new = pair.old.facts["value"], pair.new.facts["value"]
+                if not self.pairing.same(old.value, new.value):
+                    self._known[path] = self._because(pair, "value", old, new, set()) or (pair.old.path,)
+        return self._known[path]
+
+
+def _what(thing: StatedThing, key: str) -> What:
+    """What a fact is of: parameters of parts and lines of the bill of materials are written at components."""
+    return "parameter" if key.startswith("params.") else "bom" if key.startswith("bom.") else thing.what
+
+
+def _place(fact: Fact | None, otherwise: Span | None) -> Span | None:
+    return fact.span if fact is not None and fact.span is not None else otherwise
+
+
+def _both_written(old: Fact | None, new: Fact | None) -> bool:
+    """Whether a value is written as it was, or is not written at all."""
+    words = [fact.written if fact is not None else None for fact in (old, new)]
+    return words[0] == words[1]
+
+
+def _named(value: Value) -> Iterator[Named]:
+    if isinstance(value, Named):
+        yield value
+    elif isinstance(value, tuple):
+        for one in value:
+            yield from _named(one)
+
+
+def above_of(path: str) -> list[str]:
+    """A path, and those of all assemblies that it is in."""
+    words = path.split("/")
+    return ["/".join(words[:count]) for count in range(len(words), 0, -1)]

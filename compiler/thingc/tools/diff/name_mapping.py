@@ -1,0 +1,203 @@
+"""What of the old robot is what of the new one: names of all kinds, taken from one robot to the other, and values that are equal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TypeGuard
+
+from thingc.base.frozen import dataclass
+from thingc.tools.diff.change import What
+from thingc.tools.diff.matching import match
+from thingc.tools.diff.snapshot import Named, Portrait, StatedThing, Value
+
+RELATIVE = 1e-9
+"""By how much of themselves two numbers may differ that are the same one in other words (`0.1 m`, `100 mm`)."""
+NOTHING = 1e-12
+"""What is nothing in lengths [m], angles [rad] and whatever else may come to 0."""
+
+_ORDER: tuple[What, ...] = ("parameter", "material", "mount", "joint", "pose", "mode", "sensor", "test")
+_OWNED: tuple[What, ...] = ("component", "mate")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pair:
+    """A thing in both robots, by what it was known if its name is another one, and whether that leaves room for doubt."""
+
+    old: StatedThing
+    new: StatedThing
+    reason: str = ""
+    perhaps: bool = False
+
+    @property
+    def new_path(self) -> str | None:
+        """Its path in the new robot where that is another one."""
+        return self.new.path if self.new.path != self.old.path else None
+
+
+class Pairing:
+    """Who is who in two robots. `pairs` are the things that are in both, `gone` and `come` the others."""
+
+    def __init__(self, old: Portrait, new: Portrait) -> None:
+        self.old, self.new = old, new
+        self.components = match(old, new)
+        self._paths: dict[What, dict[str, str]] = {what: {} for what in (*_ORDER, "mate")}
+        self._paths["component"] = {"": "", **{path: counterpart.new for path, counterpart in self.components.items()}}
+        self._back = {counterpart.new: path for path, counterpart in self.components.items()}
+        self.pairs: list[Pair] = []
+        self.gone: list[StatedThing] = []
+        self.come: list[StatedThing] = []
+        for what in (*_OWNED, *_ORDER):
+            self._pair(what)
+
+    # --- names and values --------------------------------------------------------------------------------------------
+
+    def path(self, what: What, path: str) -> str | None:
+        """What something of the old robot is called in the new one; None where it is gone."""
+        return self._paths[what].get(path)
+
+    def old_component(self, path: str) -> str | None:
+        """What a component of the new robot was called in the old one; None where it was not there."""
+        return self._back.get(path)
+
+    def now(self, value: Value) -> Value:
+        """A value of the old robot with the names of the new one; what is gone keeps its name."""
+        if isinstance(value, tuple):
+            return tuple(self.now(one) for one in value)
+        if not isinstance(value, Named):
+            return value
+        mount = value.mount
+        if mount is not None and (there := self._paths["mount"].get(f"{value.path}/{mount}")) is not None:
+            mount = there.rpartition("/")[2]
+        return Named(what=value.what, path=self._paths[value.what].get(value.path, value.path), mount=mount)
+
+    def same(self, old: Value, new: Value) -> bool:
+        """Whether a value of the old robot is that of the new one. Names that stand beside each other have no order."""
+        now = self.now(old)
+        if _names(now) and _names(new):
+            return sorted(map(repr, now)) == sorted(map(repr, new))  # type: ignore[arg-type]
+        return equal(now, new)
+
+    # --- pairs -------------------------------------------------------------------------------------------------------
+
+    def _pair(self, what: What) -> None:
+        olds = {thing.path: thing for thing in self.old.things.values() if thing.what == what}
+        news = {thing.path: thing for thing in self.new.things.values() if thing.what == what}
+        for path, thing in list(olds.items()):
+            there = self._called(thing)
+            if there is not None and there in news:
+                counterpart = self.components.get(path) if what == "component" else None
+                self._take(thing, news.pop(there), counterpart.reason if counterpart else "", counterpart.perhaps if counterpart else False)
+                del olds[path]
+        if what not in _OWNED:
+            self._renamed(what, olds, news)
+        self.gone += olds.values()
+        self.come += news.values()
+
+    def _called(self, thing: StatedThing) -> str | None:
+        """Where a thing of the old robot is expected in the new one: where its component is; None where that is gone."""
+        if thing.what in _OWNED:
+            return self._paths["component"].get(thing.path)
+        if not thing.of:
+            return thing.path
+        there = self._paths["component"].get(thing.of)
+        return None if there is None else there + thing.path.removeprefix(thing.of)
+
+    def _take(self, old: StatedThing, new: StatedThing, reason: str, perhaps: bool = False) -> None:
+        self.pairs.append(Pair(old=old, new=new, reason=reason if old.path != new.path else "", perhaps=perhaps))
+        self._paths[old.what].setdefault(old.path, new.path)
+
+    def _renamed(self, what: What, olds: dict[str, StatedThing], news: dict[str, StatedThing]) -> None:
+        """What has another name and says the same; joints also that connect the same."""
+        tests = [(self._says_the_same, "it says the same", False)]
+        if what == "joint":
+            tests.insert(0, (self._connects_the_same, "it connects the same", False))
+        if what not in ("parameter", "mount"):
+            tests.append((self._says_nearly_the_same, "it says nearly the same", True))
+        for alike, reason, perhaps in tests:
+            after = {path: [there for there, new in news.items() if alike(old, new)] for path, old in olds.items()}
+            before = {there: [path for path, candidates in after.items() if there in candidates] for there in news}
+            for path, candidates in after.items():
+                candidates = [there for there in candidates if there in news]
+                if not candidates:
+                    continue
+                rivals = [one for one in before[candidates[0]] if one in olds]
+                if len(candidates) == len(rivals) and (len(candidates) == 1 or not perhaps):
+                    # Of several that are alike the order of the documents decides.
+                    there = candidates[rivals.index(path)] if path in rivals else candidates[0]
+                    self._take(olds[path], news[there], reason, perhaps or len(candidates) > 1)
+            for pair in self.pairs:
+                if pair.old.what == what:
+                    olds.pop(pair.old.path, None)
+                    news.pop(pair.new.path, None)
+
+    def _in_one_document(self, old: StatedThing, new: StatedThing) -> bool:
+        return self._paths["component"].get(old.of) == new.of
+
+    def _says_the_same(self, old: StatedThing, new: StatedThing) -> bool:
+        return self._in_one_document(old, new) and bool(new.facts) and self._shared(old, new) == len(dict(self._values(old, new)))
+
+    def _says_nearly_the_same(self, old: StatedThing, new: StatedThing) -> bool:
+        return self._in_one_document(old, new) and 2 * self._shared(old, new) > len(dict(self._values(old, new)))
+
+    def _connects_the_same(self, old: StatedThing, new: StatedThing) -> bool:
+        return "parent" in old.facts and "parent" in new.facts and all(
+            self.same(old.facts[key].value, new.facts[key].value) for key in ("parent", "child")
+        )
+
+    def _values(self, old: StatedThing, new: StatedThing) -> Iterator[tuple[str, Value]]:
+        return ((key, after) for key, _, after in self.facts(old, new))
+
+    def _shared(self, old: StatedThing, new: StatedThing) -> int:
+        """How many facts of two things are the same."""
+        return sum(1 for _, before, after in self.facts(old, new) if self.same(before, after))
+
+    def facts(self, old: StatedThing, new: StatedThing) -> Iterator[tuple[str, Value, Value]]:
+        """The values of two things by key; keys with names of the old robot in them have those of the new one."""
+        before = {self._key(old.what, key): fact.value for key, fact in old.facts.items()}
+        for key in {**before, **dict.fromkeys(new.facts)}:
+            after = new.facts[key].value if key in new.facts else None
+            yield key, before.get(key), after
+
+    def _key(self, what: What, key: str) -> str:
+        if what == "pose":
+            return self._paths["joint"].get(key, key)
+        head, dot, rest = key.partition(".")
+        if what == "mode" and head in ("hold", "adhesion") and dot:
+            path, _, mount = rest.rpartition(".")
+            now = self.now(Named(what="component", path=path.replace(".", "/"), mount=mount))
+            return f"{head}.{now.text}" if isinstance(now, Named) else key
+        return key
+
+    def old_fact(self, thing: StatedThing, key: str) -> str:
+        """The key of a fact of the old robot that is called `key` in the new one."""
+        return next((one for one in thing.facts if self._key(thing.what, one) == key), key)
+
+
+def _names(value: Value) -> bool:
+    return isinstance(value, tuple) and bool(value) and all(isinstance(one, Named) for one in value)
+
+
+def equal(old: Value, new: Value, scale: float = 0.0) -> bool:
+    """Whether two values are the same but for rounding; numbers of a tuple in proportion to its largest one."""
+    if isinstance(old, tuple) and isinstance(new, tuple):
+        scale = max(scale, *(_largest(one) for one in (old, new)))
+        return len(old) == len(new) and all(equal(one, other, scale) for one, other in zip(old, new, strict=True))
+    if not _is_number(old) or not _is_number(new):
+        return old == new and type(old) is type(new)
+    return math.isclose(old, new, rel_tol=RELATIVE, abs_tol=RELATIVE * scale or NOTHING)
+
+
+def _largest(value: Value) -> float:
+    if isinstance(value, tuple):
+        return max((_largest(one) for one in value), default=0.0)
+    return abs(value) if _is_number(value) else 0.0
+
+
+def _is_number(value: object) -> TypeGuard[int | float]:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def shared_order(names: Sequence[str], known: Mapping[str, str]) -> list[str]:
+    """The names that are known, as they are known, in the order in which they stand."""
+    return [known[name] for name in names if name in known]

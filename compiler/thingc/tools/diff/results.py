@@ -1,0 +1,71 @@
+"""What `thingc diff` answers: of every document that is compared what changed, in the form that programs read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from thingc.base.diagnostics import shown_path
+from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import Brief
+from thingc.tools.diff.change import Change, Told
+from thingc.tools.diff.checkouts import Both, BrokenSide
+from thingc.tools.diff.comparing import Comparison
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Differences(Brief):
+    """`old` and `new` name the two sides; `documents` what changed in each that is in both, by name; `come` and `gone` are those
+    that are in one alone."""
+
+    old: str
+    new: str
+    documents: tuple[tuple[str, Comparison], ...]
+    come: tuple[str, ...] = ()
+    gone: tuple[str, ...] = ()
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """All of them; a document that is new or gone is a file."""
+        alone = [Change(what="file", change="added", path=name) for name in self.come]
+        alone += [Change(what="file", change="removed", path=name) for name in self.gone]
+        return (*alone, *(change for _, comparison in self.documents for change in comparison.changes))
+
+
+def answered(
+    old: str, new: str, pairs: Sequence[Both], compare: Callable[[Both], Comparison | BrokenSide],
+) -> Differences | BrokenSide:
+    """The answer for documents; the first side that does not compile in its place."""
+    documents: list[tuple[str, Comparison]] = []
+    for both in pairs:
+        if both.old is not None and both.new is not None:
+            comparison = compare(both)
+            if isinstance(comparison, BrokenSide):
+                return comparison
+            documents.append((both.name, comparison))
+    return Differences(
+        old=old, new=new, documents=tuple(documents), come=tuple(both.name for both in pairs if both.old is None),
+        gone=tuple(both.name for both in pairs if both.new is None),
+    )
+
+
+def as_json(answer: Differences) -> dict[str, object]:
+    """`{"old", "new", "changes"}`; where several documents are compared, each change of one has its `document`. Numbers are SI."""
+    several = len(answer.documents) > 1
+    alone = len(answer.come) + len(answer.gone)
+    changes = [_entry(change) for change in answer.changes[:alone]]
+    for name, comparison in answer.documents:
+        changes += [{**_entry(change), **({"document": name} if several else {})} for change in comparison.changes]
+    return {"old": answer.old, "new": answer.new, "changes": changes}
+
+
+def _entry(change: Change) -> dict[str, object]:
+    span = change.span
+    return {
+        "what": change.what, "change": change.change, "path": change.path, "new_path": change.new_path, "field": change.field,
+        "old": _plain(change.old), "new": _plain(change.new), "because": list(change.because),
+        "file": None if span is None else shown_path(span.file), "line": None if span is None else span.line,
+    }
+
+
+def _plain(value: Told) -> object:
+    return [_plain(one) for one in value] if isinstance(value, tuple) else value

@@ -1,0 +1,180 @@
+"""A robot as it is compared: what stands in its documents as facts with their places, and what comes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field
+from typing import Union
+
+from thingc.base.frozen import dataclass
+from thingc.base.inertia import MassProperties
+from thingc.base.one_line_repr import Brief
+from thingc.base.pose import Matrix, Pose, Vector
+from thingc.base.source import Span
+from thingc.tools.diff.change import Told, What
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Named(Brief):
+    """The name of something of the robot: the component, joint, pose, ... `path`, and of a component perhaps one of its mounts."""
+
+    what: What
+    path: str
+    mount: str | None = None
+
+    @property
+    def text(self) -> str:
+        """As a document writes it, from the top: `hand.cap.pen`."""
+        return ".".join(word for word in (*self.path.split("/"), self.mount) if word)
+
+
+Value = Union[None, bool, int, float, str, Named, tuple["Value", ...]]
+"""What a fact comes to: SI."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fact(Brief):
+    """A value, as it is `written` in its document where it is written there, and the path of the assembly whose parameters the names of
+    an expression mean (`scope`). `words` is the value for people, where its own dimension is known."""
+
+    value: Value
+    written: str | None = None
+    words: str | None = None
+    scope: str = ""
+    span: Span | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatedThing(Brief):
+    """Something that a document states, with its facts by dotted key. `label` says for people what it is; `of` is the path of the component
+    that it belongs to, empty for what is of the whole document."""
+
+    what: What
+    path: str
+    facts: Mapping[str, Fact] = field(default_factory=dict)
+    label: str | None = None
+    of: str = ""
+    span: Span | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComponentNode(Brief):
+    """A component to be known again: `kind` is `part | file | assembly | frame`, `reference` its class, file or document, `text` its
+    definition, `place` where its frame is at q = 0 in the base's (None: an assembly)."""
+
+    path: str
+    kind: str
+    reference: str
+    text: str
+    place: Pose | None
+
+    @property
+    def parent(self) -> str:
+        """The path of the assembly that it stands in; empty for the top."""
+        return self.path.rpartition("/")[0]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Edge(Brief):
+    """Two components that meet, by path: `mounts` are the names of the mounts, `joint` the kind of what moves there, if anything does."""
+
+    parent: str
+    child: str
+    mounts: tuple[str, str]
+    joint: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartShape(Brief):
+    """The geometry of a part: volume [m^3], area [m^2], centre [m], inertia at density 1 [m^5], the corners of its box [m]; `mesh` is the
+    SHA-256 of what is drawn of it (None: not known here), `made` where its code stands."""
+
+    volume: float
+    area: float
+    centre: Vector
+    inertia: Matrix
+    box: tuple[Vector, Vector]
+    mesh: str | None = None
+    made: Span | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OccurrenceOf(Brief):
+    """What came of a part or frame: its mass in its own frame and where that is from, its shape (None: it has none), mounts of its part
+    by name, and its place at q = 0. It hangs on `parent` (None: the base) by the joint `joint` (None: rigidly)."""
+
+    path: str
+    definition: str
+    properties: MassProperties | None
+    mass: float
+    source: str
+    shape: PartShape | None
+    mounts: Mapping[str, Pose]
+    place: Pose | None
+    parent: str | None = None
+    joint: str | None = None
+    material: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkOf(Brief):
+    """A link by its name: the occurrence whose frame it has, its members, and its mass in its frame."""
+
+    name: str
+    frame: str
+    members: tuple[str, ...]
+    properties: MassProperties
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row(Brief):
+    """A line of the bill of materials: how many of a definition, and who they are. `stem` is what its print file is called (None: it has
+    none)."""
+
+    definition: str
+    number: str
+    quantity: int
+    make: str
+    material: str | None
+    members: tuple[str, ...]
+    stem: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TestOutcome(Brief):
+    """What a test came to in one mode and pose: whether it passed, and what was measured, by name (SI)."""
+
+    test: str
+    where: str
+    passed: bool
+    measured: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Portrait(Brief):
+    """A robot, ready to be compared. `things` by what they are and path, in document order; `lacks` says in words what is not known of it.
+
+    `coordinates` are the joints of every mode in the order in which its model has them, `prints` the SHA-256 of print files by path,
+    of a build folder. `outcomes` is None where no tests were run."""
+
+    name: str
+    nodes: tuple[ComponentNode, ...] = ()
+    edges: tuple[Edge, ...] = ()
+    things: Mapping[tuple[What, str], StatedThing] = field(default_factory=dict)
+    occurrences: Mapping[str, OccurrenceOf] = field(default_factory=dict)
+    links: tuple[LinkOf, ...] = ()
+    whole: MassProperties | None = None
+    rows: tuple[Row, ...] = ()
+    coordinates: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    prints: Mapping[str, str] = field(default_factory=dict)
+    outcomes: tuple[TestOutcome, ...] | None = None
+    lacks: frozenset[str] = frozenset()
+
+
+def told(value: Value) -> Told:
+    """A value as an answer has it."""
+    if isinstance(value, Named):
+        return value.text
+    if isinstance(value, tuple):
+        return tuple(told(one) for one in value)
+    return value

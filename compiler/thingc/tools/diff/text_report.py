@@ -1,0 +1,271 @@
+"""An answer for people: lines for a terminal, and Markdown for the comment on a pull request."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+from thingc.base.frozen import dataclass
+from thingc.base.one_line_repr import counted
+from thingc.base.pose import placed, turn_of
+from thingc.base.safe_text import shown, some
+from thingc.base.summing import dist, hypot
+from thingc.base.units import ANGLE, LENGTH, MASS, Dimension, Quantity
+from thingc.tools.diff.change import PERHAPS, Change, How, Told, What
+from thingc.tools.diff.comparing import Comparison
+from thingc.tools.diff.results import Differences
+
+MOVED = ": moved"
+NOTHING = "nothing changed in meaning"
+SHOWN = 3
+"""Paths of a line; others are counted."""
+FOLLOWING = 30
+"""Lines of what follows on a terminal."""
+LARGEST = 60_000
+"""Bytes of a comment."""
+
+_RANK: dict[What, int] = {
+    "mass": 1, "bom": 2, "file": 3, "test": 4, "joint": 5, "mode": 6, "pose": 7, "component": 8, "geometry": 9, "mate": 10, "parameter": 11,
+    "mount": 12, "material": 13, "sensor": 14,
+}
+"""What follows, the most important first."""
+_SIGNS: dict[How, str] = {"added": "+", "removed": "-", "renamed": "~", "moved": "~", "changed": " "}
+TITLES: dict[What, str] = {
+    "test": "tests", "mass": "masses", "bom": "bill of materials", "file": "files to print anew", "joint": "joints", "mode": "modes",
+    "pose": "poses", "component": "places", "geometry": "geometry", "mate": "mates", "parameter": "parameters", "mount": "mounts",
+    "material": "materials", "sensor": "sensors",
+}
+_LENGTHS = ("xyz", "place", "centre", "box", "surface", "gap", "lead")
+_TESTED = ("reach", "point", "clearance", "ground_clearance", "overlap", "drift", "moved", "penetration")
+"""Lengths of tests, as they are written and measured."""
+_ANGLES = ("rpy", "turn", "fovy", "cone")
+_VOLUME, _AREA = Dimension(length=3), Dimension(length=2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sentence:
+    """Changes that say the same of several things: `paths` and what is said of them, `words`. `decides`: a test has another outcome."""
+
+    what: What
+    sign: str
+    paths: tuple[str, ...]
+    words: str
+    because: tuple[str, ...]
+    decides: bool = False
+
+    @property
+    def named(self) -> str:
+        """The paths, so many as fit."""
+        return _listed(self.paths)
+
+
+def as_text(answer: Differences) -> Iterator[str]:
+    """Lines for a terminal."""
+    for sign, names in (("+", answer.come), ("-", answer.gone)):
+        yield from (f"{sign} {name}" for name in names)
+    if not answer.documents and not answer.come and not answer.gone:
+        yield f"{answer.old} -> {answer.new}: {NOTHING}"
+    for name, comparison in answer.documents:
+        if not comparison.changes:
+            yield f"{name}: {NOTHING}"
+            continue
+        yield f"{name}: {answer.old} -> {answer.new}"
+        yield from (f"  {line.sign} {line.what} {line.named}{line.words}" for line in made(comparison))
+        sentences = list(following(comparison))
+        if sentences:
+            yield "  what follows:"
+            for line in sentences[:FOLLOWING]:
+                because = f" (because of {_listed(line.because)})" if line.because else ""
+                yield f"  {line.sign} {line.what} {line.named}{line.words}{because}"
+            if len(sentences) > FOLLOWING:
+                yield f"    and {counted(len(sentences) - FOLLOWING, 'line')} more, which --format json has"
+        yield from (f"  not compared: {unknown}" for unknown in comparison.unknown)
+
+
+def as_markdown(answer: Differences, pictures: Callable[[str, str], str] | None = None) -> str:
+    """Markdown for a comment: what somebody changed, what fails now, then what else follows, folded by kind; at most `LARGEST` bytes.
+    `pictures` gives the address of a picture, by the document's name and `before`, `after` or `overlay`."""
+    for most in (10_000, 200, 50, 20, 5, 1):
+        text = "\n".join(_markdown(answer, most, pictures)) + "\n"
+        if len(text.encode()) <= LARGEST:
+            return text
+    return text.encode()[:LARGEST].decode(errors="ignore")
+
+
+def _markdown(answer: Differences, most: int, pictures: Callable[[str, str], str] | None) -> Iterator[str]:
+    yield f"### {_code(answer.old)} → {_code(answer.new)}"
+    for words, names in (("new", answer.come), ("gone", answer.gone)):
+        yield from (f"- {_code(name)} is {words}" for name in names[:most])
+    if not any(comparison.changes for _, comparison in answer.documents):
+        yield f"\n{NOTHING.capitalize()}." if not answer.come and not answer.gone else ""
+    for name, comparison in answer.documents:
+        if not comparison.changes:
+            continue
+        yield f"\n#### {_code(name)}\n"
+        if pictures is not None and comparison.pictures:
+            yield from (f"![{_plain(name)}, {key}]({pictures(name, key)})" for key in comparison.pictures)
+            yield ""
+        yield from _items(list(made(comparison)), most)
+        outcomes, kinds = outcomes_and_more(comparison)
+        if outcomes:
+            yield ""
+            yield from _items(outcomes, most)
+        for what, lines in kinds.items():
+            yield f"\n<details><summary>{TITLES[what]} ({sum(len(line.paths) for line in lines)})</summary>\n"
+            yield from _items(lines, most)
+            yield "\n</details>"
+        yield from (f"\nNot compared: {unknown}." for unknown in comparison.unknown)
+
+
+def _items(lines: Sequence[Sentence], most: int) -> Iterator[str]:
+    for line in lines[:most]:
+        because = f" — because of {_code(_listed(line.because))}" if line.because else ""
+        sign = {"+": "**new** ", "-": "**gone** ", "~": ""}.get(line.sign, "")
+        yield f"- {sign}{line.what} {_code(line.named)}{_code(line.words.strip(' :')) if line.words else ''}{because}".replace("``", "` `")
+    if len(lines) > most:
+        yield f"- and {len(lines) - most} more"
+
+
+def _plain(text: str) -> str:
+    """A name where Markdown is read: without what means something there."""
+    return "".join(letter if letter.isalnum() or letter in " ./_-" else "?" for letter in shown(text))
+
+
+def _code(text: str) -> str:
+    """A code span: what others wrote is no Markdown of ours."""
+    return f"`{shown(text).replace('`', chr(39))}`"
+
+
+def _listed(paths: Sequence[str]) -> str:
+    return some([path or "robot" for path in paths], SHOWN)
+
+
+def made(comparison: Comparison) -> Iterator[Sentence]:
+    """What somebody changed."""
+    return _lines(change for change in comparison.changes if not change.caused)
+
+
+def following(comparison: Comparison) -> Iterator[Sentence]:
+    """What follows, the most important first: what fails now, the whole robot before its parts; what tests have measured behind what
+    is to be printed and bought."""
+    consequences = [change for change in comparison.changes if change.caused and not _of_a_part(change)]
+    consequences.sort(key=lambda c: (0 if _decides(c) else _RANK[c.what], c.path != ""))
+    return _lines(consequences)
+
+
+def _is_measured(change: Change) -> bool:
+    """Whether it is a number that a test found; equal ones of several poses are told once."""
+    return change.what == "test" and (change.field or "").startswith("measured.")
+
+
+def _field(change: Change) -> str:
+    """The field, without the mode and the pose that are behind it."""
+    return (change.field or "").partition(" [")[0]
+
+
+def outcomes_and_more(comparison: Comparison) -> tuple[list[Sentence], dict[What, list[Sentence]]]:
+    """What follows: the tests that pass or fail now, which are not folded away, and the rest by kind."""
+    follows = list(following(comparison))
+    kinds: dict[What, list[Sentence]] = {}
+    for line in follows:
+        if not line.decides:
+            kinds.setdefault(line.what, []).append(line)
+    return [line for line in follows if line.decides], kinds
+
+
+def _decides(change: Change) -> bool:
+    return change.what == "test" and (change.field or "").startswith("passed")
+
+
+def _of_a_part(change: Change) -> bool:
+    """Where in a part its mass is, and how it turns: programs read that."""
+    return change.what == "mass" and change.field in ("centre", "inertia", "link.centre", "link.inertia")
+
+
+def _lines(changes: Iterable[Change]) -> Iterator[Sentence]:
+    grouped: dict[tuple[What, str, str], list[Change]] = {}
+    for change in changes:
+        everywhere = replace(change, field=_field(change)) if _is_measured(change) else change
+        grouped.setdefault((change.what, _SIGNS[change.change], _words(everywhere)), []).append(change)
+    for (what, sign, words), ones in grouped.items():
+        if len({one.field for one in ones}) == 1:
+            words = _words(ones[0])
+        if words == MOVED:
+            distance, angle = (max(motion) for motion in zip(*map(_motion, ones), strict=True))
+            words = ": " + " and ".join([
+                *([f"moved by up to {Quantity(distance, LENGTH).shown(3)}"] if distance or not angle else []),
+                *([f"turned by up to {Quantity(angle, ANGLE).shown(3)}"] if angle else []),
+            ])
+        paths = dict.fromkeys(one.path for one in ones)
+        causes = dict.fromkeys(word for one in ones for word in one.because if word != PERHAPS)
+        yield Sentence(what=what, sign=sign, paths=tuple(paths), words=words, because=tuple(causes), decides=_decides(ones[0]))
+
+
+def _motion(change: Change) -> tuple[float, float]:
+    """How far [m] something has moved, and the angle [rad] that it has turned by. The value of a `place` is a translation, of a `turn`
+    three angles (roll, pitch, yaw), of a `pose` both."""
+    values: Any = (change.old, change.new)
+    pairs = {"place": [(value, (0.0,) * 3) for value in values], "turn": [((0.0,) * 3, value) for value in values]}
+    old, new = (placed(*pair) for pair in pairs.get(change.field or "", values))
+    angle = hypot(*turn_of((old.inverse() @ new).quaternion()))
+    return dist(old.translation, new.translation), angle if angle > 1e-9 else 0.0
+
+
+def _words(change: Change) -> str:
+    """What is said of a thing."""
+    if change.change == "moved" and change.field in ("place", "turn", "pose"):
+        return MOVED
+    if change.change in ("added", "removed"):
+        label = change.new if change.change == "added" else change.old
+        return f" ({label})" if isinstance(label, (str, int)) and not isinstance(label, bool) else ""
+    if change.change in ("renamed", "moved") and change.field is None:
+        where = "is called" if change.change == "renamed" else "has moved to"
+        perhaps = f"{PERHAPS}, " if PERHAPS in change.because else ""
+        reason = f" ({perhaps}{change.reason})" if change.reason else ""
+        return f" {where} {change.new_path} now{reason}"
+    old, new = change.words or (_value(change.field or "", change.old), _value(change.field or "", change.new))
+    field = change.field or ""
+    if field == "surface":
+        return f": surfaces up to {new} apart"
+    if isinstance(change.old, bool) and field.startswith("passed"):
+        return f"{field.removeprefix('passed')}: {'passes' if change.new else 'FAILS'} now"
+    return f": {field} {old} -> {new}{_share(change.old, change.new)}"
+
+
+def _share(old: Told, new: Told) -> str:
+    """How much more or less, of masses and the like."""
+    if not isinstance(old, float) or not isinstance(new, float) or old == 0.0 or not math.isfinite(new / old):
+        return ""
+    share = 100.0 * (new / old - 1.0)
+    return f" ({share:+.3g} %)"
+
+
+def _value(field: str, value: Told) -> str:
+    """A value without a dimension of its own, by what it is called."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_value(field, one) for one in value) + "]"
+    if isinstance(value, str):
+        return value
+    words = field.partition(" [")[0].split(".")
+    first, last = words[0], words[-1]
+    if last in ("min", "max") and len(words) == 2:  # `reach.min` of a test
+        last = first
+    if last in ("mass", "value") and "mass" in field:
+        return str(Quantity(value, MASS))
+    if last == "value" and "com" in field or last in _LENGTHS or last in _TESTED and first != "params":
+        return str(Quantity(value if abs(value) >= 1e-12 else 0.0, LENGTH))
+    if last in _ANGLES:
+        return str(Quantity(value, ANGLE))
+    if last == "rest" and first == "measured":
+        return f"{value:.6g} s"
+    if last == "volume":
+        return f"{value * 1e6:.4g} cm^3"
+    if last == "area":
+        return f"{value * 1e4:.4g} cm^2"
+    return f"{value:.6g}"

@@ -1,0 +1,210 @@
+"""What everything of a robot is called in its document, and what of its shapes is listed together."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from thingc.base.export_names import TAKEN, is_file_name
+from thingc.base.pose import Pose
+from thingc.documents.spec.name_types import RESERVED
+from thingc.tools.importing.naming import distinct, plain_name
+from thingc.tools.importing.quantities import same_place
+from thingc.tools.importing.source_model import Hanging, SourceJoint, SourceLink, SourceRobot, SourceShape, SourceTendon
+from thingc.tools.importing.tree import by_parent, downwards
+from thingc.tools.importing.update_import import Earlier
+
+
+class Words:
+    """`links` are components, `frames` links that are mounts, and so on, each by the name in the source; `order` is the tree from the root
+    on, `shown` are the mounts that are exported. `meshes` is where files are that shapes name, and what an `earlier` import has named keeps
+    its name."""
+
+    def __init__(self, robot: SourceRobot, meshes: Mapping[str, str], earlier: Earlier | None) -> None:
+        self.robot, self.meshes = robot, meshes
+        self.name = plain_name(robot.name, "robot")
+        self.link_of = {link.name: link for link in robot.links}
+        self.below = by_parent(robot.hangings)
+        self.order = tuple(downwards(robot.root, robot.hangings))
+        self.above = {one.child: one for one in self.order}
+        mounts = [one.child for one in self.order if self._is_mount(one)]
+        names = distinct([robot.root, *(one.child for one in self.order)], "link", earlier=None if earlier is None else earlier.links)
+        self.links = {name: word for name, word in names.items() if name not in mounts}
+        self.frames = {name: names[name] for name in mounts}
+        points = [
+            link.name for link in robot.links
+            if link.weight is not None and not any(map(any, link.weight.properties.inertia)) and any(map(self.is_shown, link.shapes))
+        ]
+        self.points = {
+            name: distinct([f"{self.links[name]}_mass"], "link", taken=names.values())[f"{self.links[name]}_mass"] for name in points
+        }
+        sites = [site.name for link in robot.links for site in link.sites]
+        self.sites = distinct(sites, "mount", taken=names.values(), earlier=self._paths(sites))
+        moving = [joint.name for one in self.order for joint in one.joints]
+        self.joints = distinct(moving, "joint", earlier=None if earlier is None else earlier.joints)
+        self.loops = distinct([loop.name for loop in robot.loops], "loop", taken=self.joints.values())
+        # Mounts of joints lie beside those that are shown, and may not be called like one of them.
+        self.shown = [*self.frames.values(), *self.sites.values()]
+        self.mounts = distinct(moving, "joint", taken=self.shown, earlier=self.joints)
+        self.ends = distinct(self.loops.values(), "loop", taken=[*self.shown, *self.mounts.values()])
+        taken = [*self.shown, *self.mounts.values(), *self.ends.values()]
+        self.magnets: dict[str, str] = {}
+        for link in self.links:  # they are not shown, so that those of two links may be called alike
+            on = [one.name for one in robot.adhesions if one.link == link]
+            self.magnets |= distinct(on, "magnet", taken=taken, earlier=self._paths(on))
+        taken += self.magnets.values()
+        places = {one.name: (one.link, one.pose) for one in robot.sensors if one.kind == "camera" and one.link is not None}
+        self.cameras = self._placed(places, "camera", taken)
+        around = [step.around for one in robot.tendons for step in one.steps if step.around is not None]
+        self.centres = self._placed({one.name: (one.link, one.pose) for one in around}, "shape", [*taken, *self.cameras.values()])
+        joints = [*self.joints.values(), *self.loops.values()]
+        self.tendons = distinct([one.name for one in robot.tendons], "tendon", taken=joints)
+        self.sensors: list[str] = []
+        for sensor in robot.sensors:
+            things = self.joints if sensor.joint is not None else self.tendons if sensor.tendon is not None else self.sites
+            self.sensors += distinct([things.get(sensor.name, sensor.name)], "sensor", taken=self.sensors).values()
+        both: list[tuple[str, SourceJoint | SourceTendon]] = [(self.joints[one.name], one) for of in self.order for one in of.joints]
+        both += [(self.tendons[one.name], one) for one in robot.tendons]
+        self.driven = [(word, one.name, one.drive) for word, one in both if one.drive is not None]
+        drives = [word for name, word in (*self.joints.items(), *self.tendons.items()) if name != word]
+        drives += [word for word, _, _ in self.driven]
+        self.added: dict[tuple[str, str], str] = {}
+        for element in robot.added:
+            name, taken = element.name, drives if element.section == "actuator" else []  # whose words mean their drives
+            plain = distinct([name], element.section, taken=[*taken, *self.added.values()])[name]
+            self.added[element.section, name] = name if not name or is_file_name(name) and name not in taken else plain
+        self.poses = distinct([one.name for one in robot.poses], "pose")
+        named = Counter((link.name, shape.use, shape.name) for link in robot.links for shape in link.shapes)
+        owners = Counter(name for _, name in {(link, name) for link, _, name in named})
+        self.repeated = {name for (_, _, name), count in named.items() if count > 1 or owners[name] > 1}
+        self.usual = {id(shape): name for link in self.links for shape, name in self._usual(link)}
+
+    def _paths(self, names: Sequence[str]) -> dict[str, str]:
+        """What is called, of these names, by the path of a mount, as models of ours do: `hand/tip` on the link `hand` as that mount, where
+        nothing else is."""
+        prefixes = tuple(f"{word}/" for word in self.links.values())
+        mounts = {name: name.rpartition("/")[2] for name in names if name.startswith(prefixes)}
+        wanted = Counter([*names, *mounts.values()])
+        return {name: mount for name, mount in mounts.items() if wanted[mount] == 1 and mount.lower() not in RESERVED}
+
+    def _placed(self, places: Mapping[str, tuple[str, Pose]], kind: str, taken: Iterable[str]) -> dict[str, str]:
+        """The mounts of things at a place in a link, by their names: one of a site or a link that is there already, else their own."""
+        there = {
+            name: next((word for word, at in self._shown_on(link) if same_place(at, pose)), None) for name, (link, pose) in places.items()
+        }
+        words = distinct([name for name, word in there.items() if word is None], kind, taken=taken)
+        return {name: word or words[name] for name, word in there.items()}
+
+    def _shown_on(self, link: str) -> Iterator[tuple[str, Pose]]:
+        """The mounts of a link that are shown, with their poses in it."""
+        yield from ((self.sites[site.name], site.pose) for site in self.link_of[link].sites)
+        yield from ((self.frames[one.child], one.pose) for one in self.below.get(link, ()) if one.child in self.frames)
+
+    def _is_mount(self, one: Hanging) -> bool:
+        link = self.link_of[one.child]
+        return not (one.joints or link.weight or link.shapes or one.child in self.below)
+
+    def in_files(self) -> dict[str, dict[str, str]]:
+        """What the source calls things that have another name here, by kind, as `names:` of a document has it. Of two that would have one
+        name in files the first has it, links before sites."""
+        moving = {one.name: self.loops[one.name] for one in self.robot.loops if one.kind != "fixed"}  # a weld is no joint that has a name
+        kinds: dict[str, list[tuple[str, str, str]]] = {  # what it is called here, in the source, and in files without a word
+            "components": [(word, name, word) for name, word in self.links.items()],
+            "mounts": [(word, name, word) for name, word in (*self.frames.items(), *self.sites.items())],
+            "joints": [(word, name, word) for name, word in (*self.joints.items(), *moving.items(), (self.robot.free_joint, "root"))],
+            "tendons": [(word, name, word) for name, word in self.tendons.items()],
+            "actuators": [(word, drive.name, name) for word, name, drive in self.driven],
+            "equalities": [
+                (word.rpartition(":")[0], name, word) for name, word in self._tied().items() if word.endswith((":mimic", ":loop"))
+            ],
+            "sensors": [
+                named for one, word in zip(self.robot.sensors, self.sensors, strict=True)
+                for named in ([(f"{word}:{part}", of, f"{word}:{part}") for of, part in one.parts] or [(word, one.name, word)])
+            ],
+            "poses": [(word, name, word) for name, word in self.poses.items()],
+        }
+        names: dict[str, dict[str, str]] = {}
+        for kind, things in kinds.items():
+            taken = {*TAKEN.get(kind, ()), *(self.links if kind == "mounts" else ())}
+            for word, name, usual in things:
+                if name not in taken and name != usual and is_file_name(name):
+                    names.setdefault(kind, {})[word] = name
+                taken.add(name)
+        return names
+
+    def others(self) -> dict[str, dict[str, str]]:
+        """What other things of the source are called, as files have it: those kinds of which there are any."""
+        drives = {drive.name: word for word, _, drive in self.driven}
+        magnets = {one.name: f"{self.links[one.link]}/{self.magnets[one.name]}" for one in self.robot.adhesions}
+        parts = {
+            of: f"{word}:{part}" for one, word in zip(self.robot.sensors, self.sensors, strict=True) for of, part in one.parts
+        }
+        second = {other: self.sites[site.name] for link in self.robot.links for site in link.sites for other in site.others}
+        second |= {name: f"{self.links[link.name]}.origin" for link in self.robot.links for name in link.frames}
+        kinds = {
+            "sites": self.sites | second, "loops": self.loops, "tendons": self.tendons,
+            "actuators": drives | magnets | self._of("actuator"), "equalities": self._tied(),
+            "sensors": parts | self._of("sensor"), "poses": self.poses,
+        }
+        kinds["geoms"] = {
+            f"{link}/{shape.name}" if shape.name in self.repeated else shape.name: self.title(shape) or self.usual[id(shape)]
+            for link in self.links for shape in self.link_of[link].shapes if self.is_shown(shape) and shape.name is not None
+        }
+        return {kind: dict(names) for kind, names in kinds.items() if names}
+
+    def _usual(self, link: str) -> Iterator[tuple[SourceShape, str]]:
+        """The shapes of a link that are shown, with the names that models give to unnamed ones."""
+        shown = [shape for shape in self.link_of[link].shapes if self.is_shown(shape)]
+        for use in ("visual", "collision"):
+            for number, shape in enumerate(shape for shape in shown if shape.use == use):
+                usual = f"{self.links[link]}:{use}_{number}" if number else f"{self.links[link]}:{use}"
+                yield shape, self.links[link] if usual.endswith(":visual") else usual
+
+    def title(self, shape: SourceShape) -> str | None:
+        """The name of a shape in the source, if its document must state it for models to have it. Models have each name once."""
+        name = shape.name
+        return name if name is not None and name not in self.repeated and name != self.usual[id(shape)] and is_file_name(name) else None
+
+    def _tied(self) -> dict[str, str]:
+        """The equalities that have a name in the source, with those that models have without `names`."""
+        tied = {one.follows.name: f"{self.joints[one.name]}:mimic" for hanging in self.order for one in hanging.joints if one.follows}
+        tied |= {one.equality: f"{self.loops[one.name]}:loop" for one in self.robot.loops} | self._of("equality")
+        return {name: word for name, word in tied.items() if name}
+
+    def _of(self, section: str) -> dict[str, str]:
+        """The names of the elements that are added to a section."""
+        return {name: word for (of, name), word in self.added.items() if of == section}
+
+    def items(self, link: SourceLink) -> Iterator[tuple[SourceShape, SourceShape | None]]:
+        """The shapes of a link as they are listed, each with what touches of it: itself, or what is like it and is drawn as it. What is
+        drawn is in the order of the source, and so is what touches, as files of ours have one after the other."""
+        shown = [shape for shape in link.shapes if self.is_shown(shape)]
+        alone = [shape for shape in shown if shape.use == "collision"]
+        drawn_as: dict[int, SourceShape] = {}
+        for same in (True, False):  # a shape of the source that does both, before others that are alike
+            for number, shape in enumerate(shown):
+                like = [
+                    one for one in alone if _form(one) == _form(shape) and (one.where == shape.where or not same)
+                    and ((name := self.title(shape)) in (None, (own := self.title(one))) or name.startswith(f"{own}:visual"))
+                ]
+                if shape.use == "visual" and number not in drawn_as and like:
+                    drawn_as[number] = like[0]
+                    alone = [one for one in alone if one is not like[0]]
+        place = {id(shape): number for number, shape in enumerate(shown)}
+        for number, shape in enumerate(shown):
+            touch = drawn_as.get(number)
+            while alone and touch is not None and place[id(alone[0])] < place[id(touch)]:
+                yield alone[0], alone.pop(0)
+            if shape.use == "visual":
+                yield shape, touch
+            elif alone and alone[0] is shape:
+                yield shape, alone.pop(0)
+
+    def is_shown(self, shape: SourceShape) -> bool:
+        """Whether it is no mesh that is left out."""
+        return shape.mesh is None or shape.mesh in self.meshes
+
+
+def _form(shape: SourceShape) -> tuple[object, ...]:
+    """What of a shape has to be the same, for it to be drawn and touched alike."""
+    return shape.kind, shape.size, shape.pose, shape.mesh

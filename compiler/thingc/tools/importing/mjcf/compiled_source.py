@@ -1,0 +1,153 @@
+"""A model as MuJoCo has compiled it, with what its things are called and where the source says them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+from thingc.base.pose import NO_POSE, Pose, rotation_of
+from thingc.base.source import Span
+from thingc.tools.importing.losses import Losses
+from thingc.tools.importing.mjcf.duplicate_sites import doubles
+from thingc.tools.importing.mjcf.flattened_source import Flat
+from thingc.tools.importing.source_model import Raw
+from thingc.tools.importing.xml_source import SourceElement
+
+WORLD = 0
+KINDS = ("body", "joint", "geom", "site", "camera", "actuator", "sensor", "equality", "tendon")
+ROUNDED = 1e-14
+"""How far numbers that are the same may be apart, of the largest of them."""
+
+MANY = {"body": "bodies", "equality": "equalities"}
+SOLREF, SOLIMP = "0.02 1", "0.9 0.95 0.001 0.5 2"
+"""How soft constraints are of which nothing is said."""
+
+
+class Original:
+    """`spec` is what was written, `model` what it comes to. Things are meant by their number in the model; bodies, joints, geoms,
+    sites, tendons, actuators and sensors have a name each, made up where the source has none. `geoms_of` and `sites_of` are by body; sites
+    that are its frame are `frames_of` it, and those that are another site have that one's name, `second_names` are theirs by it."""
+
+    def __init__(self, flat: Flat, spec: Any, model: Any) -> None:
+        self.flat, self.spec, self.model = flat, spec, model
+        self.losses = Losses(flat.losses)
+        self.geoms_of, self.sites_of = _by_body(model.geom_bodyid, model.nbody), _by_body(model.site_bodyid, model.nbody)
+        self.written = {kind: {one.id: one for one in getattr(spec, MANY.get(kind, f"{kind}s"))} for kind in KINDS}
+        self.bodies = self._names("body", lambda one: "body")
+        self.bodies[WORLD] = "world"
+        self.joints = self._names("joint", lambda one: f"{one.parent.name or 'body'}_joint")
+        self.geoms = self._names("geom", lambda one: f"{one.parent.name or 'body'}_geom")
+        self.sites = self._names("site", lambda one: f"{one.parent.name or 'body'}_site")
+        self.second_names: dict[str, list[str]] = {}
+        self._leave_out_doubles()
+        self.tendons = self._names("tendon", lambda one: "tendon")
+        self.actuators = self._names("actuator", lambda one: one.target or "actuator")
+        self.sensors = self._names("sensor", lambda one: one.objname or "sensor")
+        self.cameras = self._names("camera", lambda one: "camera")
+        self.equalities = self._names("equality", lambda one: f"{one.name1}_to_{one.name2}")
+        self.speeds = dict(self._speeds())
+
+    def _speeds(self) -> Iterator[tuple[str, float]]:
+        """The velocity limits [rad/s or m/s] of joints, by their names: MJCF has none, and models of ours have numbers `NAME:velocity`. All
+        other numbers are losses."""
+        for one in self.spec.numerics:
+            joint, speed = one.name.removesuffix(":velocity"), floats(one.data)
+            if joint != one.name and joint in self.joints.values() and len(speed) == 1 and speed[0] > 0.0:
+                yield joint, speed[0]
+            else:
+                self.losses.note(f"the number `{one.name}`", "a document has no data of others", self.flat.place(one.info))
+
+    def _leave_out_doubles(self) -> None:
+        """Sites that are another one have its name from now on, and are none of a body's, as those that say nothing."""
+        poses = {site: pose_of(self.model.site_pos[site], self.model.site_quat[site]) for site in self.sites}
+        found = doubles(self.model, self.sites, self.bodies, poses)
+        for site, other in found.second.items():
+            self.second_names.setdefault(self.sites[other], []).append(self.sites[site])
+            self.sites[site] = self.sites[other]
+        self.frames_of = [[site for site in sites if site in found.frames] for sites in self.sites_of]
+        left_out = {*found.second, *found.frames, *found.closed}
+        self.sites_of = [[site for site in sites if site not in left_out] for sites in self.sites_of]
+
+    def _names(self, kind: str, made_up: Any) -> dict[int, str]:
+        """The name of each thing of a kind."""
+        taken = {one.name for one in self.written[kind].values()}
+        names: dict[int, str] = {}
+        counts: Counter[str] = Counter()
+        for number, one in sorted(self.written[kind].items()):
+            word = name = one.name or made_up(one)
+            while not one.name and name in taken:
+                counts[word] += 1
+                name = f"{word}_{counts[word] + 1}"
+            taken.add(name)
+            names[number] = name
+        return names
+
+    def where(self, kind: str, number: int, attribute: str | None = None) -> Span:
+        """Where a thing is written."""
+        return self.flat.place(self.written[kind][number].info, attribute)
+
+    def element(self, kind: str, number: int) -> SourceElement:
+        """What it is in the source; the root of what stands nowhere."""
+        return self.flat.element(self.written[kind][number].info)
+
+    def bounds(self, name: str, number: int) -> tuple[float, float] | None:
+        """The range `name` of a thing, such as `actuator_ctrl`; None if it has no limits."""
+        if not getattr(self.model, f"{name}limited")[number]:
+            return None
+        low, high = floats(getattr(self.model, f"{name}range")[number])
+        return low, high
+
+    def frame(self, written: Any) -> Pose:
+        """The pose of something in its body as it is written, in the frames around it."""
+        pose, frame = self._own(written), written.frame
+        while frame is not None:
+            pose, frame = self._own(frame) @ pose, frame.frame
+        return pose
+
+    def _own(self, written: Any) -> Pose:
+        quat = written.quat
+        if int(written.alt.type):
+            compiler = written.compiler
+            quat = self.spec.resolve_orientation(degree=compiler.degree, sequence=compiler.eulerseq, orientation=written.alt)
+        return pose_of(written.pos, quat)
+
+
+def _by_body(bodies: Iterable[Any], count: int) -> list[list[int]]:
+    """The numbers of what is on each of so many bodies, in their order."""
+    by_body: list[list[int]] = [[] for _ in range(count)]
+    for number, body in enumerate(bodies):
+        by_body[int(body)].append(number)
+    return by_body
+
+
+def floats(values: Any) -> tuple[float, ...]:
+    """Numbers of an array."""
+    return tuple(float(one) + 0.0 for one in values)
+
+
+def pose_of(pos: Any, quat: Any) -> Pose:
+    """Of a position [m] and a quaternion of any length but 0."""
+    (x, y, z), (w, i, j, k) = floats(pos), floats(quat)
+    return NO_POSE if (w, x, y, z, i, j, k) == (1.0, *(0.0,) * 6) else Pose(rotation=rotation_of((w, i, j, k)), translation=(x, y, z))
+
+
+def numbers(values: Any) -> str:
+    """Of an attribute: the shortest digits that are these numbers."""
+    return " ".join(repr(int(one)) if one == int(one) and abs(one) < 1e15 else repr(one) for one in floats(values))
+
+
+def differing(wanted: Sequence[tuple[str, str]], otherwise: dict[str, str]) -> Raw:
+    """Those attributes that would be written otherwise: by more than what MuJoCo rounds where it works a number out of others."""
+    return tuple((name, value) for name, value in wanted if not _alike(value, otherwise.get(name, "")))
+
+
+def _alike(one: str, other: str) -> bool:
+    if one == other:
+        return True
+    try:
+        these, those = [float(word) for word in one.split()], [float(word) for word in other.split()]
+    except ValueError:
+        return False
+    near = ROUNDED * max(map(abs, (*these, *those)), default=0.0)
+    return len(these) == len(those) and all(abs(a - b) <= near for a, b in zip(these, those, strict=True))

@@ -1,0 +1,107 @@
+"""Equalities of the source: joints that follow others, and loops."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+from thingc.base.pose import NO_POSE, Pose, shifted
+from thingc.base.summing import plain_sum
+from thingc.tools.importing.mjcf.adding import Added
+from thingc.tools.importing.mjcf.compiled_source import SOLREF, Original, differing, floats, numbers, pose_of
+from thingc.tools.importing.mjcf.drives import Actuators
+from thingc.tools.importing.source_model import Following, Raw, SourceLoop
+
+CONNECT, WELD, JOINT = 0, 1, 2
+BODY, SITE = 1, 6
+STIFF = {"solref": SOLREF, "solimp": "0.9999 0.9999 0.001 0.5 2"}
+"""How MJCF is written of a joint that follows (`emit.mjcf.model.STIFF`)."""
+
+
+class Couplings:
+    """`follows` by the number of the joint that follows, and `loops`; what is neither is `added`, or a loss. `on` is the link of each body
+    that is kept, with the body's pose in it."""
+
+    def __init__(self, original: Original, drives: Actuators, on: Mapping[int, tuple[int, Pose]], added: Added) -> None:
+        self.original, self.model, self.drives, self.on = original, original.model, drives, on
+        self.follows: dict[int, Following] = {}
+        loops = []
+        for number in range(self.model.neq):
+            what = f"equality `{original.equalities[number]}`"
+            where = original.where("equality", number)
+            kind = int(self.model.eq_type[number])
+            why = "" if self.model.eq_active0[number] else "it is not active, and what a document couples always is"
+            if not why and kind == JOINT:
+                why = self._follow(number)
+            elif not why and kind in (CONNECT, WELD):
+                loop = self._loop(number)
+                why = "it does not join two links" if loop is None else ""
+                loops += [] if loop is None else [loop]
+            elif not why and not added.equality(number):
+                why = "a document couples joints and closes loops, nothing else"
+            if why:
+                original.losses.note(what, why, where)
+        self.loops = tuple(loops)
+
+    def _raw(self, number: int, otherwise: dict[str, str]) -> Raw:
+        wanted = [("solref", numbers(self.model.eq_solref[number])), ("solimp", numbers(self.model.eq_solimp[number]))]
+        return differing(wanted, otherwise)
+
+    def _follow(self, number: int) -> str:
+        """Why it is none that a document has; empty where it is."""
+        model, original = self.model, self.original
+        one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
+        a, b, *higher = floats(model.eq_data[number][:5])
+        if other < 0 or not b and not any(higher):
+            return "a joint of a document that follows another follows it"
+        if one in self.drives.of_joint and other not in self.drives.of_joint and abs(b) == 1.0 and not any(higher):
+            one, other, a = other, one, -a * b  # the same the other way round
+        if one in self.drives.of_joint:
+            return f"joint `{original.joints[one]}` is driven, and one that follows is not"
+        if one in self.follows or other in self.follows:
+            return "one of the two joints follows another already"
+        if any(int(model.jnt_bodyid[joint]) not in self.on for joint in (one, other)):
+            return "it is of joints that are left out"
+        first, second = (float(model.qpos0[model.jnt_qposadr[joint]]) for joint in (one, other))
+        offset, multiplier, *rest = _shifted((a, b, *higher), second)
+        self.follows[one] = Following(
+            joint=original.joints[other], multiplier=multiplier, offset=first + offset, where=original.where("equality", number),
+            polynomial=(first + offset, multiplier, *rest) if any(rest) else (), raw=self._raw(number, STIFF),
+            name=original.written["equality"][number].name,
+        )
+        return ""
+
+    def _loop(self, number: int) -> SourceLoop | None:
+        ends = [*self._ends(number)]
+        if len(ends) < 2 or ends[0][0] == ends[1][0]:
+            return None
+        kind = int(self.model.eq_type[number])
+        return SourceLoop(
+            name=self.original.equalities[number].removesuffix(":loop"),  # which models of ours add
+            kind="ball" if kind == CONNECT else "fixed", ends=(ends[0], ends[1]),
+            where=self.original.where("equality", number), raw=self._raw(number, {}),
+            equality=self.original.written["equality"][number].name,
+        )
+
+    def _ends(self, number: int) -> Iterator[tuple[str, Pose]]:
+        """The links that are joined, those that are kept, and where."""
+        model, data = self.model, floats(self.model.eq_data[number])
+        kind = int(model.eq_type[number])
+        for index, thing in enumerate((int(model.eq_obj1id[number]), int(model.eq_obj2id[number]))):
+            if int(model.eq_objtype[number]) == SITE:
+                body, pose = int(model.site_bodyid[thing]), pose_of(model.site_pos[thing], model.site_quat[thing])
+            elif kind == CONNECT:
+                body, pose = thing, shifted(*data[3 * index : 3 * index + 3])
+            else:
+                body, pose = thing, NO_POSE if index else pose_of(data[3:6], data[6:10])
+            if body in self.on:
+                link, place = self.on[body]
+                yield self.original.bodies[link], place @ pose
+
+
+def _shifted(coefficients: Sequence[float], by: float) -> list[float]:
+    """The coefficients in q of a polynomial in q - `by`."""
+    return [
+        plain_sum(one * math.comb(power, k) * (-by) ** (power - k) for power, one in enumerate(coefficients) if power >= k)
+        for k in range(len(coefficients))
+    ]

@@ -1,0 +1,261 @@
+"""An MJCF file with all that it includes, as one text without files, a tag in each line: MuJoCo reads that, and its lines lead back.
+
+MuJoCo would open whatever a file names. Included files and meshes are read here, within bounds, and handed over in memory; what a document
+cannot have, and what would take memory without end, is left out and listed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping
+from xml.sax.saxutils import quoteattr
+
+from thingc.base.diagnostics import Code, Note, Report
+from thingc.base.frozen import dataclass
+from thingc.base.source import Span
+from thingc.tools.importing.losses import Losses
+from thingc.tools.importing.packages import NotFound, Packages
+from thingc.tools.importing.source_model import SourceLoss
+from thingc.tools.importing.xml_source import SourceElement, read_xml
+from thingc.tools.importing.xml_values import NOT_FINITE
+
+MOST_COPIES, MOST_ELEMENTS = 10_000, 100_000
+"""Of an element, by `<replicate>`; and of a model, copies among them."""
+MOST_STEPS = 100_000
+"""Of the simulation by which MuJoCo finds out how long a muscle gets."""
+MOST_MESH_BYTES = 500_000_000
+"""Of all meshes together, each as often as it is named: MuJoCo works out a hull of every one."""
+LEFT_OUT = {
+    "texture": "it is not read: shapes have the colours of their materials", "hfield": "a document has no height fields",
+    "skin": "a document has no skins", "flex": "a document has rigid links only", "flexcomp": "a document has rigid links only",
+    "composite": "it is not read: write out the bodies that it stands for", "size": "the sizes of a model follow from its robot",
+    "text": "a document has no data of others", "tuple": "a document has no data of others", "extension": "a document has no plugins",
+    "statistic": "MuJoCo works them out of the robot", "light": "lights belong to a scene", "visual": "how it is drawn belongs to a scene",
+}
+ABSENT = ".absent"
+"""The names of files that replace a mesh end with this, before their kind."""
+SMALL_SOLID = b"v 0 0 0\nv .001 0 0\nv 0 .001 0\nv 0 0 .001\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flat:
+    """A file without files: its `text`, the element that stands in each line, the `files` that MuJoCo is handed, by the names that the
+    text has for them, and the texts of the `models` that it attaches; for each of these names the mesh's path from the source's folder; the
+    roots of `included` files; and what was left out."""
+
+    root: SourceElement
+    text: str
+    lines: tuple[SourceElement, ...]
+    files: Mapping[str, bytes]
+    models: Mapping[str, bytes]
+    meshes: Mapping[str, str]
+    included: tuple[SourceElement, ...]
+    losses: tuple[SourceLoss, ...]
+
+    def element(self, said: str) -> SourceElement:
+        """What MuJoCo says to be in a line of the text (`line 7`); the root where it says none."""
+        number = [int(one) for one in re.findall(r"line\s*=?\s*(\d{1,9})\b", said)]
+        return self.lines[number[-1] - 1] if number and 1 <= number[-1] <= len(self.lines) else self.root
+
+    def named(self, element: SourceElement) -> SourceElement:
+        """The root of the file that an element stands in, where that says what its model is called: a scene's robot is called as in its own
+        file. Else the first root."""
+        roots = (one for one in self.included if one.where.file == element.where.file and one.attributes.get("model", "").strip())
+        return next(roots, self.root)
+
+    def place(self, said: str, attribute: str | None = None) -> Span:
+        """The place of that in the source."""
+        element = self.element(said)
+        return element.where if attribute is None else element.place(attribute)
+
+
+def flattened(root: SourceElement, packages: Packages, report: Report, *, meshes: bool) -> Flat | None:
+    """The file with this root and everything that it includes; None if an included file or a mesh is missing or wrong, which is
+    reported. Without `meshes`, a small solid takes the place of each mesh that cannot be read."""
+    return _Flattening(root, packages, report, meshes).flat()
+
+
+class _Flattening:
+    def __init__(self, root: SourceElement, packages: Packages, report: Report, meshes: bool) -> None:
+        self.root, self.packages, self.report, self.with_meshes = root, packages, report, meshes
+        self.included: dict[str, Span] = {}
+        self.texts: list[str] = []
+        self.lines: list[SourceElement] = []
+        self.files: dict[str, bytes] = {}
+        self.meshes: dict[str, str] = {}
+        self.losses = Losses()
+        self.elements: dict[int, tuple[SourceElement, ...]] = {}
+        self.strip, self.folder = False, ""
+        self.made = self.mesh_bytes = 0
+        self.names: set[str | None] = set()
+        self.models: dict[str, bytes] = {}
+        self.words: dict[int, str] = {}
+        self.sizes: dict[str, int] = {}
+
+    def flat(self) -> Flat | None:
+        before = len(self.report.diagnostics)
+        text = self._file(self.root)
+        if len(self.report.diagnostics) > before:
+            return None
+        return Flat(
+            root=self.root, text=text, models=self.models, lines=tuple(self.lines), files=self.files, meshes=self.meshes,
+            included=tuple(one for roots in self.elements.values() for one in roots), losses=self.losses.all(),
+        )
+
+    def _file(self, root: SourceElement) -> str:
+        """The text of a file, after that of all models that it attaches; no two texts have a line of the same number."""
+        self._include(root)
+        sections = [*self._children(root)]
+        for model in (one for section in sections if section.tag == "asset" for one in self._children(section) if one.tag == "model"):
+            if (attached := self._read(model)) is not None:
+                made, name = self.made, model.attributes.get("name") or attached.attributes.get("model", "")
+                self.models[f"{len(self.models)}.xml"] = self._file(attached).encode()
+                self.words[id(model)] = f"{len(self.models) - 1}.xml"
+                self.sizes[name] = max(self.sizes.get(name, 0), self.made - made)
+        settings: dict[str, str] = {}
+        for compiler in (one for one in sections if one.tag == "compiler"):
+            settings |= compiler.attributes
+        self.strip = settings.get("strippath") == "true"
+        beside = os.path.relpath(os.path.dirname(root.where.file), self.packages.folder)
+        self.folder = os.path.join(beside, settings.get("meshdir", settings.get("assetdir", "")))
+        start = len(self.texts)
+        self._write(root, 1)
+        return "\n" * start + "\n".join(self.texts[start:])
+
+    def _children(self, element: SourceElement) -> Iterator[SourceElement]:
+        """What stands in an element, with what is included there in its place."""
+        for child in element.children:
+            if id(child) in self.elements:
+                for one in self.elements[id(child)]:
+                    yield from self._children(one)
+            else:
+                yield child
+
+    def _include(self, element: SourceElement) -> None:
+        """Read all files that are included in an element."""
+        waiting = [element]
+        while waiting:
+            one = waiting.pop()
+            self.names.add(one.attributes.get("name"))
+            inner = one
+            if one.tag == "include":
+                included = self._read(one)
+                self.elements[id(one)] = () if included is None else (included,)
+                if included is None:
+                    continue
+                inner = included
+            waiting += reversed(inner.children)
+
+    def _read(self, element: SourceElement) -> SourceElement | None:
+        """The root of the file that is included: one beside the file that includes it, else beside the first."""
+        name, where = element.attributes.get("file", ""), element.place("file")
+        if element.children:
+            self.report.add(Code.SOURCE_VALUE, "an `<include>` has elements in it", element.where, help="write them beside it")
+        beside = os.path.relpath(os.path.join(os.path.dirname(element.where.file), name), self.packages.folder)
+        try:
+            try:
+                path, data = self.packages.read(beside)
+            except NotFound:
+                path, data = self.packages.read(name)
+        except NotFound as fault:
+            self.report.add(Code.SOURCE_FILE, str(fault), where, help=fault.help)
+            return None
+        if path in self.included or path == self.root.where.file:
+            notes = [Note(message="it was included here", span=self.included[path])] if path in self.included else []
+            self.report.add(Code.SOURCE_FILE, f"`{name}` is included a second time", where, notes=notes, help="leave this one out")
+            return None
+        self.included[path] = where
+        return read_xml(path, data, self.report)
+
+    def _write(self, element: SourceElement, copies: int) -> None:
+        """The lines of an element, of which there are so many; none where there are too many already, which has been reported."""
+        if self.made > MOST_ELEMENTS:
+            return
+        self.made += copies * (1 + self.sizes.get(element.attributes.get("model", ""), 0) if element.tag == "attach" else 1)
+        if self.made > MOST_ELEMENTS:
+            message = f"the model has more than {MOST_ELEMENTS:,} elements from here on, those that `<replicate>` copies among them"
+            self.report.add(Code.SOURCE_VALUE, message, element.where, help="no robot needs so many")
+            return
+        if element.tag == "replicate":
+            written = re.match(r"\s*\+?(\d{1,12})", element.attributes.get("count", ""))  # what else stands there, MuJoCo does not read
+            copies *= 1 if written is None else int(written[1])
+            if copies > MOST_COPIES:
+                message = f"this makes {copies:,} of what is in it, and {MOST_COPIES:,} are read at most"
+                self.report.add(Code.SOURCE_VALUE, message, element.place("count"), help="no robot needs so many")
+                return
+        if element.tag in LEFT_OUT or element.tag == "geom" and ("hfield" in (element.attributes.get("type"), *element.attributes)):
+            why = LEFT_OUT.get(element.tag, LEFT_OUT["hfield"])
+            self.losses.note(f"`<{element.tag}>`", why, element.where)
+            if element.tag != "extension":  # without its instances MuJoCo does not read what refers to them
+                return
+        if element.tag == "layer":
+            return  # of a texture, which is a loss of its own
+        if element.tag == "lengthrange" and _steps(element) > MOST_STEPS:
+            message = f"this takes more than {MOST_STEPS:,} steps of simulation for every muscle"
+            self.report.add(Code.SOURCE_VALUE, message, element.where, help="write a smaller `inttotal`, or a larger `timestep`")
+            return
+        attributes = dict(element.attributes)
+        self._look_at_numbers(element)
+        if element.tag == "inertial" and element.attributes.get("mass", "").strip().startswith("-"):
+            self.losses.note(f"a mass of {element.attributes['mass'].strip()}", "MuJoCo takes it for 0", element.place("mass"))
+        if element.tag == "compiler":
+            attributes = {name: value for name, value in attributes.items() if name not in FOLDERS}
+        elif element.tag == "material":
+            attributes.pop("texture", None)
+        elif id(element) in self.words:
+            attributes["file"] = self.words[id(element)]
+        elif element.tag == "mesh" and "file" in attributes:
+            attributes |= self._mesh(element)
+        self._line(f"<{element.tag}{''.join(f' {name}={quoteattr(value)}' for name, value in attributes.items())}>", element)
+        for child in self._children(element):
+            self._write(child, copies)
+        self._line(f"</{element.tag}>", element)
+
+    def _look_at_numbers(self, element: SourceElement) -> None:
+        """Report those that are not finite: MuJoCo takes them, and most of what it works out of them is none either."""
+        for name, value in element.attributes.items():
+            wrong = next((word for word in value.split() if word.lower().lstrip("+-") in NOT_FINITE), None)
+            if wrong is not None and name != "name" and value not in self.names:
+                message = f"`{name}` of `<{element.tag}>`: expected finite numbers, found `{wrong}`"
+                help = "leave it out: what has no range has no ends" if name.endswith("range") else None
+                self.report.add(Code.SOURCE_VALUE, message, element.place(name), help=help)
+
+    def _line(self, text: str, element: SourceElement) -> None:
+        self.texts.append(re.sub(r"[\r\n]", " ", text))
+        self.lines.append(element)
+
+    def _mesh(self, element: SourceElement) -> dict[str, str]:
+        """Its name, which is that of its file where it has none, and what its file is called in the text: by its content and by what
+        MuJoCo makes of it, which MuJoCo would take from its cache otherwise."""
+        file = element.attributes["file"]
+        file = os.path.basename(file.replace("\\", "/")) if self.strip else file
+        uri = os.path.normpath(os.path.join(self.folder, file))
+        name, ending = element.attributes.get("name", os.path.splitext(os.path.basename(file))[0]), os.path.splitext(uri)[1].lower()
+        try:
+            _, content = self.packages.read(uri)
+            self.mesh_bytes += len(content)
+            if self.mesh_bytes > MOST_MESH_BYTES:
+                message = f"with `{uri}` the meshes have more than {MOST_MESH_BYTES:,} bytes"
+                raise NotFound(message, "use meshes with fewer facets, and name each once")
+        except NotFound as fault:
+            if self.with_meshes:
+                self.report.add(Code.SOURCE_FILE, str(fault), element.place("file"), help=fault.help)
+                return {}
+            content, ending = SMALL_SOLID, f"{ABSENT}.obj"
+        made_of = repr((uri, sorted(element.attributes.items()))).encode()
+        word = f"{hashlib.sha256(made_of + content).hexdigest()}{ending}"
+        self.files[word], self.meshes[word] = content, uri
+        return {"name": name, "file": word}
+
+
+def _steps(element: SourceElement) -> float:
+    """How many steps a `<lengthrange>` asks for; none where MuJoCo will say that it is wrong."""
+    try:
+        total, step = (float(element.attributes.get(name, usual)) for name, usual in (("inttotal", "10"), ("timestep", "0.01")))
+    except ValueError:
+        return 0.0
+    return total / step if step > 0.0 else math.inf

@@ -1,0 +1,155 @@
+"""A robot that has been imported before: what was written then, what a person has made of it, and what to write now."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import field, replace
+from typing import Any
+
+from thingc.base.diagnostics import Code, Report, shown_path
+from thingc.base.frozen import dataclass
+from thingc.base.replacement import Change
+from thingc.base.source import dotted, span_at
+from thingc.tools.importing.inertias import Repair
+from thingc.tools.importing.three_way_merge import Merged, Text, Unmergeable, merged, read_text
+
+RECORD = "import.json"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Earlier:
+    """An import that lies in `folder`, an absolute path, of the `robot` of that name in a file called `source`: the `document` (its file)
+    and its `text` as they were written, the SHA-256 of the meshes, what things of the source were called, and the roots and the repair
+    that were asked for."""
+
+    folder: str
+    source: str
+    robot: str
+    document: str
+    text: str = field(repr=False)
+    meshes: Mapping[str, str]
+    links: Mapping[str, str]
+    joints: Mapping[str, str]
+    roots: tuple[str, ...]
+    repair: Repair | None
+    with_meshes: bool
+
+    def edited(self) -> tuple[str, ...]:
+        """The files that are not what was written, those that are not there any more aside."""
+        written = {self.document: _sha256(self.text.encode()), **self.meshes}
+        return tuple(name for name, sha256 in written.items() if (data := self.read(name)) is not None and _sha256(data) != sha256)
+
+    def read(self, name: str) -> bytes | None:
+        """The bytes of a file; None if there is none."""
+        try:
+            with open(os.path.join(self.folder, name), "rb") as stream:
+                return stream.read()
+        except OSError:
+            return None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Update:
+    """The changes of files, by absolute path and in this order; what was merged, and the files that a person has changed."""
+
+    changes: Mapping[str, Change]
+    merged: Merged
+    kept: tuple[str, ...]
+
+
+def earlier_import(folder: str) -> Earlier | None:
+    """The import that lies in a folder; None where its `import.json` is not there, or not as it was written."""
+    folder = os.path.realpath(folder)
+    try:
+        with open(os.path.join(folder, RECORD), "rb") as stream:
+            record: Any = json.load(stream)
+        document, asked, names, source = record["document"], record["asked"], record["names"], record["source"]
+        text = "".join(f"{line}\n" for line in document["lines"])
+        earlier = Earlier(
+            folder=folder, source=str(source["file"]), robot=str(source["robot"]), document=_inside(document["file"]), text=text,
+            roots=tuple(asked["roots"]), repair=_repair(asked["repair"]),
+            meshes={_inside(name): str(sha256) for name, sha256 in record["meshes"].items()}, with_meshes=bool(asked["meshes"]),
+            links={**names["links"], **names["frames"]}, joints={**names["joints"]},
+        )
+        return earlier if document["sha256"] == _sha256(text.encode()) else None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None
+
+
+def update(earlier: Earlier, document: str, files: Mapping[str, bytes], report: Report) -> Update | None:
+    """What becomes of an import whose `files` would be these now, `document` among them. What both have changed is reported, and stays as
+    the person has it; None where nothing can be merged, which has been reported too. A document that is not there is written anew."""
+    path = os.path.join(earlier.folder, document)
+    new = files[document].decode()
+    try:
+        with open(path, "rb") as stream:
+            held: bytes | None = stream.read()
+        ours = (held or b"").decode("utf-8-sig")
+    except FileNotFoundError:
+        held, ours = None, earlier.text
+    except (OSError, UnicodeDecodeError):
+        message = f"`{shown_path(path)}`, which the last import wrote, cannot be read any more"
+        report.add(Code.OUTPUT, message, None, help="mend or delete it")
+        return None
+    texts = [text for one in (earlier.text, new, ours) if (text := read_text(path, one, report)) is not None]
+    if len(texts) < 3:
+        return None
+    try:
+        one = merged(*texts)
+        if ours == earlier.text:  # with the comments of now
+            one = replace(one, text=new)
+    except Unmergeable as fault:
+        report.add(Code.SOURCE_CONFLICT, f"the changes cannot be merged: {fault}", None, help="write it out, and import again")
+        return None
+    _say_conflicts(one, read_text(path, one.text, Report()) or texts[2], report)
+    written: dict[str, Change] = {}
+    for name, content in files.items():
+        there = earlier.read(name)
+        now, before, after = None if there is None else _sha256(there), earlier.meshes.get(name), _sha256(content)
+        if name in (document, RECORD) or now == after:
+            continue
+        if now is None or now == before:
+            written[name] = there, content
+        elif after != before:
+            report.add(
+                Code.SOURCE_CONFLICT, f"`{name}` was changed here, and in the source: it stays as it is here", None,
+                help="delete it, and import again, to have that of the source",
+            )
+    kept = tuple(name for name in earlier.edited() if name != earlier.document)
+    written[document] = held, one.text.encode()
+    written[RECORD] = earlier.read(RECORD), files[RECORD]
+    for name, before in earlier.meshes.items():
+        there = earlier.read(name)
+        if there is not None and _sha256(there) == before and name not in files and name not in one.text:
+            written[name] = there, None
+    return Update(
+        changes={os.path.join(earlier.folder, name): change for name, change in written.items() if change[0] != change[1]}, merged=one,
+        kept=kept,
+    )
+
+
+def _say_conflicts(one: Merged, after: Text, report: Report) -> None:
+    for conflict in one.conflicts:
+        report.add(
+            Code.SOURCE_CONFLICT, f"`{dotted(conflict.path)}` is {conflict.ours} here, and {conflict.new} in the source now: it stays "
+            "as it is here", span_at(after.tree, conflict.path), help="both have changed it since the last import: write what is right",
+        )
+
+
+def _repair(how: object) -> Repair | None:
+    return how if how == "nearest" or how == "shapes" else None
+
+
+def _inside(name: str) -> str:
+    """A path in the folder as imports have it. Raises `ValueError` for another one: the record is a file like any other."""
+    parts = str(name).split("/")
+    if len(parts) > 2 or any(part in ("", ".", "..") or "\\" in part or "\0" in part for part in parts):
+        raise ValueError(name)
+    return name
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()

@@ -1,0 +1,283 @@
+"""The document of a robot that was read: short, in the order of the tree, in canonical layout.
+
+A link is a component of its name: a `link` with its shapes, or a `frame` where it has none. One that weighs nothing, shows nothing and
+carries nothing is a mount of the component that it is fixed to, exported by its name, so that a document around this one can put something
+there. A joint stands between two mounts of its name, or the origin of a component, which coincide at q = 0 as in the source, and has the
+`axis` of the source; that of a planar one is z of the parent's mount, and its child's, as that of a ball, is turned so that frame lies on
+frame (`MATE`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+from thingc.base.diagnostics import Report
+from thingc.base.frozen import dataclass
+from thingc.base.pose import MATE, NO_POSE, Pose, Vector, along, shifted
+from thingc.documents.format.formatting import format_document
+from thingc.tools.importing.document_names import Words
+from thingc.tools.importing.joint_values import drive_words, dynamics_words, tendon_lines
+from thingc.tools.importing.modes import mode_lines, sensor_lines
+from thingc.tools.importing.quantities import TURNS, angle, length, lengths, mass, pose_words, quantity, shape_words, was
+from thingc.tools.importing.raw import name_lines, quoted, raw_lines
+from thingc.tools.importing.source_model import Hanging, SourceJoint, SourceLink, SourceRobot, SourceShape
+from thingc.tools.importing.update_import import Earlier
+
+_ALIGNED = 1e-12
+ROUNDED = 1e-15
+"""Products of inertia below it, of the largest moment, are rounding of whoever worked them out."""
+FACING = ("planar", "ball")
+"""Kinds of joints whose mounts face each other: they have no one axis."""
+FRICTION = ("slide", "torsion", "roll")
+SAY_THEIR_UNIT = (".dae", ".glb")
+UNITS: dict[tuple[float, ...], str] = {(1.0, 1.0, 1.0): "m", (0.01, 0.01, 0.01): "cm", (0.001, 0.001, 0.001): "mm"}
+"""Scales of a mesh, whose numbers a source takes for metres, that are a unit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Draft:
+    """A document: its name, its text, and what the things of the source are called in it, by their kinds."""
+
+    name: str
+    text: str
+    names: Mapping[str, Mapping[str, str]]
+
+
+def document_of(
+    robot: SourceRobot, roots: Sequence[str], origin: str, repaired: Mapping[str, str], meshes: Mapping[str, str],
+    earlier: Earlier | None = None,
+) -> Draft:
+    """The document of a robot, with a mode `source` and one for each link of `roots`, which are links of it; `origin` says where it is
+    from, in its first line, `repaired` how the weight of some links was changed, and `meshes` where the files are that shapes name: those
+    that are not there are left out. What an `earlier` import has named keeps its name."""
+    return _Document(robot, roots, origin, repaired, meshes, earlier).written()
+
+
+class _Document(Words):
+    def __init__(
+        self, robot: SourceRobot, roots: Sequence[str], origin: str, repaired: Mapping[str, str], meshes: Mapping[str, str],
+        earlier: Earlier | None,
+    ) -> None:
+        super().__init__(robot, meshes, earlier)
+        self.roots, self.origin, self.repaired = roots, origin, repaired
+
+    def written(self) -> Draft:
+        """The text in canonical layout."""
+        text = "\n".join((
+            f"# From {self.origin}. What is not in it is listed in import.json.", "thingc: assembly/1", f"name: {self.name}", "",
+            *self._components(), "", *self._joints(), *tendon_lines(self), *self._shown(), *mode_lines(self, self.roots),
+            *sensor_lines(self), *name_lines(self), *raw_lines(self), "",
+        ))
+        report = Report()
+        formatted = format_document(f"{self.name}.yaml", text.encode(), report)
+        assert formatted is not None, report.diagnostics
+        names = {"links": self.links, "frames": self.frames, "joints": self.joints, **self.others()}
+        return Draft(name=self.name, text=formatted.decode(), names=names)
+
+    def _components(self) -> Iterator[str]:
+        yield "components:"
+        for name in self.links:
+            link, above = self.link_of[name], self.above.get(name)
+            yield f"  {self.links[name]}:{was(self.links[name], name)}"
+            shapes = [*self._shapes(link)]
+            yield "    link: true" if shapes else "    frame: true"
+            if name not in self.points:
+                yield from self._weight(link, shapes=bool(shapes))
+            if shapes:
+                yield "    shapes:"
+                yield from shapes
+            if above is not None and not above.joints:
+                yield f"    at: {{in: {self.links[above.parent]}.origin{pose_words(above.pose, above.rpy, before=', ')}}}"
+            mounts = [*self._mounts(name)]
+            if mounts:
+                yield "    mounts:"
+                yield from (f"      {word}: {{{pose}}}{comment}" for word, pose, comment in mounts)
+            if name in self.points:  # a mass alone would be spread over the shapes
+                yield f"  {self.points[name]}:  # the mass of the link, which has no inertia in the source"
+                yield "    frame: true"
+                yield from self._weight(link)
+                yield f"    at: {{in: {self.links[name]}.origin}}"
+
+    def _weight(self, link: SourceLink, *, shapes: bool = False) -> Iterator[str]:
+        """What a link weighs; the centre of one with shapes is that of the shapes unless it is written."""
+        if link.weight is None:
+            return
+        of = link.weight.properties
+        mended = link.name in self.repaired
+        if mended:
+            yield f"    # repaired ({self.repaired[link.name]}): what the source says is in import.json"
+        yield f"    mass: {mass(of.mass)}"
+        if shapes or any(of.centre):
+            yield f"    com: {lengths(of.centre)}"
+        i = of.inertia
+        if any(map(any, i)):
+            products = {"ixy": i[0][1], "ixz": i[0][2], "iyz": i[1][2]}
+            moments = {"ixx": i[0][0], "iyy": i[1][1], "izz": i[2][2]}
+            least = ROUNDED * max(map(abs, moments.values()))
+            moments |= {key: value for key, value in products.items() if abs(value) > least}
+            said = {key: quantity(value, "kg*m^2") for key, value in moments.items()}
+            yield from _mapping("inertia", {"value": f"{{{_entries(said)}}}", "source": "repaired"} if mended else said)
+
+    def _shapes(self, link: SourceLink) -> Iterator[str]:
+        """The items of a list; one that is drawn and touches alike stands there once."""
+        for shape, touch in self.items(link):
+            said = [self._geometry(shape), *([f"at: {{{pose}}}"] if (pose := pose_words(shape.pose, shape.rpy)) else [])]
+            said += [] if shape.use == "visual" and touch is not None else [f"for: {shape.use}"]
+            if shape.color is not None:
+                said.append('color: "#{:02x}{:02x}{:02x}"'.format(*(round(255.0 * min(max(one, 0.0), 1.0)) for one in shape.color[:3])))
+            if touch is not None and touch.friction:
+                words = (f"{key}: {quantity(one, '')}" for key, one in zip(FRICTION, touch.friction, strict=False))
+                said.append(f"friction: {{{', '.join(words)}}}")
+            name = self.title(touch or shape)
+            said += [] if name is None else [f"name: {quoted(name)}"]
+            yield f"      - {{{', '.join(said)}}}"
+
+    def _geometry(self, shape: SourceShape) -> str:
+        if shape.kind != "mesh":
+            return shape_words(shape.kind, shape.size)
+        path = self.meshes[shape.mesh or ""]
+        unit = None if path.endswith(SAY_THEIR_UNIT) else UNITS.get(shape.size)
+        if unit is None:
+            factors = "" if shape.size == (1.0, 1.0, 1.0) else f", scale: [{', '.join(quantity(one, '') for one in shape.size)}]"
+            return f"mesh: {path}{'' if path.endswith(SAY_THEIR_UNIT) else ', unit: m'}{factors}"
+        return f"mesh: {path}, unit: {unit}"
+
+    def _mounts(self, name: str) -> Iterator[tuple[str, str, str]]:
+        """Of a link, each with its place and a comment: the mount of the joint that it hangs on, those of joints behind it, links that are
+        mounts, and those of sites, loops, magnets, and of what tendons go around and cameras where no other mount is."""
+        above = self.above.get(name)
+        for joint in above.joints if above is not None else ():
+            if child := _child_mount(joint):
+                yield self.mounts[joint.name], child, ""
+        for one in self.below.get(name, ()):
+            if one.child in self.frames:
+                yield self.frames[one.child], pose_words(one.pose, one.rpy), was(self.frames[one.child], one.child)
+            for joint in one.joints:
+                if parent := _parent_mount(one, joint):
+                    yield self.mounts[joint.name], parent, ""
+        for site in self.link_of[name].sites:
+            yield self.sites[site.name], pose_words(site.pose), was(self.sites[site.name], site.name)
+        for loop in self.robot.loops:
+            for (link, pose), flip in zip(loop.ends, (NO_POSE, MATE), strict=True):
+                if link == name:
+                    yield self.ends[self.loops[loop.name]], pose_words(pose @ flip), ""
+        for magnet in self.robot.adhesions:
+            if magnet.link == name:
+                yield self.magnets[magnet.name], "", was(self.magnets[magnet.name], magnet.name)
+        around = {step.around.name: step.around for tendon in self.robot.tendons for step in tendon.steps if step.around is not None}
+        for shape in around.values():
+            if shape.link == name and self.centres[shape.name] not in self.shown:
+                yield self.centres[shape.name], pose_words(shape.pose), ""
+        for camera in self.robot.sensors:
+            if camera.link == name and self.cameras[camera.name] not in self.shown:
+                yield self.cameras[camera.name], pose_words(camera.pose), ""
+
+    def _joints(self) -> Iterator[str]:
+        moving = [(one, joint) for one in self.order for joint in one.joints]
+        if moving or self.loops:
+            yield "joints:"
+        for one, joint in moving:
+            mount = self.mounts[joint.name]
+            yield f"  {self.joints[joint.name]}:{was(self.joints[joint.name], joint.name)}"
+            yield f"    type: {joint.kind}"
+            yield f"    parent: {self.links[one.parent]}.{mount if _parent_mount(one, joint) else 'origin'}"
+            yield f"    child: {self.links[one.child]}.{mount if _child_mount(joint) else 'origin'}"
+            if joint.kind not in FACING:
+                yield f"    axis: [{', '.join(quantity(value, '') for value in _clean(joint.axis))}]"
+            if joint.lead:
+                yield f"    lead: {length(joint.lead)}"
+            yield from self._motion(joint)
+        for loop in self.robot.loops:
+            (parent, _), (child, _) = loop.ends
+            word = self.loops[loop.name]
+            yield f"  {word}:{was(word, loop.name)}"
+            yield f"    type: {loop.kind}"
+            yield f"    parent: {self.links[parent]}.{self.ends[word]}"
+            yield f"    child: {self.links[child]}.{self.ends[word]}"
+            yield "    loop: true"
+        if moving or self.loops:
+            yield ""
+
+    def _motion(self, joint: SourceJoint) -> Iterator[str]:
+        turns, of = joint.kind in TURNS, joint.ends
+        force, speed = ("N*m", "rad/s") if turns else ("N", "m/s")
+        place = angle if turns else length
+        limit: dict[str, str | None] = {
+            **({} if of.lower is None or of.upper is None else {"lower": place(of.lower), "upper": place(of.upper)}),
+            "cone": angle(of.upper) if joint.kind == "ball" and of.upper is not None else None,
+            "effort": None if not of.effort or joint.drive is not None else quantity(of.effort, force),
+            "velocity": None if of.velocity in (None, joint.drive and joint.drive.velocity) else quantity(of.velocity, speed),
+        }
+        if joint.start:
+            yield f"    offset: {place(-joint.start)}"
+        if of.made_up:
+            yield "    allow: {TC517: it has no ends in the source}"
+        yield from _mapping("limit", {key: value for key, value in limit.items() if value is not None})
+        yield from _mapping("dynamics", dynamics_words(joint, turns))
+        if joint.follows is not None:
+            leader = next(other for one in self.order for other in one.joints if other.name == joint.follows.joint)
+            mine, other = ("rad" if one in TURNS else "m" for one in (joint.kind, leader.kind))
+            follows = {"joint": self.joints[leader.name]}
+            if joint.follows.polynomial:
+                coefficients = list(joint.follows.polynomial)
+                while not coefficients[-1]:
+                    coefficients.pop()
+                words = (quantity(value, _unit(mine, other, power)) for power, value in enumerate(coefficients))
+                follows["polynomial"] = f"[{', '.join(words)}]"
+            else:
+                follows["multiplier"] = f"{quantity(joint.follows.multiplier, '')} {_unit(mine, other, 1)}".rstrip()
+            offset = joint.follows.offset if not joint.follows.polynomial else 0.0
+            yield from _mapping("mimic", follows | ({"offset": place(offset)} if offset else {}))
+        if joint.drive is not None:
+            yield from _mapping("drive", drive_words(joint.drive, turns))
+
+    def _shown(self) -> Iterator[str]:
+        """Mounts that the document exports."""
+        if self.frames or self.sites:
+            yield "mounts:"
+            yield from (f"  {word}: {self.links[self.above[name].parent]}.{word}" for name, word in self.frames.items())
+            for link in self.robot.links:
+                yield from (f"  {self.sites[site.name]}: {self.links[link.name]}.{self.sites[site.name]}" for site in link.sites)
+            yield ""
+
+
+def _unit(mine: str, other: str, power: int) -> str:
+    """Of a coefficient of a polynomial: units of the joint by that power of those of the other."""
+    if mine == other:
+        return {0: mine, 1: ""}.get(power, f"{mine}^-{power - 1}")
+    return {0: mine, 1: f"{mine}/{other}"}.get(power, f"{mine}/{other}^{power}")
+
+
+def _mapping(key: str, values: Mapping[str, str]) -> Iterator[str]:
+    if values:
+        yield f"    {key}: {{{_entries(values)}}}"
+
+
+def _entries(values: Mapping[str, str]) -> str:
+    return ", ".join(f"{name}: {value}" for name, value in values.items())
+
+
+def _parent_mount(one: Hanging, joint: SourceJoint) -> str:
+    """Where a joint is on the link that carries it."""
+    onto = _onto(joint)
+    return pose_words(one.pose @ shifted(*joint.anchor) @ onto, one.rpy if onto == NO_POSE else None)
+
+
+def _child_mount(joint: SourceJoint) -> str:
+    """Where it is on the link that it moves."""
+    return pose_words(shifted(*joint.anchor) @ _onto(joint) @ (MATE if joint.kind in FACING else NO_POSE))
+
+
+def _onto(joint: SourceJoint) -> Pose:
+    """What takes z to the axis of a planar joint; other joints have an axis of their own."""
+    axis = _clean(joint.axis)
+    return NO_POSE if joint.kind != "planar" or axis == (0.0, 0.0, 1.0) else along(axis, (0.0, 0.0, 0.0))
+
+
+def _clean(axis: Vector) -> Vector:
+    """A unit vector; along one of the axes without digits that are not 0 or 1."""
+    x, y, z = (0.0 if abs(one) < _ALIGNED else one for one in axis)
+    if sum(map(bool, (x, y, z))) == 1:
+        x, y, z = (math.copysign(1.0, one) if one else 0.0 for one in (x, y, z))
+    return (x, y, z)

@@ -1,0 +1,199 @@
+"""Numbers, vectors and words in attributes of XML: what is none is said at its place, with what was expected."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.inertia import MassProperties, symmetric
+from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, placed, rotation_of, transpose
+from thingc.base.source import Span
+from thingc.base.summing import hypot
+from thingc.tools.importing.naming import plain_name
+from thingc.tools.importing.source_model import ShapeKind, Sizes
+from thingc.tools.importing.xml_source import SourceElement
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+NOT_FINITE = {"nan", "inf", "infinity"}
+
+
+class Values:
+    """Reads attributes of elements; faults go to `report`, and what is wrong is read as if it were not there."""
+
+    def __init__(self, report: Report) -> None:
+        self.report = report
+
+    def written(self, element: SourceElement, key: str) -> str | None:
+        """The text of a value of an element; None where it is not written."""
+        return element.attributes.get(key)
+
+    def place(self, element: SourceElement, key: str) -> Span:
+        """Where that text stands."""
+        return element.place(key)
+
+    def example(self, key: str, text: str) -> str:
+        """How it is written."""
+        return f'{key}="{text}"'
+
+    def fault(self, element: SourceElement, attribute: str | None, message: str, help: str | None = None) -> None:
+        """Say what is wrong with an element, or with an attribute of it."""
+        where = element.where if attribute is None else self.place(element, attribute)
+        self.report.add(Code.SOURCE_VALUE, message, where, help=help)
+
+    def word(self, element: SourceElement, attribute: str) -> str | None:
+        """A name that must be there."""
+        text = (self.written(element, attribute) or "").strip()
+        if not text:
+            self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", f"write {self.example(attribute, '...')}")
+        return text or None
+
+    def own_name(self, element: SourceElement, link: str, suffix: str) -> str | None:
+        """The `name` of a shape of a link, unless it is one that files of thingc have for unnamed shapes: the link's with a `suffix`, a
+        pattern, and numbers."""
+        name, links = element.attributes.get("name", "").strip(), "|".join(map(re.escape, (link, plain_name(link, "link"))))
+        return None if re.fullmatch(rf"(({links}){suffix})?(_\d+)*", name) else name
+
+    def number(self, element: SourceElement, attribute: str, default: float | None = None) -> float | None:
+        """A finite number; `default` where it is not written, and where that is None a fault."""
+        values = self.numbers(element, attribute, 1, None if default is None else (default,))
+        return None if values is None else values[0]
+
+    def vector(self, element: SourceElement, attribute: str, default: Vector = (0.0, 0.0, 0.0)) -> Vector:
+        """Three numbers; `default` where they are not written, or wrong."""
+        x, y, z = self.numbers(element, attribute, 3, default) or default
+        return (x, y, z)
+
+    def number_of(self, element: SourceElement, text: str, what: str) -> float | None:
+        """The finite number that is the text of an element; `what` it is."""
+        number = float(text) if _NUMBER.fullmatch(text) else math.nan
+        if not math.isfinite(number):
+            self.fault(element, None, f"{what}: expected a number, found {f'`{text}`' if text else 'nothing'}")
+            return None
+        return number
+
+    def numbers(
+        self, element: SourceElement, attribute: str, count: int, default: tuple[float, ...] | None = None,
+    ) -> tuple[float, ...] | None:
+        """So many finite numbers; None where they are wrong, or missing without a default."""
+        text = self.written(element, attribute)
+        if text is None:
+            if default is None:
+                help = f"write {self.example(attribute, ' '.join(['0'] * count))}"
+                self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", help)
+            return default
+        words = text.split()
+        expected = "a number" if count == 1 else f"{count} numbers with spaces between"
+        wrong = next((word for word in words if not _NUMBER.fullmatch(word)), None)
+        if wrong is not None or len(words) != count:
+            found = "nothing" if not words else f"`{wrong}`" if wrong is not None else f"{len(words)} of them" if count > 1 else f"`{text}`"
+            finite = ", all of them finite" if wrong is not None and wrong.lower().lstrip("+-") in NOT_FINITE else ""
+            self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: expected {expected}{finite}, found {found}")
+            return None
+        values = tuple(float(word) for word in words)
+        if not all(map(math.isfinite, values)):
+            self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: `{text}` is beyond what a number can be")
+            return None
+        return values
+
+    def from_zero(self, element: SourceElement, attribute: str, default: float | None = None) -> float | None:
+        """Read a number that is at least 0. If it is not written, return `default`, or report that if it is None."""
+        value = self.number(element, attribute, default)
+        if value is not None and value < 0.0:
+            self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: expected a number at least 0, found {value:g}")
+            return None
+        return value
+
+    def direction(self, axis: SourceElement, attribute: str, default: Vector) -> Vector:
+        """Read the unit vector of an axis; `default` if it is wrong or not written. Zero is reported."""
+        x, y, z = self.vector(axis, attribute, default)
+        length = hypot(x, y, z)
+        if length == 0.0:
+            self.fault(axis, attribute, "the axis of this joint is 0 0 0, which is no direction", "write for example 0 0 1")
+            return default
+        return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
+
+    def origin(self, element: SourceElement) -> tuple[Pose, Vector | None]:
+        """Read the pose of the `<origin>` in an element of URDF.
+
+        Returns:
+            The pose, from `xyz` [m] and `rpy` [rad] or `quat_xyzw` (URDF 1.1), and the angles [rad]: None for a quaternion.
+        """
+        origin = self.one(element, "origin")
+        if origin is None:
+            return NO_POSE, (0.0, 0.0, 0.0)
+        xyz, rpy = self.vector(origin, "xyz"), self.vector(origin, "rpy")
+        quaternion = self.numbers(origin, "quat_xyzw", 4, (0.0, 0.0, 0.0, 1.0))
+        if "quat_xyzw" not in origin.attributes or quaternion is None:
+            return placed(xyz, rpy), rpy
+        if "rpy" in origin.attributes:
+            self.fault(origin, "quat_xyzw", "this `<origin>` has both `rpy` and `quat_xyzw`", "remove one of the two")
+        return Pose(translation=xyz, rotation=self.rotation(origin, "quat_xyzw", quaternion)), None
+
+    def rotation(self, element: SourceElement, attribute: str, quaternion: Sequence[float]) -> Matrix:
+        """The rotation of a quaternion x, y, z, w of any length. Zero is reported."""
+        length = hypot(*quaternion)
+        if length == 0.0:
+            self.fault(element, attribute, "the quaternion of this pose is 0 0 0 0, which is no rotation", "write 0 0 0 1")
+            return IDENTITY
+        i, j, k, w = (one / length for one in quaternion)
+        return rotation_of((w, i, j, k))
+
+    def one(self, element: SourceElement, tag: str) -> SourceElement | None:
+        """The element in another that is called so; None where there is none. A second one is a fault."""
+        first, *others = [*element.all(tag), None]
+        if first is not None and len(others) > 1 and others[0] is not None:
+            self.fault(others[0], None, f"a second `<{tag}>` in this `<{element.tag}>`", "leave one of the two out")
+        return first
+
+    def sized(self, form: SourceElement) -> tuple[ShapeKind, Sizes] | None:
+        """What an element of `<geometry>` is, and how large [m], as formats after URDF have them; None where that is wrong, and for what
+        they have not."""
+        match form.tag:
+            case "box" | "ellipsoid":
+                key = "size" if form.tag == "box" else "radii"
+                sides = self.numbers(form, key, 3)
+                if sides is not None and min(sides) < 0.0:
+                    self.fault(form, key, f"`{key}` of `<{form.tag}>`: expected numbers at least 0, found {min(sides):g}")
+                return None if sides is None else (form.tag, (sides[0], sides[1], sides[2]))
+            case "sphere":
+                radius = self.from_zero(form, "radius")
+                return None if radius is None else ("sphere", (radius,))
+            case "cylinder" | "capsule":
+                radius, length = (self.from_zero(form, key) for key in ("radius", "length"))
+                return None if radius is None or length is None else (form.tag, (radius, length))
+            case "mesh":
+                scale = self.numbers(form, "scale", 3, (1.0, 1.0, 1.0))
+                return None if scale is None else ("mesh", (scale[0], scale[1], scale[2]))
+        return None
+
+    def inertia(self, element: SourceElement, mass: float, pose: Pose, *, usual: float = 0.0) -> MassProperties:
+        """Of six values `ixx` ... `izz` [kg m^2] about the centre, in the axes of `pose`, what a body of that mass is in the frame of the
+        link; `usual` is a moment that is not written."""
+        six = {
+            key: self.number(element, key, usual if key[1] == key[2] else 0.0) or 0.0 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        }
+        rows = (
+            (six["ixx"], six["ixy"], six["ixz"]), (six["ixy"], six["iyy"], six["iyz"]), (six["ixz"], six["iyz"], six["izz"]),
+        )
+        turned = multiply(multiply(pose.rotation, rows), transpose(pose.rotation))
+        return MassProperties(mass=mass, centre=pose.translation, inertia=symmetric(turned))
+
+
+class ChildValues(Values):
+    """Of elements that state values as the text of elements in them, as SDF does, and names as attributes."""
+
+    def written(self, element: SourceElement, key: str) -> str | None:
+        """The text of the element of that name, else the attribute."""
+        child = next(element.all(key), None)
+        return element.attributes.get(key) if child is None else child.text
+
+    def place(self, element: SourceElement, key: str) -> Span:
+        """The start tag of that element, else the attribute."""
+        child = next(element.all(key), None)
+        return element.place(key) if child is None else child.where
+
+    def example(self, key: str, text: str) -> str:
+        """As an element, but for names."""
+        return super().example(key, text) if key in ("name", "type") else f"<{key}>{text}</{key}>"

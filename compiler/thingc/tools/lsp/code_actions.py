@@ -1,0 +1,102 @@
+"""Code actions: what mends a finding, as `thingc check --fix` would, and a component for a name that has none."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from thingc.base.diagnostics import Code, Diagnostic
+from thingc.base.source import MappingNode, Span
+from thingc.documents.format.autofix import Looked, TextEdit, located, sure_edits
+from thingc.documents.format.value_edits import Unsettable, with_values
+from thingc.tools.lsp.analysis import Analysis, is_document_path
+from thingc.tools.lsp.diagnostics import as_protocol
+from thingc.tools.lsp.line_edits import edits
+from thingc.tools.lsp.positions import TextPlace
+
+KIND = "quickfix"
+
+
+def actions(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
+    """The actions for the findings in a range of the document. One of which nothing else can be meant is preferred."""
+    wanted = params["context"].get("only")
+    if wanted and not any(kind == KIND or KIND.startswith(f"{kind}.") or kind == "" for kind in wanted):
+        return []
+    start, end = (analysis.lines().place(params["range"][side]) for side in ("start", "end"))
+    fitting = [
+        one for one in analysis.findings
+        if one.span is not None and one.span.file == analysis.path and _touches(one.span, start, end)
+    ]
+    return [action for one in fitting for action in (*_fixes(one, analysis), *_missing_component(one, analysis))]
+
+
+def _touches(span: Span, start: TextPlace, end: TextPlace) -> bool:
+    return (span.line, span.column) <= (end.line, end.column) and (start.line, start.column) <= (span.end_line, span.end_column)
+
+
+def _fixes(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any]]:
+    for fix in diagnostic.fixes:
+        file = fix.span.file
+        stretch = located(fix, analysis.text_of(file)) if is_document_path(file) else None
+        if stretch is not None:
+            edit = {"range": analysis.lines(file).range_of(*stretch), "newText": fix.replacement}
+            sure = any((one.file, one.start, one.end) == (file, *stretch) for one in _sure(diagnostic, analysis))
+            yield _action(f"replace `{fix.written}` by `{fix.replacement}`", diagnostic, analysis, file, [edit], preferred=sure)
+
+
+def _sure(diagnostic: Diagnostic, analysis: Analysis) -> list[TextEdit]:
+    """What `--fix` would do about a finding."""
+    documents = () if analysis.documents is None else tuple(analysis.documents.by_path.values())
+    return sure_edits(
+        Looked(found=[diagnostic], documents=documents), {}, is_document_path,
+        lambda file: analysis.text_of(file).encode(errors="surrogatepass"),
+    )
+
+
+def _missing_component(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any]]:
+    """A component of the name that there is none of: the part of that name, else a frame with the mounts that are named."""
+    document = None if analysis.documents is None else analysis.documents.root
+    if diagnostic.code is not Code.UNKNOWN_COMPONENT or diagnostic.span is None or document is None or document.text != analysis.text:
+        return
+    lines = analysis.lines()
+    said = lines.text[lines.index(_start(diagnostic.span)) : lines.index(_end(diagnostic.span))]
+    name = re.match(r"[\"']?([A-Za-z]\w*)(?![\w*?\[])", said)
+    components = document.tree.entries.get("components")
+    if name is None or isinstance(components, MappingNode) and name[1] in components.entries:
+        return  # the name that is missing is one of another document
+    part = next((one for one in analysis.schemas if _as_name(one.partition(":")[2]) == re.sub(r"_?\d+$", "", name[1])), None)
+    if part is not None:
+        value: dict[str, Any] = {"part": part}
+    else:
+        mounts = dict.fromkeys(re.findall(rf"(?<![\w./]){name[1]}[./]([A-Za-z]\w*)(?![\w./])", lines.text))
+        mounts.pop("origin", None)
+        value = {"frame": "true", **({"mounts": {mount: {} for mount in mounts}} if mounts else {})}
+    try:
+        after = with_values(document, {("components", name[1]): value})
+    except Unsettable:
+        return
+    what = f"`{part}`" if part is not None else "a frame"
+    yield _action(f"add the component `{name[1]}`, {what}", diagnostic, analysis, analysis.path, edits(lines, after.text), preferred=False)
+
+
+def _start(span: Span) -> TextPlace:
+    return TextPlace(line=span.line, column=span.column)
+
+
+def _end(span: Span) -> TextPlace:
+    return TextPlace(line=span.end_line, column=span.end_column)
+
+
+def _as_name(text: str) -> str:
+    """A class as a component would be called: `RotorBrace` as `rotor_brace`."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", text).lower()
+
+
+def _action(
+    title: str, diagnostic: Diagnostic, analysis: Analysis, file: str, changes: list[dict[str, Any]], *, preferred: bool,
+) -> dict[str, Any]:
+    return {
+        "title": title, "kind": KIND, "isPreferred": preferred, "diagnostics": [as_protocol(diagnostic, diagnostic.span, analysis)],
+        "edit": {"changes": {analysis.uri(file): changes}},
+    }

@@ -1,0 +1,295 @@
+"""What an editor can know of an assembly document: its names, taken from its sound rest and from what is written in it.
+
+The model has everything that is right; the tree has also the names of what is wrong or half written, so that a mistake in
+one place takes no name away from another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field
+
+from thingc.base.frozen import dataclass
+from thingc.base.source import MappingNode, Node, ScalarNode
+from thingc.base.units import ANGLE, LENGTH, Quantity
+from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.model.resolve.link_definition import LinkDefinition
+from thingc.model.resolve.types import AssemblyDefinition, Component, Joint
+from thingc.tools.schemas import values
+from thingc.tools.schemas.symbols import symbols_of
+
+ORIGIN = "origin"
+MAX_NAMES = 2000
+"""Mounts, components or joints of one document that are offered: a list of more is no help."""
+
+Names = dict[str, str]
+"""Names with a description each."""
+Records = Mapping[str, PartRecord | PartFailure]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrittenComponent:
+    """A component as it is written (a repeated one once): `label` and `what` say what it is, shortly and in words; its mounts by
+    name.
+
+    `pattern` fits the names of all its items; `sure`: there are no other mounts; `source` is the key and the value that say
+    what it is (`part`, `arm:BasePlate`), None where there is none; `actuator`: a `drive` may name it.
+    """
+
+    name: str
+    items: tuple[str, ...]
+    pattern: str
+    source: tuple[str, str] | None
+    label: str
+    what: str
+    mounts: Names
+    sure: bool
+    assembly: bool
+    actuator: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Facts:
+    """The names of a document. `mounts` are references (`plate.servo_seat`), `components` and `joints` paths in dots, those
+    of nested documents included; `parameters` are those of the document with what they come to, `poses` of nested documents
+    are by component. `materials_sure`: no other material is in scope."""
+
+    pieces: tuple[WrittenComponent, ...] = ()
+    mounts: Names = field(default_factory=dict)
+    components: Names = field(default_factory=dict)
+    joints: dict[str, JointFacts] = field(default_factory=dict)
+    exports: Names = field(default_factory=dict)
+    poses: Names = field(default_factory=dict)
+    nested_poses: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    modes: Names = field(default_factory=dict)
+    materials: Names = field(default_factory=dict)
+    materials_sure: bool = False
+    parameters: dict[str, Quantity] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointFacts:
+    """A joint: `what` it is in words; `angle`: its coordinate is an angle (None: not known, or it has none);
+    `settable` in a pose; `own`: of this document itself."""
+
+    what: str
+    angle: bool | None
+    settable: bool
+    own: bool
+
+
+def facts_of(
+    tree: MappingNode, model: AssemblyDefinition | None, records: Records, schemas: Mapping[str, PartSchema | PartFailure],
+    usual: Mapping[str, Names],
+) -> Facts:
+    """The facts of a document. `usual` are the mounts that a part of a reference has as a rule, where its own are not known."""
+    made = {} if model is None else _by_item(model)
+    pieces = tuple(
+        _piece(name, node, made.get(name, ()), records, schemas, usual) for name, node in _entries(tree, "components").items()
+    )
+    mounts: Names = {}
+    components: Names = {}
+    for piece in pieces:
+        for item in piece.items:
+            components[item] = piece.what
+            mounts.update({f"{item}.{mount}": text for mount, text in piece.mounts.items()})
+            if len(mounts) > MAX_NAMES:
+                break
+    if model is not None:
+        components.update(_inner_components(model, ""))
+    materials = {} if model is None else {
+        name: _material(one.density, one.slide) for name, one in sorted(model.materials.items())
+    }
+    inline = _entries(tree, "materials")
+    return Facts(
+        pieces=pieces, mounts=_first(mounts), components=_first(components), joints=_joints(tree, model),
+        exports={name: _text(node) for name, node in _entries(tree, "mounts").items()},
+        poses={name: _summary(node) for name, node in _entries(tree, "poses").items()},
+        nested_poses={} if model is None else {
+            component.name: tuple(pose.name for pose in component.definition.poses)
+            for component in model.components if isinstance(component.definition, AssemblyDefinition)
+        },
+        modes={name: _summary(node) for name, node in _entries(tree, "modes").items()},
+        materials={**dict.fromkeys(inline, ""), **materials},
+        materials_sure=model is not None and model.materials_known and not inline and bool(materials),
+        parameters={
+            name: quantity for name, one in symbols_of(tree).parameters.items() if (quantity := values.read(one.value)) is not None
+        },
+    )
+
+
+def _first(names: Names) -> Names:
+    return names if len(names) <= MAX_NAMES else dict(list(names.items())[:MAX_NAMES])
+
+
+def _entries(tree: MappingNode, section: str) -> dict[str, Node]:
+    node = tree.entries.get(section)
+    return node.entries if isinstance(node, MappingNode) else {}
+
+
+def _text(node: Node | None) -> str:
+    return str(node.value) if isinstance(node, ScalarNode) and node.value is not None else ""
+
+
+def _summary(node: Node) -> str:
+    """The plain entries of a mapping in a line, at most eight: `yaw: 30 deg, elbow: 120 deg`."""
+    entries = [f"{key}: {_text(one)}" for key, one in (node.entries.items() if isinstance(node, MappingNode) else ()) if _text(one)]
+    return ", ".join(entries[:8]) + (", ..." if len(entries) > 8 else "")
+
+
+def _by_item(model: AssemblyDefinition) -> dict[str, tuple[Component, ...]]:
+    """The components of a model by the name under which they are written: those of a repeat together."""
+    by_place: dict[tuple[int, int], list[Component]] = {}
+    for component in model.components:
+        span = component.origin[0]
+        by_place.setdefault((span.line, span.column), []).append(component)
+    by_name: dict[str, tuple[Component, ...]] = {}
+    for items in by_place.values():
+        name = items[0].name
+        by_name[name] = tuple(items)
+        if name.rpartition("_")[2].isdigit():
+            by_name.setdefault(name.rpartition("_")[0], tuple(items))
+    return by_name
+
+
+def _piece(
+    name: str, node: Node, made: tuple[Component, ...], records: Records, schemas: Mapping[str, PartSchema | PartFailure],
+    usual: Mapping[str, Names],
+) -> WrittenComponent:
+    entries = node.entries if isinstance(node, MappingNode) else {}
+    source = next(((key, _text(entries[key])) for key in ("part", "file", "assembly") if _text(entries.get(key))), None)
+    repeated = "repeat" in entries
+    items = tuple(component.name for component in made) or ((f"{name}_0",) if repeated else (name,))
+    mounts: Names = {}
+    sure = bool(made)
+    for component in made:
+        names = _mounts_of(component, records)
+        sure = sure and names is not None and _exact(component, records)
+        mounts.update(names or {})
+    if not sure and source is not None:
+        mounts = {**usual.get(source[1], {}), **mounts}
+    mounts.setdefault(ORIGIN, f"The frame of `{name}` itself.")
+    for extra in _entries(node, "mounts") if isinstance(node, MappingNode) else {}:
+        mounts.setdefault(extra, f"Added to `{name}` by this document.")
+    schema = schemas.get(source[1]) if source is not None and source[0] == "part" else None
+    label = _label(source, made)
+    return WrittenComponent(
+        name=name, items=items, pattern=rf"{name}_\d+" if repeated else name, source=source, label=label,
+        what=_what(label, source, made, schema),
+        mounts=_first(mounts), sure=sure, assembly=source is not None and source[0] == "assembly",
+        actuator=isinstance(schema, PartSchema) and schema.actuator,
+    )
+
+
+def _label(source: tuple[str, str] | None, made: tuple[Component, ...]) -> str:
+    if source is None:
+        bare = made and (made[0].frame or isinstance(made[0].definition, LinkDefinition))
+        return f"a {made[0].label}" if bare else "a component"
+    definition = made[0].definition if made else None
+    return definition.label if isinstance(definition, PartDefinition) else source[1]
+
+
+def _what(
+    label: str, source: tuple[str, str] | None, made: tuple[Component, ...], schema: PartSchema | PartFailure | None,
+) -> str:
+    definition = made[0].definition if made else None
+    if isinstance(definition, LinkDefinition):
+        return f"A {label.removeprefix('a ')}: its shapes are listed."
+    if source is None:
+        return "A frame: a component without geometry." if made and made[0].frame else "A component."
+    doc = schema.doc.strip().partition("\n")[0] if isinstance(schema, PartSchema) else ""
+    if isinstance(definition, AssemblyDefinition):
+        doc = " ".join(definition.description.split())
+    return f"`{label}`" + (f": {doc}" if doc else "")
+
+
+def _exact(component: Component, records: Records) -> bool:
+    """Whether the mounts of a part are its own, and not those of another one that stands in for it."""
+    record = records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
+    return not isinstance(record, PartRecord) or record.exact
+
+
+def _mounts_of(component: Component, records: Records) -> Names | None:
+    """The mounts of a component, those inside a nested assembly as `cap.pen`; None where they are not known."""
+    mounts: Names = {}
+    definition = component.definition
+    if isinstance(definition, PartDefinition):
+        record = records.get(definition.text)
+        if not isinstance(record, PartRecord):
+            return None
+        mounts = {name: _of_mount(definition.label, mount.interface) for name, mount in sorted(record.mounts.items())}
+    elif isinstance(definition, AssemblyDefinition):
+        if not definition.whole:
+            return None
+        mounts = {name: f"Shown by `{definition.document}`: `{shown.text}`." for name, shown in definition.mounts.items()}
+        for inner in definition.components:
+            below = _mounts_of(inner, records)
+            mounts.update({f"{inner.name}.{name}": text for name, text in (below or {}).items()})
+            mounts[f"{inner.name}.{ORIGIN}"] = f"The frame of `{inner.name}`."
+    elif definition is None and not component.frame:
+        return None
+    mounts.update(dict.fromkeys(component.mounts, f"Added to `{component.name}`."))
+    return mounts
+
+
+def usual_mounts(record: PartRecord) -> Names:
+    """The mounts of a part as they are offered for others of its class."""
+    return {name: _of_mount(record.text, mount.interface) for name, mount in sorted(record.mounts.items())}
+
+
+def _of_mount(label: str, interface: str | None) -> str:
+    return f"A mount of `{label}`" + (f", interface `{interface}`." if interface else ".")
+
+
+def _inner_components(model: AssemblyDefinition, prefix: str) -> Names:
+    names: Names = {}
+    for component in model.components:
+        definition = component.definition
+        if isinstance(definition, AssemblyDefinition):
+            for inner in definition.components:
+                label = inner.definition.label if inner.definition is not None else "a frame"
+                names[f"{prefix}{component.name}.{inner.name}"] = f"`{label}` in `{definition.document}`."
+            names.update(_inner_components(definition, f"{prefix}{component.name}."))
+    return names
+
+
+def _joints(tree: MappingNode, model: AssemblyDefinition | None) -> dict[str, JointFacts]:
+    joints: dict[str, JointFacts] = {}
+    if model is not None:
+        joints.update(_joints_of(model, ""))
+    written = {name for joint in joints for name in (joint, joint.rpartition("_")[0])}
+    for name, node in _entries(tree, "joints").items():
+        if name not in written:
+            kind = _text(node.entries.get("type")) if isinstance(node, MappingNode) else ""
+            joints[name] = JointFacts(what=f"A {kind} joint." if kind else "A joint.", angle=None, settable=True, own=True)
+    return joints
+
+
+def _joints_of(model: AssemblyDefinition, prefix: str) -> dict[str, JointFacts]:
+    joints = {f"{prefix}{joint.name}": _joint(joint, own=not prefix) for joint in model.joints}
+    for component in model.components:
+        if isinstance(component.definition, AssemblyDefinition):
+            joints.update(_joints_of(component.definition, f"{prefix}{component.name}."))
+        if len(joints) > MAX_NAMES:
+            break
+    return joints
+
+
+def _joint(joint: Joint, *, own: bool) -> JointFacts:
+    coordinate = joint.twist.coordinate if joint.twist is not None else None
+    angle = None if coordinate is None else coordinate == ANGLE
+    low, high = (
+        None if bound is None else Quantity(bound, coordinate or LENGTH).shown(12) for bound in (joint.limit.lower, joint.limit.upper)
+    )
+    limits = values.within(low, high)
+    what = f"{joint.kind.name.capitalize()}, from `{joint.parent.text}` to `{joint.child.text}`"
+    what += f"; {limits}." if limits else "."
+    if joint.mimic is not None:
+        what += f" Mimics `{joint.mimic.joint}`."
+    return JointFacts(what=what, angle=angle, settable=coordinate is not None and joint.mimic is None and not joint.kind.at_once, own=own)
+
+
+def _material(density: float | None, slide: float | None) -> str:
+    said = [] if density is None else [f"{density:.12g} kg/m^3"]
+    return ", ".join([*said, *([] if slide is None else [f"friction {slide:.12g}"])])
+

@@ -1,0 +1,367 @@
+"""The general schema of a kind of document, narrowed to one document.
+
+What other files decide is checked: the parameters of a Thing, the mounts of a part, the parameters of a nested document, the
+materials of a material document. Names that the document itself makes are offered and never refused: the one that was
+typed a moment ago is not in any schema before the document is saved.
+"""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import field
+
+from thingc.base.frozen import dataclass
+from thingc.base.safe_text import quoted
+from thingc.base.units import ANGLE, LENGTH
+from thingc.documents.spec.fields import REFERENCE_PATTERN
+from thingc.geometry.record import PartSchema
+from thingc.tools.schemas import part_schema, values
+from thingc.tools.schemas.document_facts import Facts, JointFacts, Names, WrittenComponent
+from thingc.tools.schemas.symbols import DocumentSymbols, parameters_schema
+from thingc.tools.schemas.values import Schema, one_of
+
+OPEN = r"[*?\[$]"
+"""A character of a pattern or an index: then a reference is left to the compiler."""
+MAX_CHECKED = 500
+"""Names in one pattern; more are not checked."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surroundings:
+    """What a document can name outside of itself, by the text that it would write.
+
+    `parts`: what the Things in reach take; `usual`: the mounts that they have as a rule; `assemblies`, `materials`: other
+    documents. `lost` has of Things that cannot be described now what the last schema said of their parameters.
+    """
+
+    parts: Mapping[str, PartSchema] = field(default_factory=dict)
+    usual: Mapping[str, Names] = field(default_factory=dict)
+    assemblies: Mapping[str, DocumentSymbols] = field(default_factory=dict)
+    materials: Mapping[str, DocumentSymbols] = field(default_factory=dict)
+    lost: Mapping[str, Schema] = field(default_factory=dict)
+
+
+def narrowed(general: Schema, facts: Facts, around: Surroundings) -> Schema:
+    """The schema of an assembly document: `general` is that of its kind, and is not changed."""
+    schema = copy.deepcopy(general)
+    return _Narrowing(schema, facts, around).done()
+
+
+def params_name(reference: str) -> str:
+    """The name in `$defs` under which a schema says what a part takes."""
+    return f"params of {reference}"
+
+
+def mounts_name(reference: str) -> str:
+    """The name in `$defs` under which a schema has the mounts of a part as a rule."""
+    return f"mounts of {reference}"
+
+
+def remembered(schema: Schema, references: Iterable[str]) -> tuple[dict[str, Schema], dict[str, Names]]:
+    """What an earlier schema said of Things: of their parameters, and of their mounts as a rule, each by reference."""
+    definitions = schema.get("$defs", {})
+    lost: dict[str, Schema] = {}
+    usual: dict[str, Names] = {}
+    for reference in references:
+        if params_name(reference) in definitions:
+            lost[reference] = definitions[params_name(reference)]
+        attach = definitions.get(mounts_name(reference), {})
+        mounts = attach.get("else", attach).get("properties", {})
+        names = {name: str(one.get("description", "")) for name, one in mounts.items() if "$ref" in one}
+        if names:
+            usual[reference] = names
+    return lost, usual
+
+
+def _ref(name: str) -> Schema:
+    escaped = name.replace("~", "~0").replace("/", "~1").replace("%", "%25").replace(" ", "%20")
+    return {"$ref": f"#/$defs/{escaped}"}
+
+
+class _Narrowing:
+    """One schema on its way; each method narrows one thing."""
+
+    def __init__(self, schema: Schema, facts: Facts, around: Surroundings) -> None:
+        self.schema = schema
+        self.definitions: Schema = schema["$defs"]
+        self.properties: Schema = schema["properties"]
+        self.facts = facts
+        self.around = around
+
+    def done(self) -> Schema:
+        self._references()
+        self._materials()
+        self._parts()
+        self._components()
+        self._joints()
+        self._poses()
+        self._modes()
+        self._sensors()
+        self._tests()
+        return self.schema
+
+    # --- helpers -----------------------------------------------------------------------------------------------
+
+    def _field(self, model: str, key: str) -> Schema:
+        schema: Schema = self.definitions[model]["properties"][key]
+        return schema
+
+    def _put(self, model: str, key: str, new: Schema) -> None:
+        """Another schema for a field, with the title and description that it has."""
+        old = self._field(model, key)
+        texts: Schema = {one: old[one] for one in ("title", "description") if one in old}
+        self.definitions[model]["properties"][key] = {**texts, **new}
+
+    def _offer(self, model: str, key: str, choices: Iterable[tuple[str, str]]) -> None:
+        self._put(model, key, one_of(choices))
+
+    def _plain(self, model: str, title: str) -> Schema:
+        """The schema of any value of a model. Its description moves here from the definition, where it would come before the one
+        that a named value has of its own."""
+        self.definitions[model]["title"] = title
+        return {**_ref(model), "title": title, "description": self.definitions[model].pop("description", "")}
+
+    # --- references --------------------------------------------------------------------------------------------
+
+    def _references(self) -> None:
+        known = [*self._known_mounts()]
+        self.definitions["mount"] = one_of(self.facts.mounts.items(), title="Mount", **({"allOf": known} if known else {}))
+        shown = {name: f"`{text}`, which this document shows." for name, text in self.facts.exports.items()}
+        self.definitions["frame"] = one_of(
+            {**self.facts.components, **shown, **self.facts.mounts}.items(), title="Component or mount",
+        )
+        self.definitions["component"] = one_of(self.facts.components.items(), title="Component")
+        self._put("AttachSpec", "mount", {"type": "string"})
+        for model, key in (("AtSpec", "in"), ("AttachSpec", "to"), ("JointSpec", "parent"), ("JointSpec", "child")):
+            self._put(model, key, _ref("mount"))
+        _set_each(self.properties["mounts"], _ref("mount"))
+        _set_each(self.properties["links"], _ref("component"))
+        for model in ("JointSpec", "JointDefaults"):
+            drives = [(name, piece.what) for piece in self.facts.pieces if piece.actuator for name in piece.items]
+            inline = [branch for branch in self._field(model, "drive")["anyOf"] if branch.get("type") != "string"]
+            self._put(model, "drive", {"anyOf": [*inline, one_of(drives)]})
+
+    def _known_mounts(self) -> Iterable[Schema]:
+        """One pattern for all components that have the same mounts, as far as those are known: a reference to one of them ends in
+        such a mount."""
+        alike: dict[tuple[tuple[str, ...], bool], list[WrittenComponent]] = {}
+        for piece in self.facts.pieces:
+            own = tuple(sorted(name for name in piece.mounts if "." not in name))
+            if piece.sure and len(own) <= MAX_CHECKED:
+                alike.setdefault((own, piece.assembly), []).append(piece)
+        for (own, assembly), pieces in alike.items():
+            names = f"({'|'.join(piece.pattern for piece in pieces)})"
+            # Inside a nested assembly anything may be named, `hand.cap.pen`; a part has one level only.
+            other = rf"^(?!{names}\.[^.]*$)" if assembly else rf"^(?!{names}\.)"
+            shown = f"`{pieces[0].name}` ({pieces[0].label})" if len(pieces) == 1 else f"`{pieces[0].label}`"
+            yield {
+                "pattern": rf"{other}|^{names}\.({'|'.join(own)})$|{OPEN}",
+                "patternErrorMessage": f"{shown} has no such mount; it has {quoted(own, 12)}",
+            }
+
+    # --- materials ---------------------------------------------------------------------------------------------
+
+    def _materials(self) -> None:
+        names = self.facts.materials
+        choice = one_of(names.items())
+        if self.facts.materials_sure and len(names) <= MAX_CHECKED:
+            choice["pattern"] = rf"^({'|'.join(sorted(names))})$"
+            choice["patternErrorMessage"] = f"no material of this name is in scope; there are {quoted(sorted(names), 12)}"
+        for model in ("ComponentDefaults", "ComponentSpec"):
+            self._put(model, "material", choice)
+        self._others(self.properties["materials"]["anyOf"], self.around.materials)
+
+    def _others(self, branches: list[Schema], documents: Mapping[str, DocumentSymbols]) -> None:
+        choices = [(name, one.description or one.name or "A document.") for name, one in documents.items()]
+        for branch in branches:
+            if branch.get("type") == "array":
+                branch["items"] = one_of(choices)
+
+    # --- parts and components ----------------------------------------------------------------------------------
+
+    def _parts(self) -> None:
+        """What every component may be, and what it takes then: by the `part` or the `assembly` that stands in the window."""
+        choices = [(reference, part_schema.documentation(part)) for reference, part in self.around.parts.items()]
+        lost = self.around.lost
+        choices += [(reference, str(one.get("description", ""))) for reference, one in lost.items()]
+        self._put("ComponentSpec", "part", one_of(choices))
+        self._put("ComponentSpec", "assembly", one_of(
+            (name, one.description or one.name or "An assembly.") for name, one in self.around.assemblies.items()
+        ))
+        rules: list[Schema] = []
+        for reference, part in self.around.parts.items():
+            self.definitions[params_name(reference)] = part_schema.parameters(part, self.facts.parameters)
+        for reference, one in lost.items():
+            self.definitions[params_name(reference)] = one
+        for reference in dict.fromkeys((*self.around.parts, *lost)):
+            then: Schema = {"params": _ref(params_name(reference))}
+            mounts = self.around.usual.get(reference)
+            if mounts:
+                self.definitions[mounts_name(reference)] = self._attach(mounts, sure=False)
+                then["attach"] = _ref(mounts_name(reference))
+            needs = self.definitions[params_name(reference)].get("required")
+            rules.append(_if("part", reference, {"properties": then, **({"required": ["params"]} if needs else {})}))
+        for name, symbols in self.around.assemblies.items():
+            rules.append(_if("assembly", name, {"properties": {"parameters": parameters_schema(name, symbols)}}))
+        for section in ("params", "parameters"):  # what is said of every value would hide what is said of each parameter
+            self._put("ComponentSpec", section, {"type": "object"})
+        self._put("ComponentSpec", "attach", {"type": "object", **_full_or_short({"additionalProperties": _ref("mount")}, {})})
+        if rules:
+            self.definitions["ComponentSpec"]["allOf"] = rules
+
+    def _attach(self, mounts: Names, *, sure: bool) -> Schema:
+        """`attach` of a component with these mounts: its keys are the mounts, in full they are the values of `mount`."""
+        own = {name: {**_ref("mount"), "description": text} for name, text in mounts.items()}
+        short: Schema = {"properties": own}
+        if sure:
+            # `hip_$i` and `cap.pen` are looked at by the compiler.
+            short["patternProperties"] = {rf"{OPEN}|\.": True}
+            short["additionalProperties"] = False
+            short["maxProperties"] = 1
+        full = one_of(mounts.items())
+        if sure:
+            full["pattern"] = rf"^({'|'.join(re.escape(name) for name in sorted(mounts))})$|{OPEN}|\."
+            full["patternErrorMessage"] = f"there is no such mount; there are {quoted(sorted(mounts), 12)}"
+        return {"type": "object", **_full_or_short(short, mounts, mount=full)}
+
+    def _components(self) -> None:
+        """The components that are written already, each with its own mounts, while it is what it was when it was saved."""
+        section = self.properties["components"]
+        known: Schema = {}
+        for piece in self.facts.pieces:
+            known[piece.name] = {**self._component(piece), "title": piece.name, "description": self._of_piece(piece)}
+        section["properties"] = known
+        _set_each(section, self._plain("ComponentSpec", "Component"))
+
+    def _component(self, piece: WrittenComponent) -> Schema:
+        if piece.source is None or not piece.sure:
+            return _ref("ComponentSpec")
+        key, text = piece.source
+        name = f"{piece.label} here"
+        own = {**self._attach(piece.mounts, sure=True)}
+        if self.definitions.setdefault(name, own) != own:  # other mounts are added to it
+            name = f"{piece.name} here"
+            self.definitions[name] = own
+        return {**_ref("ComponentSpec"), **_if(key, text, {"properties": {"attach": _ref(name)}})}
+
+    def _of_piece(self, piece: WrittenComponent) -> str:
+        own = [name for name in piece.mounts if "." not in name]
+        return f"{piece.what}\n\nMounts: {quoted(own, 30)}."
+
+    # --- joints, poses, modes, sensors --------------------------------------------------------------------------
+
+    def _joints(self) -> None:
+        own = [(name, joint.what) for name, joint in self.facts.joints.items() if joint.own]
+        self._offer("MimicSpec", "joint", own)
+        section = self.properties["joints"]
+        _set_each(section, self._plain("JointSpec", "Joint"))
+        section["properties"] = {
+            name: {**_ref("JointSpec"), "title": name, "description": joint.what}
+            for name, joint in self.facts.joints.items() if joint.own
+        }
+
+    def _poses(self) -> None:
+        settable = {name: joint for name, joint in self.facts.joints.items() if joint.settable}
+        pose = _each(self.properties["poses"])
+        pose["properties"] = {
+            **{
+                name: {"title": name, "description": f"A pose of the document nested as `{name}`.", **one_of((one, "") for one in poses)}
+                for name, poses in self.facts.nested_poses.items() if poses
+            },
+            **{name: {**_coordinate(joint), "title": name, "description": joint.what} for name, joint in settable.items()},
+        }
+
+    def _modes(self) -> None:
+        poses, modes = self.facts.poses.items(), self.facts.modes.items()
+        joints = [(name, joint.what) for name, joint in self.facts.joints.items()]
+        self._put("ModeSpec", "root", _ref("frame"))
+        self._offer("ModeSpec", "pose", poses)
+        self._offer("ModeSpec", "extends", modes)
+        self._put("ModeSpec", "poses", {"type": "array", "items": one_of(poses)})
+        for key in ("actuators", "cut"):
+            self._put("ModeSpec", key, {"type": "array", "items": one_of(joints)})
+        self.definitions["ContactsSpec"]["properties"]["exclude"]["items"]["items"] = _ref("component")
+        frames = {**self.facts.exports, **self.facts.mounts}
+        for model, key in (("ModeSpec", "hold"), ("ContactsSpec", "adhesion")):
+            section = self._field(model, key)
+            self.definitions[key] = _each(section)
+            _set_each(section, _ref(key))
+            section["properties"] = {name: _ref(key) for name in frames}
+
+    def _sensors(self) -> None:
+        shown = {name: f"`{text}`, which this document shows." for name, text in self.facts.exports.items()}
+        mount = _ref("mount")
+        if shown:
+            mount = {"anyOf": [one_of(shown.items(), pattern=rf"^({'|'.join(shown)})$"), _ref("mount")]}
+        for key in ("at", "in"):
+            self._put("SensorSpec", key, mount)
+        for key in ("around", "side"):
+            self._put("AroundSpec", key, mount)
+        for key in ("of", "with"):
+            self._put("SensorSpec", key, _ref("component"))
+        self._offer("SensorSpec", "joint", [(name, joint.what) for name, joint in self.facts.joints.items()])
+
+    def _tests(self) -> None:
+        """The `tests:` block: what takes a reference is offered components where its words speak of one, or in a list, else mounts; every
+        kind of test names poses, modes and joints under the same keys."""
+        joints = [(name, joint.what) for name, joint in self.facts.joints.items()]
+        choices: dict[str, list[tuple[str, str]]] = {
+            "pose": [*self.facts.poses.items(), ("all", "Every keyframe of the mode.")], "mode": list(self.facts.modes.items()),
+            "drive": [*joints, ("*", "Every drive.")],
+        }
+        self.definitions["shown"] = one_of({**self.facts.exports, **self.facts.mounts}.items(), title="Mount")
+        for name in [name for name in self.definitions if name.endswith("Test") or name == "AllowSpec"]:
+            fields = self.definitions[name]["properties"]
+            for key, written in list(fields.items()):
+                if written.get("pattern") == REFERENCE_PATTERN:
+                    component = str(written.get("description", "")).startswith("A component")
+                    self._put(name, key, _ref("component" if component else "shown"))
+                elif written.get("items", {}).get("pattern") == REFERENCE_PATTERN:
+                    written["items"] = _ref("component")
+            for key in [key for key in choices if key in fields]:
+                choice = one_of(choices[key])
+                self._put(name, key, {"anyOf": [choice, {"type": "array", "items": choice, "minItems": 1}]})
+            if "joints" in fields:
+                swept = _each(fields["joints"])
+                fields["joints"]["properties"] = {joint: {**swept, "description": text} for joint, text in joints}
+
+
+def _each(section: Schema) -> Schema:
+    """The schema of every value of a mapping with names of its own."""
+    named = section.get("patternProperties")
+    schema: Schema = section["additionalProperties"] if named is None else next(iter(named.values()))
+    return schema
+
+
+def _set_each(section: Schema, value: Schema) -> None:
+    """Another schema for every value of a mapping for which `properties` says nothing. Their names keep their pattern."""
+    section.pop("patternProperties", None)
+    section["additionalProperties"] = value
+
+
+def _if(key: str, text: str, then: Schema) -> Schema:
+    return {"if": {"properties": {key: {"const": text}}, "required": [key]}, "then": then}
+
+
+def _full_or_short(short: Schema, mounts: Iterable[str], *, mount: Schema | None = None) -> Schema:
+    """`{mount: back, to: plate.servo_seat}` where one of the two words stands there and is no mount's name, else
+    `{back: plate.servo_seat}`."""
+    words = [word for word in ("mount", "to") if word not in mounts]
+    full: Schema = dict(_ref("AttachSpec"))
+    if mount is not None:
+        full = {"allOf": [full, {"properties": {"mount": mount}}]}
+    offered = {word: {"type": "string", "description": text} for word, text in (
+        ("mount", "My mount, where the mate is written in full: `{mount: back, to: plate.servo_seat, turn: 90 deg}`."),
+    ) if word in words}
+    brief = {**short, "properties": {**short.get("properties", {}), **offered}}
+    if not words:
+        return brief
+    return {"if": {"anyOf": [{"required": [word]} for word in words]}, "then": full, "else": brief}
+
+
+def _coordinate(joint: JointFacts) -> Schema:
+    if joint.angle is None:  # of several coordinates, a ball, or not known
+        return {"anyOf": [{"type": ["string", "array", "object"]}, {"const": 0}]}
+    return values.quantity(ANGLE if joint.angle else LENGTH)

@@ -1,0 +1,192 @@
+"""The schemas of a workspace: all written to files, or that of one document as it is being typed."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Collection, Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from thingc.base.file_watcher import Stat, stat_of
+from thingc.base.frozen import dataclass
+from thingc.base.source import MappingNode, ScalarNode
+from thingc.documents.load.discovery import documents_in
+from thingc.documents.load.packaged import packaged_documents
+from thingc.documents.workspace import OWN_FILE, Workspace
+from thingc.geometry.record import PartDefinition, PartFailure, PartSchema
+from thingc.tools.schemas import folder
+from thingc.tools.schemas.available_parts import Parts, PartsInReach
+from thingc.tools.schemas.document_facts import Facts, Records, facts_of
+from thingc.tools.schemas.narrow_schema import Surroundings, narrowed, remembered
+from thingc.tools.schemas.parsed_document import KINDS, Reading, read_document
+from thingc.tools.schemas.symbols import DocumentSymbols, near, of_variants, read_symbols, symbols_of
+
+if TYPE_CHECKING:
+    from thingc.model.resolve.types import AssemblyDefinition
+
+LOOK = 1.0
+"""How old [s] what is known of other documents may be for somebody who types."""
+
+MAX_OTHERS = 100
+"""Documents of a workspace that are offered to each other, the nearest first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RefreshOutcome:
+    """What was done, by the documents' paths in the workspace: all `documents`, those whose schema was `written`, those that cannot be read
+    now and `kept` their last schema, and those that no longer exist, whose schema was `removed`."""
+
+    documents: tuple[str, ...]
+    written: tuple[str, ...]
+    kept: tuple[str, ...]
+    removed: tuple[str, ...]
+
+
+class Schemas:
+    """The schemas of one workspace. `geometry` is asked for parts."""
+
+    def __init__(self, workspace: Workspace, geometry: PartsInReach) -> None:
+        self.workspace = workspace
+        self._parts = Parts(geometry)
+        self._general: dict[str, dict[str, Any]] = {}
+        self._seen: dict[str, Stat] = {}
+        self._symbols: dict[str, DocumentSymbols] = {}
+        self._narrowed: dict[str, tuple[tuple[Facts, Surroundings], dict[str, Any]]] = {}
+        self._looked = float("-inf")
+
+    def _scan(self) -> dict[str, Stat]:
+        paths = documents_in(self.workspace.root, self.workspace)
+        own = os.path.join(self.workspace.root, OWN_FILE)
+        if os.path.exists(own):
+            paths.append(own)
+        stats = {path: stat_of(path) for path in paths}
+        # An editor may empty a file before it writes it: the document is still the last one.
+        emptied = {path: stat for path in self._seen if path not in stats and (stat := stat_of(path)) is not None and stat[1] == 0}
+        return stats | emptied
+
+    def _look(self) -> dict[str, str]:
+        """The names in the workspace of its documents, by absolute path. Their symbols are read again where they have changed."""
+        before, self._seen = self._seen, self._scan()
+        names = {path: self.workspace.relative(path) for path in self._seen}
+        for gone in set(self._symbols) - set(names.values()):
+            del self._symbols[gone]
+        for path, name in names.items():
+            if before.get(path) != self._seen[path]:
+                symbols = read_symbols(path)
+                if symbols.whole or name not in self._symbols:
+                    self._symbols[name] = symbols
+        return names
+
+    def write(self, only: Collection[str] | None = None) -> RefreshOutcome:
+        """Write the schemas of all documents, or of `only` these (absolute paths), where they are not the same already. Raises OSError."""
+        names = self._look()
+        read = {name: one for path, name in names.items() if (one := read_document(path, self.workspace)) is not None}
+        schemas = self._parts.describe(dict.fromkeys(reference for one in read.values() for reference in one.references))
+        models = {name: one.model(self.workspace, schemas) for name, one in read.items() if one.kind == "assembly"}
+        definitions = _definitions(models.values())
+        self._parts.realize((*definitions, *self._parts.defaults().values()))
+        usual = self._parts.usual(definitions)
+        wanted = None if only is None else {self.workspace.relative(path) for path in only}
+        chosen = [name for name in names.values() if wanted is None or name in wanted]
+        done = {name: self._write(name, read.get(name), models.get(name), usual) for name in chosen}
+        return RefreshOutcome(
+            documents=tuple(chosen), written=tuple(name for name in chosen if done[name]),
+            kept=tuple(name for name in chosen if done[name] is None),
+            removed=() if only is not None else tuple(folder.remove_others(self.workspace.root, names.values())),
+        )
+
+    def general(self, kind: str) -> dict[str, Any] | None:
+        """The schema of all documents of a kind; None for an unknown kind."""
+        from thingc.documents.spec.schema import json_schema
+
+        if kind not in KINDS:
+            return None
+        if kind not in self._general:
+            self._general[kind] = json_schema(kind)
+        return self._general[kind]
+
+    def schema_of(
+        self, path: str, tree: MappingNode, model: AssemblyDefinition | None, records: Records,
+        known: Mapping[str, PartSchema | PartFailure],
+    ) -> dict[str, Any] | None:
+        """The schema of a document (absolute path) as it is being written, with what the workspace's other files say now; None for what
+        is no document. `model` and `records` are of the sound rest of its `tree`, `known` is what the parts take that it names. Nothing
+        is written."""
+        if time.monotonic() - self._looked > LOOK:
+            self._look()
+            self._looked = time.monotonic()
+        kind = symbols_of(tree).kind
+        general, name = self.general(kind), self.workspace.relative(path)
+        if general is None or kind not in ("assembly", "variants"):
+            return general
+        if kind == "variants":
+            return self._of_variants(name, general, tree)
+        schemas = {**self._parts.describe(()), **known}
+        self._parts.realize(self._parts.defaults().values())
+        around = self._around(name, self._parts.usual(()), {})
+        made = (facts_of(tree, model, records, schemas, around.usual), around)
+        if name not in self._narrowed or self._narrowed[name][0] != made:
+            self._narrowed[name] = (made, narrowed(general, *made))
+        return self._narrowed[name][1]
+
+    def _of_variants(self, name: str, general: dict[str, Any], tree: MappingNode) -> dict[str, Any]:
+        others = self._others(name, "assembly")
+        assembly = tree.entries.get("assembly")
+        return of_variants(general, others.get(str(assembly.value)) if isinstance(assembly, ScalarNode) else None, others)
+
+    def _around(self, name: str, usual: Mapping[str, Any], lost: dict[str, Any]) -> Surroundings:
+        return Surroundings(
+            parts=self._parts.things(), usual=dict(usual), assemblies=self._others(name, "assembly"),
+            materials={**self._others(name, "materials"), **self._packaged()}, lost=lost,
+        )
+
+    def _write(
+        self, name: str, reading: Reading | None, model: AssemblyDefinition | None, usual: Mapping[str, Any],
+    ) -> bool | None:
+        """Whether the schema of a document was written; None if the document is broken and keeps its last one."""
+        root, kind = self.workspace.root, reading.kind if reading is not None else self._symbols[name].kind
+        if (reading is None or reading.broken) and folder.read(root, name):
+            return None
+        schema = self.general(kind)
+        if schema is None:
+            return False
+        if kind == "variants" and reading is not None:
+            schema = self._of_variants(name, schema, reading.documents.root.tree)
+        elif kind == "assembly":
+            lost: dict[str, Any] = {}
+            references = reading.references if reading is not None else ()
+            unsure = self._parts.unsure(dict.fromkeys((*references, *self._last_references(name))))
+            if unsure:
+                lost, mounts = remembered(folder.read(root, name), unsure)
+                usual = {**mounts, **usual}
+            facts = Facts() if reading is None else facts_of(
+                reading.documents.root.tree, model, self._parts.records, self._parts.schemas, usual,
+            )
+            schema = narrowed(schema, facts, self._around(name, usual, lost))
+        return folder.write(root, name, schema)
+
+    def _last_references(self, name: str) -> list[str]:
+        """The Things of modules that cannot be parsed now, as the last schema of a document has them."""
+        if not self._parts.unreadable:
+            return []
+        definitions = folder.read(self.workspace.root, name).get("$defs", {})
+        return [one.removeprefix("params of ") for one in definitions if one.startswith("params of ")]
+
+    def _packaged(self) -> dict[str, DocumentSymbols]:
+        """The documents of materials of packages in reach, by their names with dots."""
+        return {
+            name: DocumentSymbols(kind="materials", description=f"The materials of `{name.partition('.')[0]}`.")
+            for name in packaged_documents(self.workspace)
+        }
+
+    def _others(self, name: str, kind: str) -> dict[str, DocumentSymbols]:
+        """The other documents of a kind by what this one would call them, the nearest first."""
+        others = {near(name, other): one for other, one in self._symbols.items() if one.kind == kind and other != name}
+        order = sorted(others, key=lambda text: (text.count("/"), text))[:MAX_OTHERS]
+        return {text: others[text] for text in order}
+
+
+def _definitions(models: Iterable[AssemblyDefinition | None]) -> tuple[PartDefinition, ...]:
+    from thingc.model.resolve.nested import part_definitions
+
+    return tuple(dict.fromkeys(definition for one in models if one is not None for definition in part_definitions(one)))
