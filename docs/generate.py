@@ -27,7 +27,7 @@ from typing import Any, get_type_hints
 
 from thingc.base.diagnostics import Code
 from thingc.documents.checks import kinds
-from thingc.targets.capabilities import Beside, Capabilities, Cell, Says
+from thingc.targets.capabilities import Capabilities, Cell, Companion, Supported
 from thingc.targets.registry import TARGETS
 
 DOCS = Path(__file__).resolve().parent
@@ -215,9 +215,9 @@ def formats() -> str:
 
 def _said(cell: Cell[Any]) -> str:
     """A cell of a table of capabilities, for people."""
-    if isinstance(cell, Beside):
+    if isinstance(cell, Companion):
         return "-"
-    if isinstance(cell, Says):
+    if isinstance(cell, Supported):
         return f"yes: {_cell(cell.how)}" if cell.how else "yes"
     return f"*{cell.how}*{_cell(cell.words)}"
 

@@ -25,17 +25,17 @@ from thingc.tools.diff.change import Change
 from thingc.tools.diff.comparing import compare
 from thingc.tools.diff.name_mapping import equal
 from thingc.tools.diff.reading import portrait
-from thingc.tools.diff.snapshot import Portrait
+from thingc.tools.diff.snapshot import Snapshot
 
 
-def drawn(document: Path) -> Portrait | None:
+def drawn(document: Path) -> Snapshot | None:
     """The portrait of a document; None where it does not compile."""
     with Environment(str(document), Options()) as environment:
         compilation = compile(environment)
         return None if compilation.report.failed or compilation.assembly is None else portrait(compilation)
 
 
-def faults(old: Portrait, new: Portrait, made: frozenset[tuple[str, str, str, str | None]]) -> Iterator[str]:
+def faults(old: Snapshot, new: Snapshot, made: frozenset[tuple[str, str, str, str | None]]) -> Iterator[str]:
     """What `thingc diff` says wrong of two robots, one of which came of the other by these changes."""
     there, back = compare(old, new).changes, compare(new, old).changes
     named = {(c.what, c.change, c.path, c.field) for c in there if not c.caused}
@@ -75,7 +75,7 @@ def main() -> int:
     return 1 if wrong else 0
 
 
-def _cases(folder: Path, portraits: dict[str, Portrait | None]) -> Iterator[tuple[str, list[str]]]:
+def _cases(folder: Path, portraits: dict[str, Snapshot | None]) -> Iterator[tuple[str, list[str]]]:
     for number, one in enumerate(cases()):
         document = ROBOTS[one.robot].copy(folder / f"case_{number}")
         one.write(document)
@@ -83,7 +83,7 @@ def _cases(folder: Path, portraits: dict[str, Portrait | None]) -> Iterator[tupl
         yield f"{one.robot}, {one.name}", ["it does not compile"] if old is None or new is None else list(faults(old, new, one.made))
 
 
-def _designs(folder: Path, portraits: dict[str, Portrait | None], count: int) -> Iterator[tuple[str, list[str]]]:
+def _designs(folder: Path, portraits: dict[str, Snapshot | None], count: int) -> Iterator[tuple[str, list[str]]]:
     """Designs that break no rule: their parameters, written into the document, are all that is named."""
     old, number, taken = portraits["minchw"], 0, 0
     while taken < count:
@@ -111,7 +111,7 @@ def _with(text: str, name: str, value: str) -> str:
     return re.sub(rf'(\n  {name}: )"=leg_length"', rf"\g<1>{value}", text)
 
 
-def _rewrites(folder: Path, portraits: dict[str, Portrait | None], count: int) -> Iterator[tuple[str, list[str]]]:
+def _rewrites(folder: Path, portraits: dict[str, Snapshot | None], count: int) -> Iterator[tuple[str, list[str]]]:
     for number in range(count):
         name = list(ROBOTS)[number // 5 % len(ROBOTS)]
         document = ROBOTS[name].copy(folder / f"rewrite_{number}")

@@ -28,8 +28,8 @@ import thingc
 from importing.as_original import Pair, in_files
 from thingc.base.diagnostics import Report, Severity
 from thingc.tools.importing.importing import Imported, import_robot
-from thingc.tools.importing.mjcf.compiled_source import Original
-from thingc.tools.importing.mjcf.flattened_source import Flat
+from thingc.tools.importing.mjcf.compiled_source import CompiledSource
+from thingc.tools.importing.mjcf.flattened_source import FlattenedSource
 from thingc.tools.importing.xml_source import read_xml
 
 EXACT = 1e-9
@@ -127,11 +127,11 @@ def rooted(file: Path, roots: list[str]) -> Imported:
     return found
 
 
-def read(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel) -> Original:
+def read(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel) -> CompiledSource:
     """What a file has; what it gives no name has the one that the import has made up."""
     root = read_xml(str(file), file.read_bytes(), Report())
     assert root is not None
-    return Original(Flat(root=root, text="", lines=(), files={}, meshes={}, included=(), losses=()), spec, theirs)
+    return CompiledSource(FlattenedSource(root=root, text="", lines=(), files={}, meshes={}, included=(), losses=()), spec, theirs)
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ import thingc
 from thingc.base.source import MappingNode, Node, ScalarNode
 from thingc.base.units import Quantity
 from thingc.batch.families import NoModel
-from thingc.batch.mujoco_arrays.equality import differing
+from thingc.batch.mujoco_arrays.equality import different_fields
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
@@ -127,7 +127,7 @@ def compared(document: str, count: int, store: str | None, visual: bool, parts: 
                     if isinstance(model, NoModel) or isinstance(other, tuple):
                         tally["refused alike" if isinstance(model, NoModel) and isinstance(other, tuple) else "REFUSED OTHERWISE"] += 1
                         continue
-                    wrong = differing(model, other)
+                    wrong = different_fields(model, other)
                     tally[f"equal by {way}" if not wrong else "DIFFERENT"] += 1
                     if wrong:
                         print(document, mode, settings, wrong)

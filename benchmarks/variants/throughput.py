@@ -44,7 +44,7 @@ from thingc.driver.environment import Options
 from thingc.driver.session import Session
 from thingc.driver.settings import SettingsReader
 from thingc.model.resolve.sources import Settings
-from thingc.targets.artifact import Stored
+from thingc.targets.artifact import StoredArtifact
 
 ROOT = Path(__file__).resolve().parents[2]
 ADDED = """
@@ -109,7 +109,7 @@ def build(made: Builds, settings: Settings, folder: Path, *, plans: bool = True)
         raise SystemExit(f"{settings}: {problems}")
     os.makedirs(folder / "mjcf", exist_ok=True)
     for path, content in files.items():
-        if not isinstance(content, Stored):  # the meshes are shared by all variants
+        if not isinstance(content, StoredArtifact):  # the meshes are shared by all variants
             with open(f"{folder}/{path}", "wb") as stream:
                 stream.write(content)
 
@@ -126,7 +126,7 @@ class Models:
         self.files = mujoco.MjVfs()
         self.meshes: dict[str, bytes] = {}
         for name, held in session.emit(session.compile(plain(0)), ["mjcf"])["mjcf"].files.items():
-            if isinstance(held, Stored):
+            if isinstance(held, StoredArtifact):
                 file = name.removeprefix("mjcf/assets/")
                 self.files[file] = self.meshes[file] = session.environment.store.read(held.sha256)
 

@@ -21,7 +21,7 @@ from conformance import simulation as sim
 from conformance.conftest import ARM
 from conformance.harness import ROOT
 from conformance.harness import thingc as run
-from thingc.base.one_line_repr import LONGEST, Brief
+from thingc.base.one_line_repr import LONGEST, OneLineRepr
 from thingc.modes import Modes
 from thingc_stock.dynamixel import XM430
 
@@ -322,7 +322,7 @@ def test_whatever_hangs_on_a_compiled_robot_prints_as_one_line(compiled: thingc.
         seen.add(id(value))
         if is_dataclass(value):
             line = repr(value)
-            assert "\n" not in line and len(line) <= (LONGEST if isinstance(value, Brief) else 300), line
+            assert "\n" not in line and len(line) <= (LONGEST if isinstance(value, OneLineRepr) else 300), line
             met.add(type(value).__name__)
             waiting += [getattr(value, one.name) for one in fields(value)]
         elif isinstance(value, Mapping):

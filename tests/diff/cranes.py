@@ -9,7 +9,7 @@ from thingc.driver.pipeline import compile
 from thingc.tools.diff.change import Change
 from thingc.tools.diff.comparing import Comparison, compare
 from thingc.tools.diff.reading import portrait
-from thingc.tools.diff.snapshot import Portrait
+from thingc.tools.diff.snapshot import Snapshot
 
 CRANE = """\
 thingc: assembly/1
@@ -83,7 +83,7 @@ def write(folder: Path, *edits: tuple[str, str], cabin: tuple[tuple[str, str], .
     return folder / "crane.yaml"
 
 
-def drawn(document: Path, store: str) -> Portrait:
+def drawn(document: Path, store: str) -> Snapshot:
     """The portrait of a document that compiles."""
     with Environment(str(document), Options(store=store)) as environment:
         compilation = compile(environment)
@@ -101,7 +101,7 @@ def content(change: Change) -> tuple[str, ...]:
     return tuple(map(repr, (change.what, change.change, change.path, change.new_path, change.field, change.old, change.new)))
 
 
-def sound(old: Portrait, new: Portrait) -> Comparison:
+def sound(old: Snapshot, new: Snapshot) -> Comparison:
     """What changed, after looking that the way back is the mirror image, and that every cause is a change that somebody made."""
     there, back = compare(old, new), compare(new, old)
     assert sorted(content(c.backward) for c in there.changes) == sorted(map(content, back.changes))

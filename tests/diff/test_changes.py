@@ -12,14 +12,14 @@ import pytest
 from diff.cranes import CRANE, drawn, made, sound, write
 from thingc.tools.diff.change import Change
 from thingc.tools.diff.comparing import Comparison, compare
-from thingc.tools.diff.snapshot import Portrait
+from thingc.tools.diff.snapshot import Snapshot
 from thingc.tools.diff.text_report import following
 
 Made = set[tuple[str, str, str, str | None]]
 
 
 @pytest.fixture(scope="module")
-def crane(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Portrait:
+def crane(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Snapshot:
     return drawn(write(tmp_path_factory.mktemp("crane")), shared_store)
 
 
@@ -61,12 +61,12 @@ EDITS: dict[str, tuple[list[tuple[str, str]], Made]] = {
 
 
 @pytest.mark.parametrize("name", EDITS)
-def test_an_edit_is_named_and_nothing_else(name: str, crane: Portrait, tmp_path: Path, shared_store: str) -> None:
+def test_an_edit_is_named_and_nothing_else(name: str, crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
     edits, expected = EDITS[name]
     assert made(sound(crane, drawn(write(tmp_path, *edits), shared_store))) == expected
 
 
-def test_an_edit_of_a_nested_document_is_named_where_it_stands(crane: Portrait, tmp_path: Path, shared_store: str) -> None:
+def test_an_edit_of_a_nested_document_is_named_where_it_stands(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
     new = drawn(write(tmp_path, cabin=(("value: 200 mm", "value: 220 mm"),)), shared_store)
     comparison = sound(crane, new)
     assert made(comparison) == {("parameter", "changed", "cabin/width", "value")}
@@ -75,7 +75,7 @@ def test_an_edit_of_a_nested_document_is_named_where_it_stands(crane: Portrait, 
     }
 
 
-def test_what_follows_has_its_cause(crane: Portrait, tmp_path: Path, shared_store: str) -> None:
+def test_what_follows_has_its_cause(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
     comparison = sound(crane, drawn(write(tmp_path, ("value: 120 g", "value: 150 g"), ("value: 400 mm", "value: 450 mm")), shared_store))
     follows = {(c.what, c.path, c.field): c for c in comparison.changes if c.caused}
     assert set(follows[("mass", "", "robot.mass")].because) == {"hook", "reach"}
@@ -88,7 +88,7 @@ def test_what_follows_has_its_cause(crane: Portrait, tmp_path: Path, shared_stor
     assert follows[("mount", "boom/tip", "xyz")].because == ("reach",)
 
 
-def test_how_far_the_robot_reaches(crane: Portrait, tmp_path: Path, shared_store: str) -> None:
+def test_how_far_the_robot_reaches(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
     """The head of the mast is farthest, for the boom hangs at q = 0."""
     comparison = sound(crane, drawn(write(tmp_path, ("0 0 500 mm", "0 0 560 mm")), shared_store))
     (reach,) = [c for c in comparison.changes if c.field == "robot.reach"]
@@ -112,7 +112,7 @@ components:
 joints: {fit: {type: KIND, parent: rod.end, child: sleeve.end}}
 poses: {out: {fit: AT}}
 """
-    robots: list[Portrait] = []
+    robots: list[Snapshot] = []
     for name, lean in (("before", math.pi / 6.0), ("after", math.pi / 4.0)):
         (tmp_path / name).mkdir()
         document = tmp_path / name / "rod.yaml"
@@ -121,7 +121,7 @@ poses: {out: {fit: AT}}
     assert [change.words for change in compare(*robots).changes if change.what == "pose"] == [words]
 
 
-def test_a_quaternion_is_told_as_it_is_written(crane: Portrait, tmp_path: Path, shared_store: str) -> None:
+def test_a_quaternion_is_told_as_it_is_written(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
     """Beside another quaternion; beside angles, or nothing, in angles. The same turn in other words is no change."""
     yard = "stand: {root: mast, base: fixed, pose: up"
     turns = ("", ", at: {rpy: 0 0 90 deg}", ", at: {quat: [0.5, 0.5, 0.5, 0.5]}", ", at: {quat: [0.6, 0, 0.8, 0]}")
@@ -135,7 +135,7 @@ def test_a_quaternion_is_told_as_it_is_written(crane: Portrait, tmp_path: Path, 
     assert compare(angles, same).changes == ()
 
 
-def test_what_is_renamed_says_by_what_it_is_known(crane: Portrait, tmp_path: Path, shared_store: str) -> None:
+def test_what_is_renamed_says_by_what_it_is_known(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
     comparison = compare(crane, drawn(write(tmp_path, ("  hook: {", "  grab: {"), ("  lamp:\n", "  light:\n")), shared_store))
     assert {(c.path, c.new_path, c.reason, c.because) for c in comparison.changes if c.path == "hook"} == {
         ("hook", "grab", "the same definition, and it meets `boom` as before", ()),
@@ -164,7 +164,7 @@ REWRITES = {
 
 
 @pytest.mark.parametrize("name", REWRITES)
-def test_what_means_the_same_is_no_change(name: str, crane: Portrait, tmp_path: Path, shared_store: str) -> None:
+def test_what_means_the_same_is_no_change(name: str, crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
     text = REWRITES[name](CRANE)
     assert text != CRANE
     document = write(tmp_path)
@@ -189,7 +189,7 @@ def test_what_tests_measure_has_units_and_is_told_once() -> None:
     ]
 
 
-def test_what_turns_in_its_place_has_turned(crane: Portrait, tmp_path: Path, shared_store: str) -> None:
+def test_what_turns_in_its_place_has_turned(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
     """The head of the mast turned by 52 deg: the boom turns about its heel, and the hook, 400 mm from there, moves as well."""
     comparison = sound(crane, drawn(write(tmp_path, ("xyz: 0 0 500 mm, rpy: 90", "xyz: 0 0 500 mm, rpy: 142")), shared_store))
     moved = {(c.path, c.field) for c in comparison.changes if c.what == "component" and c.change == "moved"}

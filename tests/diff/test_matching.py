@@ -10,10 +10,10 @@ from networkx.algorithms.isomorphism import MultiDiGraphMatcher
 
 from thingc.base.pose import shifted
 from thingc.tools.diff.matching import match
-from thingc.tools.diff.snapshot import ComponentNode, Edge, Portrait
+from thingc.tools.diff.snapshot import ComponentNode, Edge, Snapshot
 
 
-def robot(source: random.Random, size: int, kinds: int = 4) -> Portrait:
+def robot(source: random.Random, size: int, kinds: int = 4) -> Snapshot:
     """A tree of parts of a few kinds, each on a mount of an earlier one; some mounts are met by several."""
     nodes = [ComponentNode(path="part_0", kind="part", reference="m:P0", text="m:P0", place=shifted(0.0, 0.0, 0.0))]
     edges = []
@@ -22,19 +22,19 @@ def robot(source: random.Random, size: int, kinds: int = 4) -> Portrait:
         place = shifted(*(source.uniform(-1.0, 1.0) for _ in range(3)))
         nodes.append(ComponentNode(path=f"part_{number}", kind="part", reference=kind, text=kind, place=place))
         edges.append(Edge(parent=above.path, child=f"part_{number}", mounts=(f"m{source.randrange(3)}", "seat"), joint=""))
-    return Portrait(name="robot", nodes=tuple(nodes), edges=tuple(edges))
+    return Snapshot(name="robot", nodes=tuple(nodes), edges=tuple(edges))
 
 
-def renamed(portrait: Portrait, names: dict[str, str], source: random.Random) -> Portrait:
+def renamed(portrait: Snapshot, names: dict[str, str], source: random.Random) -> Snapshot:
     """The same robot with other names, and in another order."""
     nodes = [replace(node, path=names.get(node.path, node.path)) for node in portrait.nodes]
     edges = [replace(one, parent=names.get(one.parent, one.parent), child=names.get(one.child, one.child)) for one in portrait.edges]
     source.shuffle(nodes)
     source.shuffle(edges)
-    return Portrait(name="robot", nodes=tuple(nodes), edges=tuple(edges))
+    return Snapshot(name="robot", nodes=tuple(nodes), edges=tuple(edges))
 
 
-def graph(portrait: Portrait, marked: str) -> networkx.MultiDiGraph:
+def graph(portrait: Snapshot, marked: str) -> networkx.MultiDiGraph:
     """The robot with one of its parts marked."""
     made = networkx.MultiDiGraph()
     for node in portrait.nodes:
@@ -44,7 +44,7 @@ def graph(portrait: Portrait, marked: str) -> networkx.MultiDiGraph:
     return made
 
 
-def exchange(portrait: Portrait, one: str, other: str) -> bool:
+def exchange(portrait: Snapshot, one: str, other: str) -> bool:
     """Whether an automorphism takes one part to another."""
     matcher = MultiDiGraphMatcher(
         graph(portrait, one), graph(portrait, other), node_match=lambda a, b: a["colour"] == b["colour"],
@@ -91,14 +91,14 @@ def test_a_thousand_components_that_are_all_called_otherwise() -> None:
 
 
 def test_parts_that_are_alike_are_told_apart_by_place_with_doubt() -> None:
-    def row(names: list[str], at: list[float]) -> Portrait:
+    def row(names: list[str], at: list[float]) -> Snapshot:
         base = ComponentNode(path="base", kind="part", reference="m:B", text="m:B", place=shifted(0.0, 0.0, 0.0))
         screws = [
             ComponentNode(path=name, kind="part", reference="m:S", text="m:S", place=shifted(x, 0.0, 0.0))
             for name, x in zip(names, at, strict=True)
         ]
         edges = [Edge(parent="base", child=name, mounts=("face", "seat"), joint="") for name in names]
-        return Portrait(name="row", nodes=(base, *screws), edges=tuple(edges))
+        return Snapshot(name="row", nodes=(base, *screws), edges=tuple(edges))
 
     matched = match(row(["a", "b", "c"], [0.0, 1.0, 2.0]), row(["x", "y"], [2.1, 0.9]))
     assert {(m.old, m.new, m.perhaps) for m in matched.values()} == {("base", "base", False), ("b", "y", True), ("c", "x", True)}

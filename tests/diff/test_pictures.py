@@ -15,7 +15,7 @@ from thingc.tools.diff.change import Change
 from thingc.tools.diff.comparing import Comparison
 from thingc.tools.diff.page import as_html
 from thingc.tools.diff.pictures import GONE, MOVED, NEW, OTHER, SAME, coloured, colours, with_removed
-from thingc.tools.diff.results import Differences
+from thingc.tools.diff.results import DiffResult
 from thingc.tools.diff.text_report import as_markdown
 
 CHANGES = (
@@ -64,7 +64,7 @@ def test_what_is_gone_stands_in_the_picture_where_it_was() -> None:
 def test_a_page_with_a_slider() -> None:
     fails = Change(what="test", change="changed", path="light", field="passed", old=True, new=False, because=("hook",))
     comparison = Comparison(name="crane", changes=(*CHANGES, fails), pictures=PICTURES)
-    page = as_html(Differences(old="main", new="<HEAD>", documents=(("crane.yaml", comparison),)))
+    page = as_html(DiffResult(old="main", new="<HEAD>", documents=(("crane.yaml", comparison),)))
     assert "<h1>main → &lt;HEAD&gt;</h1>" in page and "the same &lt;definition&gt;" in page
     assert page.count('src="data:image/png;base64,') == 3 and page.count('<input type="range"') == 1
     assert "http" not in page.replace("https", "http").partition("<body>")[2]
@@ -74,7 +74,7 @@ def test_a_page_with_a_slider() -> None:
 
 def test_a_comment_refers_to_pictures() -> None:
     comparison = Comparison(name="crane", changes=CHANGES, pictures=PICTURES)
-    differences = Differences(old="main", new="HEAD", documents=(("cr[ane].yaml", comparison),))
+    differences = DiffResult(old="main", new="HEAD", documents=(("cr[ane].yaml", comparison),))
     text = as_markdown(differences, lambda name, key: f"pictures/crane_{key}.png")
     assert "![cr?ane?.yaml, before](pictures/crane_before.png)\n![cr?ane?.yaml, after](pictures/crane_after.png)\n" in text
     assert "![" not in as_markdown(differences)
@@ -85,7 +85,7 @@ def test_a_comment_is_not_too_long() -> None:
         Change(what="component", change="renamed", path=f"part_{k}", new_path=f"piece_{k}", reason="`the same` definition" * 3)
         for k in range(3000)
     )
-    text = as_markdown(Differences(old="main", new="HEAD", documents=(("crane.yaml", Comparison(name="crane", changes=changes)),)))
+    text = as_markdown(DiffResult(old="main", new="HEAD", documents=(("crane.yaml", Comparison(name="crane", changes=changes)),)))
     assert 5_000 < len(text.encode()) <= 60_000 and "- and 2800 more\n" in text
 
 

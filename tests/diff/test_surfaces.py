@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from thingc.geometry.store.local import Store
-from thingc.tools.diff.surface_distance import Surfaces
+from thingc.tools.diff.surface_distance import SurfaceDistances
 
 FACES = (
     (0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3),
@@ -34,10 +34,10 @@ def box(store: Store, half: tuple[float, float, float], at: tuple[float, float, 
 def test_boxes(tmp_path: Path, half: tuple[float, float, float], at: tuple[float, float, float], expected: float) -> None:
     store = Store(str(tmp_path))
     old, new = box(store, (1.0, 1.0, 1.0)), box(store, half, at)
-    assert Surfaces(store).farthest(old, new) == pytest.approx(expected, abs=1e-12)
-    assert Surfaces(store).farthest(new, old) == pytest.approx(expected, abs=1e-12)  # now from the store
+    assert SurfaceDistances(store).farthest(old, new) == pytest.approx(expected, abs=1e-12)
+    assert SurfaceDistances(store).farthest(new, old) == pytest.approx(expected, abs=1e-12)  # now from the store
 
 
 def test_a_mesh_that_is_not_there(tmp_path: Path) -> None:
     store = Store(str(tmp_path))
-    assert Surfaces(store).farthest(box(store, (1.0, 1.0, 1.0)), "0" * 64) is None
+    assert SurfaceDistances(store).farthest(box(store, (1.0, 1.0, 1.0)), "0" * 64) is None

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from emit.small_robot import assembly, petg, request
-from thingc.base.csv_text import cell
+from thingc.base.csv_text import format_cell
 from thingc.geometry.record import PartDefinition
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.hag import Definition
@@ -169,7 +169,7 @@ FORMULAS = (
 @pytest.mark.parametrize("text", FORMULAS)
 def test_no_cell_is_a_formula(text: str) -> None:
     """As OWASP says of CSV injection: a quote before what begins with `=`, `+`, `-`, `@`, a tab or a carriage return."""
-    written = cell(text)
+    written = format_cell(text)
     if text[0].isdigit():
         assert written == text
     else:
@@ -182,4 +182,4 @@ def test_no_cell_is_a_formula(text: str) -> None:
     (None, ""), (True, "true"), ("a-b", "a-b"), ("", ""), ("M3=M3", "M3=M3"),
 ])
 def test_numbers_stay_numbers(value: object, written: str) -> None:
-    assert cell(value) == written
+    assert format_cell(value) == written

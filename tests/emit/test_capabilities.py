@@ -10,7 +10,7 @@ import pytest
 import thingc
 from loops.robots import compiled
 from thingc.base.diagnostics import Report
-from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Cell, Says, losses
+from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Cell, Supported, losses
 from thingc.targets.geometry import solid_geometry
 from thingc.targets.mjcf import body_tree as mjcf
 from thingc.targets.mjcf.capabilities import CAPABILITIES as MJCF
@@ -198,5 +198,5 @@ def test_a_joint_is_written_as_its_cell_has_it(
     robot: Any, monkeypatch: pytest.MonkeyPatch, target: str, says: Any, kind: str, form: str, word: str,
 ) -> None:
     before = text_of(robot, target)
-    monkeypatch.setitem(says["joints"], kind, Says(form))
+    monkeypatch.setitem(says["joints"], kind, Supported(form))
     assert word in before and before.count(word) > text_of(robot, target).count(word)

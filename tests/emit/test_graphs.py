@@ -12,7 +12,7 @@ import pytest
 
 from emit.graphs import arm, awkward, walker
 from emit.small_robot import assembly
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.hag import Hag
 from thingc.targets.hag import emit as hag
@@ -35,9 +35,11 @@ def test_the_assembly_graph_is_read_back(drawn: Hag) -> None:
     ids = [edge.get("id") for edge in ET.fromstring(text).iter("{http://graphml.graphdrawing.org/xmlns}edge")]
     assert len(set(ids)) == len(ids) == len(drawn.edges)
     read = networkx.parse_graphml(text, force_multigraph=True)
-    assert {node: data["label"] for node, data in read.nodes(data=True)} == {shown(d.text): shown(d.label) for d in drawn.definitions}
+    assert {node: data["label"] for node, data in read.nodes(data=True)} == {
+        escape_control(d.text): escape_control(d.label) for d in drawn.definitions
+    }
     assert sorted((a, b, name) for a, b, name in read.edges(data="name")) == sorted(
-        (shown(edge.parent), shown(edge.child), shown(edge.component)) for edge in drawn.edges
+        (escape_control(edge.parent), escape_control(edge.child), escape_control(edge.component)) for edge in drawn.edges
     )
 
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from emit.graphs import NASTY, arm, awkward, graph, walker
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 from thingc.model.assembly.hag import Hag
 from thingc.targets.hag import emit as hag
 from thingc.targets.hag.layered_layout import Drawing, Line, Rectangle, Size, draw
@@ -61,7 +61,7 @@ def test_boxes_and_labels_lie_apart_and_inside(drawn: Hag) -> None:
     assert match is not None
     left, top = float(match[1]), float(match[2])
     boxes = groups(svg, "box")
-    assert [box.findtext(f"{SVG}title") for box in boxes] == [shown(d.label) for d in drawn.definitions]
+    assert [box.findtext(f"{SVG}title") for box in boxes] == [escape_control(d.label) for d in drawn.definitions]
     places = []
     for group in [*boxes, *groups(svg, "label")]:
         place = next(rectangle(r) for r in group.iter(f"{SVG}rect"))

@@ -10,7 +10,7 @@ from itertools import pairwise
 import pytest
 
 from emit.graphs import LABELS, NASTY, SCREW, XM430, arm, awkward, graph, walker
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 from thingc.model.assembly.hag import DefinitionEdge, Hag
 from thingc.targets.hag import emit as hag
 from thingc.targets.hag import labels
@@ -80,7 +80,7 @@ def strings(text: str) -> list[str]:
 
 
 def label_of(text: str) -> str:
-    return shown(LABELS.get(text, text))
+    return escape_control(LABELS.get(text, text))
 
 
 @pytest.mark.parametrize("drawn", [arm(), walker(), awkward()], ids=["arm", "walker", "awkward"])
@@ -90,7 +90,7 @@ def test_dot_has_every_definition_and_every_component(drawn: Hag) -> None:
     assert '"' not in outside and outside.count("{") == outside.count("}") == 1, "every string ends where it should"
     found = re.findall(r'^  (n\d+) \[label=("(?:[^"\\]|\\.)*")', text, flags=re.MULTILINE)
     nodes = {name: strings(label)[0] for name, label in found}
-    assert list(nodes.values()) == [shown(d.label) for d in drawn.definitions]
+    assert list(nodes.values()) == [escape_control(d.label) for d in drawn.definitions]
     edges = re.findall(r'^  (n\d+) -> (n\d+) \[label=("(?:[^"\\]|\\.)*")', text, flags=re.MULTILINE)
     assert [(nodes[a], nodes[b], strings(label)[0]) for a, b, label in edges] == [
         (label_of(e.parent), label_of(e.child), "\n".join(filter(None, (e.component, labels.how(e))))) for e in drawn.edges
@@ -116,7 +116,7 @@ def test_mermaid_has_every_definition_and_every_pair(drawn: Hag) -> None:
         match = re.fullmatch(r'  (n\d+)[\[(/]+"([^"]*)"[\])/]+:::(\w+)', line)
         if match:
             nodes[match[1]] = read_mermaid(match[2])
-    assert list(nodes.values()) == [shown(d.label) for d in drawn.definitions]
+    assert list(nodes.values()) == [escape_control(d.label) for d in drawn.definitions]
     edges = [match for line in lines if (match := re.fullmatch(r'  (n\d+) -->\|"([^"]*)"\| (n\d+)', line))]
     pairs = {(nodes[match[1]], nodes[match[3]]) for match in edges}
     assert pairs == {(label_of(e.parent), label_of(e.child)) for e in drawn.edges}

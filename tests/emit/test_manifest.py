@@ -16,8 +16,8 @@ from emit.small_robot import assembly, request, span
 from thingc.driver.output import verify, write_build
 from thingc.geometry.store.local import Store
 from thingc.targets import bom, json_writer, modes_json, stl
-from thingc.targets.artifact import Content, Loss, Stored
-from thingc.targets.manifest import DISTRIBUTIONS, Choice, manifest, versions
+from thingc.targets.artifact import Content, Loss, StoredArtifact
+from thingc.targets.manifest import DISTRIBUTIONS, BuildChoice, manifest, versions
 
 LOSSES = (
     Loss(target="mjcf", mode="bench", path="yaw", what="velocity limit", how="carried as custom data", origin=(span(40),)),
@@ -29,7 +29,7 @@ def made(store: Store, files: dict[str, Content], documents: dict[str, str], par
     whole = assembly(store)
     return manifest(
         whole, document="arm.yaml", documents=documents, files=files, losses=LOSSES, workspace=request(whole, store).workspace,
-        choice=Choice(modes=("bench",), emit=("stl", "bom"), parameters=parameters),
+        choice=BuildChoice(modes=("bench",), emit=("stl", "bom"), parameters=parameters),
     )
 
 
@@ -69,7 +69,7 @@ def test_every_entry(tmp_path: Path) -> None:
 def test_the_same_bytes(tmp_path: Path) -> None:
     store = Store(str(tmp_path))
     sha256 = store.put(b"x")
-    one = made(store, {"a": b"1", "b": Stored(sha256=sha256, size=1)}, {"x": "1", "y": "2"}, {"p": "1", "q": "2"})
+    one = made(store, {"a": b"1", "b": StoredArtifact(sha256=sha256, size=1)}, {"x": "1", "y": "2"}, {"p": "1", "q": "2"})
     two = made(store, {"b": b"x", "a": b"1"}, {"y": "2", "x": "1"}, {"q": "2", "p": "1"})
     assert one == two
     assert str(tmp_path).encode() not in one and b"/w/" not in one

@@ -25,7 +25,7 @@ from emit import small_robot
 from graph.builder import MATE, box, component, coordinates_of, linked, mimic, mode, pose, ref, rz, t, where
 from graph.builder import assembly as document
 from thingc.base.diagnostics import Code, Report
-from thingc.base.package_info import About
+from thingc.base.package_info import PackageInfo
 from thingc.base.pose import NO_POSE
 from thingc.base.primitives import Primitive
 from thingc.geometry.record import Mesh
@@ -116,7 +116,7 @@ def request_of_all(tmp_path_factory: pytest.TempPathFactory) -> EmitRequest:
     mounts = {"tip": "c6.out", "base": "c0.in", "y": "c1.out"}
     model = document("Robot__7", balls(7, radii), joints(), modes=modes, poses=poses, mounts=mounts)
     request = asked(model, radii, str(tmp_path_factory.mktemp("store")))
-    said = About(maintainer="Ada <3 & co", mail="ada@example.org", license="Apache-2.0", version="1.2.3")
+    said = PackageInfo(maintainer="Ada <3 & co", mail="ada@example.org", license="Apache-2.0", version="1.2.3")
     return replace(request, workspace=replace(request.workspace, about=said))
 
 

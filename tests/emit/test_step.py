@@ -19,7 +19,7 @@ from thingc.geometry.record import PartDefinition, PartRecord, Value
 from thingc.geometry.service import GeometryService
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly
-from thingc.targets.artifact import Loss, Stored
+from thingc.targets.artifact import Loss, StoredArtifact
 from thingc.targets.step import emit
 
 PARTS = '''
@@ -80,7 +80,7 @@ def test_what_a_cad_program_reads(service: GeometryService, shared_store: str, t
     made = emit(request(blocks(store, service), store, service))
     assert list(made.files) == ["step/arm.step"] and made.losses == ()
     written = made.files["step/arm.step"]
-    assert isinstance(written, Stored)
+    assert isinstance(written, StoredArtifact)
     data = store.read(written.sha256)
     assert len(data) == written.size
     assert data.count(b"MANIFOLD_SOLID_BREP(") == 2, "equal definitions share their shape"

@@ -16,7 +16,7 @@ from thingc.geometry.store.local import Store
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.types import BomEntry, Overrides
-from thingc.targets.artifact import Loss, Stored
+from thingc.targets.artifact import Loss, StoredArtifact
 from thingc.targets.stl import emit
 
 BRACE = f"stl/arm.Brace-{hashlib.sha256(b'arm:Brace(length=0.12)').hexdigest()[:8]}.stl"
@@ -40,7 +40,7 @@ def test_one_file_per_definition_that_is_not_bought(store: Store) -> None:
 
 def test_the_files_are_solids_in_millimetres(store: Store, tmp_path: Path) -> None:
     made = emit(request(assembly(store), store)).files[BRACE]
-    assert isinstance(made, Stored)
+    assert isinstance(made, StoredArtifact)
     data = store.read(made.sha256)
     assert len(data) == made.size
     (tmp_path / "brace.stl").write_bytes(data)

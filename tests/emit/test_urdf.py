@@ -45,7 +45,7 @@ from thingc.model.robot.tree import in_link
 from thingc.targets.artifact import Artifacts
 from thingc.targets.geometry import Shape
 from thingc.targets.mjcf.emit import emit as emit_mjcf
-from thingc.targets.name_mangling import Names
+from thingc.targets.name_mangling import MangledNames
 from thingc.targets.request import EmitRequest
 from thingc.targets.urdf.emit import emit
 from thingc.targets.urdf.links import parts
@@ -486,7 +486,7 @@ def test_a_capsule_is_a_cylinder_between_two_balls() -> None:
 def test_names_that_urdf_cannot_tell_apart_are_told() -> None:
     """A joint `a_b` beside one `a/b`, and `c_frame` beside the frame of `c`."""
     report = Report()
-    names = Names("be the joint", "URDF", report)
+    names = MangledNames("be the joint", "URDF", report)
     origin, other = (where(line) for line in (3, 7))
     assert [names.take("a/b", origin), names.take("a_b", other), names.take("a/b", origin)] == ["a_b"] * 3
     names.take("c_frame", origin, "the frame of link `c`")

@@ -12,7 +12,7 @@ import pytest
 
 import thingc
 from thingc.batch.families import NoModel
-from thingc.batch.mujoco_arrays.equality import differing
+from thingc.batch.mujoco_arrays.equality import different_fields
 from thingc.driver.edit_document import write_values
 from thingc.driver.environment import Options
 
@@ -101,11 +101,11 @@ def test_a_set_value_of_a_drive_is_the_written_one(arm: thingc.RobotFamily, fold
     settings, old, new = CASES[case]
     (own,) = arm.models([{}], mode="standing", visual=True)
     whole = written(folder, f"written_{case}", old, new)
-    assert isinstance(own, mujoco.MjModel) and differing(own, whole)
+    assert isinstance(own, mujoco.MjModel) and different_fields(own, whole)
     for _ in range(4):  # compiled, then by a plan
         (model,) = arm.models([settings], mode="standing", visual=True)
         assert isinstance(model, mujoco.MjModel), model
-        assert differing(model, whole) == []
+        assert different_fields(model, whole) == []
     assert {arm.explain(name).way for name in settings} == {"arrays"}
 
 

@@ -19,8 +19,8 @@ import pytest
 
 import thingc
 from thingc.batch import FamilyError
-from thingc.batch.families import Space
-from thingc.batch.mujoco_arrays.equality import differing
+from thingc.batch.families import SearchSpace
+from thingc.batch.mujoco_arrays.equality import different_fields
 from thingc.driver.output import OutputError
 from thingc.driver.pipeline import UnknownChoice
 from thingc.tools.cli.main import main
@@ -113,7 +113,7 @@ def test_a_family_goes_to_other_processes(workspace: Path) -> None:
         found = pool.submit(thingc.RobotFamily.evaluate, family, NAMES).result()
         assert found.results == family.evaluate(NAMES).results and found["mass"]
         with copy.deepcopy(family) as other:
-            assert other.modes == family.modes and not differing(other.model(NAMES), family.model(NAMES))
+            assert other.modes == family.modes and not different_fields(other.model(NAMES), family.model(NAMES))
 
 
 def test_what_cannot_be_asked_for_is_said_at_once(workspace: Path, many: thingc.RobotFamily, tmp_path: Path) -> None:
@@ -168,7 +168,7 @@ def test_compile_takes_numbers_and_flags_as_a_family_does(everything: thingc.Rob
 
 def test_the_space_of_variants_and_of_parameters(many: thingc.RobotFamily, everything: thingc.RobotFamily) -> None:
     space = many.space
-    assert isinstance(space, Space) and space.names == ("length", "load", "joints.lift.limit.upper")
+    assert isinstance(space, SearchSpace) and space.names == ("length", "load", "joints.lift.limit.upper")
     assert (space["length"].low, space["length"].high, space["length"].unit, space["length"].value) == (0.2, 0.5, "m", 0.3)
     drawn = space.gymnasium()
     assert isinstance(drawn, gymnasium.spaces.Dict)

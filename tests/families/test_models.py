@@ -17,7 +17,7 @@ import pytest
 import thingc
 from thingc.batch import apply
 from thingc.batch.families import Explanation, NoModel
-from thingc.batch.mujoco_arrays.equality import differing
+from thingc.batch.mujoco_arrays.equality import different_fields
 from thingc.driver.pipeline import UnknownChoice
 
 NUMBERS: dict[str, float] = {
@@ -79,7 +79,7 @@ def test_models_are_the_compiled_ones(everything: thingc.RobotFamily, mode: str,
     many = settings(count, 1)
     for one, model in zip(many, everything.models(many, mode=mode, share=True, visual=True), strict=True):
         assert isinstance(model, mujoco.MjModel)
-        assert differing(model, compiled(everything, one, mode)) == []
+        assert different_fields(model, compiled(everything, one, mode)) == []
     form = everything._of(mode, True).forms.of(everything._reader.read(many[0]))
     assert form.refused is None and form.why == {} and (len(form.plans) == 1 or mode == "stuck")
     # in the last mode the steps to the nearest closed state differ between settings, so a plan need not serve the last of them
@@ -94,7 +94,7 @@ def test_tendons_and_springs_are_written_into_arrays(strung: thingc.RobotFamily,
     many = [{name: value * source.uniform(0.95, 1.05) for name, (value, _) in names.items()} for _ in range(4)]
     for one, model in zip(many, strung.models(many, mode=mode, share=True, visual=True), strict=True):
         whole = compiled(strung, one, mode)
-        assert isinstance(model, mujoco.MjModel) and differing(model, whole) == []
+        assert isinstance(model, mujoco.MjModel) and different_fields(model, whole) == []
     plan = strung._of(mode, True).forms.of(strung._reader.read(many[-1])).plan_for(strung._reader.read(many[-1]))
     assert plan is not None and type(plan[0].made).__name__ == "Arrays"
 
@@ -110,7 +110,7 @@ def test_shapes_that_tendons_go_around_are_followed(strung: thingc.RobotFamily, 
             assert isinstance(model, mujoco.MjModel), model
             whole = compiled(strung, one, "standing")
             lengths = [lengths_of(one) for one in (model, whole)]
-            assert lengths[0] == lengths[1] and (not visual or differing(model, whole) == [])
+            assert lengths[0] == lengths[1] and (not visual or different_fields(model, whole) == [])
             met.add(tuple(lengths[0]))
         assert len(met) == len(many)
 
@@ -128,7 +128,7 @@ def test_a_number_at_a_path_of_a_joint_that_nothing_is_said_at_is_si(workspace: 
         for one, model in zip(many, family.models(many, share=True, visual=True), strict=True):
             assert isinstance(model, mujoco.MjModel), model
             said = {UNSTATED: f"{one[UNSTATED]!r} N*m*s/rad", "joints.lift.dynamics.stiffness": f"{3.0 + many.index(one)!r} N*m/rad"}
-            assert differing(model, compiled(family, said, "standing")) == []
+            assert different_fields(model, compiled(family, said, "standing")) == []
         assert family.explain(UNSTATED).way == "arrays"
         (refused,) = family.models([{"joints.lift.dynamics.damping": -1.0}])
         assert isinstance(refused, NoModel) and "`dynamics.damping` of joint `lift` must be at least 0" in refused.problems[0].message
@@ -140,7 +140,7 @@ def test_a_shared_model_is_lent_and_others_are_one_s_own(everything: thingc.Robo
     lent = list(everything.models(many, mode="standing", share=True, visual=True))
     own = list(everything.models(many, mode="standing", visual=True))
     assert len({id(model) for model in lent}) == 1 and len({id(model) for model in own}) == 3
-    assert differing(lent[0], own[-1]) == [] and "body_mass" in differing(own[0], own[1])
+    assert different_fields(lent[0], own[-1]) == [] and "body_mass" in different_fields(own[0], own[1])
 
 
 @pytest.mark.parametrize("one", [{"load": 0.51}, {"heavy": True}])
@@ -152,10 +152,10 @@ def test_what_a_borrower_writes_into_a_model_is_in_nobody_else_s(workspace: Path
             assert isinstance(lent, mujoco.MjModel)
             lent.opt.timestep, lent.opt.gravity[:], lent.body_mass[:], lent.dof_damping[:], lent.body_pos[:] = 0.5, 7.0, 77.0, 7.0, 7.0
         assert all(form.refused is None for form in family._of(None, False).forms.kept.values())  # no plan is to blame
-        assert differing(family.model(one, visual=False), honest) == []
-        assert [differing(model, honest) for model in family.models([one, one])] == [[], []]
+        assert different_fields(family.model(one, visual=False), honest) == []
+        assert [different_fields(model, honest) for model in family.models([one, one])] == [[], []]
         (group,) = family.batched([one]).groups
-        assert differing(group.model, honest) == []
+        assert different_fields(group.model, honest) == []
         explained = family.explain("load")
         assert isinstance(explained, Explanation) and explained.way == "arrays"
 
@@ -163,7 +163,7 @@ def test_what_a_borrower_writes_into_a_model_is_in_nobody_else_s(workspace: Path
 def test_what_has_been_compiled_is_kept_for_a_while(everything: thingc.RobotFamily) -> None:
     first, again = (next(everything.models([{"heavy": True}], share=True, visual=True)) for _ in range(2))
     own = everything.model({"heavy": True})
-    assert first is again and own is not first and differing(own, first) == []
+    assert first is again and own is not first and different_fields(own, first) == []
 
 
 def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thingc.RobotFamily) -> None:
@@ -204,7 +204,7 @@ def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thin
 
 def test_text_and_numbers_say_the_same(everything: thingc.RobotFamily) -> None:
     first, second = (everything.model(one) for one in ({"load": "612 g", "length": "31 cm"}, {"load": 0.612, "length": np.float64(0.31)}))
-    assert differing(first, second) == []
+    assert different_fields(first, second) == []
 
 
 def test_one_name_may_mean_many(everything: thingc.RobotFamily) -> None:
@@ -263,7 +263,7 @@ def test_where_a_number_decides_otherwise_it_is_compiled(everything: thingc.Robo
     many = [*settings(3, 4, names), {"load": 0.5, "teeth": 3.0}, *settings(2, 5, names)]
     found = list(everything.models(many, mode="standing", visual=True))
     for one, model in zip(many, found, strict=True):
-        assert isinstance(model, mujoco.MjModel) and differing(model, compiled(everything, one, "standing")) == []
+        assert isinstance(model, mujoco.MjModel) and different_fields(model, compiled(everything, one, "standing")) == []
     form = everything._of("standing", True).forms.of(everything._reader.read(many[0]))
     assert form.plan_for(everything._reader.read(many[0])) is not None and form.missed == 3
 
@@ -311,7 +311,7 @@ def test_a_plan_that_is_wrong_is_found_and_given_up(workspace: Any) -> None:
         models = list(family.models(many, visual=True))
         assert form.plans == [] and "a plan gave another `" in str(form.refused)
         for one, model in zip(many, models, strict=True):  # one in two is looked at: the first of these, and then nothing follows the plan
-            assert differing(model, compiled(family, one, "standing")) == []
+            assert different_fields(model, compiled(family, one, "standing")) == []
 
 
 def test_each_plan_is_looked_at_however_many_models_others_gave(workspace: Path) -> None:
@@ -324,7 +324,7 @@ def test_each_plan_is_looked_at_however_many_models_others_gave(workspace: Path)
         form.plans[0].made._traced[0, 0] = False
         (model,) = family.models(many[2:])  # the second that this plan gives
         assert form.plans == [] and "a plan gave another `" in str(form.refused)
-        assert differing(model, compiled(family, many[2], "standing")) == []
+        assert different_fields(model, compiled(family, many[2], "standing")) == []
 
 
 def test_many_are_few_models_and_arrays(everything: thingc.RobotFamily) -> None:
@@ -339,7 +339,7 @@ def test_many_are_few_models_and_arrays(everything: thingc.RobotFamily) -> None:
     own = [model for model in everything.models(many, mode="standing") if isinstance(model, mujoco.MjModel)]
     for place, model in enumerate(own):
         apply(group.model, group.fields, place)
-        assert differing(group.model, model) == []
+        assert different_fields(group.model, model) == []
 
 
 def test_what_no_array_of_numbers_says_is_another_group(everything: thingc.RobotFamily) -> None:
@@ -379,4 +379,4 @@ def test_numbers_inside_a_mirrored_assembly_are_followed(tmp_path: Path) -> None
         found = family.model({"off": 0.0125})
         assert family.explain("off").way == "arrays", family.explain("off")
     compiled = thingc.compile(tmp_path / "legs.yaml", parameters={"off": "12.5 mm"}).modes["still"].model()
-    assert isinstance(found, mujoco.MjModel) and differing(compiled, found) == []
+    assert isinstance(found, mujoco.MjModel) and different_fields(compiled, found) == []

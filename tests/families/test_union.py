@@ -12,9 +12,9 @@ import pytest
 
 import thingc
 from thingc.batch import apply
-from thingc.batch.families.mjspec_recompile import KeptSpec
-from thingc.batch.families.model_template import TextTemplate
-from thingc.batch.mujoco_arrays.equality import differing
+from thingc.batch.families.mjspec_recompile import RecompiledSpec
+from thingc.batch.families.model_template import ModelTemplate
+from thingc.batch.mujoco_arrays.equality import different_fields
 from thingc.driver.output import OutputError
 from thingc.geometry.store.local import StoreUnusable
 
@@ -66,17 +66,17 @@ def test_each_moves_as_its_own_model(levers: Path, shared_store: str, monkeypatc
         read = [family._read(one) for one in lengths]
         exchanged, models = family.models(lengths, share=True), family._of(None, False)
         for (_, one), model in zip(read, exchanged, strict=True):
-            assert isinstance(model, mujoco.MjModel) and differing(model, models._compiled(one)) == []
+            assert isinstance(model, mujoco.MjModel) and different_fields(model, models._compiled(one)) == []
         found = models.forms.of(read[0][1]).plan_for(read[0][1])
         assert found is not None and found[0].exchange is not None
         assert all(found[0].outputs(one.values) is not None for _, one in read)
-        assert isinstance(found[0].made, TextTemplate) and models._specs[found[0].made] is not None  # for which no text is read
+        assert isinstance(found[0].made, ModelTemplate) and models._specs[found[0].made] is not None  # for which no text is read
         with monkeypatch.context() as wrong:
-            wrong.setattr(KeptSpec, "model", lambda *_: own[0])
+            wrong.setattr(RecompiledSpec, "model", lambda *_: own[0])
             models._specs.clear()
             models._kept.clear()
             for (_, one), model in zip(read, family.models(lengths), strict=True):
-                assert isinstance(model, mujoco.MjModel) and differing(model, models._compiled(one)) == []
+                assert isinstance(model, mujoco.MjModel) and different_fields(model, models._compiled(one)) == []
             assert set(models._specs.values()) == {None}
         evaluation = family._evaluation
         assert [one.results for one in family.evaluate(lengths)] == [evaluation._measured(one)[0] for _, one in read]

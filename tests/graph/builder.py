@@ -19,14 +19,14 @@ from thingc.base.pose import NO_POSE, Pose
 from thingc.base.source import Origin, Span
 from thingc.geometry.record import (
     ActuatorRecord,
-    Expectation,
+    DeclaredValue,
     Mesh,
+    MountExpectation,
     MountRecord,
     PartDefinition,
     PartFailure,
     PartRecord,
     PartWarning,
-    Stated,
 )
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.hag import Definition
@@ -484,15 +484,15 @@ __all__ = [
     "ActuatorRecord",
     "Array",
     "Component",
+    "DeclaredValue",
     "Drive",
-    "Expectation",
     "Joint",
+    "MountExpectation",
     "PartFailure",
     "PartRecord",
     "PartWarning",
     "Process",
     "Reference",
-    "Stated",
     "as_matrix",
     "as_pose",
     "assembly",

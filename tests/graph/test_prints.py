@@ -23,7 +23,7 @@ from graph.builder import (
     stated,
     warnings,
 )
-from thingc.geometry.print_slices import Moments, Sliced, Slicing, Unsliced
+from thingc.geometry.print_slices import Moments, SliceFailure, SliceResult, Slicing
 from thingc.geometry.record import PartRecord, PartSchema
 from thingc.model.assembly.print_settings import likely_slicings, slicings_of
 from thingc.model.assembly.types import Occurrence
@@ -43,7 +43,7 @@ def part_of_the_box(share: float, lift: float = 0.0) -> Moments:
     return Moments.of([volume, 0, 0, volume * lift, a, b, c + volume * lift * lift, 0, 0, 0])
 
 
-SLICED = Sliced(solid=part_of_the_box(0.4, lift=0.01), joins=part_of_the_box(0.05, lift=0.01), sparse=part_of_the_box(0.5, lift=0.01))
+SLICED = SliceResult(solid=part_of_the_box(0.4, lift=0.01), joins=part_of_the_box(0.05, lift=0.01), sparse=part_of_the_box(0.5, lift=0.01))
 
 
 def printed(*, process: Process = PRINTED, slices: dict[Slicing, Any] | None = None, **over: Any) -> Occurrence:
@@ -130,7 +130,7 @@ def test_equal_copies_are_one_and_others_are_not() -> None:
 
 
 def test_a_part_without_layers_is_estimated_by_its_skin_with_a_word() -> None:
-    record = box("p:Box", SIZE, slices={HOW: Unsliced(reason="has a mesh that is not closed")})
+    record = box("p:Box", SIZE, slices={HOW: SliceFailure(reason="has a mesh that is not closed")})
     model = assembly("a", [component("part", "p:Box", line=7)], materials=(material("petg", process=PRINTED),))
     report = warnings(model, record)
     assert said(report) == [(

@@ -13,7 +13,7 @@ import pytest
 from graph.builder import record
 from thingc.base.pose import NO_POSE
 from thingc.base.primitives import Primitive
-from thingc.geometry.record import ActuatorRecord, Expectation, Mesh, MountRecord, PartRecord, Stated
+from thingc.geometry.record import ActuatorRecord, DeclaredValue, Mesh, MountExpectation, MountRecord, PartRecord
 from thingc.model.assembly.inconsistent_parts import FIELDS, LEFT_OUT, differences
 from thingc.tools.cli.main import main
 
@@ -127,12 +127,14 @@ OTHERS: dict[str, tuple[Any, str]] = {
     "centre": ((0.0, 0.0, 0.002), "its centre is [0, 0, 0] mm and [0, 0, 2] mm"),
     "inertia": (TURNED, "its inertia differs"),
     "box": (((0.0, 0.0, 0.0), (0.01, 0.01, 0.03)), "its bounding box is nothing and [0, 0, 0] mm to [10, 10, 30] mm"),
-    "mass": (Stated(value=0.09), "its stated mass is 0.08 kg and 0.09 kg"),
-    "com": (Stated(value=(0.0, 0.0, 0.0)), "its stated centre of mass differs"),
-    "matrix": (Stated(value=TURNED), "its stated inertia differs"),
-    "density": (Stated(value=7850.0), "its stated density differs"),
+    "mass": (DeclaredValue(value=0.09), "its stated mass is 0.08 kg and 0.09 kg"),
+    "com": (DeclaredValue(value=(0.0, 0.0, 0.0)), "its stated centre of mass differs"),
+    "matrix": (DeclaredValue(value=TURNED), "its stated inertia differs"),
+    "density": (DeclaredValue(value=7850.0), "its stated density differs"),
     "mounts": (dict.fromkeys("ba", MountRecord(pose=NO_POSE)), "its mounts come in another order: `a`, `b`, and `b`, `a`"),
-    "expectations": ((Expectation(mount="a", text="t", label="t", child_mount="b"),), "its list of what its mounts were cut for differs"),
+    "expectations": (
+        (MountExpectation(mount="a", text="t", label="t", child_mount="b"),), "its list of what its mounts were cut for differs"
+    ),
     "references": (("t",), "its list of parts that it was cut for differs"),
     "actuator": (ActuatorRecord(kind="servo"), "its actuator differs"),
     "bom": ({"supplier": "A"}, "its entries in the bill of materials differ: `supplier`"),
@@ -148,7 +150,7 @@ OTHERS: dict[str, tuple[Any, str]] = {
 @pytest.fixture(scope="module")
 def one() -> PartRecord:
     return replace(
-        record("t"), material=None, color=None, volume=1.5e-6, area=1e-4, centre=(0.0, 0.0, 0.0), box=None, mass=Stated(value=0.08),
+        record("t"), material=None, color=None, volume=1.5e-6, area=1e-4, centre=(0.0, 0.0, 0.0), box=None, mass=DeclaredValue(value=0.08),
         mounts={name: MountRecord(pose=NO_POSE) for name in ("a", "b")}, meshes={}, fits={}, pieces=(), brep=None,
     )
 

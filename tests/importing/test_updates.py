@@ -12,7 +12,7 @@ import pytest
 from thingc.base.diagnostics import Report
 from thingc.tools.cli.main import main
 from thingc.tools.importing.importing import import_robot
-from thingc.tools.importing.three_way_merge import Unmergeable, merged, read_text
+from thingc.tools.importing.three_way_merge import MergeConflict, merged, read_text
 
 URDF = """<robot name="lamp">
   <link name="foot"><inertial><mass value="2"/><inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>
@@ -241,5 +241,5 @@ def test_halves_of_two_axes_are_no_axis() -> None:
 
 def test_what_is_used_elsewhere_is_not_merged() -> None:
     texts = [read_text("/d.yaml", text, Report()) for text in ("a: 1\nb: 1", "a: 2\nb: 1", "a: &one 1\nb: *one\nc: 1")]
-    with pytest.raises(Unmergeable, match="`b` would not be what it should"):
+    with pytest.raises(MergeConflict, match="`b` would not be what it should"):
         merged(*texts)

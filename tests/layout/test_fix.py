@@ -11,7 +11,7 @@ import pytest
 
 from layout.mutants import slips
 from thingc.base.source import Edit, Span
-from thingc.base.suggestions import meant
+from thingc.base.suggestions import closest_name
 from thingc.documents.format.autofix import located
 from thingc.tools.cli.main import main
 
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.usefixtures("one_kernel")
     ("lpaet", ["plate"], None),
 ])
 def test_what_a_slip_can_have_meant(written: str, known: list[str], found: str | None) -> None:
-    assert meant(written, known) == found
+    assert closest_name(written, known) == found
 
 
 @pytest.mark.parametrize(("written", "stretch", "place"), [

@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 
 from thingc.base.diagnostics import Report
 from thingc.base.source import Document, MappingNode
-from thingc.documents.format.value_edits import Unsettable, with_values, without
+from thingc.documents.format.value_edits import CannotSetValue, set_values, without
 from thingc.documents.load.documents import read_tree
 from thingc.tools.cli.main import main
 
@@ -104,7 +104,7 @@ def test_only_the_values_change(name: str, values: Mapping[str, str], lines: lis
     text = TOML_TEXT if name.endswith("toml") else YAML_TEXT
     for line_end in ("\n", "\r\n"):
         before = text.replace("\n", line_end)
-        after = with_values(document(before, name), {tuple(path.split(".")): value for path, value in values.items()}).text
+        after = set_values(document(before, name), {tuple(path.split(".")): value for path, value in values.items()}).text
         assert changed(before, after) == lines
         assert after.count("\n") == after.count(line_end)
         said = read(after, name)
@@ -128,7 +128,7 @@ def test_only_the_values_change(name: str, values: Mapping[str, str], lines: lis
 ])
 def test_a_new_mapping_is_written_as_its_neighbours_are(name: str, path: str, value: Any, lines: list[str]) -> None:
     before = TOML_TEXT if name.endswith("toml") else YAML_TEXT
-    assert changed(before, with_values(document(before, name), {tuple(path.split(".")): value}).text) == lines
+    assert changed(before, set_values(document(before, name), {tuple(path.split(".")): value}).text) == lines
 
 
 @pytest.mark.parametrize(("name", "path", "lines"), [
@@ -150,7 +150,7 @@ def test_only_what_is_taken_out_goes(name: str, path: str, lines: list[str]) -> 
 
 
 def test_what_an_anchor_names_is_not_taken_out() -> None:
-    with pytest.raises(Unsettable, match="`a.x` cannot be taken out alone"):
+    with pytest.raises(CannotSetValue, match="`a.x` cannot be taken out alone"):
         without(document("a: &it {x: 1, z: 2}\nb: *it\n", "a.yaml"), ("a", "x"))
 
 
@@ -159,8 +159,8 @@ def test_what_an_anchor_names_is_not_taken_out() -> None:
     ("a:\n  x: 1\n", "a"), ("a: [1, 2]\nb: &q 3\nc: *q\n", "b"),
 ])
 def test_what_cannot_be_set_alone(text: str, path: str) -> None:
-    with pytest.raises(Unsettable):
-        with_values(document(text, "a.yaml"), {tuple(path.split(".")): "7"})
+    with pytest.raises(CannotSetValue):
+        set_values(document(text, "a.yaml"), {tuple(path.split(".")): "7"})
 
 
 DOCUMENT = """\

@@ -18,7 +18,7 @@ from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation
 from thingc.geometry.record import Mesh
 from thingc.geometry.service import GeometryService
-from thingc.targets.artifact import Artifacts, Stored
+from thingc.targets.artifact import Artifacts, StoredArtifact
 
 GIVEN = "mass: 1 kg, com: 0 0 0 mm, inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}"
 HEAD = "thingc: assembly/1\nname: meshed\nmaterials: {steel: {density: 7800 kg/m^3, color: gray}}\ncomponents:\n"
@@ -113,7 +113,7 @@ def test_muJoCo_has_the_file_itself_with_its_scale(here: Path) -> None:
     files = made["mjcf"].files
     assets = {path.removeprefix("mjcf/assets/"): content for path, content in files.items() if path.startswith("mjcf/assets/")}
     store = here / "store" / "blobs"
-    assert all(isinstance(content, Stored) for content in assets.values())
+    assert all(isinstance(content, StoredArtifact) for content in assets.values())
     data = {name: (store / stored.sha256[:2] / stored.sha256[2:]).read_bytes() for name, stored in assets.items()}  # type: ignore[union-attr]
     assert (here / "meshes" / "mm.stl").read_bytes() in data.values() and (here / "meshes" / "m.obj").read_bytes() in data.values()
     ours = mujoco.MjModel.from_xml_string(files["mjcf/meshed_default.xml"].decode(), data)  # type: ignore[union-attr]
@@ -174,7 +174,7 @@ def test_objects_of_a_file_are_all_there_though_muJoCo_reads_the_first_alone(her
     shapes = f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/two.obj, unit: m, for: visual}}]}}\n"
     _, made = compiled(here, shapes, ["mjcf"])
     (stored,) = (content for path, content in made["mjcf"].files.items() if path.startswith("mjcf/assets/"))
-    assert isinstance(stored, Stored)
+    assert isinstance(stored, StoredArtifact)
     written = (here / "store" / "blobs" / stored.sha256[:2] / stored.sha256[2:]).read_bytes()
     assert mujoco.MjModel.from_xml_string(model, {"m.obj": written}).nmeshface == 2 * len(solid.faces)
 

@@ -18,7 +18,7 @@ from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.geometry.service import GeometryService
 from thingc.model.assembly.types import Assembly
-from thingc.targets.artifact import Artifacts, Stored
+from thingc.targets.artifact import Artifacts, StoredArtifact
 
 DOCUMENT = """\
 thingc: assembly/1
@@ -103,7 +103,7 @@ class Crane:
 
     def file(self, target: str, path: str) -> bytes:
         content = self.made[target].files[path]
-        assert not isinstance(content, Stored)
+        assert not isinstance(content, StoredArtifact)
         return content
 
 

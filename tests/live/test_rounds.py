@@ -18,29 +18,29 @@ import pytest
 
 from live.documents import DOCUMENTS, FINGER, ROBOT, write
 from thingc.driver import build_document
-from thingc.driver.build_document import Wish
+from thingc.driver.build_document import BuildRequest
 from thingc.driver.environment import Options, attempted
-from thingc.geometry.build_reasons import Decision
+from thingc.geometry.build_reasons import BuildReason
 from thingc.geometry.client import EndingWorkers
 from thingc.tools.cli.console import of_exception
-from thingc.tools.live.rebuild_loop import Live, Round
+from thingc.tools.live.rebuild_loop import Rebuild, RebuildLoop
 
-WISH = Wish(targets=("mjcf", "bom"))
+WISH = BuildRequest(targets=("mjcf", "bom"))
 PATIENCE = 300.0
 
 
 class Working:
     """A document that somebody works on, and the rounds that come of it."""
 
-    def __init__(self, folder: Path, store: str, wish: Callable[[], Wish] = lambda: WISH) -> None:
+    def __init__(self, folder: Path, store: str, wish: Callable[[], BuildRequest] = lambda: WISH) -> None:
         self.folder = folder
         self.options = Options(store=store)
         self.document = str(write(folder))
         self.stop = threading.Event()
-        self.live = Live(self.document, self.options, wish, of_exception)
+        self.live = RebuildLoop(self.document, self.options, wish, of_exception)
         self._rounds = self.live.rounds(self.stop)
 
-    def round(self) -> Round:
+    def round(self) -> Rebuild:
         """The next one; it fails where none comes."""
         timer = threading.Timer(PATIENCE, self.stop.set)
         timer.start()
@@ -49,7 +49,7 @@ class Working:
         finally:
             timer.cancel()
 
-    def save(self, name: str, text: str) -> Round:
+    def save(self, name: str, text: str) -> Rebuild:
         """What comes of a save."""
         (self.folder / name).write_text(text)
         return self.round()
@@ -67,7 +67,7 @@ class Working:
         found: dict[str, str] = json.loads((self.folder / "build/robot/manifest.json").read_text())["files"]
         return found
 
-    def alone(self) -> build_document.Built:
+    def alone(self) -> build_document.BuildResult:
         """What a build by itself says and writes."""
         return attempted(self.document, self.options, partial(build_document.build, wish=WISH))
 
@@ -204,11 +204,11 @@ def test_the_workspace_is_watched(tmp_path: Path, shared_store: str, without_ker
     """Its own file: what it says counts at once, and a fault in it can be mended. So does one that appears."""
     from thingc.documents.workspace import Workspace
 
-    def wish() -> Wish:
+    def wish() -> BuildRequest:
         from thingc.base.diagnostics import Report
 
         workspace = Workspace.find(str(tmp_path / "robot.yaml"), Report())
-        return Wish(targets=(workspace.emit if workspace is not None else ()) or ("bom",))
+        return BuildRequest(targets=(workspace.emit if workspace is not None else ()) or ("bom",))
 
     working = Working(tmp_path, shared_store, wish)
     with working.live:
@@ -250,7 +250,7 @@ def test_a_save_while_a_round_is_under_way_is_not_lost(working: Working, monkeyp
     """And what was read of both is not written."""
     build, texts = build_document.build, iter([ROBOT.replace("120 deg", "124 deg")])
 
-    def slow(*arguments: object) -> build_document.Built:
+    def slow(*arguments: object) -> build_document.BuildResult:
         built = build(*arguments)  # type: ignore[arg-type]
         for text in texts:
             (working.folder / "robot.yaml").write_text(text)
@@ -264,9 +264,9 @@ def test_a_save_while_a_round_is_under_way_is_not_lost(working: Working, monkeyp
 
 def test_what_was_modelled_for_a_round_that_was_given_up_is_told_by_the_next(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
     build, texts = build_document.build, iter([ROBOT.replace("120 deg", "124 deg")])
-    modelled = Decision(text="things:Weight", reused=False, reason="first time")
+    modelled = BuildReason(text="things:Weight", reused=False, reason="first time")
 
-    def slow(*arguments: object) -> build_document.Built:
+    def slow(*arguments: object) -> build_document.BuildResult:
         built = build(*arguments)  # type: ignore[arg-type]
         for text in texts:
             (working.folder / "robot.yaml").write_text(text)
@@ -306,7 +306,7 @@ def test_parts_are_begun_at_once_and_one_that_never_ends_is_given_up_when_it_is_
         (tmp_path / name).write_text(text)
     options = Options(store=str(tmp_path / "store"), jobs=1)
     stop = threading.Event()
-    with Live(str(tmp_path / "robot.yaml"), options, lambda: Wish(targets=("bom",)), of_exception, writes=False) as live:
+    with RebuildLoop(str(tmp_path / "robot.yaml"), options, lambda: BuildRequest(targets=("bom",)), of_exception, writes=False) as live:
         rounds = live.rounds(stop)
         first = next(rounds)
         assert first.good, first.diagnostics

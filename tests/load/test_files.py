@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from thingc.base.filesystem import NoPlainFile, beginning
+from thingc.base.filesystem import NotARegularFile, beginning
 from thingc.driver.up_to_date import state_of
 from thingc.geometry.key.file_states import state_of as state_of_read
 
@@ -15,7 +15,7 @@ from thingc.geometry.key.file_states import state_of as state_of_read
 def test_nobody_waits_for_a_pipe(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    with pytest.raises(NoPlainFile, match="no file that can be read again"):
+    with pytest.raises(NotARegularFile, match="no file that can be read again"):
         beginning(str(pipe), 1)
     assert state_of(str(pipe)) is None
     assert state_of_read(str(pipe)) == "absent"
@@ -23,7 +23,7 @@ def test_nobody_waits_for_a_pipe(tmp_path: Path) -> None:
 
 def test_a_device_without_end_is_no_file(tmp_path: Path) -> None:
     (tmp_path / "zero").symlink_to("/dev/zero")
-    with pytest.raises(NoPlainFile):
+    with pytest.raises(NotARegularFile):
         beginning(str(tmp_path / "zero"), 1)
     assert state_of_read(str(tmp_path / "zero")) == "absent"
 

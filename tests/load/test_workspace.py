@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.package_info import About
+from thingc.base.package_info import PackageInfo
 from thingc.documents.workspace import Tessellation, Workspace, _explained, _read
 
 
@@ -75,12 +75,12 @@ def test_the_mesh_of_simulators_is_written_below_mesh(tmp_path: Path) -> None:
 def test_who_maintains_the_packages_is_written_below_about(tmp_path: Path) -> None:
     unsaid, _ = find(tmp_path / "a.yaml")
     assert unsaid is not None
-    assert unsaid.about == About(maintainer="TODO", mail="todo@todo.todo", license="TODO: License declaration", version="0.0.0")
+    assert unsaid.about == PackageInfo(maintainer="TODO", mail="todo@todo.todo", license="TODO: License declaration", version="0.0.0")
     said = 'maintainer = "Ada L. <ada@example.org>", license = "MIT", version = "1.2.3"'
     (tmp_path / "thingc.toml").write_text(f"{HEAD}about = {{{said}}}\n")
     workspace, report = find(tmp_path / "a.yaml")
     assert not report.diagnostics and workspace is not None
-    assert workspace.about == About(maintainer="Ada L.", mail="ada@example.org", license="MIT", version="1.2.3")
+    assert workspace.about == PackageInfo(maintainer="Ada L.", mail="ada@example.org", license="MIT", version="1.2.3")
 
 
 def test_a_project_without_our_table_is_none_of_ours(tmp_path: Path) -> None:

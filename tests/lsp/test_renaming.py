@@ -15,14 +15,14 @@ from lsp.walkers import WALKER, write
 from thingc.base.diagnostics import Report
 from thingc.batch import plan
 from thingc.documents.names.index import Name
-from thingc.documents.names.rename import RenameRefused, renamed
-from thingc.documents.names.workspace_index import Sight, sight_of
+from thingc.documents.names.rename import RenameRefused, rename_edits
+from thingc.documents.names.workspace_index import WorkspaceIndex, index_workspace
 from thingc.documents.workspace import Workspace
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import compile
 from thingc.tools.diff.comparing import compare
 from thingc.tools.diff.reading import portrait
-from thingc.tools.diff.snapshot import Portrait
+from thingc.tools.diff.snapshot import Snapshot
 
 ROOT = Path(__file__).parents[2]
 REFUSED = {
@@ -35,41 +35,41 @@ REFUSED = {
 """What of the walker keeps its name, and why; braces stand for the line on which a text is first."""
 
 
-def seen(folder: Path) -> Sight:
+def seen(folder: Path) -> WorkspaceIndex:
     workspace = Workspace.find(str(folder / "thingc.toml"), Report())
     assert workspace is not None
-    return sight_of(workspace, {})
+    return index_workspace(workspace, {})
 
 
 @pytest.fixture(scope="module")
-def walker(tmp_path_factory: pytest.TempPathFactory) -> Sight:
+def walker(tmp_path_factory: pytest.TempPathFactory) -> WorkspaceIndex:
     return seen(write(tmp_path_factory.mktemp("walker")))
 
 
-def named(sight: Sight, what: str, text: str) -> Name:
+def named(sight: WorkspaceIndex, what: str, text: str) -> Name:
     (name,) = (one for one in sight.index.by_name if (one.what, one.text) == (what, text))
     return name
 
 
-def drawn(folder: Path, store: str) -> Portrait:
+def drawn(folder: Path, store: str) -> Snapshot:
     with Environment(str(folder / "walker.yaml"), Options(store=store)) as environment:
         compilation = compile(environment)
     assert not compilation.report.diagnostics, compilation.report.diagnostics
     return portrait(compilation)
 
 
-def test_the_walker_means_everything_that_can_be_meant(walker: Sight) -> None:
+def test_the_walker_means_everything_that_can_be_meant(walker: WorkspaceIndex) -> None:
     """So that a new way to name something is tried below."""
     from typing import get_args
 
-    from thingc.documents.spec.name_types import Declared, Declares, Means, Meant
+    from thingc.documents.spec.name_types import Declared, DeclaresName, ReferenceKind, RefersTo
 
     said = {mention.names for written in walker.documents.values() for mention in written.mentions}
-    of_parts = {Means("part"), Means("parameter of a part")}  # in the arm
-    assert said == {*map(Declares, get_args(Declared)), *map(Means, get_args(Meant))} - of_parts
+    of_parts = {RefersTo("part"), RefersTo("parameter of a part")}  # in the arm
+    assert said == {*map(DeclaresName, get_args(Declared)), *map(RefersTo, get_args(ReferenceKind))} - of_parts
 
 
-def exchanged(sight: Sight, old: str, new: str) -> tuple[Sight, dict[str, str]]:
+def exchanged(sight: WorkspaceIndex, old: str, new: str) -> tuple[WorkspaceIndex, dict[str, str]]:
     """All names that begin with `old` with `new` in its place, one after the other, and what is said of those that stay."""
     refused = {}
     for one in [name for name in sight.index.by_name if name.text.startswith(old) and not name.what.startswith(("document", "part"))]:
@@ -81,7 +81,7 @@ def exchanged(sight: Sight, old: str, new: str) -> tuple[Sight, dict[str, str]]:
             assert (one.what, one.text) in (("sensor", "wag"), ("sensor", "x_wag"))
             continue
         try:
-            sight = renamed(sight, name, new + name.text.removeprefix(old)).after
+            sight = rename_edits(sight, name, new + name.text.removeprefix(old)).after
         except RenameRefused as fault:
             refused[f"{name.what} {name.text}"] = str(fault)
     return sight, refused
@@ -91,7 +91,7 @@ def plain(text: object) -> str:
     return str(text).replace("x_", "")
 
 
-def test_every_name_of_the_walker_is_exchanged_and_back(walker: Sight, tmp_path: Path, shared_store: str) -> None:
+def test_every_name_of_the_walker_is_exchanged_and_back(walker: WorkspaceIndex, tmp_path: Path, shared_store: str) -> None:
     """The robot is the same but for names, its variants can be planned, and nothing is said that was not said before."""
     after, refused = exchanged(walker, "", "x_")
     lines = WALKER.splitlines()
@@ -142,11 +142,11 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
 
 
 def test_names_of_both_robots_are_exchanged_and_back() -> None:
-    """Some of them, others with another seed; each means the same afterwards, or `renamed` would have refused it."""
+    """Some of them, others with another seed; each means the same afterwards, or `rename_edits` would have refused it."""
     sight = seen(ROOT)
     assert [name for name in sight.index.by_name if sight.index.declared(name) is None and name.what != "document"] == []
     names = [name for name in sight.index.by_name if name.what in ("component", "joint", "parameter", "pose", "mode", "export", "test")]
     for name in random.Random(15).sample(names, 6):
-        done = renamed(sight, name, f"x_{name.text}")
-        again = renamed(done.after, replace(name, text=f"x_{name.text}"), name.text)
+        done = rename_edits(sight, name, f"x_{name.text}")
+        again = rename_edits(done.after, replace(name, text=f"x_{name.text}"), name.text)
         assert done.texts and again.texts == {path: sight.read(path) for path in done.texts}

@@ -34,7 +34,7 @@ from thingc.model.assembly.types import (
 )
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
 from thingc.model.resolve.types import Material, NamedPose, Overrides, RawAttribute
-from thingc.model.robot.types import Body, CoreJoint, Keyframe, Robot, Site
+from thingc.model.robot.types import Body, Keyframe, Robot, Site, TreeJoint
 from thingc.targets.request import EmitRequest
 
 FILE = "/somewhere/robot.yaml"
@@ -377,10 +377,10 @@ class Made:
         )
         bodies = []
         for index, s in enumerate(self.segments):
-            joints: tuple[CoreJoint, ...] = ()
+            joints: tuple[TreeJoint, ...] = ()
             if s.joint is not None:
                 axis, anchor = tuple(map(float, s.axis)), tuple(map(float, s.anchor))
-                joints = (CoreJoint(
+                joints = (TreeJoint(
                     path=s.joint,
                     kind=KINDS["revolute" if s.kind == "hinge" else "prismatic"],
                     twist=Twist(angular=axis, anchor=anchor) if s.kind == "hinge" else Twist(linear=axis),

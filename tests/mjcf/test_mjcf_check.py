@@ -286,7 +286,7 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         sizes.append(sum(map(len, data.values())))
         return in_memory(data)
 
-    def counting(text: str, files: Any) -> verify.Verdict:
+    def counting(text: str, files: Any) -> verify.CompileResult:
         counted.append(sizes[-1])
         assert threading.get_ident() == thread
         return true(text, files)
@@ -392,7 +392,7 @@ def test_textures_are_painted_once(store: Store, monkeypatch: pytest.MonkeyPatch
     pixels: list[int] = []
     true = verify.attempt
 
-    def painting(text: str, files: Any) -> verify.Verdict:
+    def painting(text: str, files: Any) -> verify.CompileResult:
         verdict = true(text, files)
         pixels.append(verdict.model.ntexdata)
         return verdict

@@ -20,7 +20,7 @@ from mjcf.handmade import Made, Piece, Segment, box_part, material, matrix, raw,
 from mjcf.test_mjcf_model import arm
 from thingc.geometry.store.local import BlobMissing, Store
 from thingc.targets import stl
-from thingc.targets.artifact import Content, Stored
+from thingc.targets.artifact import Content, StoredArtifact
 from thingc.targets.mjcf.emit import emit
 from thingc.targets.registry import TARGETS, emitter, targets
 from thingc.targets.request import EmitRequest
@@ -43,7 +43,7 @@ def written(made: Made, store: Store, folder: Path, *modes: tuple[str, str]) -> 
     for path, content in everything(request).items():
         target = folder / path
         target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(store.read(content.sha256) if isinstance(content, Stored) else content)
+        target.write_bytes(store.read(content.sha256) if isinstance(content, StoredArtifact) else content)
     assert request.report.diagnostics == []
     return folder / "mjcf"
 
@@ -66,7 +66,7 @@ def test_names_of_files(store: Store) -> None:
     assets = [path.removeprefix("mjcf/assets/") for path in files if "assets" in path]
     stems = sorted({path.partition(".")[0] + "." + path.split(".")[1].removesuffix("_hull") for path in assets})
     assert len(stems) == 3 and sorted(assets) == sorted(f"{s}{end}" for s in stems for end in (".obj", "_hull.obj"))
-    assert all(isinstance(files[f"mjcf/assets/{name}"], Stored) for name in assets)
+    assert all(isinstance(files[f"mjcf/assets/{name}"], StoredArtifact) for name in assets)
 
 
 @pytest.mark.parametrize(("mode", "base"), MODES)

@@ -31,7 +31,7 @@ from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly
 from thingc.model.robot.spanning_tree import root
 from thingc.modes import Modes
-from thingc.modes.state import State
+from thingc.modes.state import RobotState
 from thingc.modes.tree import Mode
 from thingc.targets import modes_json
 from thingc.targets.mjcf import emit as mjcf
@@ -145,7 +145,7 @@ def bodies(data: mujoco.MjData) -> dict[str, tuple[Array, Array]]:
     return found
 
 
-def assert_said(mode: Mode, state: State, data: mujoco.MjData) -> None:
+def assert_said(mode: Mode, state: RobotState, data: mujoco.MjData) -> None:
     """What `thingc.modes` says of every link, its pose and its twist (linear in world axes, angular in its own), is MuJoCo's. (It has none
     of the links that only join two joints.)"""
     twists, found = mode.twists(state), bodies(data)

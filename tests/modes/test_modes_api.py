@@ -19,7 +19,7 @@ from graph.builder import assembly, box, component, joint, linked, mode, pose, r
 from modes.switching_robots import Made, driven, emitted, same_motion, stir
 from thingc.model.assembly.types import Adhesion, Assembly
 from thingc.model.resolve.types import Drive
-from thingc.modes import Modes, ModesError, State, UnknownMode, WrongData
+from thingc.modes import Modes, ModesError, RobotState, UnknownMode, WrongData
 
 
 def crawler() -> Assembly:
@@ -294,4 +294,4 @@ def test_it_loads_numpy_and_nothing_else() -> None:
 
 def test_states_compare_by_identity(made: Made) -> None:
     state = made.modes["crawl"].state()
-    assert isinstance(state, State) and state == state and state != made.modes["crawl"].state()
+    assert isinstance(state, RobotState) and state == state and state != made.modes["crawl"].state()

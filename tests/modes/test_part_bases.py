@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from loops.robots import BALL, MATE, Array, Built, at_key, compiled
 from modes.switching_robots import assert_said, bodies
-from thingc.modes import BaseElsewhere, BaseMoves, Modes, State
+from thingc.modes import BaseElsewhere, BaseMoves, Modes, RobotState
 
 PUCK = f"""
 thingc: assembly/1
@@ -47,7 +47,7 @@ def moved(turn: Array, place: Array) -> Array:
     return found
 
 
-def data_of(puck: Built, state: State) -> mujoco.MjData:
+def data_of(puck: Built, state: RobotState) -> mujoco.MjData:
     model = puck.model(state.mode)
     data = mujoco.MjData(model)
     Modes.parse(puck.text("modes.json")).write(state, data)

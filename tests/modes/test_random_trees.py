@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from loops.robots import MATE, Array, Built, compiled
 from modes.switching_robots import assert_said, bodies, jacobian, mass_matrix
-from thingc.modes import Mode, Modes, State
+from thingc.modes import Mode, Modes, RobotState
 
 LINKS = 6
 JOINED = 3
@@ -176,7 +176,7 @@ def random_q(edges: list[Edge], rng: np.random.Generator) -> dict[str, float]:
     return q
 
 
-def at(built: Built, mode: Mode, state: State) -> mujoco.MjData:
+def at(built: Built, mode: Mode, state: RobotState) -> mujoco.MjData:
     model = built.model(mode.name)
     data = mujoco.MjData(model)
     Modes({mode.name: mode}).write(state, data)

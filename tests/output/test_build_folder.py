@@ -20,7 +20,7 @@ import pytest
 from thingc.base.diagnostics import Code, Report
 from thingc.driver.output import OutputError, UnexpectedFilesError, unexpected_files, verify, write_build
 from thingc.geometry.store.local import BlobMissing, Store
-from thingc.targets.artifact import Content, Stored
+from thingc.targets.artifact import Content, StoredArtifact
 
 DRIVER = Path(__file__).with_name("killed_writer.py")
 
@@ -67,7 +67,7 @@ class TestWhole:
     def test_stored_content_is_a_copy(self, tmp_path: Path, store: Store) -> None:
         sha256 = store.put(b"mesh")
         manifest = {"name": "arm", "document": "arm.yaml", "files": {"stl/a.stl": sha256}}
-        files: dict[str, Content] = {"stl/a.stl": Stored(sha256=sha256, size=4), "manifest.json": json.dumps(manifest).encode()}
+        files: dict[str, Content] = {"stl/a.stl": StoredArtifact(sha256=sha256, size=4), "manifest.json": json.dumps(manifest).encode()}
         folder = build(tmp_path / "build", files, store)
         (folder / "stl" / "a.stl").write_bytes(b"edited by somebody")
         assert store.read(sha256) == b"mesh"
@@ -77,7 +77,7 @@ class TestWhole:
         folder = build(tmp_path / "build", FIRST, store)
         sha256 = store.put(b"mesh")
         Path(store.path(sha256)).write_bytes(b"mEsh")
-        files = {**with_manifest({}), "a.stl": Stored(sha256=sha256, size=4)}
+        files = {**with_manifest({}), "a.stl": StoredArtifact(sha256=sha256, size=4)}
         with pytest.raises(BlobMissing):
             build(tmp_path / "build", files, store)
         assert content(folder) == FIRST
@@ -129,7 +129,7 @@ class TestKilled:
         folder.rename(tmp_path / ".arm.thingc-old")
         (tmp_path / ".arm.thingc-new").mkdir()
         with pytest.raises(BlobMissing):
-            build(tmp_path, {**SECOND, "a.stl": Stored(sha256="0" * 64, size=4)}, store)
+            build(tmp_path, {**SECOND, "a.stl": StoredArtifact(sha256="0" * 64, size=4)}, store)
         assert content(folder) == FIRST
         assert os.listdir(tmp_path) == ["arm"]
 
@@ -345,7 +345,7 @@ class TestStrangers:
         store = Meddler(str(tmp_path / "store"))
         folder = build(tmp_path, FIRST, store)
         (folder / "early.txt").touch()
-        stored = Stored(sha256=store.put(b"mesh"), size=4)
+        stored = StoredArtifact(sha256=store.put(b"mesh"), size=4)
         with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, {**SECOND, "stl/late.stl": stored}, store, force=True)
         assert "late.txt" in raised.value.names and (folder / "late.txt").read_text() == "mine"
@@ -367,7 +367,7 @@ class TestStrangers:
         folder = build(tmp_path, FIRST, store)
         sha256 = store.put(b"mesh")
         with pytest.raises(UnexpectedFilesError) as raised:
-            build(tmp_path, {**SECOND, "late.stl": Stored(sha256=sha256, size=4)}, store)
+            build(tmp_path, {**SECOND, "late.stl": StoredArtifact(sha256=sha256, size=4)}, store)
         assert raised.value.names == ("thesis.txt",)
         assert ".thingc-" not in raised.value.message
         assert content(folder) == {**FIRST, "thesis.txt": b"mine"}

@@ -11,13 +11,13 @@ import pytest
 from graph.builder import record
 from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
-from thingc.batch.plans.numeric_plan import PAYS, Form
-from thingc.batch.plans.part_exchange import Exchange, Exchanged, Modelled, TracedParts
+from thingc.batch.plans.numeric_plan import PAYS, PlanCache
+from thingc.batch.plans.part_exchange import Exchange, Exchanged, PartDependsOnNumber, TracedParts
 from thingc.batch.plans.tape import Tape
-from thingc.driver.settings import Read
+from thingc.driver.settings import ParsedSettings
 from thingc.geometry.record import (
-    Expectation,
     Mesh,
+    MountExpectation,
     MountRecord,
     ParameterSchema,
     PartDefinition,
@@ -25,7 +25,7 @@ from thingc.geometry.record import (
     PartRecord,
     PartSchema,
 )
-from thingc.targets.artifact import Stored
+from thingc.targets.artifact import StoredArtifact
 
 BAR = PartSchema(
     reference="m:Bar", kind="thing", doc="", material=None, actuator=False, file="", line=0,
@@ -58,7 +58,7 @@ class Parts:
 
     def _record(self, one: PartDefinition) -> Any:
         if one.reference == "m:Plate":
-            cut = Expectation(mount="seat", text="m:Bar(length=0.2)", label="", child_mount="end")
+            cut = MountExpectation(mount="seat", text="m:Bar(length=0.2)", label="", child_mount="end")
             return record(one.text, expectations=(cut,))
         length = dict(one.parameters)["length"]
         assert type(length) is float
@@ -78,7 +78,10 @@ def exchange(parts: Parts, *others: PartDefinition) -> Exchange:
     records = traced.slice([definition, *others], records, {})
     mesh = records[definition.text].meshes["visual"]
     assert records[definition.text].box[1][0].value == 0.14 + 0.01
-    assets = {f"{definition.stem}_hull.obj": Stored(sha256=mesh.sha256, size=mesh.size), "m.Other.obj": Stored(sha256="5", size=5)}
+    assets = {
+        f"{definition.stem}_hull.obj": StoredArtifact(sha256=mesh.sha256, size=mesh.size),
+        "m.Other.obj": StoredArtifact(sha256="5", size=5),
+    }
     made = Exchange(traced, parts, assets)  # type: ignore[arg-type]
     assert made.names == [f"{definition.stem}_hull"] and definition.text == f"m:Bar(length={0.14 + 0.01!r})"
     return made
@@ -91,7 +94,9 @@ def test_numbers_and_meshes_are_those_of_the_other_record() -> None:
     assert [one for one in found.numbers if one] == [0.26 * 1e-4, -0.005, -0.005, 0.26, 0.005, 0.005, 0.26]
     (name,) = found.names
     assert name == BAR.definition({"length": 0.26}).stem + "_hull"
-    assert found.assets == {f"{name}.obj": Stored(sha256="0.26".ljust(64, "0"), size=100), "m.Other.obj": Stored(sha256="5", size=5)}
+    assert found.assets == {
+        f"{name}.obj": StoredArtifact(sha256="0.26".ljust(64, "0"), size=100), "m.Other.obj": StoredArtifact(sha256="5", size=5),
+    }
 
 
 def test_what_is_asked_for_again_is_at_hand() -> None:
@@ -131,13 +136,13 @@ def test_a_plan_is_not_of_what_becomes_another_s_part() -> None:
 
 def test_a_part_that_may_not_be_modelled_by_a_number_is_said() -> None:
     traced = TracedParts(Parts(), lambda number: False)  # type: ignore[arg-type]
-    with pytest.raises(Modelled, match=r"m:Bar\(length=150 mm\)"):
+    with pytest.raises(PartDependsOnNumber, match=r"m:Bar\(length=150 mm\)"):
         traced.realize([BAR.definition({"length": Tape().variable(0.15)})])  # type: ignore[dict-item]
 
 
 def test_after_plans_have_paid_the_next_is_made_at_once() -> None:
-    form: Form[None] = Form()
-    read = Read(names=("length",), values=(0.1,), texts=())
+    form: PlanCache[None] = PlanCache()
+    read = ParsedSettings(names=("length",), values=(0.1,), texts=())
     assert [form.worth_it(read) for _ in range(8)] == [False, True, False, True, False, False, False, True]
     form.met = PAYS
     assert [form.worth_it(read) for _ in range(3)] == [True, False, True] and form.met == 0

@@ -78,8 +78,8 @@ def test_which_is_the_greatest_is_not_decided() -> None:
 
 
 def test_the_functions_of_math_are_given_back() -> None:
-    before = (math.sin, math.fsum, summing.root_of_squares, max)
+    before = (math.sin, math.fsum, summing.hypot_of, max)
     with pytest.raises(RuntimeError), tracing():
         assert math.sin is not before[0] and math.sin(0.5) == before[0](0.5)
         raise RuntimeError
-    assert (math.sin, math.fsum, summing.root_of_squares, max) == before
+    assert (math.sin, math.fsum, summing.hypot_of, max) == before

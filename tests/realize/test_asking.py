@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from thingc.geometry.record import Outside, PartRecord
+from thingc.geometry.record import ImpureInputs, PartRecord
 from thingc.tools.cli.main import main
 
 HEAD = """\
@@ -27,38 +27,38 @@ from helper import shuffled
 HELPER = "import random\n\n\ndef shuffled(values):\n    random.shuffle(values)\n    return values\n"
 
 ASKS = {
-    "os.environ['SIZE'] if 'SIZE' in os.environ else 1": Outside.ENVIRONMENT,
-    "os.environ.get('SIZE')": Outside.ENVIRONMENT,
-    "os.getenv('SIZE', '3')": Outside.ENVIRONMENT,
-    "os.environb.get(b'SIZE')": Outside.ENVIRONMENT,
-    "os.path.expandvars('$SIZE')": Outside.ENVIRONMENT,
-    "time.time()": Outside.CLOCK,
-    "now()": Outside.CLOCK,
-    "time.strftime('%Y')": Outside.CLOCK,
-    "time.localtime()": Outside.CLOCK,
-    "moment.now()": Outside.CLOCK,
-    "datetime.datetime.now(datetime.timezone.utc)": Outside.CLOCK,
-    "date.today()": Outside.CLOCK,
-    "type('Own', (moment,), {}).utcnow()": Outside.CLOCK,
-    "random.random()": Outside.CHANCE,
-    "shuffle([1, 2])": Outside.CHANCE,
-    "random.seed()": Outside.CHANCE,
-    "random.Random().random()": Outside.CHANCE,
-    "random.SystemRandom().random()": Outside.CHANCE,
-    "secrets.token_hex()": Outside.CHANCE,
-    "os.urandom(8)": Outside.CHANCE,
-    "uuid.uuid4()": Outside.CHANCE,
-    "uuid.uuid1()": Outside.CHANCE,
-    "__import__('numpy').random.default_rng()": Outside.CHANCE,
-    "__import__('numpy').random.rand()": Outside.CHANCE,
-    "__import__('numpy').random.RandomState()": Outside.CHANCE,
-    "subprocess.run(['true'])": Outside.PROCESS,
-    "subprocess.run('true', shell=True)": Outside.PROCESS,
-    "os.system('true')": Outside.PROCESS,
-    "os.waitpid(os.fork() or os._exit(0), 0)": Outside.PROCESS,
-    "os.waitpid(os.posix_spawn('/bin/true', ['true'], {}), 0)": Outside.PROCESS,
-    "socket.getaddrinfo('localhost', 9)": Outside.NETWORK,
-    "logging.getLogger('x').warning('%s', now())": Outside.CLOCK,
+    "os.environ['SIZE'] if 'SIZE' in os.environ else 1": ImpureInputs.ENVIRONMENT,
+    "os.environ.get('SIZE')": ImpureInputs.ENVIRONMENT,
+    "os.getenv('SIZE', '3')": ImpureInputs.ENVIRONMENT,
+    "os.environb.get(b'SIZE')": ImpureInputs.ENVIRONMENT,
+    "os.path.expandvars('$SIZE')": ImpureInputs.ENVIRONMENT,
+    "time.time()": ImpureInputs.CLOCK,
+    "now()": ImpureInputs.CLOCK,
+    "time.strftime('%Y')": ImpureInputs.CLOCK,
+    "time.localtime()": ImpureInputs.CLOCK,
+    "moment.now()": ImpureInputs.CLOCK,
+    "datetime.datetime.now(datetime.timezone.utc)": ImpureInputs.CLOCK,
+    "date.today()": ImpureInputs.CLOCK,
+    "type('Own', (moment,), {}).utcnow()": ImpureInputs.CLOCK,
+    "random.random()": ImpureInputs.CHANCE,
+    "shuffle([1, 2])": ImpureInputs.CHANCE,
+    "random.seed()": ImpureInputs.CHANCE,
+    "random.Random().random()": ImpureInputs.CHANCE,
+    "random.SystemRandom().random()": ImpureInputs.CHANCE,
+    "secrets.token_hex()": ImpureInputs.CHANCE,
+    "os.urandom(8)": ImpureInputs.CHANCE,
+    "uuid.uuid4()": ImpureInputs.CHANCE,
+    "uuid.uuid1()": ImpureInputs.CHANCE,
+    "__import__('numpy').random.default_rng()": ImpureInputs.CHANCE,
+    "__import__('numpy').random.rand()": ImpureInputs.CHANCE,
+    "__import__('numpy').random.RandomState()": ImpureInputs.CHANCE,
+    "subprocess.run(['true'])": ImpureInputs.PROCESS,
+    "subprocess.run('true', shell=True)": ImpureInputs.PROCESS,
+    "os.system('true')": ImpureInputs.PROCESS,
+    "os.waitpid(os.fork() or os._exit(0), 0)": ImpureInputs.PROCESS,
+    "os.waitpid(os.posix_spawn('/bin/true', ['true'], {}), 0)": ImpureInputs.PROCESS,
+    "socket.getaddrinfo('localhost', 9)": ImpureInputs.NETWORK,
+    "logging.getLogger('x').warning('%s', now())": ImpureInputs.CLOCK,
 }
 """An expression of a part, and what it asks."""
 
@@ -134,7 +134,7 @@ def test_a_library_asks_for_the_part_that_calls_it(place: Any, define: Callable[
     place.write("parts/arm.py", text)
     with place.service() as service:
         (warning,) = service.realize([define("arm:part")])["arm:part"].warnings
-    assert (warning.asked, warning.line) == (Outside.CHANCE, 5)
+    assert (warning.asked, warning.line) == (ImpureInputs.CHANCE, 5)
 
 
 ROBOT = """\

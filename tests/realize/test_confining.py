@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from thingc.geometry.client import Workers
-from thingc.geometry.record import Outside, PartFailure, PartRecord
+from thingc.geometry.record import ImpureInputs, PartFailure, PartRecord
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="Linux says whose processes are whose, and has Landlock")
 
@@ -182,9 +182,9 @@ def test_what_a_part_leaves_behind_is_ended_and_named(place: Any, define: Callab
         workers.close()
     assert marked(place) == []
     for name, words in (("child", f"`{sys.executable}"), ("daemon", f"`{LONE}`"), ("copy", "a copy of itself")):
-        (left,) = [warning for warning in found[f"leaving:{name}"].warnings if warning.asked is Outside.LEFT]
+        (left,) = [warning for warning in found[f"leaving:{name}"].warnings if warning.asked is ImpureInputs.LEFT]
         assert left.message.startswith(f"leaves {words}") and left.message.endswith(" running, which was ended")
-    assert [one for one in found["leaving:polite"].warnings if one.asked is Outside.LEFT] == []
+    assert [one for one in found["leaving:polite"].warnings if one.asked is ImpureInputs.LEFT] == []
     failures = [found[f"leaving:{name}"] for name in ("crashing", "hanging")]
     assert [(one.kind, one.message) for one in failures] == [("crashed", "killed by SIGSEGV"), ("hung", "it was not done after 2 s")]
 

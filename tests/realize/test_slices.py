@@ -15,7 +15,7 @@ from thingc.driver.environment import Environment, Options
 from thingc.driver.session import Session
 from thingc.geometry.client import Workers
 from thingc.geometry.lock.json_format import BadLock, read_record, record_values
-from thingc.geometry.print_slices import Sliced, Slicing, Unsliced
+from thingc.geometry.print_slices import SliceFailure, SliceResult, Slicing
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord
 from thingc.geometry.record_json import record_from_json, record_to_json
 from thingc.geometry.service import GeometryService
@@ -92,7 +92,7 @@ def test_a_slicing_is_made_once_and_models_nothing(spot: Place, counted: Counted
     with spot.service() as service:
         first = sliced(service, [block], HOW)[block.text]
         assert counted.asked == ["model", "slice"]
-        assert isinstance(first.slices[HOW], Sliced)
+        assert isinstance(first.slices[HOW], SliceResult)
         assert sliced(service, [block], HOW)[block.text] is first, "the same record for the same question"
         both = sliced(service, [block], HOW, replace(HOW, walls=2))[block.text]
         assert counted.asked == ["model", "slice", "slice"]
@@ -150,7 +150,7 @@ def test_a_part_that_cannot_be_cut_says_why_and_is_not_asked_again(spot: Place, 
     foil = part("blocks:Foil")
     for _ in range(2):
         with spot.service() as service:
-            assert sliced(service, [foil], HOW)[foil.text].slices == {HOW: Unsliced(reason="is lower than one layer")}
+            assert sliced(service, [foil], HOW)[foil.text].slices == {HOW: SliceFailure(reason="is lower than one layer")}
     assert counted.asked.count("slice") == 1
 
 

@@ -11,7 +11,7 @@ import pytest
 from manifold3d import Manifold
 
 from thingc.base.pose import Vector
-from thingc.geometry.print_slices import Moments, Sliced, Slicing
+from thingc.geometry.print_slices import Moments, SliceResult, Slicing
 from thingc.geometry.worker.kernel.meshing import Triangles
 from thingc.geometry.worker.kernel.slicing import JOINED, NotSliced, slice_part
 
@@ -177,7 +177,7 @@ def test_moments_of_two_bodies_add_up() -> None:
     one = Moments.of([1.0, *[0.0] * 9])
     other = Moments.of([3.0, 12.0, 0, 0, 48.0, 0, 0, 0, 0, 0])
     twice = Moments.of([2 * value for value in other.numbers])
-    both = Sliced(solid=one, joins=Moments(), sparse=twice).printed(0.5)
+    both = SliceResult(solid=one, joins=Moments(), sparse=twice).printed(0.5)
     assert (both.mass, both.centre[0]) == (4.0, 3.0)
     assert both.inertia[1][1] == both.inertia[2][2] == pytest.approx(12.0)
     assert Moments.of(other.numbers) == other

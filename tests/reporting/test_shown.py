@@ -18,7 +18,7 @@ from reporting.test_github import parsed
 from reporting.test_sarif import checked
 from thingc.base.diagnostic_output import as_json, as_text
 from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
-from thingc.base.safe_text import LONGEST, LONGEST_QUOTE, json_text, shortened, shown
+from thingc.base.safe_text import LONGEST, LONGEST_QUOTE, escape_control, json_text, shortened
 from thingc.driver.testing.junit import as_junit
 from thingc.tools.reporting.github import as_github
 from thingc.tools.reporting.sarif import as_sarif
@@ -37,7 +37,7 @@ NEVER = {
 @pytest.mark.parametrize("text", NEVER.values(), ids=NEVER)
 def test_what_a_terminal_obeys_or_nobody_sees_is_written_out(text: str) -> None:
     """As a Python literal writes it, so that it can be told apart and searched for."""
-    assert shown(f"q{text}:X") == f"q{text.encode('unicode_escape').decode()}:X"
+    assert escape_control(f"q{text}:X") == f"q{text.encode('unicode_escape').decode()}:X"
 
 
 def test_every_character_of_unicode_is_judged() -> None:
@@ -46,15 +46,15 @@ def test_every_character_of_unicode_is_judged() -> None:
         character = chr(number)
         category = unicodedata.category(character)
         if category in ("Cc", "Cf", "Cs", "Zl", "Zp", "Cn"):
-            assert shown(character).startswith("\\"), hex(number)
+            assert escape_control(character).startswith("\\"), hex(number)
         elif category[0] in "LNPS" and category != "Lo" or character in " あ漢אב":
-            assert shown(character) == character, hex(number)
+            assert escape_control(character) == character, hex(number)
 
 
 @given(st.text(alphabet=st.one_of(st.characters(), st.characters(categories=["Cs"]), st.sampled_from("".join(NEVER.values())))))
 def test_shown_text_is_one_printable_line(text: str) -> None:
-    assert shown(text).isprintable()
-    assert shown(shown(text)) == shown(text)
+    assert escape_control(text).isprintable()
+    assert escape_control(escape_control(text)) == escape_control(text)
 
 
 @given(st.text(alphabet=st.one_of(st.characters(exclude_categories=["Cs"]), st.sampled_from("\x1b\u202e\x7f\u2028\ufeff"))))

@@ -18,7 +18,7 @@ from thingc.driver.pipeline import Compilation, UnknownChoice
 from thingc.driver.session import Session
 from thingc.model.resolve.nested import part_definitions
 from thingc.model.resolve.sources import Settings
-from thingc.targets.artifact import Loss, Stored
+from thingc.targets.artifact import Loss, StoredArtifact
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 
@@ -143,7 +143,7 @@ def outcome(
         for artifacts in emitted(environment, compilation, targets).values():
             losses += artifacts.losses
             files |= {
-                path: environment.store.read(content.sha256) if isinstance(content, Stored) else content
+                path: environment.store.read(content.sha256) if isinstance(content, StoredArtifact) else content
                 for path, content in artifacts.files.items()
             }
     decisions: dict[str, object] = {text: decision.reused for text, decision in compilation.decisions.items()}

@@ -8,8 +8,8 @@ from typing import get_args
 import pytest
 
 from thingc.documents.names.occurrences import SettingWord, setting_words
-from thingc.documents.spec.annotation_types import AnnotationShape, alternatives, model_keys, shape_of
-from thingc.documents.spec.name_types import Declared, Declares, Means, Meant
+from thingc.documents.spec.annotation_types import FieldType, alternatives, model_keys, shape_of
+from thingc.documents.spec.name_types import Declared, DeclaresName, ReferenceKind, RefersTo
 from thingc.documents.spec.validation import KINDS, model_of
 
 WORDS = ("a name", "a reference", "a comparison", "a parameter or the path of a value", "the path of a choice")
@@ -22,7 +22,7 @@ NUMBERED = {"allow", "noise", "cutoff"}
 """Mappings whose keys are codes, or words of ours."""
 
 
-def texts(shape: AnnotationShape, key: str) -> Iterator[tuple[str, AnnotationShape]]:
+def texts(shape: FieldType, key: str) -> Iterator[tuple[str, FieldType]]:
     """Every field of text or of a name in what a shape takes, with its key; keys of mappings as `key{}`."""
     for one in alternatives(shape):
         if one.model is not None:
@@ -48,17 +48,17 @@ def test_every_field_of_text_says_what_it_names(kind: str) -> None:
 
 def test_every_meaning_is_one_of_a_field() -> None:
     said = {shape.names for kind in KINDS if (model := model_of(kind)) is not None for _, shape in texts(shape_of(model), kind)}
-    wordless = {Means("expression"), Means("raw"), Means("pose of a nested assembly")}  # of fields that take more than names
-    assert {*map(Declares, get_args(Declared)), *map(Means, get_args(Meant))} - wordless == said - {None}
+    wordless = {RefersTo("expression"), RefersTo("raw"), RefersTo("pose of a nested assembly")}  # of fields that take more than names
+    assert {*map(DeclaresName, get_args(Declared)), *map(RefersTo, get_args(ReferenceKind))} - wordless == said - {None}
 
 
 def test_the_words_of_a_setting() -> None:
-    component, joint = Declares("component"), Declares("joint")
+    component, joint = DeclaresName("component"), DeclaresName("joint")
     assert list(setting_words("components.leg.joints.knee.limit.upper")) == [
         SettingWord(offset=11, through=(), path=("components", "leg"), names=component),
         SettingWord(offset=22, through=("leg",), path=("joints", "knee"), names=joint),
     ]
     assert [(word.offset, word.names) for word in setting_words("components.arm.params.length")] == [
-        (11, component), (22, Means("parameter of a part")),
+        (11, component), (22, RefersTo("parameter of a part")),
     ]
     assert list(setting_words("simulation.timestep")) == []

@@ -9,7 +9,7 @@ from thingc.base.units import LENGTH, MASS, NUMBER, Quantity
 from thingc.documents.expressions.terms import Expression
 from thingc.documents.load.documents import Documents, load
 from thingc.documents.spec.assembly import AssemblySpec
-from thingc.documents.spec.settable_values import stated_choices, stated_value
+from thingc.documents.spec.settable_values import current_value, stated_choices
 from thingc.documents.spec.validation import validate
 from thingc.documents.workspace import Workspace
 
@@ -47,20 +47,20 @@ def documents(folder: Path) -> Documents:
 
 def test_values_are_found_in_nested_documents(tmp_path: Path) -> None:
     found = documents(tmp_path)
-    assert stated_value(found, "components.plate.mass") == Quantity(0.082, MASS)
-    assert stated_value(found, "joints.hip.dynamics.damping") == Quantity(0.5, NUMBER)
-    assert stated_value(found, "components.leg.joints.knee.limit.upper") == Quantity(0.03, LENGTH)
-    assert stated_value(found, "components.leg.joints.knee.label") == "a text"
-    assert stated_value(found, "components.leg.components.shin.at.xyz") == "0 0 1 m"  # no value by itself
-    own = stated_value(found, "joints.hip.limit.upper")
+    assert current_value(found, "components.plate.mass") == Quantity(0.082, MASS)
+    assert current_value(found, "joints.hip.dynamics.damping") == Quantity(0.5, NUMBER)
+    assert current_value(found, "components.leg.joints.knee.limit.upper") == Quantity(0.03, LENGTH)
+    assert current_value(found, "components.leg.joints.knee.label") == "a text"
+    assert current_value(found, "components.leg.components.shin.at.xyz") == "0 0 1 m"  # no value by itself
+    own = current_value(found, "joints.hip.limit.upper")
     assert isinstance(own, Expression) and own.text == "=reach / 2"
 
 
 def test_what_is_said_nowhere_is_none(tmp_path: Path) -> None:
     found = documents(tmp_path)
     for path in ("joints.hip.limit.lower", "joints.hip.limit", "components.plate.joints.knee.limit.upper", "joints.elbow.limit.upper"):
-        assert stated_value(found, path) is None
-    assert stated_value(found, "components.leg.components.foot.mass") is None  # its parameters are not those of the root
+        assert current_value(found, path) is None
+    assert current_value(found, "components.leg.components.foot.mass") is None  # its parameters are not those of the root
 
 
 def test_choices_are_those_of_the_documents_own_components(tmp_path: Path) -> None:

@@ -9,16 +9,16 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from thingc.base.summing import dist, hypot, plain_sum
+from thingc.base.summing import dist, hypot, sum_of
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 
 
 def test_what_additions_lose_is_lost() -> None:
     """A `sum` of Python 3.12 or newer has 1.0."""
-    assert plain_sum([1e16, 1.0, -1e16]) == 0.0
-    assert plain_sum([0.1] * 10) == 0.9999999999999999
-    assert plain_sum([]) == 0
+    assert sum_of([1e16, 1.0, -1e16]) == 0.0
+    assert sum_of([0.1] * 10) == 0.9999999999999999
+    assert sum_of([]) == 0
 
 
 @given(st.lists(FLOATS))
@@ -26,7 +26,7 @@ def test_it_adds_from_left_to_right(values: list[float]) -> None:
     by_hand = 0.0
     for one in values:
         by_hand = by_hand + one
-    assert repr(float(plain_sum(iter(values)))) == repr(by_hand)
+    assert repr(float(sum_of(iter(values)))) == repr(by_hand)
 
 
 def test_lengths_are_the_nearest_floats() -> None:

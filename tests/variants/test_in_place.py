@@ -11,19 +11,19 @@ import mujoco.rollout
 import numpy as np
 import pytest
 
-from thingc.batch import Family, FamilyError, NotInPlace, apply, fields, load, run, shared_model, write
+from thingc.batch import BatchResults, FamilyError, StructuresDiffer, apply, fields, load, run, shared_model, write
 from thingc.driver.environment import Options
 from variants.families import arrays
 from variants.robots import workspace
 
 
 @pytest.fixture(name="sliders")
-def loaded_sliders(sliders: Path) -> Family:
+def loaded_sliders(sliders: Path) -> BatchResults:
     return load(sliders)
 
 
 @pytest.fixture(name="some")
-def loaded_some(some: Path) -> Family:
+def loaded_some(some: Path) -> BatchResults:
     return load(some)
 
 
@@ -39,7 +39,7 @@ def trajectory(model: mujoco.MjModel, steps: int = 300) -> np.ndarray:
     return seen
 
 
-def test_the_model_in_place_moves_as_the_variants_own_to_the_last_bit(sliders: Family) -> None:
+def test_the_model_in_place_moves_as_the_variants_own_to_the_last_bit(sliders: BatchResults) -> None:
     model, own = fields(sliders, scene=True)
     assert own and all(len(values) == len(sliders) == 8 for values in own.values())
     assert {"body_mass", "dof_damping", "body_ipos"} <= set(own) and "geom_type" not in own
@@ -55,7 +55,7 @@ def test_the_model_in_place_moves_as_the_variants_own_to_the_last_bit(sliders: F
     assert len(moved) == 8
 
 
-def test_frames_lengths_and_poses_differ_in_place(some: Family) -> None:
+def test_frames_lengths_and_poses_differ_in_place(some: BatchResults) -> None:
     for mode in ("hanging", "flying"):
         model, own = fields(some, mode)
         assert {"body_pos", "body_mass"} <= set(own)
@@ -64,7 +64,7 @@ def test_frames_lengths_and_poses_differ_in_place(some: Family) -> None:
             assert trajectory(model, 100).tobytes() == trajectory(variant.model(mode), 100).tobytes()
 
 
-def test_rollout_takes_the_models_in_place(sliders: Family) -> None:
+def test_rollout_takes_the_models_in_place(sliders: BatchResults) -> None:
     model, own = fields(sliders, scene=True)
     models = []
     for index in range(len(sliders)):
@@ -81,7 +81,7 @@ def test_rollout_takes_the_models_in_place(sliders: Family) -> None:
         np.testing.assert_array_equal(states[index][:, 1: 1 + model.nq + model.nv], trajectory(variant.model(scene=True)))
 
 
-def test_what_was_written_is_read_back_and_is_the_same_every_time(sliders: Family, tmp_path: Path) -> None:
+def test_what_was_written_is_read_back_and_is_the_same_every_time(sliders: BatchResults, tmp_path: Path) -> None:
     for name in ("a", "b"):
         assert write(sliders, tmp_path / f"{name}.npz", scene=True) == str(tmp_path / f"{name}.mjz")
     for kind in ("npz", "mjz"):
@@ -99,10 +99,10 @@ def test_what_was_written_is_read_back_and_is_the_same_every_time(sliders: Famil
 
 
 def test_other_geometry_or_another_tree_is_refused_by_name(boards: Path, arms: Path) -> None:
-    with pytest.raises(NotInPlace, match=r"kind `mesh` in `boards_0` and `boards_1`: `plates\.Square") as refused:
+    with pytest.raises(StructuresDiffer, match=r"kind `mesh` in `boards_0` and `boards_1`: `plates\.Square") as refused:
         fields(boards)
     assert refused.value.field == "nmesh"
-    with pytest.raises(NotInPlace, match=r"kind `body` in `arms_0` and `arms_1`: `chain/tip` is in one of them only"):
+    with pytest.raises(StructuresDiffer, match=r"kind `body` in `arms_0` and `arms_1`: `chain/tip` is in one of them only"):
         fields(arms)
 
 
@@ -173,7 +173,7 @@ def tumbled(model: mujoco.MjModel) -> np.ndarray:
     return seen
 
 
-def test_every_array_of_a_model_may_differ_or_is_refused(sliders: Family) -> None:
+def test_every_array_of_a_model_may_differ_or_is_refused(sliders: BatchResults) -> None:
     """No array is forgotten: change any entry of any, and it is either among the fields or refused with its name."""
     model = sliders[0].model(scene=True)
     checked = {"may": 0, "may not": 0}
@@ -187,7 +187,7 @@ def test_every_array_of_a_model_may_differ_or_is_refused(sliders: Family) -> Non
             shared_model._same_structure(model, other, sliders[0], sliders[1])
             checked["may"] += 1
             continue
-        with pytest.raises(NotInPlace) as refused:
+        with pytest.raises(StructuresDiffer) as refused:
             shared_model._same_structure(model, other, sliders[0], sliders[1])
         assert refused.value.field == name or name.startswith(("mesh_", "name")), name
         checked["may not"] += 1
@@ -195,7 +195,7 @@ def test_every_array_of_a_model_may_differ_or_is_refused(sliders: Family) -> Non
     assert all(hasattr(model, name) for name in shared_model.NUMBERS | shared_model.SHORTCUTS)
 
 
-def test_who_differs_is_said(sliders: Family) -> None:
+def test_who_differs_is_said(sliders: BatchResults) -> None:
     model = sliders[0].model()
     for field, words in (
         ("jnt_limited", r"`jnt_limited` differs in `sliders_0` and `sliders_1` \(joint `slide`: True and False\)"),
@@ -205,15 +205,15 @@ def test_who_differs_is_said(sliders: Family) -> None:
         other = copy.copy(model)
         array = getattr(other, field)
         array[-1] = not array[-1]
-        with pytest.raises(NotInPlace, match=words):
+        with pytest.raises(StructuresDiffer, match=words):
             shared_model._same_structure(model, other, sliders[0], sliders[1])
     other = copy.copy(model)
     other.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    with pytest.raises(NotInPlace, match="the option `integrator` differs"):
+    with pytest.raises(StructuresDiffer, match="the option `integrator` differs"):
         shared_model._same_structure(model, other, sliders[0], sliders[1])
 
 
-def test_fields_of_another_batch_are_refused_and_nothing_is_changed(sliders: Family, some: Family) -> None:
+def test_fields_of_another_batch_are_refused_and_nothing_is_changed(sliders: BatchResults, some: BatchResults) -> None:
     model, own = fields(sliders)
     _, other = fields(some, "flying")
     before = arrays(model)

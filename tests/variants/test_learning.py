@@ -15,7 +15,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from thingc.batch import FamilyError, UnknownVariant, load
-from thingc.batch.gym.env import ENVIRONMENT, make_env
+from thingc.batch.gym.variants_env import ENVIRONMENT, make_env
 
 
 def episode(env: Any, steps: int, seed: int) -> list[Any]:
@@ -206,6 +206,6 @@ def test_what_cannot_be_is_said_in_words(some: Path) -> None:
 
 
 def test_without_gymnasium_it_says_what_to_install() -> None:
-    program = "import sys; sys.modules['gymnasium'] = None\nimport thingc.batch.gym.env"
+    program = "import sys; sys.modules['gymnasium'] = None\nimport thingc.batch.gym.variants_env"
     said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert said.returncode == 1 and said.stderr.endswith("ImportError: environments need Gymnasium: pip install 'thingc[learning]'\n")

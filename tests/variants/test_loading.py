@@ -16,8 +16,8 @@ from typing import Any
 import mujoco
 import pytest
 
-from thingc.batch import BuiltVariant, Family, FamilyError, UnknownVariant, load
-from thingc.batch.mujoco_arrays.equality import differing
+from thingc.batch import BatchResults, BuiltVariant, FamilyError, UnknownVariant, load
+from thingc.batch.mujoco_arrays.equality import different_fields
 from thingc.modes import Modes
 from variants.families import arrays, built
 
@@ -131,7 +131,7 @@ def test_threads_share_a_family(boards: Path) -> None:
     together = threading.Barrier(8)
     read = len(list((boards / "assets").iterdir()))
 
-    def look(family: Family) -> list[dict[str, bytes]]:
+    def look(family: BatchResults) -> list[dict[str, bytes]]:
         together.wait()
         return [variant.sources()[1] for variant in family]
 
@@ -232,14 +232,14 @@ def test_of_variants_that_differ_in_numbers_few_models_are_compiled(
     monkeypatch.setattr(BuiltVariant, "_compiled", counted)
     for share in (False, True):
         for model, other in zip(family.models(drawn, scene=scene, visual=visual, share=share), whole, strict=True):
-            assert not differing(model, other)
+            assert not different_fields(model, other)
     assert len(compiled) <= 7 < len(drawn)  # one whose arrays are written, and the 1st, 2nd, 4th, 8th, 16th ... which are compared
     alone = next(family.models(drawn[1:2], scene=scene, visual=visual))  # as episodes have them
-    assert not differing(alone, whole[1])
+    assert not different_fields(alone, whole[1])
     for lent in family.models(drawn, scene=scene, visual=visual, share=True):
         lent.opt.timestep = 0.5  # which is the borrower's own affair
     alone = next(family.models(drawn[1:2], scene=scene, visual=visual))
-    assert not differing(alone, whole[1])
+    assert not different_fields(alone, whole[1])
 
 
 def test_models_of_other_structure_are_each_compiled(some: Path, boards: Path, arms: Path) -> None:

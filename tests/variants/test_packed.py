@@ -18,7 +18,7 @@ import pytest
 
 from thingc.base.diagnostics import Code
 from thingc.batch import BatchFault, FamilyError, UnknownVariant, build_records, load, packed_layout, page, plan, run
-from thingc.batch.adopt_variant import meant
+from thingc.batch.adopt_variant import find_variant
 from thingc.batch.build_records import in_order
 from thingc.batch.journal import Journal
 from thingc.batch.packed_layout import Chunk, seal
@@ -84,7 +84,7 @@ def test_a_family_of_a_packed_batch_is_that_of_folders(here: Path, some: Path) -
     assert [one.id for one in ours.filter({"parameters.length": 0.2})] == [one.id for one in theirs.filter({"parameters.length": 0.2})]
     again = pickle.loads(pickle.dumps(ours[1:3]))
     assert [one.id for one in again] == [theirs[1].id, third.id] and again[1] == third
-    found = meant(plan(str(here / "some.yaml")), third.id, str(here / "build" / "some"))
+    found = find_variant(plan(str(here / "some.yaml")), third.id, str(here / "build" / "some"))
     assert found is not None and found[0].index == third.index
     out = next(row for row in ours.rows if row["status"] == "kept_out")
     for key, words in ((out["name"], "cannot be had: it is `kept_out`"), ("some_99", "did you mean"), ("0" * 12, "has no variant")):
@@ -232,7 +232,7 @@ def test_a_damaged_chunk_is_said_and_built_again_once_it_is_deleted(name: str, t
     again = "is not there any more: go on with --resume: what was in it is built again"
     with pytest.raises(OSError, match=f"`.*{name}` {again}"):
         load(out, mode="flying")
-    for asked in (lambda: show_again(str(document)), lambda: meant(plan(str(document)), "some_00", str(out))):
+    for asked in (lambda: show_again(str(document)), lambda: find_variant(plan(str(document)), "some_00", str(out))):
         with pytest.raises(BatchFault, match="is not there any more"):
             asked()
     assert run(str(document), options=Options(store=shared_store), resume=True).statuses == {"built": 8, "kept_out": 4}

@@ -17,15 +17,15 @@ import pytest
 from thingc.base.diagnostics import Code
 from thingc.batch import BatchFault, plan
 from thingc.batch.cluster import workspace_archive
-from thingc.batch.cluster.workspace_archive import Transfer, pack
+from thingc.batch.cluster.workspace_archive import WorkspaceArchive, pack
 from variants.robots import workspace
 
 
-def packed(here: Path, document: str = "sweep") -> Transfer:
+def packed(here: Path, document: str = "sweep") -> WorkspaceArchive:
     return pack(plan(str(here / f"{document}.yaml")), str(here / "build" / document))
 
 
-def names(found: Transfer) -> set[str]:
+def names(found: WorkspaceArchive) -> set[str]:
     """What tarfile says is in it."""
     with tarfile.open(fileobj=io.BytesIO(zlib.decompress(found.data))) as archive:
         return set(archive.getnames())
@@ -180,7 +180,7 @@ def test_nothing_is_unpacked_beside_the_folder(tmp_path: Path, kind: str) -> Non
             archive.addfile(member)
             archive.addfile(tarfile.TarInfo("link and folder/stolen"))
     data = stream.getvalue()
-    bad = Transfer(root="/", sha256=hashlib.sha256(data).hexdigest(), data=zlib.compress(data), names=1)
+    bad = WorkspaceArchive(root="/", sha256=hashlib.sha256(data).hexdigest(), data=zlib.compress(data), names=1)
     place = tmp_path / "deep" / "work"
     with pytest.raises(ValueError, match=r"."):
         bad.unpack(str(place))

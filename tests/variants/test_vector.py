@@ -19,9 +19,9 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 
 import thingc
 from thingc.batch import FamilyError, UnknownVariant, load
-from thingc.batch.gym import vector_env
-from thingc.batch.gym.env import make_env
-from thingc.batch.gym.vector_env import ENVIRONMENT, FamilyVectorEnv, make_vec_env
+from thingc.batch.gym import family_env
+from thingc.batch.gym.family_env import ENVIRONMENT, FamilyVectorEnv, make_vec_env
+from thingc.batch.gym.variants_env import make_env
 from thingc.driver.pipeline import UnknownChoice
 from variants.families import documents
 
@@ -129,7 +129,7 @@ def test_gymnasium_makes_it_and_finds_nothing_wrong(tmp_path: Path) -> None:
 def test_one_world_by_itself_is_an_environment(family: thingc.RobotFamily, some: Path) -> None:
     """The same as over a batch of the same variants, to the last bit; and Gymnasium, which makes it as well, finds nothing wrong."""
     given: dict[str, Any] = {"mode": "flying", "reward": "forward", "noise": 0.3, "max_steps": 7, "frame_skip": 3}
-    one, other = vector_env.make_env(family, **given), make_env(some, **given)
+    one, other = family_env.make_env(family, **given), make_env(some, **given)
     check_env(one)
     for seed in (5, None, None):
         same(one.reset(seed=seed), other.reset(seed=seed))

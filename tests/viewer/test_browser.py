@@ -24,7 +24,7 @@ from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.robot.kinematics import body_poses, link_names
 from thingc.model.statics.loads import loads
 from thingc.targets.html.emit import Page
-from thingc.targets.html.mesh_packing import Packed
+from thingc.targets.html.mesh_packing import PackedMeshes
 from thingc.targets.html.viewer_data import describe
 from viewer.browser import address, drawn, links, needed, opened, spot, undrawn
 from viewer.conftest import Pages
@@ -75,7 +75,7 @@ def test_random_trees_with_every_kind_of_joint(browser: Any, pages: Pages, tmp_p
         undrawn(page)
         for assembly, far in ((joined, 0.5), *((build(seed, 6).assembly, 2.0) for seed in range(4))):
             made = robots(assembly)
-            told = describe(assembly, list(made.values()), small_robot.WORKSPACE, Packed(Store(str(tmp_path))))
+            told = describe(assembly, list(made.values()), small_robot.WORKSPACE, PackedMeshes(Store(str(tmp_path))))
             for one in told["occurrences"]:  # type: ignore[attr-defined]
                 one["visual"], one["collision"] = [], []
             page.evaluate("(told) => thingc.viewer.load(told, [])", json.loads(json.dumps(told)))

@@ -21,7 +21,7 @@ from thingc.geometry.store.local import Store
 from thingc.geometry.store.meshes import arrays
 from thingc.targets.artifact import Artifacts
 from thingc.targets.html.emit import emit
-from thingc.targets.html.mesh_packing import Packed
+from thingc.targets.html.mesh_packing import PackedMeshes
 from viewer.conftest import Pages
 
 
@@ -44,7 +44,7 @@ def test_meshes_are_packed_to_a_few_micrometres(tmp_path: Path) -> None:
     """trimesh reads the packed file, with the node that undoes the packing: vertices are those of the store to half a step of 16 bits."""
     store = Store(str(tmp_path))
     asked = small_robot.request(small_robot.assembly(store), store)
-    packed = Packed(store)
+    packed = PackedMeshes(store)
     meshes = list({surface.solid.sha256: surface.solid for one in asked.assembly.occurrences for surface in one.drawn}.values())
     assert len(meshes) > 1 and [packed.number(mesh) for mesh in (*meshes, meshes[0])] == [*range(len(meshes)), 0]
     scene = trimesh.load_scene(io.BytesIO(packed.glb()), file_type="glb", process=False)

@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 Value = TypeVar("Value")
 
 
-class Later(Generic[Value]):
+class BackgroundValue(Generic[Value]):
     """What `work()` gives, begun now, for whoever has something else to do while another process works. Nobody need ask for it."""
 
     def __init__(self, work: Callable[[], Value]) -> None:

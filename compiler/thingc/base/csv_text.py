@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import re
 
-from thingc.base.gaps import Gap
-from thingc.base.safe_text import shown
+from thingc.base.gaps import Recorded
+from thingc.base.safe_text import escape_control
 
 _FORMULA = re.compile(r"\s*[=+\-@\uff0b\uff0d\uff1d\uff20]")
 """How a cell begins that a spreadsheet computes, also in the wide forms of East Asian input (OWASP, "CSV Injection")."""
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?inf")
 
 
-def cell(value: object) -> str:
+def format_cell(value: object) -> str:
     """A value as CSV has it: numbers with all of their digits, flags as `true` and `false`, None as nothing.
 
-    Text is on one line, with what nobody sees written out (see `shown`); where a spreadsheet would take it for a formula and it is no
-    number, a `'` stands before it, which spreadsheets show as text.
+    Text is on one line, with what nobody sees written out (see `escape_control`); where a spreadsheet would take it for a formula and it is
+    no number, a `'` stands before it, which spreadsheets show as text.
     """
     if value is None:
         return ""
@@ -24,7 +24,7 @@ def cell(value: object) -> str:
         return "true" if value else "false"
     if isinstance(value, float):
         return repr(value)
-    if isinstance(value, Gap):
+    if isinstance(value, Recorded):
         return value.word("csv")
-    text = shown(str(value))
+    text = escape_control(str(value))
     return f"'{text}" if _FORMULA.match(text) and not _NUMBER.fullmatch(text) else text

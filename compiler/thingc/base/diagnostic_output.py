@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from thingc.base.diagnostics import Diagnostic, Severity, shown_path
 from thingc.base.one_line_repr import counted
-from thingc.base.safe_text import shown, shown_line
+from thingc.base.safe_text import escape_control, shown_line
 from thingc.base.source import SET, Span
 
 OPTIONS = ("-p ", SET, "set ")
@@ -56,19 +56,19 @@ def as_text(
     for d in diagnostics:
         tint = {"error": "1;31", "warning": "1;33", "note": "1;36"}[d.severity.value]
         head = _paint(f"{d.severity.value}[{d.code.code}]", tint, color)
-        lines.append(f"{head}: {_paint(shown(d.message), '1', color)}")
+        lines.append(f"{head}: {_paint(escape_control(d.message), '1', color)}")
         if d.span is not None:
             lines.extend(_frame(d.span, sources, tint, color))
         elif d.path is not None and d.path.startswith(OPTIONS):
-            lines.append(f"   --> {shown(d.path)}")
+            lines.append(f"   --> {escape_control(d.path)}")
         for n in d.notes:
-            lines.append(f"  {_paint('note', '1;36', color)}: {shown(n.message)}")
+            lines.append(f"  {_paint('note', '1;36', color)}: {escape_control(n.message)}")
             if n.span is not None:
                 lines.extend(_frame(n.span, sources, "1;36", color))
         if d.help:
-            lines.append(f"  {_paint('help', '1;32', color)}: {shown(d.help)}")
+            lines.append(f"  {_paint('help', '1;32', color)}: {escape_control(d.help)}")
         if debug and d.detail:
-            lines.extend("  | " + shown(text) for text in d.detail.rstrip().split("\n"))
+            lines.extend("  | " + escape_control(text) for text in d.detail.rstrip().split("\n"))
         lines.append("")
     return "\n".join(lines)
 
@@ -94,7 +94,7 @@ def _frame(span: Span, sources: dict[str, list[str]], tint: str, color: bool) ->
                 sources[span.file] = stream.read(10_000_001).split("\n")
         except (OSError, ValueError):  # a name that cannot be a file's is a ValueError
             sources[span.file] = []
-    place = f"{shown(shown_path(span.file))}:{span.line}:{span.column}"
+    place = f"{escape_control(shown_path(span.file))}:{span.line}:{span.column}"
     text = sources[span.file][span.line - 1] if span.line <= len(sources[span.file]) else ""
     first, last = span.column, span.end_column if span.end_line == span.line else len(text) + 1
     if first == last == 1 and text.startswith(" "):  # a whole line of a part file

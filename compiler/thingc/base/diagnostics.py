@@ -10,10 +10,10 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.safe_text import shortened
 from thingc.base.source import Edit, Node, Origin, Span, stands_in
-from thingc.base.suggestions import Hint
+from thingc.base.suggestions import Suggestion
 
 
 class Severity(str, Enum):
@@ -274,7 +274,7 @@ class Code(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Note(Brief):
+class Note(OneLineRepr):
     """A second place, or more to know: "mount declared here". The message is shortened as that of a `Diagnostic`."""
 
     message: str
@@ -290,7 +290,7 @@ def noted(message: str, origin: Origin) -> tuple[Note, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Diagnostic(Brief):
+class Diagnostic(OneLineRepr):
     """One thing to say. `path` is the key path in the document or the path of the occurrence or joint; `detail` is
     shown only with `--debug` (the traceback of a part); `fixes` what surely mends it, for `thingc check --fix`.
 
@@ -363,7 +363,7 @@ class Report:
         """Say `message` at `where`; of an `Origin` the innermost span is the place and the others become notes.
         False where it is allowed there.
 
-        A `Hint` that is sure, as message or as help, gives the diagnostic its fix.
+        A `Suggestion` that is sure, as message or as help, gives the diagnostic its fix.
         """
         span: Span | None
         extra: list[Note] = list(notes)
@@ -463,7 +463,7 @@ MAX_FAULTS = 200
 
 
 def _fixes(span: Span | None, *words: str | None) -> tuple[Edit, ...]:
-    mends = next((hint.mends for hint in words if isinstance(hint, Hint) and hint.mends is not None), None)
+    mends = next((hint.mends for hint in words if isinstance(hint, Suggestion) and hint.mends is not None), None)
     return (Edit(span=span, written=mends[0], replacement=mends[1]),) if mends is not None and span is not None else ()
 
 

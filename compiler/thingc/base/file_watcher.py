@@ -40,7 +40,7 @@ def looks(look: Callable[[], Seen], stop: threading.Event, pause: float) -> Iter
         stop.wait(max(pause, seconds * (1.0 / SHARE - 1.0)))
 
 
-class Watched:
+class FileWatcher:
     """Files and folders, there or not, and what they were like when they were last looked at.
 
     With `content` (a function from a path to something that is equal for equal contents) those count only whose content is another.

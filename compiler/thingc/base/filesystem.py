@@ -13,7 +13,7 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the system says of a file that is open already, without its name: the disk is full, or a quota or a limit is reached."""
 
 
-class NoPlainFile(OSError):
+class NotARegularFile(OSError):
     """What is there cannot be read twice: a pipe, which is waited for until somebody writes into it, or a device."""
 
 
@@ -29,10 +29,10 @@ def hash_name(text: str, digits: int = 64) -> str:
 
 
 def opened(path: str) -> BufferedReader:
-    """A file, to be read as bytes. Raises `OSError` where it cannot be, `NoPlainFile` among them."""
+    """A file, to be read as bytes. Raises `OSError` where it cannot be, `NotARegularFile` among them."""
     mode = os.stat(path).st_mode
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
-        raise NoPlainFile(errno.EINVAL, "It is no file that can be read again", path)
+        raise NotARegularFile(errno.EINVAL, "It is no file that can be read again", path)
     return open(path, "rb")
 
 

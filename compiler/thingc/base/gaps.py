@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-class Gap:
+class Recorded:
     """A number that is not known yet. `word` is what stands for it in a text, until it is."""
 
     __slots__ = ()

@@ -11,7 +11,7 @@ MAX_CIRCLE = 12
 T = TypeVar("T", bound=Hashable)
 
 
-def circles(starts: Iterable[T], after: Callable[[T], T | None]) -> Iterator[list[T]]:
+def find_cycles(starts: Iterable[T], after: Callable[[T], T | None]) -> Iterator[list[T]]:
     """Every circle once, from the member that is met first, each behind the one that leads to it. `after` is what a thing leads to, None
     where that is nothing."""
     done: set[T] = set()

@@ -8,14 +8,14 @@ from dataclasses import replace
 from functools import lru_cache
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Matrix, Pose, Vector, multiply, transpose
 
 ZERO: Matrix = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MassProperties(Brief):
+class MassProperties(OneLineRepr):
     """Of a rigid body, in some frame: mass [kg], centre of mass [m], inertia [kg m^2] about the centre, frame axes."""
 
     mass: float

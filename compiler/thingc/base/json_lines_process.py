@@ -21,10 +21,10 @@ KEPT = 10_000
 """How many bytes of the end of a process's standard error are looked at."""
 
 
-Lines = queue.SimpleQueue["tuple[LineProcess, Any]"]
+Lines = queue.SimpleQueue["tuple[JsonLinesProcess, Any]"]
 
 
-class Lost(Exception):
+class ProcessLost(Exception):
     """A process that cannot be asked any more: `hung`, or what it died of."""
 
     def __init__(self, words: str, *, hung: bool = False) -> None:
@@ -33,7 +33,7 @@ class Lost(Exception):
         self.hung = hung
 
 
-class LineProcess:
+class JsonLinesProcess:
     """`python -m MODULE WORDS` in a session of its own (an interrupt of the terminal is the driver's to act on), and the pipes to it. What
     it says is put into `lines`, each with the process, and None when it has said its last; several processes may share one. Raises
     `OSError` where the system has no process for it."""
@@ -66,14 +66,14 @@ class LineProcess:
             self._process.stdin.flush()
 
     def answer(self, timeout: float) -> Any:
-        """The next line that it says, waited for at most `timeout` [s]. Raises `Lost` where it dies or is silent too long; then `close`
-        it."""
+        """The next line that it says, waited for at most `timeout` [s]. Raises `ProcessLost` where it dies or is silent too long; then
+        `close` it."""
         try:
             _, said = self._lines.get(timeout=timeout)
         except queue.Empty:
-            raise Lost(f"it took longer than {timeout:g} s", hung=True) from None
+            raise ProcessLost(f"it took longer than {timeout:g} s", hung=True) from None
         if said is None:
-            raise Lost(self._death())
+            raise ProcessLost(self._death())
         return said
 
     def errors(self) -> str:

@@ -16,7 +16,7 @@ LISTED = 6
 _WORD = 40
 
 
-class Brief:
+class OneLineRepr:
     """A dataclass that prints as one line: `Robot('arm', mode=LinkedMode('bench'), base='fixed', bodies=[7 Body])`.
 
     What it is called comes first, then its fields in order; those that are empty are left out. What it holds is named or counted,

@@ -18,7 +18,7 @@ KEYS = frozenset({"maintainer", "license", "version"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class About:
+class PackageInfo:
     """What a ROS package says of itself: the name and `mail` of its `maintainer`, its `license` and its `version`."""
 
     maintainer: str = "TODO"
@@ -27,7 +27,7 @@ class About:
     version: str = "0.0.0"
 
     @staticmethod
-    def of(texts: Mapping[str, str]) -> About:
+    def of(texts: Mapping[str, str]) -> PackageInfo:
         """What a workspace file says of it, by key; what it does not say is what `ros2 pkg create` writes, to be replaced. Raises
         `ValueError` or `TypeError` where a text is not what it should be."""
         if not all(isinstance(text, str) for text in texts.values()):
@@ -40,7 +40,7 @@ class About:
             said |= {"maintainer": person[1], "mail": person[2]}
         if ("license" in said and not one_line(said["license"])) or ("version" in said and re.fullmatch(VERSION, said["version"]) is None):
             raise ValueError
-        return About(**said)
+        return PackageInfo(**said)
 
 
 def one_line(text: str) -> bool:

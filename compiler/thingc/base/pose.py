@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from thingc.base.frozen import dataclass
-from thingc.base.summing import hypot, plain_sum
+from thingc.base.summing import hypot, sum_of
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -115,7 +115,7 @@ class Pose:
             (wz * scale, xz * scale, yz * scale, half),
         )
         q = rows[largest]
-        norm = math.sqrt(plain_sum(component * component for component in q))
+        norm = math.sqrt(sum_of(component * component for component in q))
         sign = next((math.copysign(1.0, c) for c in q if c != 0.0), 1.0)
         w, x, y, z = ((sign * component / norm) + 0.0 for component in q)
         return (w, x, y, z)

@@ -7,7 +7,7 @@ from typing import Literal, assert_never
 
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import MassProperties
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import NO_POSE, Matrix, Pose, Vector, dot, transpose
 from thingc.base.summing import hypot
 
@@ -17,7 +17,7 @@ PrimitiveShape = Literal["box", "cylinder", "capsule", "sphere", "ellipsoid", "p
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Primitive(Brief):
+class Primitive(OneLineRepr):
     """A shape of few numbers. `size` as MuJoCo's: box half sizes; cylinder and capsule radius, half length (of the straight part)
     along z; sphere radius; ellipsoid half axes; plane half sizes along x and y, 0 of one without an end [m]. `pose` is in the part's
     frame. A plane, whose z points out of the matter, has neither volume nor area."""

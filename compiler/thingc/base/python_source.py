@@ -7,7 +7,7 @@ import os
 import warnings
 
 
-def syntax_tree(source: str | bytes) -> ast.Module:
+def parse_python(source: str | bytes) -> ast.Module:
     """The syntax tree of a file. Raises what `ast.parse` raises of what is no Python: `SyntaxError`, `ValueError`, `RecursionError` and
     `MemoryError`. What Python merely warns of (from 3.12 on of `"\\d"`, which it prints) is not for whoever reads the file, but runs it."""
     with warnings.catch_warnings():

@@ -22,7 +22,7 @@ _UNSEEN = re.compile("[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u3164\ufe00-\
 """What Unicode calls ignorable by default (`Default_Ignorable_Code_Point`) among what Python calls printable."""
 
 
-def shown(text: str, *, most: int = LONGEST) -> str:
+def escape_control(text: str, *, most: int = LONGEST) -> str:
     """`text` on one line, for people: what a reader could not see, or a terminal would obey, is written as Python would escape it.
 
     `\\x1b`, `\\n`, `\\u202e`, `\\ud800` (half a character, or a byte of a file name that is no text). Printable characters of any script
@@ -33,8 +33,8 @@ def shown(text: str, *, most: int = LONGEST) -> str:
 
 
 def shown_line(line: str) -> str:
-    """A line of a document or a part file as `shown` has it, however long, but for tabs, which indent."""
-    return "\t".join(shown(piece, most=len(piece)) for piece in line.split("\t"))
+    """A line of a document or a part file as `escape_control` has it, however long, but for tabs, which indent."""
+    return "\t".join(escape_control(piece, most=len(piece)) for piece in line.split("\t"))
 
 
 def shortened(message: str) -> str:
@@ -75,7 +75,7 @@ def is_text(name: str) -> bool:
 
 
 def json_text(text: str) -> str:
-    """JSON with the same values, in which what `shown` escapes is escaped as JSON does: no information is lost."""
+    """JSON with the same values, in which what `escape_control` escapes is escaped as JSON does: no information is lost."""
     if _plain(text.replace("\n", "")):
         return text
     return "\n".join(line if _plain(line) else "".join(map(_json_escaped, line)) for line in text.split("\n"))

@@ -7,7 +7,7 @@ from dataclasses import field
 from typing import Literal
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.primitives import Primitive
 from thingc.base.source import Origin
 from thingc.base.units import ACCELERATION, ANGULAR_VELOCITY, FORCE, LENGTH, TORQUE, VELOCITY, Dimension
@@ -63,7 +63,7 @@ class SensorKind:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Measurement(Brief):
+class Measurement(OneLineRepr):
     """What a sensor measures, by its `kind`, and how well: the `volume` of a touch, in the frame of its mount; `fovy` [rad], the angle of
     view of a camera from bottom to top; `noise` and `cutoff` [SI] by the names of its readings."""
 

@@ -9,7 +9,7 @@ from itertools import islice
 from thingc.base.safe_text import quoted
 
 
-def meant(name: str, candidates: Iterable[str]) -> str | None:
+def closest_name(name: str, candidates: Iterable[str]) -> str | None:
     """The only candidate that `name` can be a slip of: a letter too many, missing, swapped with the next, in other case, or
     (in words of five letters or more) another. None where there is none or are several.
 
@@ -33,13 +33,13 @@ def _is_slip(name: str, candidate: str) -> bool:
     return short[2:] == long[2:] and short[:2] == long[1::-1] or (len(name) >= 5 and short[1:] == long[1:])
 
 
-class Hint(str):
+class Suggestion(str):
     """Words that say what was meant. `mends` is (written, meant) where nothing else can have been; `Report.add` makes a
     fix of it."""
 
     mends: tuple[str, str] | None
 
-    def __new__(cls, words: str, mends: tuple[str, str] | None = None) -> Hint:
+    def __new__(cls, words: str, mends: tuple[str, str] | None = None) -> Suggestion:
         """A hint that reads `words`."""
         hint = super().__new__(cls, words)
         hint.mends = mends
@@ -78,13 +78,13 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
     return close[0] if close else None
 
 
-def near_hint(name: str, candidates: Iterable[str]) -> Hint | None:
+def near_hint(name: str, candidates: Iterable[str]) -> Suggestion | None:
     """`did you mean ...?`, or None where no candidate is near."""
     known = list(candidates)
     close = nearest(name, known)
     if close is None:
         return None
-    return Hint(f"did you mean `{close}`?", (name, close) if meant(name, known) == close else None)
+    return Suggestion(f"did you mean `{close}`?", (name, close) if closest_name(name, known) == close else None)
 
 
 def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -> str:
@@ -103,6 +103,6 @@ def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> str:
     by_stem = {os.path.splitext(file)[0]: file for file in sorted(files, reverse=True)}
     close = nearest(os.path.splitext(name)[0], by_stem)
     if close is not None:
-        sure = meant(os.path.splitext(name)[0], by_stem) == close and by_stem[close].endswith(os.path.splitext(name)[1])
-        return Hint(f"did you mean `{by_stem[close]}`?", (name, by_stem[close]) if sure else None)
+        sure = closest_name(os.path.splitext(name)[0], by_stem) == close and by_stem[close].endswith(os.path.splitext(name)[1])
+        return Suggestion(f"did you mean `{by_stem[close]}`?", (name, by_stem[close]) if sure else None)
     return did_you_mean("", by_stem.values(), what=what)

@@ -11,7 +11,7 @@ import re
 from typing import TYPE_CHECKING, Union
 
 from thingc.base.frozen import dataclass
-from thingc.base.suggestions import Hint, meant, nearest
+from thingc.base.suggestions import Suggestion, closest_name, nearest
 from thingc.base.unit_spellings import SYNONYMS, spellings
 
 if TYPE_CHECKING:
@@ -334,7 +334,7 @@ def _unknown_unit(text: str, start: int, at: int, end: int, wanted: tuple[Dimens
     found = text[at:end]
     fitting = [unit for unit, (_, _, of) in UNITS.items() if of in wanted]
     near = nearest(found, fitting) or nearest(found, UNITS) or SYNONYMS.get(nearest(found, SYNONYMS) or "")
-    slip = near if near and meant(found, UNITS) == near and len(found) > 1 and (found[0] == near[0] or found == "MM") else None
+    slip = near if near and closest_name(found, UNITS) == near and len(found) > 1 and (found[0] == near[0] or found == "MM") else None
     sure = SYNONYMS.get(found) or slip
     close = sure or next((unit for unit in fitting if len(unit) == len(found) == 2 and unit[0] == found[0]), None)
     stops = (start + len(re.match(r"[^\s()+,]*", text[start:]).group()), end)  # type: ignore[union-attr]
@@ -344,7 +344,7 @@ def _unknown_unit(text: str, start: int, at: int, end: int, wanted: tuple[Dimens
     close = close or near
     message = f"unknown unit `{shortened(found)}`" + (f"; did you mean `{close}`?" if close else "")
     help = None if close else "units are for example mm, m, deg, rad, g, kg, s, N, N*m, rpm, kg/m^3, %"
-    return UnitError(Hint(message, (found, sure) if sure else None), kind="unit", offset=at, end=end, help=help)
+    return UnitError(Suggestion(message, (found, sure) if sure else None), kind="unit", offset=at, end=end, help=help)
 
 
 def meant_unit(text: str, wanted: tuple[Dimension, ...] = ()) -> str | None:
@@ -459,7 +459,7 @@ def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Q
         sure = len(expected) == 1 and bare == text.strip() and quantity.value >= _SURELY.get(first, math.inf)
         raise UnitError(
             f"{wanted} needs a unit, found `{shown}`", kind="unit",
-            help=Hint(words, (bare, f"{bare} {choices[0]}") if sure else None),
+            help=Suggestion(words, (bare, f"{bare} {choices[0]}") if sure else None),
         )
     example = first.example if len(expected) == 1 else " or ".join(dimension.example for dimension in expected)
     number, at = scan_number(text.strip()) or ("", 0)

@@ -25,7 +25,7 @@ _HEADER = 30
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Deflated:
+class ZipEntry:
     """A file's content, compressed (RFC 1951), with the CRC-32 and the size [bytes] of what it was."""
 
     data: bytes
@@ -33,7 +33,7 @@ class Deflated:
     size: int
 
 
-def zipped(entries: Mapping[str, bytes | Deflated]) -> bytes:
+def zipped(entries: Mapping[str, bytes | ZipEntry]) -> bytes:
     """A zip file with these entries, sorted by name, the same bytes every time (layout: PKWARE APPNOTE.TXT 6.3)."""
     parts, directory, at = list[bytes](), bytearray(), 0  # joined once: meshes are large
     for name in sorted(entries):
@@ -52,23 +52,23 @@ def zipped(entries: Mapping[str, bytes | Deflated]) -> bytes:
     return b"".join([*parts, directory, end])
 
 
-def entries(archive: bytes) -> dict[str, Deflated]:
+def entries(archive: bytes) -> dict[str, ZipEntry]:
     """The entries of what `zipped` gave."""
     from zipfile import ZipFile
 
     members = {}
     for one in ZipFile(io.BytesIO(archive)).infolist():
         begin = one.header_offset + _HEADER + len(one.filename.encode())
-        members[one.filename] = Deflated(data=archive[begin: begin + one.compress_size], crc=one.CRC, size=one.file_size)
+        members[one.filename] = ZipEntry(data=archive[begin: begin + one.compress_size], crc=one.CRC, size=one.file_size)
     return members
 
 
-def inflate(entry: Deflated) -> bytes:
+def inflate(entry: ZipEntry) -> bytes:
     """What an entry was."""
     return zlib.decompress(entry.data, -zlib.MAX_WBITS)
 
 
-def deflate(data: bytes) -> Deflated:
+def deflate(data: bytes) -> ZipEntry:
     """Compress."""
     compressor = zlib.compressobj(4, zlib.DEFLATED, -zlib.MAX_WBITS)
-    return Deflated(data=compressor.compress(data) + compressor.flush(), crc=zlib.crc32(data), size=len(data))
+    return ZipEntry(data=compressor.compress(data) + compressor.flush(), crc=zlib.crc32(data), size=len(data))

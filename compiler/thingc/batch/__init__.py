@@ -17,18 +17,35 @@ if TYPE_CHECKING:
     from thingc.batch.folder import BatchFault
     from thingc.batch.planning import Plan, PlanError, Variant
     from thingc.batch.progress import Interrupted, Progress, Summary
-    from thingc.batch.results import BuiltVariant, Family, FamilyError, UnknownVariant, load
-    from thingc.batch.shared_model import NotInPlace, apply, fields, write
+    from thingc.batch.results import BatchResults, BuiltVariant, FamilyError, UnknownVariant, load
+    from thingc.batch.shared_model import StructuresDiffer, apply, fields, write
     from thingc.batch.variants_document import plan, read_plan
 
 __all__ = [
-    "BatchFault", "BuiltVariant", "Family", "FamilyError", "Interrupted", "NotInPlace", "Plan", "PlanError", "Progress",
-    "Summary", "UnknownVariant", "Variant", "apply", "fields", "load", "plan", "read_plan", "run", "write",
+    "BatchFault",
+    "BatchResults",
+    "BuiltVariant",
+    "FamilyError",
+    "Interrupted",
+    "Plan",
+    "PlanError",
+    "Progress",
+    "StructuresDiffer",
+    "Summary",
+    "UnknownVariant",
+    "Variant",
+    "apply",
+    "fields",
+    "load",
+    "plan",
+    "read_plan",
+    "run",
+    "write",
 ]
 
 __getattr__ = exported(__name__, {
-    "BatchFault": "folder", "BuiltVariant": "loading", "Family": "loading", "FamilyError": "loading", "Interrupted": "progress",
-    "NotInPlace": "in_place", "Plan": "planning", "PlanError": "planning", "Progress": "progress", "Summary": "progress",
+    "BatchFault": "folder", "BuiltVariant": "loading", "BatchResults": "loading", "FamilyError": "loading", "Interrupted": "progress",
+    "StructuresDiffer": "in_place", "Plan": "planning", "PlanError": "planning", "Progress": "progress", "Summary": "progress",
     "UnknownVariant": "loading", "Variant": "planning", "apply": "in_place", "fields": "in_place", "load": "loading",
     "plan": "reading", "read_plan": "reading", "run": "batch", "write": "in_place",
 })

@@ -9,7 +9,7 @@ from thingc.batch.journal import Line
 from thingc.batch.planning import Plan, Variant
 
 
-def meant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | None] | None:
+def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | None] | None:
     """The variant of this id or name, and the rule that it does not keep; None where there is none.
 
     An id is of what differs from the assembly's document, and names are counted: when a document has changed since the batch was built,

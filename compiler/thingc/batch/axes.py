@@ -47,7 +47,7 @@ class Axis:
         return Quantity(min(low.value + u * (high.value - low.value), high.value) + 0.0, low.dimension)
 
 
-class ValueReader:
+class AxisParser:
     """Reads the values of one `variants/1` document. `parameters` are the assembly's; `fits(path, text, at)`
     says whether a text may stand at one of the `paths` (reported if not)."""
 

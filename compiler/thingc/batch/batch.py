@@ -20,9 +20,9 @@ from thingc.base.diagnostics import Code, Diagnostic, shown_path
 from thingc.batch import folder_layout
 from thingc.batch.batch_json import describe, job_of, seen
 from thingc.batch.build_records import lengths_in, losses, outcomes
-from thingc.batch.cluster.protocol import Carrier, Cluster
-from thingc.batch.cluster.remote_workers import Shipping
-from thingc.batch.cluster.workspace_archive import Transfer, pack
+from thingc.batch.cluster.protocol import Cluster, FileTransferExecutor
+from thingc.batch.cluster.remote_workers import RemoteExecutor
+from thingc.batch.cluster.workspace_archive import WorkspaceArchive, pack
 from thingc.batch.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBroken, evaluate
 from thingc.batch.folder import (
     FOLDERS,
@@ -42,7 +42,7 @@ from thingc.batch.folder import (
 )
 from thingc.batch.job import STOPPED, Row, Task
 from thingc.batch.journal import Journal, Line
-from thingc.batch.packed_layout import Packing, sealed_path
+from thingc.batch.packed_layout import PackedWriter, sealed_path
 from thingc.batch.page import write_page
 from thingc.batch.pictures import OnPicture, usual
 from thingc.batch.planning import Plan, Variant
@@ -135,7 +135,9 @@ class _Stopped(Exception):
 class _Batch:
     """One run of a batch. All of it but the engine's threads happens in one thread."""
 
-    def __init__(self, plan: Plan, folder: str, asked: RunOptions, transfer: Transfer | None, on_progress: OnProgress | None) -> None:
+    def __init__(
+        self, plan: Plan, folder: str, asked: RunOptions, transfer: WorkspaceArchive | None, on_progress: OnProgress | None,
+    ) -> None:
         self.plan = plan
         self.folder = folder
         self.asked = asked
@@ -183,10 +185,10 @@ class _Batch:
     def _described(self, *, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
         return describe(self.plan, layout=self.layout, asked=self.count, finished=finished, wanted=wanted)
 
-    def journal(self) -> Journal | Packing:
+    def journal(self) -> Journal | PackedWriter:
         """Where variants are noted that are done."""
         if self.layout == PACKED:
-            return Packing(self.folder, self.done)
+            return PackedWriter(self.folder, self.done)
         return Journal(os.path.join(self.folder, folder_layout.JOURNAL))
 
     def _remember(self, *, retry: bool) -> None:
@@ -199,7 +201,7 @@ class _Batch:
 
     # --- the run --------------------------------------------------------------------------------------------------
 
-    def run(self, executor: Executor | None, journal: Journal | Packing) -> Summary:
+    def run(self, executor: Executor | None, journal: Journal | PackedWriter) -> Summary:
         """Everything that is left. Raises `BatchFault` and `Interrupted`."""
         own = LocalExecutor(min(self.asked.jobs, max(1, self.count))) if executor is None else None
         engine: Executor = own if own is not None else executor  # type: ignore[assignment]
@@ -252,11 +254,11 @@ class _Batch:
         remember(self.folder, *names)
         return wanted
 
-    def _shipping(self, cluster: Cluster | None) -> contextlib.AbstractContextManager[Shipping | None]:
+    def _shipping(self, cluster: Cluster | None) -> contextlib.AbstractContextManager[RemoteExecutor | None]:
         """What stands before a cluster that does not see our files."""
-        if self.transfer is None or not isinstance(cluster, Carrier):
+        if self.transfer is None or not isinstance(cluster, FileTransferExecutor):
             return contextlib.nullcontext()
-        return Shipping(cluster, self.transfer, self.folder, store_of(self.asked.options))
+        return RemoteExecutor(cluster, self.transfer, self.folder, store_of(self.asked.options))
 
     def show(self, pictures: int | None, on_picture: OnPicture | None) -> Diagnostic | None:
         """Pictures and the page of the finished batch; a warning where nothing can be drawn."""
@@ -268,7 +270,7 @@ class _Batch:
     def _columns(self) -> tuple[Column, ...]:
         return columns(self.parameters, self.plan.choice_paths, lengths_in(self.folder))
 
-    def _loop(self, engine: Executor, job: str, journal: Journal | Packing, *, streaming: bool) -> None:
+    def _loop(self, engine: Executor, job: str, journal: Journal | PackedWriter, *, streaming: bool) -> None:
         waiting = self._left(journal)
         exhausted = False
         refreshed, pause = time.monotonic(), REFRESH
@@ -291,7 +293,7 @@ class _Batch:
                 pause = max(REFRESH, 20.0 * (refreshed - now))
         self._tell(last=True)
 
-    def _left(self, journal: Journal | Packing) -> Iterator[Variant]:
+    def _left(self, journal: Journal | PackedWriter) -> Iterator[Variant]:
         """The variants to build, in plan order; those that fail a rule on parameters are noted on the way."""
         if all(self.done):
             return
@@ -335,7 +337,7 @@ class _Batch:
         self.chunks[future] = chunk
         future.add_done_callback(lambda done: self.events.put(("done", done)))
 
-    def _handle(self, what: str, content: Any, engine: Executor, job: str, journal: Journal | Packing, streaming: bool) -> None:
+    def _handle(self, what: str, content: Any, engine: Executor, job: str, journal: Journal | PackedWriter, streaming: bool) -> None:
         if what == "signal":
             raise _Stopped
         if what == "row":
@@ -364,7 +366,7 @@ class _Batch:
                 "index": variant.index, "id": variant.id, "status": "failed", "code": Code.VARIANT_DIED.code, "message": message,
             })
 
-    def _take(self, journal: Journal | Packing, row: Row) -> None:
+    def _take(self, journal: Journal | PackedWriter, row: Row) -> None:
         """Note what came of a variant, once."""
         variant = self.under_way.get(row["index"])
         if variant is None:
@@ -381,7 +383,7 @@ class _Batch:
             self.first = (time.monotonic(), sum(self.counts.values()))
         del self.under_way[row["index"]]
 
-    def _note(self, journal: Journal | Packing, variant: Variant, row: Row) -> None:
+    def _note(self, journal: Journal | PackedWriter, variant: Variant, row: Row) -> None:
         line = {
             "index": variant.index, "id": variant.id, "name": variant.name, "status": row["status"],
             "parameters": dict(variant.values), "choices": self.plan.chosen(variant),
@@ -397,7 +399,7 @@ class _Batch:
         """Where a built variant lies in the batch's folder."""
         return sealed_path(variant.index) if self.layout == PACKED else f"{folder_layout.VARIANTS}/{variant.id}"
 
-    def _drain(self, journal: Journal | Packing) -> None:
+    def _drain(self, journal: Journal | PackedWriter) -> None:
         """Note what has been done up to the end of the runners."""
         with contextlib.suppress(BatchFault, OSError):
             while True:

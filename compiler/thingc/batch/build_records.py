@@ -17,7 +17,7 @@ from thingc.batch import folder_layout, journal, packed_layout
 from thingc.batch.journal import Line
 from thingc.batch.packed_layout import Chunk, Chunks, packed
 from thingc.batch.rules import LENGTHS
-from thingc.targets.artifact import Content, Stored
+from thingc.targets.artifact import Content, StoredArtifact
 
 MESHES = "mjcf/assets/"
 """Where in a variant's folder the meshes of its models lie."""
@@ -28,7 +28,7 @@ File = tuple[Any, ...]
 """What a file is: equal where it is the same file."""
 
 
-class Files(Protocol):
+class VariantFiles(Protocol):
     """The files of a built variant."""
 
     def read(self, path: str) -> bytes:
@@ -41,7 +41,7 @@ class Files(Protocol):
         """Those of its models by name: what the file is, and its path on the disk."""
 
 
-class Records(Protocol):
+class BuildRecords(Protocol):
     """What a batch has done, by place in the plan."""
 
     @property
@@ -58,11 +58,11 @@ class Records(Protocol):
     def find(self, key: str) -> int | None:
         """The variant of this id, or else of this name."""
 
-    def files(self, index: int) -> Files:
+    def files(self, index: int) -> VariantFiles:
         """Its files, if it is built."""
 
 
-def read(folder: str) -> Records:
+def read(folder: str) -> BuildRecords:
     """What the batch in this folder has done until now."""
     return _Packed(folder) if packed(folder) else _Folders(folder)
 
@@ -156,7 +156,7 @@ class _Folders:
             self._known = {line[name]: index for name in ("name", "id") for index, line in self._lines.items()}
         return self._known.get(key)
 
-    def files(self, index: int) -> Files:
+    def files(self, index: int) -> VariantFiles:
         return _InFolder(folder_layout.variant_folder(self.folder, self._lines[index]["id"]))
 
 
@@ -212,7 +212,7 @@ class _Packed:
             return index
         return next((head[0] for chunk in _chunks(self.folder) for head in chunk.heads() if head[2] == key), None)
 
-    def files(self, index: int) -> Files:
+    def files(self, index: int) -> VariantFiles:
         return _InChunk(self.chunks, index)
 
 
@@ -231,7 +231,7 @@ class _InChunk:
             return data
         if shared is None:
             raise FileNotFoundError(path)
-        return folder_layout.Assets(self.chunks.folder).read(shared)
+        return folder_layout.SharedAssets(self.chunks.folder).read(shared)
 
     def models(self) -> list[str]:
         with self.chunks.holding(self.index) as chunk:
@@ -251,9 +251,11 @@ def unpack(folder: str, index: int) -> str:
     links. Raises `OSError`."""
     with Chunks(folder).holding(index) as chunk:
         row, id = chunk.row(index), str(chunk.line(index)["id"])
-        files: dict[str, Content] = {**row.files, **{path: Stored(sha256=sha256, size=0) for path, sha256 in chunk.shared(index).items()}}
+        files: dict[str, Content] = {
+            **row.files, **{path: StoredArtifact(sha256=sha256, size=0) for path, sha256 in chunk.shared(index).items()}
+        }
     os.makedirs(os.path.join(folder, folder_layout.VARIANTS), exist_ok=True)
-    folder_layout.write_variant(folder, id, files, folder_layout.Assets(folder))
+    folder_layout.write_variant(folder, id, files, folder_layout.SharedAssets(folder))
     return folder_layout.variant_folder(folder, id)
 
 

@@ -11,7 +11,7 @@ from thingc.base.units import Quantity
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.load.documents import Documents
-from thingc.documents.spec.settable_values import stated_value
+from thingc.documents.spec.settable_values import current_value
 from thingc.documents.spec.variants import AxisSpec, VariantsSpec
 
 
@@ -31,7 +31,7 @@ def read(spec: VariantsSpec, documents: Documents, parameters: Mapping[str, Expr
     for name, raw in _entries(spec):
         if "." in name:
             given.setdefault(name, []).extend(value for one in _each(raw) if (value := as_value(one)) is not None)
-    stated = {path: stated_value(documents, path) for path in given}
+    stated = {path: current_value(documents, path) for path in given}
     own = {path: value for path, value in stated.items() if value is not None and not isinstance(value, Expression)}
     expressions = {path: value for path, value in stated.items() if isinstance(value, Expression)}
     for path, expression in expressions.items():

@@ -26,7 +26,7 @@ MOST = 1000
 
 
 @dataclass(slots=True, kw_only=True)
-class Forecast:
+class DryRun:
     """`count` variants, of which `failing` do not keep a rule on parameters, by rule. Of the others `looked_at` were worked out: `unsound`
     of them have errors before any part is modelled, by code, and all take `parts` distinct parts, of which `known` need not be
     modelled. `first` are the first variants, `examples` the first that has an error of a code, with that."""
@@ -47,9 +47,9 @@ class Forecast:
         return self.count - sum(self.failing.values())
 
 
-def forecast(plan: Plan, options: Options, limit: int | None = None) -> Forecast:
+def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
     """Look at every variant (at the first `limit`) as far as it is known without geometry; of more than `MOST`, at so many of them."""
-    foreseen = Forecast()
+    foreseen = DryRun()
     parts: dict[str, PartDefinition] = {}
     count = plan.count if limit is None else min(limit, plan.count)
     drawn = None if count <= MOST else frozenset(random.Random(0).sample(range(count), MOST))
@@ -70,7 +70,7 @@ def forecast(plan: Plan, options: Options, limit: int | None = None) -> Forecast
     return foreseen
 
 
-def _look(environment: Environment, own: Sources, variant: Variant, forecast: Forecast, parts: dict[str, PartDefinition]) -> None:
+def _look(environment: Environment, own: Sources, variant: Variant, forecast: DryRun, parts: dict[str, PartDefinition]) -> None:
     """Work out what the documents say of a variant: its parts, or the first error."""
     report = Report()
     model = pipeline.model(environment, own, Settings(parameters=variant.parameters, choices=variant.choices), report)

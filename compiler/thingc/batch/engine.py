@@ -14,7 +14,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
 from thingc.base.diagnostics import Code
-from thingc.base.json_lines_process import LineProcess, Lost
+from thingc.base.json_lines_process import JsonLinesProcess, ProcessLost
 from thingc.batch.job import STOPPED, Job, Row, Task, row
 
 LOADING = 120.0
@@ -42,7 +42,7 @@ class RunnersBroken(Exception):
         return RunnersBroken, (str(self), self.detail)
 
 
-class RunnerProcess(LineProcess):
+class RunnerProcess(JsonLinesProcess):
     """A process that builds the variants of one job."""
 
     def __init__(self, job: str) -> None:
@@ -87,7 +87,7 @@ class Runners:
             try:
                 runner.answer(LOADING)  # it has read the documents
                 return runner
-            except Lost as fault:
+            except ProcessLost as fault:
                 said = f"{fault.words}\n{runner.errors()}"
                 self.drop(runner)
             except BaseException:
@@ -164,7 +164,7 @@ def evaluate(
                 if answer["status"] == STOPPED:
                     pool.drop(runner)
                     return rows
-        except Lost as fault:
+        except ProcessLost as fault:
             pool.raise_if_cancelled()
             code = Code.VARIANT_HUNG if fault.hung else Code.VARIANT_DIED
             what = f"its runner was ended: {fault.words}" if fault.hung else f"its runner died: {fault.words}"

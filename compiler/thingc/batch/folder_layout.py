@@ -20,7 +20,7 @@ from collections.abc import Mapping
 
 from thingc.base.filesystem import check_tree, hash_name, listing, write_new
 from thingc.driver.output import Blobs
-from thingc.targets.artifact import MANIFEST, Content, Stored
+from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 
 BATCH = "batch.json"
 JOURNAL = "journal.jsonl"
@@ -79,7 +79,7 @@ def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blo
         for path, content in files.items():
             _make(fresh, path.rpartition("/")[0], made)
             target = f"{fresh}/{path}"
-            if isinstance(content, Stored):
+            if isinstance(content, StoredArtifact):
                 _share(folder, content, store, target)
             else:
                 write_new(target, content)
@@ -114,7 +114,7 @@ def keep_asset(folder: str, sha256: str, store: Blobs) -> None:
         raise
 
 
-class Assets:
+class SharedAssets:
     """The files of `assets/`, by content."""
 
     def __init__(self, folder: str) -> None:
@@ -139,7 +139,7 @@ def _make(fresh: str, folder: str, made: set[str]) -> None:
         made.add(folder)
 
 
-def _share(folder: str, content: Stored, store: Blobs, target: str) -> None:
+def _share(folder: str, content: StoredArtifact, store: Blobs, target: str) -> None:
     """Make `target` a link to the asset with this content, which is written first where it is not there; a copy where the file
     system has no links."""
     asset = asset_path(folder, content.sha256)

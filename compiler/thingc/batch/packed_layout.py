@@ -120,7 +120,7 @@ def _numbers(folder: str, pattern: re.Pattern[str]) -> set[int]:
 # --- writing ----------------------------------------------------------------------------------------------------------
 
 
-class Packing:
+class PackedWriter:
     """The journals of a packed batch, of which `done` flags the variants that are. A context manager: leaving it closes them, and
     seals nothing.
 
@@ -132,7 +132,7 @@ class Packing:
         self.done = done
         self._open: dict[int, tuple[Journal, set[int]]] = {}
 
-    def __enter__(self) -> Packing:
+    def __enter__(self) -> PackedWriter:
         return self
 
     def __exit__(self, *exception: object) -> None:

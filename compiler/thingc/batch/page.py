@@ -14,7 +14,7 @@ from importlib import resources
 from typing import Any
 
 from thingc.base.html_page import in_script, pieces
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 from thingc.batch import folder_layout
 from thingc.batch.build_records import spread
 from thingc.batch.tables import RUN, Column, cells
@@ -54,7 +54,7 @@ def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
     """The page before and after its data."""
     own = resources.files("thingc.batch")
     texts = {place: (own / name).read_text(encoding="utf-8") for place, name in (("@STYLE@", "page.css"), ("@SCRIPT@", "page.js"))}
-    texts["@TITLE@"] = html.escape(shown(f"{described['name']}: variants of {described['assembly']}"))
+    texts["@TITLE@"] = html.escape(escape_control(f"{described['name']}: variants of {described['assembly']}"))
     frame = pieces((own / "page.html").read_text(encoding="utf-8"))
     before, after = frame[: frame.index("@DATA@")], frame[frame.index("@DATA@") + 1 :]
     return "".join(texts.get(piece, piece) for piece in before), "".join(texts.get(piece, piece) for piece in after)
@@ -81,7 +81,7 @@ def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequenc
     """The object that the page's program reads, up to its rows."""
     names = ("name", "document", "assembly", "count", "done", "pose", "finished", "layout")
     told: dict[str, Any] = {name: _plain(described[name]) for name in names}
-    told["modes"] = [shown(name) for name in described["modes"]]
+    told["modes"] = [escape_control(name) for name in described["modes"]]
     told["columns"] = [{"name": column.name, "kind": column.kind, "unit": unit} for column, unit in zip(wanted, units, strict=True)]
     return in_script(told)[:-1] + ',"rows":['
 
@@ -89,5 +89,5 @@ def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequenc
 def _plain(value: Any) -> Any:
     """A cell as the page shows it: an infinite one is the text `inf`, text is on one line."""
     if isinstance(value, str):
-        return shown(value)
+        return escape_control(value)
     return "inf" if isinstance(value, float) and not math.isfinite(value) else value

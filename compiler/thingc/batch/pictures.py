@@ -11,10 +11,10 @@ from typing import Any
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity
 from thingc.base.filesystem import listing, write_tree
-from thingc.base.json_lines_process import LineProcess, Lost
-from thingc.base.summing import plain_sum
+from thingc.base.json_lines_process import JsonLinesProcess, ProcessLost
+from thingc.base.summing import sum_of
 from thingc.batch import folder_layout
-from thingc.batch.build_records import Files, read
+from thingc.batch.build_records import VariantFiles, read
 from thingc.batch.packed_layout import packed
 
 MOST = 48
@@ -61,7 +61,7 @@ def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
     shares = [min(most // len(axes) + (number < most % len(axes)), len(set(axis))) for number, axis in enumerate(axes)]
     left = dict.fromkeys(range(len(settings)))
     for axis, share in zip(axes, shares, strict=True):
-        aside = [plain_sum((other[k] - 0.5) ** 2 for other in axes if other is not axis) for k in range(len(settings))]
+        aside = [sum_of((other[k] - 0.5) ** 2 for other in axes if other is not axis) for k in range(len(settings))]
         for step in range(share):
             target = step / (share - 1) if share > 1 else 0.5
             del left[min(left, key=lambda k: (aside[k] + (axis[k] - target) ** 2, k))]
@@ -80,7 +80,7 @@ def _ranks(values: Sequence[Any]) -> tuple[float, ...]:
     return tuple(place[value] for value in values)
 
 
-def _model(files: Files, mode: str) -> str | None:
+def _model(files: VariantFiles, mode: str) -> str | None:
     """The name of a variant's model in a mode, `ROBOT_MODE.xml`; None where MJCF was not written."""
     # of the modes `foot` and `front_foot` the ends are alike: then the shorter name is the one of `foot`
     models = sorted((name for name in files.models() if name.endswith(f"_{mode}.xml") and name != f"scene_{mode}.xml"), key=len)
@@ -134,10 +134,10 @@ def _draw(place: str, pose: str | None, shots: Sequence[tuple[str, str]], jobs: 
     os.makedirs(place, exist_ok=True)
     count = max(1, min(jobs, len(shots) // 4))
     parts = [shots[k::count] for k in range(count)]
-    processes: list[LineProcess] = []
+    processes: list[JsonLinesProcess] = []
     try:
         for _ in parts:
-            processes.append(LineProcess("thingc.batch.thumbnails"))
+            processes.append(JsonLinesProcess("thingc.batch.thumbnails"))
         fault = _drawn(place, pose, parts, processes, len(shots), on_picture)
     finally:
         for process in processes:
@@ -149,7 +149,7 @@ def _draw(place: str, pose: str | None, shots: Sequence[tuple[str, str]], jobs: 
 
 
 def _drawn(
-    place: str, pose: str | None, parts: Sequence[Sequence[tuple[str, str]]], processes: Sequence[LineProcess], count: int,
+    place: str, pose: str | None, parts: Sequence[Sequence[tuple[str, str]]], processes: Sequence[JsonLinesProcess], count: int,
     on_picture: OnPicture | None,
 ) -> Diagnostic | None:
     for part, process in zip(parts, processes, strict=True):
@@ -160,7 +160,7 @@ def _drawn(
     for part, process in zip(parts, processes, strict=True):
         try:
             answer = process.answer(PATIENCE * (1 + len(part)))
-        except Lost as fault:
+        except ProcessLost as fault:
             return _lost(process, fault)
         for own, down in answer:
             points += own
@@ -177,7 +177,7 @@ def _drawn(
         for _ in part:
             try:
                 answer = process.answer(PATIENCE)
-            except Lost as fault:
+            except ProcessLost as fault:
                 return _lost(process, fault)
             if "fault" in answer:
                 return _refused(answer["fault"], answer["hint"])
@@ -187,7 +187,7 @@ def _drawn(
     return None
 
 
-def _lost(process: LineProcess, fault: Lost) -> Diagnostic:
+def _lost(process: JsonLinesProcess, fault: ProcessLost) -> Diagnostic:
     """With the last line of what the process said."""
     said = process.errors().strip().splitlines()
     return _refused(f"the process that draws is lost: {fault.words}", said[-1] if said else "")

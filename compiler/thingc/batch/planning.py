@@ -13,7 +13,7 @@ from functools import cached_property
 
 from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Diagnostic
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import Dimension, Quantity
 from thingc.batch.axes import Axis
 from thingc.batch.by_path import Paths
@@ -42,7 +42,7 @@ class PlanError(Exception):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Variant(Brief):
+class Variant(OneLineRepr):
     """One member of the family. `index` is its place in the plan, `id` 12 hex of the SHA-256 of its settings.
 
     `parameters` and `choices` are the settings as `thingc build -p` and `--set` take them, in the units of the documents (without those
@@ -69,7 +69,7 @@ class Setting:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan(Brief):
+class Plan(OneLineRepr):
     """The variants of a document, in their order; iterating makes them one by one, the same each time.
 
     `document` and `assembly` are absolute paths, `relative` and `assembly_relative` those in the workspace, `sha256` is of

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from thingc.base.diagnostics import Diagnostic
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief, counted
+from thingc.base.one_line_repr import OneLineRepr, counted
 
 
 class Interrupted(Exception):
@@ -20,7 +20,7 @@ class Interrupted(Exception):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Progress(Brief):
+class Progress(OneLineRepr):
     """How far a batch is. `before` are the variants that an earlier run has done; `rate` variants per second of this one."""
 
     count: int
@@ -40,7 +40,7 @@ class Progress(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Summary(Brief):
+class Summary(OneLineRepr):
     """What came of a batch: how many variants have each status (those of earlier runs included), parts that were modelled in this
     run, and how long it took [s]. `duplicates` were asked for more than once; `lossy` variants, those of earlier runs included, have
     `losses`, by what becomes of them; `notes` are the warnings about the documents, `layout` how variants lie in the folder."""

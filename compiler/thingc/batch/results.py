@@ -25,10 +25,10 @@ from typing import TYPE_CHECKING, Any, overload
 from thingc.base.diagnostics import shown_path
 from thingc.base.filesystem import listing
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief, counted
+from thingc.base.one_line_repr import OneLineRepr, counted
 from thingc.base.suggestions import did_you_mean
 from thingc.batch import folder_layout
-from thingc.batch.build_records import File, Files, Records, read, unpack
+from thingc.batch.build_records import BuildRecords, File, VariantFiles, read, unpack
 from thingc.batch.folder import read_batch, whole
 from thingc.batch.journal import Line
 from thingc.batch.mujoco_arrays.text_models import ModelText, TextModels
@@ -76,7 +76,7 @@ Where = Callable[["BuiltVariant"], bool] | Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class BuiltVariant(Brief):
+class BuiltVariant(OneLineRepr):
     """A variant that has been built. `index` is its place in the plan, `settings` its parameters (SI) and choices by name,
     `results` its row of the table by column (absent where the table is empty), `folder` what `thingc build` would have written: of a
     packed batch there after `unpack`. The same variant of the same batch is equal."""
@@ -87,7 +87,7 @@ class BuiltVariant(Brief):
     settings: Mapping[str, Any]
     results: Mapping[str, Any]
     folder: str
-    family: Family = field(repr=False)
+    family: BatchResults = field(repr=False)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, BuiltVariant) and other.folder == self.folder
@@ -162,7 +162,7 @@ class BuiltVariant(Brief):
         return self.folder
 
     @property
-    def _files(self) -> Files:
+    def _files(self) -> VariantFiles:
         return self.family.records.files(self.index)
 
     def _read(self, file: str) -> bytes:
@@ -176,7 +176,7 @@ class BuiltVariant(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LoadedBatch:
+class BatchFolder:
     """A batch in a folder, as it was when it was loaded: its `robot` is the name of the assembly, `mode` the one that is meant unless
     another is said."""
 
@@ -187,18 +187,18 @@ class LoadedBatch:
     mode: str | None
     planned: int
     finished: bool
-    records: Records
+    records: BuildRecords
     meshes: _Meshes
 
 
-class Family(Sequence[BuiltVariant]):
+class BatchResults(Sequence[BuiltVariant]):
     """The built variants of a batch, in plan order: by place (`family[0]`, `family[-1]`), by id or name (`family["sweep_07"]`).
 
     `planned` is how many variants the plan has, `finished` whether the batch has finished; of one that has not there is what has
     been built so far. `rows` are the rows of the table of all variants that are done, those that failed or were kept out, too.
     """
 
-    def __init__(self, batch: LoadedBatch, indices: Sequence[int] | None = None) -> None:
+    def __init__(self, batch: BatchFolder, indices: Sequence[int] | None = None) -> None:
         """Of the variants at these places of the plan; None: of all that are built."""
         self.folder = batch.folder
         self.name = batch.name
@@ -215,10 +215,10 @@ class Family(Sequence[BuiltVariant]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Workers of environments and process pools are handed families and variants."""
-        return Family, (self._batch, self._indices)
+        return BatchResults, (self._batch, self._indices)
 
-    def _of(self, indices: Sequence[int]) -> Family:
-        return Family(self._batch, indices)
+    def _of(self, indices: Sequence[int]) -> BatchResults:
+        return BatchResults(self._batch, indices)
 
     def _variant(self, index: int) -> BuiltVariant:
         """The variant at this place of the plan; those asked for last are kept."""
@@ -247,8 +247,8 @@ class Family(Sequence[BuiltVariant]):
     @overload
     def __getitem__(self, key: int | str) -> BuiltVariant: ...
     @overload
-    def __getitem__(self, key: slice) -> Family: ...
-    def __getitem__(self, key: int | str | slice) -> BuiltVariant | Family:
+    def __getitem__(self, key: slice) -> BatchResults: ...
+    def __getitem__(self, key: int | str | slice) -> BuiltVariant | BatchResults:
         """Raises `UnknownVariant` for an id or name, and `IndexError` for a place, that is not there."""
         if not isinstance(key, Integral | slice | str):
             raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`: a variant is named by its place, its id or its name")
@@ -287,7 +287,7 @@ class Family(Sequence[BuiltVariant]):
             raise UnknownVariant(f"batch `{self.name}` has no column `{name}`: {did_you_mean(str(name), self.columns, what='columns')}")
         return cells
 
-    def filter(self, where: Where) -> Family:
+    def filter(self, where: Where) -> BatchResults:
         """The variants for which `where` holds. Raises `UnknownVariant` for a column that is not there, and `FamilyError` for what is
         neither a function nor values by column."""
         if isinstance(where, Mapping):
@@ -340,7 +340,7 @@ class Family(Sequence[BuiltVariant]):
 class _Rows(Sequence[Mapping[str, Any]]):
     """The rows of a table, each made when it is asked for."""
 
-    def __init__(self, records: Records) -> None:
+    def __init__(self, records: BuildRecords) -> None:
         self._records = records
 
     def __len__(self) -> int:
@@ -403,7 +403,7 @@ class _Meshes:
             yield self._last[1]
 
 
-def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where | None = None) -> Family:
+def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where | None = None) -> BatchResults:
     """The built variants of the batch in `folder` (`build/leg_sweep`).
 
     `mode` is the one that models are of unless said otherwise; `where` chooses variants: `{"status": "built"}`,
@@ -422,7 +422,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
     whole(place, described)
     records = read(place)
     robot = json.loads(records.files(records.built[0]).read(MANIFEST))["name"] if records.built else ""
-    family = Family(LoadedBatch(
+    family = BatchResults(BatchFolder(
         folder=place, name=described["name"], robot=robot, modes=described["modes"], mode=mode, planned=described["count"],
         finished=described["finished"], records=records, meshes=_Meshes(),
     ))

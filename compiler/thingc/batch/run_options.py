@@ -10,7 +10,7 @@ from thingc.base.diagnostics import Code
 from thingc.base.frozen import dataclass
 from thingc.batch import variants_document
 from thingc.batch.arguments import is_number, is_whole
-from thingc.batch.cluster.protocol import Carrier
+from thingc.batch.cluster.protocol import FileTransferExecutor
 from thingc.batch.folder import FOLDERS, PACKED, BatchFault
 from thingc.batch.planning import Plan
 from thingc.documents.workspace import LONGEST
@@ -45,7 +45,7 @@ def check_engine(executor: Executor | None, ship: bool) -> None:
     """Raises `BatchFault` for an engine that is none, or that cannot carry files where it shall."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise BatchFault(Code.COMMAND_LINE, f"expected `executor` to be one of `concurrent.futures`, found `{executor}`")
-    if ship and not isinstance(executor, Carrier):
+    if ship and not isinstance(executor, FileTransferExecutor):
         raise BatchFault(
             Code.COMMAND_LINE, "--ship is for workers of dask, which may share no folder with this machine",
             "leave it out: jobs of SLURM share the folder that they are submitted from, and runners of this machine are in it",

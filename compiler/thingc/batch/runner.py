@@ -34,7 +34,7 @@ from thingc.driver.environment import Options
 from thingc.driver.session import Session
 from thingc.driver.settings import SettingsReader
 from thingc.model.resolve.sources import Settings
-from thingc.targets.artifact import Content, Stored, counts_of
+from thingc.targets.artifact import Content, StoredArtifact, counts_of
 
 if TYPE_CHECKING:
     from thingc.driver.pipeline import Compilation
@@ -137,7 +137,7 @@ class Runner:
         if not self.job.packed:
             write_variant(folder, task.id, files, store)
             return {}
-        shared = {path: content.sha256 for path, content in files.items() if isinstance(content, Stored)}
+        shared = {path: content.sha256 for path, content in files.items() if isinstance(content, StoredArtifact)}
         for sha256 in shared.values():
             keep_asset(folder, sha256, store)
         own = {path: base64.b64encode(data).decode() for path, data in files.items() if isinstance(data, bytes)}

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from thingc.base.diagnostics import shown_path
 from thingc.base.one_line_repr import counted
 from thingc.batch.arguments import is_whole
-from thingc.batch.results import BuiltVariant, Family, FamilyError, load
+from thingc.batch.results import BatchResults, BuiltVariant, FamilyError, load
 
 if TYPE_CHECKING:
     import mujoco
@@ -82,7 +82,7 @@ _KINDS = {
 """What the rows of arrays are, by what their names begin with: the word for one, `MjModel`'s accessor, the size that counts them."""
 
 
-class NotInPlace(FamilyError):
+class StructuresDiffer(FamilyError):
     """Variants that one model cannot stand for: `field` is what it would have to change."""
 
     def __init__(self, field: str, message: str) -> None:
@@ -90,12 +90,12 @@ class NotInPlace(FamilyError):
         self.field = field
 
 
-def fields(source: str | os.PathLike[str] | Family, mode: str | None = None, *, scene: bool = False) -> tuple[mujoco.MjModel, Fields]:
+def fields(source: str | os.PathLike[str] | BatchResults, mode: str | None = None, *, scene: bool = False) -> tuple[mujoco.MjModel, Fields]:
     """The model of the first variant, and what differs: by the name of the field of `MjModel` (`body_mass`; `opt.gravity` for an
     option) an array (n_variants, *shape of the field), in the order of the family.
 
     `source` is a batch's folder or a family that was loaded from one; `mode` and `scene` as `BuiltVariant.model` takes them.
-    Each variant's model is made once and forgotten. Raises `NotInPlace` where models differ in anything else, and
+    Each variant's model is made once and forgotten. Raises `StructuresDiffer` where models differ in anything else, and
     `FamilyError` for a batch without variants.
     """
     import numpy as np
@@ -141,7 +141,9 @@ def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
             here[:] = values[index]
 
 
-def write(source: str | os.PathLike[str] | Family, path: str | os.PathLike[str], mode: str | None = None, *, scene: bool = False) -> str:
+def write(
+    source: str | os.PathLike[str] | BatchResults, path: str | os.PathLike[str], mode: str | None = None, *, scene: bool = False,
+) -> str:
     """Write the fields to `path` (`legs.npz`: an array for each field, and `id`, the variants' ids) and the model beside it
     (`legs.mjz`, its meshes in it); returns the path of the model. The same batch gives the same bytes.
 
@@ -173,8 +175,8 @@ def write(source: str | os.PathLike[str] | Family, path: str | os.PathLike[str],
     return model
 
 
-def _family(source: str | os.PathLike[str] | Family) -> Family:
-    family = source if isinstance(source, Family) else load(source)
+def _family(source: str | os.PathLike[str] | BatchResults) -> BatchResults:
+    family = source if isinstance(source, BatchResults) else load(source)
     if not len(family):
         raise FamilyError(f"batch `{family.name}` has no built variant here: there is no model to begin with")
     return family
@@ -206,7 +208,7 @@ def _leading(values: Any) -> Any:
 
 
 def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVariant) -> None:
-    """Raises `NotInPlace` where the two models differ in anything that is not in the tables above."""
+    """Raises `StructuresDiffer` where the two models differ in anything that is not in the tables above."""
     import numpy as np
 
     both = f"in `{first.name}` and `{second.name}`"
@@ -215,7 +217,7 @@ def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVa
         if here[kind] != there[kind]:
             only = [name for name in (*here[kind], *there[kind]) if (name in here[kind]) != (name in there[kind])]
             which = f"`{only[0]}` is in one of them only" if only else "they stand in another order"
-            raise NotInPlace(count, f"there are not the same elements of kind `{kind}` {both}: {which}")
+            raise StructuresDiffer(count, f"there are not the same elements of kind `{kind}` {both}: {which}")
     members = [name for name in dir(model) if not name.startswith("_") and name not in _FOLLOW]
     arrays = [name for name in members if isinstance(getattr(model, name), np.ndarray)]
     meshes = [name for name in arrays if name.startswith("mesh_")]
@@ -224,28 +226,28 @@ def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVa
         a, b = getattr(model, name), getattr(other, name)
         if isinstance(a, int | bytes) and a != b:
             shown = f": {a} and {b}" if isinstance(a, int) else ""
-            raise NotInPlace(name, f"`{name}` differs {both}{shown}")
+            raise StructuresDiffer(name, f"`{name}` differs {both}{shown}")
     for name in arrays:
         if name in NUMBERS or name in SHORTCUTS:
             continue
         a, b = getattr(model, name), getattr(other, name)
         if not _equal(a, b):
-            raise NotInPlace(name, f"`{name}` differs {both}{_where(model, name, a, b)}, and it cannot be changed in place")
+            raise StructuresDiffer(name, f"`{name}` differs {both}{_where(model, name, a, b)}, and it cannot be changed in place")
     for option in FIXED_OPTIONS:
         if getattr(model.opt, option) != getattr(other.opt, option):
-            raise NotInPlace(f"opt.{option}", f"the option `{option}` differs {both}, and it cannot be changed in place")
+            raise StructuresDiffer(f"opt.{option}", f"the option `{option}` differs {both}, and it cannot be changed in place")
 
 
 def _same_meshes(model: Any, other: Any, arrays: Iterable[str], both: str) -> None:
-    """Raises `NotInPlace` with the first mesh that is another one in the other model."""
+    """Raises `StructuresDiffer` with the first mesh that is another one in the other model."""
     if all(_equal(getattr(model, name), getattr(other, name)) for name in arrays):
         return
     for k in range(model.nmesh):
         slices = [slice(one.mesh_vertadr[k], one.mesh_vertadr[k] + one.mesh_vertnum[k]) for one in (model, other)]
         if not _equal(model.mesh_vert[slices[0]], other.mesh_vert[slices[1]]):
             message = f"the mesh `{model.mesh(k).name}` has another shape {both}, and meshes cannot be changed in place"
-            raise NotInPlace("mesh_vert", message)
-    raise NotInPlace("mesh_face", f"meshes differ {both}, and cannot be changed in place")
+            raise StructuresDiffer("mesh_vert", message)
+    raise StructuresDiffer("mesh_face", f"meshes differ {both}, and cannot be changed in place")
 
 
 def _names(model: Any) -> dict[str, list[str]]:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from thingc.base.csv_text import cell
+from thingc.base.csv_text import format_cell
 from thingc.base.frozen import dataclass
 from thingc.batch import folder_layout
 from thingc.batch.arrow_columns import column
@@ -102,8 +102,8 @@ def write_tables(folder: str, parameters: Sequence[Column], choices: Sequence[st
 def _csv(path: str, wanted: Sequence[Column]) -> Iterator[Callable[[list[Any]], None]]:
     with open(path, "w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([cell(column.name) for column in wanted])
-        yield lambda row: writer.writerow([cell(value) for value in row])
+        writer.writerow([format_cell(column.name) for column in wanted])
+        yield lambda row: writer.writerow([format_cell(value) for value in row])
 
 
 @contextlib.contextmanager

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from thingc.base.diagnostics import Code, Diagnostic, Note, Report, Severity
 from thingc.base.source import SET, Document, Path, ScalarNode, closest, dotted, node_at
 from thingc.batch import by_path
-from thingc.batch.axes import MOST_VALUES, Axis, ValueReader
+from thingc.batch.axes import MOST_VALUES, Axis, AxisParser
 from thingc.batch.planning import OUTSIDE, Plan, PlanError, Setting, moved
 from thingc.batch.requested_outputs import check_margin, check_names, moving_joints, targets_of
 from thingc.batch.rules import read_rules
@@ -93,7 +93,7 @@ class _Planner:
         declared = AssemblyParameters(self.sources.documents, self.sources.specs, self.workspace)
         own = declared.values
         paths = by_path.read(self.spec, self.sources.documents, own)
-        reader = ValueReader(self.document, declared, self.report, paths, self.fits)
+        reader = AxisParser(self.document, declared, self.report, paths, self.fits)
         axes, parameters = self.parameters(reader)
         choice_axes, choices = self.choices(root.relative)
         fixed = Setting(name=None, parameters=parameters, choices=choices)
@@ -124,7 +124,7 @@ class _Planner:
 
     # --- what changes ---------------------------------------------------------------------------------------------
 
-    def parameters(self, reader: ValueReader) -> tuple[list[Axis], dict[str, ExpressionValue]]:
+    def parameters(self, reader: AxisParser) -> tuple[list[Axis], dict[str, ExpressionValue]]:
         """The axes of parameters, and the values that hold for all variants."""
         axes: list[Axis] = []
         fixed: dict[str, ExpressionValue] = {}
@@ -283,7 +283,7 @@ class _Planner:
                 for text in raw if isinstance(raw, list) else [raw]:
                     yield {other: self.named(other, text, root)}
 
-    def listed(self, reader: ValueReader, fixed: Setting, root: str) -> tuple[Setting, ...]:
+    def listed(self, reader: AxisParser, fixed: Setting, root: str) -> tuple[Setting, ...]:
         """The variants that are written out."""
         met: dict[str, int] = {}
         made: list[Setting] = []
@@ -321,7 +321,7 @@ class _Planner:
             made.append(setting)
         return tuple(made)
 
-    def sample(self, reader: ValueReader) -> tuple[Method | None, int, int]:
+    def sample(self, reader: AxisParser) -> tuple[Method | None, int, int]:
         """Method, count and seed of what is drawn."""
         sample = self.spec.sample
         if sample is None:

@@ -15,10 +15,10 @@ from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.filesystem import NoPlainFile, beginning
+from thingc.base.filesystem import NotARegularFile, beginning
 from thingc.base.frozen import dataclass
 from thingc.base.installed_packages import dotted_name
-from thingc.base.package_info import KEYS, MEMORY, About
+from thingc.base.package_info import KEYS, MEMORY, PackageInfo
 from thingc.base.safe_text import is_text
 from thingc.base.source import MappingNode, Path, Span, line_of
 from thingc.base.suggestions import did_you_mean
@@ -93,7 +93,7 @@ class Workspace:
     part_memory: int = DEFAULT_MEMORY
     emit: tuple[str, ...] = ()
     mesh_uri: str = MESH_URIS[0]
-    about: About = About()
+    about: PackageInfo = PackageInfo()
     compat: tuple[str, ...] = ()
     origin: Span | None = None
     inputs: dict[str, str | None] = field(default_factory=dict, compare=False, repr=False)
@@ -191,7 +191,7 @@ def _bytes(path: str) -> bytes | None:
         return None
     try:
         return beginning(path, MAX_BYTES + 1)
-    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, NoPlainFile):
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, NotARegularFile):
         return None
 
 
@@ -256,7 +256,7 @@ class _Settings:
     simulation: Tessellation
     emit: tuple[str, ...]
     mesh_uri: str
-    about: About
+    about: PackageInfo
     compat: tuple[str, ...]
 
     @staticmethod
@@ -286,7 +286,7 @@ class _Settings:
             simulation=_plain_tessellation(simulation, DEFAULT_SIMULATION.coarser(fine)),
             emit=_plain_texts(table.get("emit", [])),
             mesh_uri=mesh_uri,
-            about=About.of(about),
+            about=PackageInfo.of(about),
             compat=compat,
         )
 
@@ -425,7 +425,7 @@ def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
         simulation=tessellation(spec.mesh.simulation if spec.mesh else None, ("mesh", "simulation"), DEFAULT_SIMULATION.coarser(mesh)),
         emit=tuple(spec.emit),
         mesh_uri=spec.mesh_uri,
-        about=About.of(spec.about.model_dump(exclude_none=True) if spec.about is not None else {}),
+        about=PackageInfo.of(spec.about.model_dump(exclude_none=True) if spec.about is not None else {}),
         compat=tuple(spec.compat),
     )
 

@@ -11,7 +11,7 @@ from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import MassProperties
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options, Printed, attempted
 
@@ -32,7 +32,7 @@ class CompileError(Exception):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CompiledMode(Brief):
+class CompiledMode(OneLineRepr):
     """One mode of a compiled robot. `robot` is its tree of links and joints."""
 
     robot: Robot
@@ -60,7 +60,7 @@ class CompiledMode(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shown(Brief):
+class Shown(OneLineRepr):
     """A page (HTML) that a notebook shows in a frame of its own, `height` pixels high."""
 
     page: str
@@ -77,7 +77,7 @@ class Shown(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Compiled(Brief):
+class Compiled(OneLineRepr):
     """A robot, compiled. `modes` in document order; `diagnostics` the warnings; `modelled` and `reused` definition texts."""
 
     name: str
@@ -155,9 +155,9 @@ def compile(
 def _compiled(environment: Environment, others: Mapping[str, float], modes: Sequence[str], strict: bool) -> Compiled:
     settings = None
     if others:
-        from thingc.driver.settings import with_values
+        from thingc.driver.settings import settings_with
 
-        settings = partial(with_values, pipeline.settings_of(environment.options), others, environment.report)
+        settings = partial(settings_with, pipeline.settings_of(environment.options), others, environment.report)
     compilation = pipeline.compile(environment, modes, settings=settings)
     _stop_on_errors(compilation.report, strict)
     artifacts = pipeline.build(environment, compilation, ["mjcf"])["mjcf"]

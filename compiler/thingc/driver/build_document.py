@@ -17,7 +17,7 @@ from thingc.targets.artifact import Content, Loss
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wish:
+class BuildRequest:
     """What a build is to be: of which `modes` (none: all), for which `targets`, in which folder's folder (`output`; None: the workspace's).
     `strict`: warnings are errors; `deny_loss`: so are losses;
     `force`: strange files in the folder are given up; `twice`: parts are modelled again, and compared."""
@@ -32,7 +32,7 @@ class Wish:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Built:
+class BuildResult:
     """What came of it: all that was said, and what is written, `files` by path in the folder; None with errors. `place` is the folder in
     which that lies (an absolute path), and what it is called. `twice` is how many parts were modelled again."""
 
@@ -44,10 +44,10 @@ class Built:
     twice: int = 0
 
 
-def build(environment: Environment, wish: Wish) -> Built:
+def build(environment: Environment, wish: BuildRequest) -> BuildResult:
     """Every pass, and nothing written yet. Raises `UnknownChoice`, and `BlobMissing` where the store turns out to be damaged."""
     compilation = pipeline.compile(environment, wish.modes)
-    report, built = compilation.report, Built(compilation=compilation)
+    report, built = compilation.report, BuildResult(compilation=compilation)
     if wish.twice and not report.judged(strict=wish.strict).failed:
         built = replace(built, twice=_model_again(environment, compilation))
     if not report.judged(strict=wish.strict).failed:
@@ -56,7 +56,7 @@ def build(environment: Environment, wish: Wish) -> Built:
     return replace(built, diagnostics=tuple(judged.ordered()), files=None if judged.failed else built.files)
 
 
-def _with_files(environment: Environment, built: Built, wish: Wish) -> Built:
+def _with_files(environment: Environment, built: BuildResult, wish: BuildRequest) -> BuildResult:
     """What is to be written of a compilation without errors; there may be some by then."""
     compilation, workspace = built.compilation, environment.workspace
     assert workspace is not None and compilation.assembly is not None
@@ -71,7 +71,7 @@ def _with_files(environment: Environment, built: Built, wish: Wish) -> Built:
     return replace(built, place=place, files=files, losses=losses)
 
 
-def write(environment: Environment, built: Built, wish: Wish, on_wait: Waiting | None = None) -> str:
+def write(environment: Environment, built: BuildResult, wish: BuildRequest, on_wait: Waiting | None = None) -> str:
     """Put the files of a build without errors into its folder, at once; the folder's absolute path. Raises `OutputError`; `on_wait` is
     called when another build of it must be waited for."""
     documents, files = built.compilation.documents, built.files

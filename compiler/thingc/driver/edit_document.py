@@ -11,7 +11,7 @@ from thingc.base.frozen import dataclass
 from thingc.base.memo import Memo
 from thingc.base.replacement import ReplacementRefused, replace_files
 from thingc.base.source import Document, MappingNode, Node, SequenceNode, line_of, node_at
-from thingc.documents.format.value_edits import Keys, Unsettable, Written, changes, with_values
+from thingc.documents.format.value_edits import CannotSetValue, Keys, Written, changes, set_values
 from thingc.documents.load.documents import Documents, load
 from thingc.documents.load.inline_values import is_flow, read_flow
 from thingc.documents.spec.choices import nested, parse
@@ -22,7 +22,7 @@ from thingc.driver.environment import Environment, Options
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ValuesWritten:
+class EditResult:
     """What came of values: `found` are all diagnostics. `text` is what the document `root` would say with them (None: it was not worked
     out). `done`, of what was written: each path, what stood there (None: nothing) and what does now."""
 
@@ -32,7 +32,7 @@ class ValuesWritten:
     done: tuple[tuple[str, str | None, str], ...] = ()
 
 
-def write_values(document: str, given: Mapping[str, str], options: Options, *, strict: bool = False, dry: bool = False) -> ValuesWritten:
+def write_values(document: str, given: Mapping[str, str], options: Options, *, strict: bool = False, dry: bool = False) -> EditResult:
     """Write values (paths or names of parameters to texts) into a document, unless there would be an error in it then; `dry`: say what
     would be, and write nothing. With `strict` warnings are errors. Raises `OSError` where the document cannot be read."""
     given = {named(path): text for path, text in given.items()}
@@ -40,27 +40,27 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
     choices = {path: text for path, text in given.items() if "." in path}
     documents, diagnostics = checked(document, replace(options, parameters=parameters, choices=choices), strict=strict)
     if documents is None or any(d.code in (Code.CHOICE_OPTION, Code.PARAMETER_OPTION) for d in diagnostics):
-        return ValuesWritten(found=tuple(diagnostics))
+        return EditResult(found=tuple(diagnostics))
     root = documents.root
     elsewhere = [fault for path in choices if (fault := _elsewhere(root, path)) is not None]
     if elsewhere:
-        return ValuesWritten(found=tuple(elsewhere))
+        return EditResult(found=tuple(elsewhere))
     values = {keys_of(root, path): text for path, text in given.items()}
     drives = {keys[:3]: _texts(drive) for keys in values if (drive := whole_drive(root.tree, keys)) is not None}
     try:
-        text = with_values(root, {**drives, **{keys: _written(text) for keys, text in values.items()}}).text
-    except Unsettable as fault:
-        return ValuesWritten(found=(_wrong(str(fault), "write it by hand"),))
+        text = set_values(root, {**drives, **{keys: _written(text) for keys, text in values.items()}}).text
+    except CannotSetValue as fault:
+        return EditResult(found=(_wrong(str(fault), "write it by hand"),))
     before, after = document_change(root, text)
     _, diagnostics = checked(document, replace(options, texts={root.path: after}), strict=strict)
     found = tuple(diagnostics)
     if dry or any(d.severity is Severity.ERROR for d in found):
-        return ValuesWritten(found=found, root=root, text=text)
+        return EditResult(found=found, root=root, text=text)
     try:
         replace_files({root.path: (before, after)})
     except ReplacementRefused as fault:
-        return ValuesWritten(found=(fault.diagnostic,))
-    return ValuesWritten(found=found, root=root, text=text, done=tuple(changes(root, values)))
+        return EditResult(found=(fault.diagnostic,))
+    return EditResult(found=found, root=root, text=text, done=tuple(changes(root, values)))
 
 
 def named(path: str) -> str:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
     from thingc.geometry.client import Workers
     from thingc.geometry.lock.lock import Lock
-    from thingc.geometry.part_source import PartAnswers
+    from thingc.geometry.part_source import PartSource
     from thingc.geometry.service import GeometryService
     from thingc.geometry.store.local import Store
 
@@ -27,7 +27,7 @@ Progress = Callable[[str, int, int], None]
 Printed = Callable[[str, Sequence[str]], None]
 """`printed(part, lines)`: called with what a part prints, when it has been modelled. The lines are as the part has written them."""
 
-Lend = Callable[["Workspace", "Store"], "PartAnswers"]
+Lend = Callable[["Workspace", "Store"], "PartSource"]
 """`lend(workspace, store)`: who answers for the parts of a workspace, and is ended by somebody else."""
 
 Answer = TypeVar("Answer")
@@ -99,16 +99,16 @@ class Environment:
         return store_of(self.options)
 
     @cached_property
-    def parts(self) -> PartAnswers:
+    def parts(self) -> PartSource:
         """Who answers for parts: the geometry service, or, where no code may run, the lock. Only where there is a workspace."""
         assert self.workspace is not None, "parts belong to a workspace, and none was found"
         if self._lent is not None:
             return self._lent(self.workspace, self.store)
         if self.options.code:
             return geometry_of(self.workspace, self.options, self.store, self._lock if self.options.lock else None)
-        from thingc.geometry.lock.reader import LockedGeometry
+        from thingc.geometry.lock.reader import LockOnlyGeometry
 
-        return LockedGeometry(self.workspace, self._lock())
+        return LockOnlyGeometry(self.workspace, self._lock())
 
     @property
     def geometry(self) -> GeometryService:

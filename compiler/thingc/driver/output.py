@@ -29,7 +29,7 @@ from thingc.base.frozen import dataclass
 from thingc.base.safe_text import quoted
 from thingc.geometry.store.file_digests import Digests, digest_of
 from thingc.geometry.store.local import Store
-from thingc.targets.artifact import MANIFEST, Content, Stored
+from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 from thingc.targets.registry import written
 
 Waiting = Callable[[str], None]
@@ -367,7 +367,7 @@ def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs | None) 
             os.makedirs(os.path.join(fresh, above), exist_ok=True)
             folders.add(above)
         content = files[path]
-        if isinstance(content, Stored):
+        if isinstance(content, StoredArtifact):
             assert store is not None
             data = store.read(content.sha256)
         else:

@@ -27,7 +27,7 @@ from thingc.driver.environment import Environment, Options
 if TYPE_CHECKING:
     from thingc.base.pose import Vector
     from thingc.documents.load.documents import Documents
-    from thingc.geometry.build_reasons import Decision
+    from thingc.geometry.build_reasons import BuildReason
     from thingc.geometry.record import Mesh, PartFailure, PartRecord, PartSchema
     from thingc.model.assembly.types import Assembly
     from thingc.model.resolve.sources import Settings, Sources
@@ -83,7 +83,7 @@ class Compilation:
     schemas: Mapping[str, PartSchema | PartFailure] = field(default_factory=dict)
     model: AssemblyDefinition | None = None
     records: Mapping[str, PartRecord | PartFailure] = field(default_factory=dict)
-    decisions: Mapping[str, Decision] = field(default_factory=dict)
+    decisions: Mapping[str, BuildReason] = field(default_factory=dict)
     assembly: Assembly | None = None
     robots: tuple[Robot, ...] = ()
     repeated: bool = False
@@ -342,7 +342,7 @@ def request_of(
 def files(environment: Environment, compilation: Compilation, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:
     """What a build folder holds, by path in it: the files of all targets, and the manifest that lists them."""
     from thingc.targets.artifact import MANIFEST
-    from thingc.targets.manifest import Choice, manifest
+    from thingc.targets.manifest import BuildChoice, manifest
 
     assembly, documents, settings = _assembly(compilation), compilation.documents, compilation.settings
     assert documents is not None
@@ -351,7 +351,7 @@ def files(environment: Environment, compilation: Compilation, artifacts: Mapping
         assembly,
         document=documents.root.relative,
         documents={path: document.sha256 for path, document in documents.by_path.items()},
-        choice=Choice(
+        choice=BuildChoice(
             modes=tuple(robot.mode.name for robot in compilation.robots), emit=tuple(artifacts), compat=environment.compat,
             parameters=dict(settings.parameters), choices=dict(settings.choices),
         ),

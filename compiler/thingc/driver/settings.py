@@ -22,7 +22,7 @@ from thingc.documents.expressions.value_text import text_of
 from thingc.documents.load.documents import Documents
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.choices import SECTIONS
-from thingc.documents.spec.settable_values import dimension_stated, nested_document, stated_parameter, stated_value
+from thingc.documents.spec.settable_values import current_value, dimension_stated, nested_document, stated_parameter
 from thingc.model.resolve.parameters import AssemblyParameters
 from thingc.model.resolve.sources import Settings, Sources
 
@@ -31,7 +31,7 @@ EVERYWHERE = frozenset(("joints", "links", "sensors", "tendons"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Read:
+class ParsedSettings:
     """Settings that have been read: `names` of numbers, sorted, and their `values` in SI; all else as `texts`. What is wrong with them is
     in `report` (None: nothing)."""
 
@@ -66,7 +66,7 @@ class SettingsReader:
         by_default = f"defaults.{section[:-1]}.{rest.partition('.')[2]}"
         places = (path, by_default) if section in ("joints", "components") else (path,)
         for place in (one + inner for inner in ("", ".value") for one in places):  # a mass may say its source as well
-            stated = stated_value(self._documents, place)
+            stated = current_value(self._documents, place)
             if isinstance(stated, Expression):
                 try:
                     stated = evaluate(stated, self.parameters)
@@ -102,7 +102,7 @@ class SettingsReader:
                 break
         return did_you_mean(word, [key for key, _ in inside])
 
-    def read(self, settings: Mapping[str, Any]) -> Read:
+    def read(self, settings: Mapping[str, Any]) -> ParsedSettings:
         """The settings, over those that hold for the whole family. What is no mapping, or has keys that are no names, is reported."""
         numbers: dict[str, float] = {}
         texts: dict[str, str] = {}
@@ -135,7 +135,7 @@ class SettingsReader:
                 else:
                     texts[name] = _text(value)
         names = tuple(sorted(numbers))
-        return Read(names=names, values=tuple(map(numbers.__getitem__, names)), texts=tuple(sorted(texts.items())), report=report)
+        return ParsedSettings(names=names, values=tuple(map(numbers.__getitem__, names)), texts=tuple(sorted(texts.items())), report=report)
 
     def _number(self, name: str, value: Any) -> float | None:
         """A value in SI; None where it is no number, or one of another kind than what stands there."""
@@ -158,7 +158,7 @@ class SettingsReader:
             kind = self._kinds[name] = Quantity(number, dimension)
         return number if isinstance(kind, Quantity) else None
 
-    def quantities(self, read: Read) -> dict[str, Quantity]:
+    def quantities(self, read: ParsedSettings) -> dict[str, Quantity]:
         """The numbers with their dimensions."""
         quantities = {}
         for name, value in zip(read.names, read.values):
@@ -167,7 +167,7 @@ class SettingsReader:
             quantities[name] = Quantity(value, kind.dimension)
         return quantities
 
-    def values(self, read: Read) -> dict[str, ExpressionValue]:
+    def values(self, read: ParsedSettings) -> dict[str, ExpressionValue]:
         """What every parameter comes to, those too that follow from others, and what is set by path: numbers, flags and expressions."""
         settings = self.settings(read)
         values = {**self._declared.given(settings.parameters), **self.quantities(read)}
@@ -184,7 +184,7 @@ class SettingsReader:
                     texts[name] = value
         return texts
 
-    def settings(self, read: Read, units: Mapping[str, str] | None = None, given: Mapping[str, str] | None = None) -> Settings:
+    def settings(self, read: ParsedSettings, units: Mapping[str, str] | None = None, given: Mapping[str, str] | None = None) -> Settings:
         """As `thingc build -p` and `--set` take them: a number in the words that it was `given` in, else the same to the last bit in a unit
         of its own or in SI."""
         units = units or {}
@@ -196,7 +196,7 @@ class SettingsReader:
         )
 
 
-def with_values(own: Settings, values: Mapping[str, Any], report: Report, sources: Sources) -> Settings:
+def settings_with(own: Settings, values: Mapping[str, Any], report: Report, sources: Sources) -> Settings:
     """Settings, and what else is set by `values`, as a reader takes them; of a document that is no sound assembly only the settings. What
     is wrong with the names of values is reported."""
     if not isinstance(sources.specs.get(sources.documents.root.relative), AssemblySpec):

@@ -14,7 +14,7 @@ RECENT = 512
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Decision:
+class BuildReason:
     """Why a part was modelled, or not: `reason` in words: "module `arm` changed"."""
 
     text: str
@@ -37,7 +37,7 @@ def why(definition: PartDefinition, build_key: BuildKey, results: Results) -> st
     return difference(last.ingredients, build_key.ingredients)
 
 
-class Recent:
+class RecentRecords:
     """The last records of a service, by definition and by whether they have convex pieces: asked for again, they cost nothing."""
 
     def __init__(self) -> None:
@@ -49,7 +49,7 @@ class Recent:
 
     def keep(
         self, definitions: Mapping[str, PartDefinition], answers: Mapping[str, PartRecord | PartFailure], convex: Collection[str],
-        decisions: Mapping[str, Decision],
+        decisions: Mapping[str, BuildReason],
     ) -> None:
         """Remember the records of one answer, with what another service would say of them then."""
         for text, definition in definitions.items():

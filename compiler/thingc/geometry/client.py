@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
-from thingc.base.json_lines_process import LineProcess, Lines, Lost
+from thingc.base.json_lines_process import JsonLinesProcess, Lines, ProcessLost
 from thingc.geometry.key.environment_variables import environment
 from thingc.geometry.worker import process_tree
 
@@ -43,7 +43,7 @@ class WorkerBroken(Exception):
 class _Process:
     """A worker process and what it has been asked."""
 
-    process: LineProcess
+    process: JsonLinesProcess
     capacity: int
     deadline: float
     asked: dict[int, Mapping[str, Any]] = field(default_factory=dict)
@@ -68,7 +68,7 @@ class Workers:
         self._lines: Lines = queue.SimpleQueue()
         self._number = 0
         self._begun: dict[str, int] = {}
-        self._early: dict[int, tuple[LineProcess, dict[str, Any]]] = {}
+        self._early: dict[int, tuple[JsonLinesProcess, dict[str, Any]]] = {}
         self._spans: deque[tuple[float, float]] = deque(maxlen=SPANS)
 
     def busy(self, since: float) -> float:
@@ -313,7 +313,7 @@ def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
         process.ask({"id": 0, **request})
         answer: dict[str, Any] = process.answer(float(request["timeout"]) + LOADING)
         return answer
-    except Lost as fault:
+    except ProcessLost as fault:
         return {"failed": "hung" if fault.hung else "crashed", "words": "" if fault.hung else f"of the worker {fault.words}", "detail": ""}
     finally:
         process.kill()
@@ -325,9 +325,9 @@ def _text(request: Mapping[str, Any]) -> str:
     return json.dumps(request, sort_keys=True)
 
 
-def _server(flags: Sequence[str], seed: int = 0, lines: Lines | None = None) -> LineProcess:
+def _server(flags: Sequence[str], seed: int = 0, lines: Lines | None = None) -> JsonLinesProcess:
     words = ("--parent", str(os.getpid()), *flags)
-    return LineProcess("thingc.geometry.worker.server", *words, env=environment(seed), lines=lines)
+    return JsonLinesProcess("thingc.geometry.worker.server", *words, env=environment(seed), lines=lines)
 
 
 def _no_process(fault: OSError) -> str:

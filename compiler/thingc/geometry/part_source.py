@@ -15,13 +15,13 @@ from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, Part
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
-    from thingc.geometry.build_reasons import Decision
+    from thingc.geometry.build_reasons import BuildReason
     from thingc.geometry.key.modules import Module
 
 SHOWN = 8
 
 
-class PartAnswers(Protocol):
+class PartSource(Protocol):
     """Part schemas and part records.
 
     `unknown` are the labels of definitions of which nobody may know more than their names, `broken` faults of the lock that were met."""
@@ -31,7 +31,7 @@ class PartAnswers(Protocol):
     broken: list[BadLock]
 
     @property
-    def decisions(self) -> Mapping[str, Decision]:
+    def decisions(self) -> Mapping[str, BuildReason]:
         """Why each record was modelled or found, by definition text."""
 
     @property
@@ -64,7 +64,7 @@ class PartAnswers(Protocol):
         may know that is not `exact`."""
 
 
-def report_hidden(parts: PartAnswers, references: Iterable[tuple[str, Span | None]], report: Report) -> None:
+def report_hidden(parts: PartSource, references: Iterable[tuple[str, Span | None]], report: Report) -> None:
     """A warning for each module that parts are made from and that hides another file of its name: where the first of those is named, or
     where the module lies."""
     said: set[str] = set()
@@ -80,7 +80,7 @@ def report_hidden(parts: PartAnswers, references: Iterable[tuple[str, Span | Non
                 )
 
 
-def report_gaps(parts: PartAnswers, report: Report, *, severity: Severity = Severity.ERROR) -> None:
+def report_gaps(parts: PartSource, report: Report, *, severity: Severity = Severity.ERROR) -> None:
     """Say what was wrong with entries of the lock, and how many definitions could not be looked at for want of a record."""
     file = lock_path(parts.workspace)
     for fault in parts.broken[:SHOWN]:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import MassProperties
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Matrix, Vector, added
 
 UPRIGHT: Vector = (0.0, 0.0, 1.0)
@@ -46,7 +46,7 @@ LikelySlicing = tuple[Slicing, bool]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moments(Brief):
+class Moments(OneLineRepr):
     """Of some matter, about the origin of the part's frame: `volume` [m^3], `first` the integrals of x, y, z [m^4], `second` those of
     their products [m^5]."""
 
@@ -91,7 +91,7 @@ class Moments(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sliced(Brief):
+class SliceResult(OneLineRepr):
     """What is laid into a part: `solid`, whatever the infill; `joins`, the pieces along the walls that join the lines of infill, as
     soon as there is any; `sparse`, the lines themselves, as if the infill were 100 %."""
 
@@ -107,7 +107,7 @@ class Sliced(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Unsliced:
+class SliceFailure:
     """Why a part cannot be cut into layers, in words that follow its name."""
 
     reason: str

@@ -13,11 +13,11 @@ from enum import Enum
 from typing import Literal
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Matrix, Pose, Vector
 from thingc.base.primitives import Primitive
 from thingc.base.units import ANGLE, LENGTH, MASS, NUMBER, Dimension, Quantity
-from thingc.geometry.print_slices import Sliced, Slicing, Unsliced
+from thingc.geometry.print_slices import SliceFailure, SliceResult, Slicing
 
 Value = float | int | bool | str
 """A canonical parameter value: SI floats for dimensioned ones, ints for whole numbers, text and flags as they are."""
@@ -50,7 +50,7 @@ def written(kind: str, value: Value, digits: int = 12) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterSchema(Brief):
+class ParameterSchema(OneLineRepr):
     """One argument of a part's `__init__`.
 
     One of the kind `choice` takes one of `choices`. `default` is None where `required`.
@@ -71,7 +71,7 @@ class ParameterSchema(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartSchema(Brief):
+class PartSchema(OneLineRepr):
     """What `module:Class` takes. `file`, `line` are where it is written."""
 
     reference: str
@@ -116,7 +116,7 @@ FILE_UNIT = "mm"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartDefinition(Brief):
+class PartDefinition(OneLineRepr):
     """A part class with its complete canonical parameters: equal definitions are one node of the HAG.
 
     `reference` is `module:Class`, or for a part of a file its path in the workspace (`kind` says which: `code | file`). `parameters`
@@ -187,7 +187,7 @@ def _printed(reference: str, arguments: Mapping[str, str]) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MountRecord(Brief):
+class MountRecord(OneLineRepr):
     """A mount of a part: its frame in the part's frame, z out of the material."""
 
     pose: Pose
@@ -196,7 +196,7 @@ class MountRecord(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Expectation(Brief):
+class MountExpectation(OneLineRepr):
     """`mount` was cut for the part `text` (a definition text; `label` for people) sitting on it with its mount `child_mount`."""
 
     mount: str
@@ -206,7 +206,7 @@ class Expectation(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stated(Brief):
+class DeclaredValue(OneLineRepr):
     """A number (or three, or a matrix) that a Thing states, and its source (`measured | vendor | estimated | stated`)."""
 
     value: float | Vector | Matrix
@@ -218,7 +218,7 @@ DriveType = Literal["position", "velocity", "motor"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ActuatorRecord(Brief):
+class ActuatorRecord(OneLineRepr):
     """A Thing's actuator in SI; `sources` says where a number came from, by field name."""
 
     kind: DriveType
@@ -237,7 +237,7 @@ class ActuatorRecord(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mesh(Brief):
+class Mesh(OneLineRepr):
     """A mesh file in the store by content. `closed` and `flat` say whether simulators can take it as a solid."""
 
     sha256: str
@@ -248,7 +248,7 @@ class Mesh(Brief):
     flat: bool
 
 
-class Outside(str, Enum):
+class ImpureInputs(str, Enum):
     """What a part may ask besides its inputs. Such an answer is not in its key, so it stays as it was when the part was made. `left` are
     processes that it has started and not waited for."""
 
@@ -261,18 +261,18 @@ class Outside(str, Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartWarning(Brief):
+class PartWarning(OneLineRepr):
     """Something the part's author should know, and the line of the part file where there is one. `asked` is what the part asked
     there, None for a remark of its own."""
 
     message: str
     file: str | None = None
     line: int | None = None
-    asked: Outside | None = None
+    asked: ImpureInputs | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartRecord(Brief):
+class PartRecord(OneLineRepr):
     """Everything the passes know of a part. All lengths in metres, in the part's own frame.
 
     `volume` [m^3], `area` [m^2], `centre` [m] and `inertia` [m^5, at density 1, about the centre] are exact integrals
@@ -299,12 +299,12 @@ class PartRecord(Brief):
     box: tuple[Vector, Vector] | None
     mounts: dict[str, MountRecord]
     references: tuple[str, ...]
-    expectations: tuple[Expectation, ...]
+    expectations: tuple[MountExpectation, ...]
     actuator: ActuatorRecord | None
-    mass: Stated | None
-    com: Stated | None
-    matrix: Stated | None
-    density: Stated | None
+    mass: DeclaredValue | None
+    com: DeclaredValue | None
+    matrix: DeclaredValue | None
+    density: DeclaredValue | None
     bom: dict[str, str]
     warnings: tuple[PartWarning, ...]
     fits: dict[str, Primitive]
@@ -316,7 +316,7 @@ class PartRecord(Brief):
     apart: tuple[float, ...] = ()
     own_image: bool = False
     up: Vector | None = None
-    slices: dict[Slicing, Sliced | Unsliced] = field(default_factory=dict)
+    slices: dict[Slicing, SliceResult | SliceFailure] = field(default_factory=dict)
     exact: bool = True
 
     @property
@@ -333,7 +333,7 @@ FailureKind = Literal[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartFailure(Brief):
+class PartFailure(OneLineRepr):
     """Why a part could not be described or modelled.
 
     `message` is the exception's words; `file`, `line` the place in the part file; `candidates`, for
@@ -354,7 +354,7 @@ NO_PARTS = frozenset({"invalid", "missing", "resultless"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Placed(Brief):
+class Placed(OneLineRepr):
     """One instance in a STEP assembly: its name, B-rep, pose and colour (`#rrggbb`); groups nest by `/` in the name."""
 
     path: str
@@ -365,7 +365,7 @@ class Placed(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StoredFile(Brief):
+class StoredFile(OneLineRepr):
     """A file in the store by content: what `assemble` answers with."""
 
     sha256: str

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.geometry.key.build_key import BuildKey, record_key
 from thingc.geometry.key.module_key import CodeIngredients
-from thingc.geometry.key.outline import evidence, holds, outlined
+from thingc.geometry.key.outline import executed_functions, is_unchanged, outlined
 from thingc.geometry.key.part_code import PartCode
-from thingc.geometry.key.result_cache import CANDIDATES, Kept, Results
+from thingc.geometry.key.result_cache import CANDIDATES, CachedResult, Results
 from thingc.geometry.record import PartDefinition
 from thingc.geometry.record_json import blobs_of
 from thingc.geometry.store.local import Store, StoreUnusable
@@ -25,17 +25,17 @@ class KeptRecords:
     def __init__(self, workspace: Workspace, store: Store, parts: PartCode, results: Results) -> None:
         self._workspace, self._store, self._parts, self._results = workspace, store, parts, results
 
-    def under(self, key: str) -> Kept | None:
+    def under(self, key: str) -> CachedResult | None:
         """The record, or failure, under a part's key."""
         return self._results.find("record", key, self._whole)
 
-    def find(self, definition: PartDefinition, build_key: BuildKey, code: CodeIngredients | None) -> Kept | None:
+    def find(self, definition: PartDefinition, build_key: BuildKey, code: CodeIngredients | None) -> CachedResult | None:
         """What is under the part's key; else a record with the same outline, where what ran for it is as it was."""
         kept = self.under(build_key.key)
         if kept is not None or code is None or not code.sources:
             return kept
         for one in self._store.get_json("ran", self._outline_key(definition, code)) or ():
-            if not holds(code, one):
+            if not is_unchanged(code, one):
                 continue
             kept = self.under(one["record"])
             if kept is not None and [list(read) for read in kept.reads] == one["reads"]:  # with other files something else may have run
@@ -51,7 +51,7 @@ class KeptRecords:
         """Keep which functions ran, by file (None: nobody knows), for the record under a part's key with these reads."""
         if code is None or not code.sources or ran is None:
             return
-        traces = evidence(code, ran)
+        traces = executed_functions(code, ran)
         if traces is not None:
             key = self._outline_key(definition, code)
             others = [one for one in self._store.get_json("ran", key) or () if (one["digest"], one["reads"]) != (traces["digest"], reads)]

@@ -13,16 +13,16 @@ from thingc.base.pose import Matrix, Pose, Vector
 from thingc.base.primitives import Primitive
 from thingc.geometry.record import (
     ActuatorRecord,
-    Expectation,
+    DeclaredValue,
+    ImpureInputs,
     Mesh,
+    MountExpectation,
     MountRecord,
-    Outside,
     ParameterSchema,
     PartFailure,
     PartRecord,
     PartSchema,
     PartWarning,
-    Stated,
 )
 
 
@@ -93,7 +93,7 @@ def with_left(answer: dict[str, Any], commands: Iterable[str]) -> dict[str, Any]
     if "record" not in answer:
         return answer
     names = sorted({"a copy of itself" if not line else f"`{line if len(line) <= 60 else line[:57] + '...'}`" for line in commands})
-    left = [[f"leaves {name} running, which was ended", None, None, Outside.LEFT.value] for name in names]
+    left = [[f"leaves {name} running, which was ended", None, None, ImpureInputs.LEFT.value] for name in names]
     return {**answer, "record": {**answer["record"], "warnings": [*answer["record"]["warnings"], *left]}}
 
 
@@ -136,12 +136,12 @@ def record_from_json(value: Any, root: str) -> PartRecord:
             for pose, interface, tolerance in (value["mounts"][name],)
         },
         references=tuple(value["references"]),
-        expectations=tuple(Expectation(mount=m, text=t, label=n, child_mount=c) for m, t, n, c in value["expectations"]),
+        expectations=tuple(MountExpectation(mount=m, text=t, label=n, child_mount=c) for m, t, n, c in value["expectations"]),
         actuator=None if value["actuator"] is None else ActuatorRecord(**value["actuator"]),
         mass=_read_stated(value["mass"]), com=_read_stated(value["com"]), matrix=_read_stated(value["matrix"]),
         density=_read_stated(value["density"]), bom=value["bom"],
         warnings=tuple(
-            PartWarning(message=message, file=full(file, root), line=line, asked=None if asked is None else Outside(asked))
+            PartWarning(message=message, file=full(file, root), line=line, asked=None if asked is None else ImpureInputs(asked))
             for message, file, line, asked in value["warnings"]
         ),
         fits={name: _read_primitive(fit) for name, fit in value["fits"].items()},
@@ -211,17 +211,17 @@ def matrix_from_json(value: Any) -> Matrix:
     return (vector_from_json(a), vector_from_json(b), vector_from_json(c))
 
 
-def _stated(stated: Stated | None) -> Any:
+def _stated(stated: DeclaredValue | None) -> Any:
     return None if stated is None else [stated.value, stated.source]
 
 
-def _read_stated(value: Any) -> Stated | None:
+def _read_stated(value: Any) -> DeclaredValue | None:
     if value is None:
         return None
     held, source = value
     if isinstance(held, list):
         held = matrix_from_json(held) if isinstance(held[0], list) else vector_from_json(held)
-    return Stated(value=held, source=source)
+    return DeclaredValue(value=held, source=source)
 
 
 def _actuator(actuator: ActuatorRecord) -> Any:

@@ -11,16 +11,16 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.frozen import dataclass
-from thingc.geometry.build_reasons import Decision, Recent, unchanged, why
+from thingc.geometry.build_reasons import BuildReason, RecentRecords, unchanged, why
 from thingc.geometry.convex_piece_cache import ConvexAnswers
 from thingc.geometry.key.build_key import BuildKey, schema_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.modules import Module
 from thingc.geometry.key.part_code import PartCode
-from thingc.geometry.key.result_cache import Kept, Results
+from thingc.geometry.key.result_cache import CachedResult, Results
 from thingc.geometry.key.versions import versions_of
 from thingc.geometry.lock.lock import LOCK_FILE, Lock
-from thingc.geometry.lock.reader import LockBeside
+from thingc.geometry.lock.reader import LockFallback
 from thingc.geometry.part_requests import Likely, PartRequest, PartRequests
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import AssemblyFailed, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
@@ -28,7 +28,7 @@ from thingc.geometry.record_cache import KeptRecords
 from thingc.geometry.record_json import failure_from_json, record_from_json, schema_from_json, with_left
 from thingc.geometry.store.build_locks import BuildLocks
 from thingc.geometry.store.local import Store, StoreUnusable
-from thingc.geometry.store.slice_cache import SliceAnswers, lacking
+from thingc.geometry.store.slice_cache import SliceCache, lacking
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
@@ -74,7 +74,7 @@ class GeometryService:
         self.workspace = workspace
         self.store = store
         self.timeout = timeout
-        self.decisions: dict[str, Decision] = {}
+        self.decisions: dict[str, BuildReason] = {}
         self.wanted: tuple[PartDefinition, ...] = ()
         self._jobs = jobs
         self._seed = seed
@@ -86,11 +86,11 @@ class GeometryService:
         self._kept = KeptRecords(workspace, store, self._parts, self._results)
         self._requests = PartRequests(workspace, store, timeout, self._parts, self._results)
         self._build_locks = BuildLocks(store)
-        self._slices = SliceAnswers(store, lambda: self._parts.versions(None))
+        self._slices = SliceCache(store, lambda: self._parts.versions(None))
         self._convex = ConvexAnswers(store, lambda: versions_of(["coacd", "manifold3d"], self._parts.file_of, store))
-        self._recent = Recent()
-        self._expected: dict[str, Kept] = {}
-        self._locked = LockBeside(lock, workspace, self._parts)
+        self._recent = RecentRecords()
+        self._expected: dict[str, CachedResult] = {}
+        self._locked = LockFallback(lock, workspace, self._parts)
         self.unknown: list[str] = []
         self.reads: dict[str, dict[str, str]] = {}
         self.broken = self._locked.broken
@@ -395,7 +395,7 @@ class GeometryService:
         return replace(record, code=code.place) if code is not None and code.place is not None else record
 
     def _decide(self, text: str, reused: bool, reason: str) -> None:
-        self.decisions[text] = Decision(text=text, reused=reused, reason=reason)
+        self.decisions[text] = BuildReason(text=text, reused=reused, reason=reason)
 
     def slice(
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],

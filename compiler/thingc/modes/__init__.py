@@ -18,13 +18,28 @@ axes, then the angular velocity in the link's own axes, as a free joint has it.
 from __future__ import annotations
 
 from thingc.modes.errors import BaseElsewhere, BaseMoves, ModesError, UnknownMode, WrongData
-from thingc.modes.impact import Caught, caught
+from thingc.modes.impact import Impact, caught
 from thingc.modes.inertias import Inertias
-from thingc.modes.robot import Modes, Switched
-from thingc.modes.state import State
+from thingc.modes.robot import Modes, SwitchResult
+from thingc.modes.state import RobotState
 from thingc.modes.tree import Cut, Hold, Joint, Link, Mimic, Mode
 
 __all__ = [
-    "BaseElsewhere", "BaseMoves", "Caught", "Cut", "Hold", "Inertias", "Joint", "Link", "Mimic", "Mode", "Modes", "ModesError",
-    "State", "Switched", "UnknownMode", "WrongData", "caught",
+    "BaseElsewhere",
+    "BaseMoves",
+    "Cut",
+    "Hold",
+    "Impact",
+    "Inertias",
+    "Joint",
+    "Link",
+    "Mimic",
+    "Mode",
+    "Modes",
+    "ModesError",
+    "RobotState",
+    "SwitchResult",
+    "UnknownMode",
+    "WrongData",
+    "caught",
 ]

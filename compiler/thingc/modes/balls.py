@@ -16,12 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.modes.frames import Array, quaternion_of, rotation_of, rotation_vector, turned
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Ball(Brief):
+class Ball(OneLineRepr):
     """A ball of a mode's tree: its `name` in the model, its three `coordinates` in the document's order, whether the tree crosses it
     backwards (`reversed`), and `R` (3, 3), which takes its q to MuJoCo's."""
 

@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.modes.cut_joints import coordinates, freedoms, usual
 from thingc.modes.frames import Array, cross_matrix, inverse
 from thingc.modes.inertias import Inertias
-from thingc.modes.state import State
+from thingc.modes.state import RobotState
 from thingc.modes.tree import Cut, Hold, Mode
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Caught(Brief):
+class Impact(OneLineRepr):
     """What became of a link that is held: `removed` (6,) is the twist [m/s, rad/s] that it could not keep (where it may turn about
     its mount the velocity of the mount's origin, and no turn), `impulse` (6,) what an inelastic catch took: linear [N s] in world
     axes, angular [N m s] about its frame's origin in its own axes (0 without one)."""
@@ -25,7 +25,7 @@ class Caught(Brief):
     impulse: Array
 
 
-def caught(mode: Mode, state: State, inertias: Inertias | None = None) -> tuple[State, Array, Mapping[str, Array]]:
+def caught(mode: Mode, state: RobotState, inertias: Inertias | None = None) -> tuple[RobotState, Array, Mapping[str, Array]]:
     """The state after a catch of everything that `mode` holds, the impulse (6,) on the root link, and those on its holds by path.
 
     Let C u = 0 say of the velocity u = (base twist, v) what the mode allows: a root link that is not free stands, so do the links
@@ -57,7 +57,7 @@ def caught(mode: Mode, state: State, inertias: Inertias | None = None) -> tuple[
     return stopped, impulse, holds
 
 
-def _allowed(mode: Mode, state: State) -> tuple[Array, Array]:
+def _allowed(mode: Mode, state: RobotState) -> tuple[Array, Array]:
     """(n, k): a basis of the velocities that the mode allows; (r, n): the constraints, root link and holds first."""
     n = 6 + len(mode.joints)
     moves, stays = _base(mode, state)
@@ -75,7 +75,7 @@ def _allowed(mode: Mode, state: State) -> tuple[Array, Array]:
     return N, np.vstack([base, *holds, _mimics(mode, state), *loops])
 
 
-def _base(mode: Mode, state: State) -> tuple[Array, Array]:
+def _base(mode: Mode, state: RobotState) -> tuple[Array, Array]:
     """(6, k) a basis of the twists that the root link may have, and (6 - k, 6) what of a twist has to be 0."""
     if mode.base == "free":
         return np.eye(6), np.zeros((0, 6))
@@ -97,7 +97,7 @@ def at_point(hold: Hold, X: Array, twist: Array) -> Array:
     return np.concatenate([linear, np.zeros(3)])
 
 
-def _mimics(mode: Mode, state: State) -> Array:
+def _mimics(mode: Mode, state: RobotState) -> Array:
     """(r, n): v less the multiple of its leader's, for every joint that follows one of the tree."""
     column = {joint.name: 6 + number for number, joint in enumerate(mode.joints)}
     followers = [joint for joint in mode.joints if joint.mimic is not None and joint.mimic.joint in column]
@@ -108,7 +108,7 @@ def _mimics(mode: Mode, state: State) -> Array:
     return rows
 
 
-def _ends_meet(mode: Mode, state: State, cut: Cut, jacobians: tuple[Array, ...]) -> Array:
+def _ends_meet(mode: Mode, state: RobotState, cut: Cut, jacobians: tuple[Array, ...]) -> Array:
     """(6 - d, n): the velocity of one end of a cut joint relative to the other, along what it does not leave open."""
     placed = list(mode.poses(state).values())
     X_WA, X_WB = placed[cut.parent] @ cut.X_PA, placed[cut.child] @ cut.X_CB

@@ -14,7 +14,7 @@ from thingc.modes.errors import WrongData
 from thingc.modes.frames import Array, pose, quaternion_of, rotation_of
 from thingc.modes.inertias import Inertias
 from thingc.modes.placements import find_displaced
-from thingc.modes.state import State
+from thingc.modes.state import RobotState
 from thingc.modes.tree import Mode
 
 FREE = 0
@@ -68,7 +68,7 @@ def _free_joint(mode: Mode, data: Any) -> Any:
     return data.joint(int(data.model.body_jntadr[_bodies(mode, data.model)[mode.root_link]]))
 
 
-def read(mode: Mode, data: Any) -> State:
+def read(mode: Mode, data: Any) -> RobotState:
     """The state in `data`. Of a fixed base the pose is the model's; a base that is not free is at rest. Raises `WrongData`."""
     check(mode, data)
     twist = np.zeros(6)
@@ -94,10 +94,10 @@ def read(mode: Mode, data: Any) -> State:
             own = joint.ball.read(here.qpos, here.qvel)
             q |= own[0]
             v |= own[1]
-    return State(mode=mode.name, base_pose=X, base_twist=twist, q=q, v=v)
+    return RobotState(mode=mode.name, base_pose=X, base_twist=twist, q=q, v=v)
 
 
-def write(mode: Mode, state: State, data: Any) -> None:
+def write(mode: Mode, state: RobotState, data: Any) -> None:
     """Put a state of `mode` into `data`: qpos, qvel and mocap pose of the robot, nothing else. Raises `WrongData`."""
     check(mode, data)
     position, quaternion = state.base_pose[:3, 3], quaternion_of(state.base_pose[:3, :3])
@@ -149,7 +149,7 @@ def _warm_start(modes: tuple[Mode, Mode], source: Any, target: Any) -> None:
             target.joint(name).qacc_warmstart = here
 
 
-def hold_here(mode: Mode, state: State, data: Any) -> None:
+def hold_here(mode: Mode, state: RobotState, data: Any) -> None:
     """Move the anchors of a mode's further holds to where `state` has the held links (of a hold that turns: the mount's origin). A fixed
     base has its holds where the model has them."""
     if mode.base == "fixed":

@@ -12,12 +12,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.modes.frames import Array, inverse, pose, quaternion_of, rotation_of, turned
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PartBase(Brief):
+class PartBase(OneLineRepr):
     """How the root link of a mode moves: `kind` is `planar` or `ball`, `X_WA` and `X0_WR` (4, 4) as above."""
 
     kind: Literal["planar", "ball"]

@@ -10,16 +10,16 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.suggestions import did_you_mean
 from thingc.modes import mjdata, reading
 from thingc.modes.cut_joints import coordinates, freedoms, usual
 from thingc.modes.errors import BaseElsewhere, BaseMoves, ModesError, UnknownMode
 from thingc.modes.frames import Array, angle_between, inverse, pose
-from thingc.modes.impact import Caught, at_point, caught
+from thingc.modes.impact import Impact, at_point, caught
 from thingc.modes.inertias import Inertias
 from thingc.modes.partial_bases import PartBase
-from thingc.modes.state import State
+from thingc.modes.state import RobotState
 from thingc.modes.tree import Cut, Mode
 
 OnMotion = Literal["raise", "drop", "impact"]
@@ -27,7 +27,7 @@ CHOICES: tuple[OnMotion, ...] = get_args(OnMotion)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Switched(Brief):
+class SwitchResult(OneLineRepr):
     """What a switch has come to.
 
     `state` is that of the new mode. `removed` (6,) is the twist [m/s, rad/s] of the new root link that a base held still could
@@ -37,10 +37,10 @@ class Switched(Brief):
     only the new mode has: their controls are as they were in its data.
     """
 
-    state: State
+    state: RobotState
     removed: Array
     impulse: Array
-    holds: Mapping[str, Caught]
+    holds: Mapping[str, Impact]
     uncommanded: tuple[str, ...] = ()
 
 
@@ -77,11 +77,11 @@ class Modes(Mapping[str, Mode]):
     def __repr__(self) -> str:
         return f"Modes({', '.join(self._modes)})"
 
-    def read(self, mode: str, data: Any) -> State:
+    def read(self, mode: str, data: Any) -> RobotState:
         """The state in a `mujoco.MjData` of a mode's model. Raises `UnknownMode`, and `WrongData` for data of another model."""
         return mjdata.read(self[mode], data)
 
-    def write(self, state: State, data: Any) -> None:
+    def write(self, state: RobotState, data: Any) -> None:
         """Put a state into a `mujoco.MjData` of its mode's model: qpos, qvel and mocap pose of the robot, nothing else.
 
         Of a fixed base only the joints are written: where it stands is the model's. Raises `WrongData` for data of another model.
@@ -94,14 +94,14 @@ class Modes(Mapping[str, Mode]):
 
     def switch(
         self,
-        source: State | tuple[str, Any],
+        source: RobotState | tuple[str, Any],
         target: str | tuple[str, Any],
         *,
         on_motion: OnMotion = "raise",
         at_rest: float = 1e-9,
         tolerance: float = 1e-6,
         inertias: Inertias | None = None,
-    ) -> Switched:
+    ) -> SwitchResult:
         """The state of `source` as a state of the mode `target`.
 
         `source` is a state, or a mode's name and its `mujoco.MjData`; `target` a mode's name, or a name and the `MjData` that is
@@ -120,8 +120,8 @@ class Modes(Mapping[str, Mode]):
         """
         if on_motion not in CHOICES:
             raise ModesError(f"expected on_motion \"raise\", \"drop\" or \"impact\", found `{on_motion}`")
-        state = source if isinstance(source, State) else self.read(*source)
-        from_data = None if isinstance(source, State) else source[1]
+        state = source if isinstance(source, RobotState) else self.read(*source)
+        from_data = None if isinstance(source, RobotState) else source[1]
         name, into_data = (target, None) if isinstance(target, str) else target
         old, new = self[state.mode], self[name]
         if into_data is not None:
@@ -136,14 +136,14 @@ class Modes(Mapping[str, Mode]):
         return switched if from_data is None else replace(switched, uncommanded=mjdata.carry((old, new), from_data, into_data))
 
 
-def _placed(state: State, mode: Mode, data: Any, tolerance: float) -> State:
+def _placed(state: RobotState, mode: Mode, data: Any, tolerance: float) -> RobotState:
     """The state with its base where `mode` lets it be: of a fixed one where it stands in `data`, if there is any, else in the build."""
     if mode.base == "fixed":
         return _bolted(state, mode, mode.X_world_root if data is None else mjdata.bolted(mode, data), tolerance)
     return state if mode.part is None else _in_part(state, mode, mode.part, tolerance)
 
 
-def _stopped(state: State, mode: Mode, on_motion: OnMotion, at_rest: float, inertias: Callable[[], Inertias]) -> Switched:
+def _stopped(state: RobotState, mode: Mode, on_motion: OnMotion, at_rest: float, inertias: Callable[[], Inertias]) -> SwitchResult:
     """The state with everything at rest that `mode` holds. Raises `BaseMoves` where that moves and may not."""
     removed = _removed(state, mode)
     impulse: Array = np.zeros(6)
@@ -153,11 +153,11 @@ def _stopped(state: State, mode: Mode, on_motion: OnMotion, at_rest: float, iner
         raise BaseMoves(mode.name, *moving)
     if moving is not None and on_motion == "impact":
         state, impulse, impulses = caught(mode, state, inertias())
-    return Switched(
+    return SwitchResult(
         state=state if mode.base == "free" else replace(state, base_twist=_kept(state, mode)),
         removed=np.zeros(6) if mode.base == "free" else removed[mode.root][1],
         impulse=impulse,
-        holds={hold.path: Caught(removed=removed[hold.path][1], impulse=impulses[hold.path]) for hold in mode.holds},
+        holds={hold.path: Impact(removed=removed[hold.path][1], impulse=impulses[hold.path]) for hold in mode.holds},
     )
 
 
@@ -169,14 +169,14 @@ def _known_inertias(mode: Mode, given: Inertias | None, *sources: Any) -> Inerti
     return mode.inertias if data is None else mjdata.inertias(mode, data)
 
 
-def _seen_from(state: State, old: Mode, new: Mode) -> State:
+def _seen_from(state: RobotState, old: Mode, new: Mode) -> RobotState:
     """The same motion told from another root. A joint that `old` has cut moves as its two ends do."""
     poses, twists = old.poses(state), old.twists(state)
     q, v = dict(state.q), dict(state.v)
     for cut in old.cuts:
         for name, *values in zip(cut.coordinates, *_across(old, cut, poses, twists), strict=True):
             q[name], v[name] = map(float, values)
-    return State(
+    return RobotState(
         mode=new.name, base_pose=poses[new.root_link], base_twist=twists[new.root_link],
         q={joint.name: q[joint.name] for joint in new.joints}, v={joint.name: v[joint.name] for joint in new.joints},
     )
@@ -197,7 +197,7 @@ def _across(mode: Mode, cut: Cut, poses: Mapping[str, Array], twists: Mapping[st
     return q, np.linalg.lstsq(freedoms(cut, q, X_WB).T, relative, rcond=None)[0]
 
 
-def _removed(state: State, mode: Mode) -> dict[str, tuple[str, Array]]:
+def _removed(state: RobotState, mode: Mode) -> dict[str, tuple[str, Array]]:
     """What must stand still in `mode`, by the path of its mount: the link's name and its twist now; of a hold that turns the velocity
     of the mount's origin, and no turn. The root first."""
     twists = mode.twists(state)
@@ -209,14 +209,14 @@ def _removed(state: State, mode: Mode) -> dict[str, tuple[str, Array]]:
     return removed
 
 
-def _kept(state: State, mode: Mode) -> Array:
+def _kept(state: RobotState, mode: Mode) -> Array:
     """(6,): what the base of `mode`, which is not free, keeps of the twist of its root link."""
     if mode.part is None:
         return np.zeros(6)
     return mode.part.twist(state.base_pose, mode.part.qvel(state.base_pose, state.base_twist))
 
 
-def _in_part(state: State, mode: Mode, part: PartBase, tolerance: float) -> State:
+def _in_part(state: RobotState, mode: Mode, part: PartBase, tolerance: float) -> RobotState:
     """The state with its base exactly where one that moves in part can be. Raises `BaseElsewhere` where it is not."""
     place = part.pose(part.qpos(state.base_pose))
     _compare(mode, mode.root_link, state.base_pose, place, tolerance)
@@ -228,7 +228,7 @@ def _speed(twist: Array) -> float:
     return max(float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:])))
 
 
-def _bolted(state: State, mode: Mode, place: Array, tolerance: float) -> State:
+def _bolted(state: RobotState, mode: Mode, place: Array, tolerance: float) -> RobotState:
     """The state with its base exactly at `place`. Raises `BaseElsewhere` where it, or a further hold, is further away than
     `tolerance` from where it stands."""
     _compare(mode, mode.root_link, state.base_pose, place, tolerance)

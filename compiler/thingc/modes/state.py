@@ -9,13 +9,13 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.modes.errors import ModesError
 from thingc.modes.frames import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class State(Brief):
+class RobotState(OneLineRepr):
     """Where the root link of `mode` is, how it moves, and q and v of every joint.
 
     `base_pose` (4, 4) is the root link's pose in the world; `base_twist` (6,) its motion: the velocity [m/s] of its frame's

@@ -8,19 +8,19 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.suggestions import did_you_mean
-from thingc.base.summing import plain_sum
+from thingc.base.summing import sum_of
 from thingc.modes.balls import Ball
 from thingc.modes.errors import ModesError
 from thingc.modes.frames import Array, cross_matrix, exponential, pose, quaternion_of
 from thingc.modes.inertias import Inertias
 from thingc.modes.partial_bases import PartBase
-from thingc.modes.state import State
+from thingc.modes.state import RobotState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Link(Brief):
+class Link(OneLineRepr):
     """A body. `X_root_link` (4, 4) is its frame in the root link's at q = 0; `mass` [kg], `centre` (3,) [m] and `inertia` (3, 3)
     [kg m^2, about the centre] are in its own frame."""
 
@@ -32,7 +32,7 @@ class Link(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mimic(Brief):
+class Mimic(OneLineRepr):
     """A joint that follows another: q = offset + multiplier x + higher[0] x^2 + ... with x the q of `joint`."""
 
     joint: str
@@ -42,11 +42,11 @@ class Mimic(Brief):
 
     def rate(self, x: float) -> float:
         """How fast it moves by the speed of the other, where that is at `x`."""
-        return self.multiplier + plain_sum(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
+        return self.multiplier + sum_of(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Joint(Brief):
+class Joint(OneLineRepr):
     """A coordinate of a joint from link `parent` to link `child` (indices into `Mode.links`), the `first` of them or one behind others.
 
     `X_PJ` (4, 4) is its frame in the parent, or in what the coordinate before it moves; `twist` (6,) what it does there per unit of q,
@@ -98,7 +98,7 @@ class Joint(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Hold(Brief):
+class Hold(OneLineRepr):
     """A mount `path` on `link` (an index) that the mode holds still besides its root: `X_LM` (4, 4) in the link, `X_WM` (4, 4) its pose in
     the world in the document. `anchor` is the mocap body of the model that holds it. One that `turns` carries force alone: its origin is
     held, and the link can turn about it."""
@@ -112,7 +112,7 @@ class Hold(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Cut(Brief):
+class Cut(OneLineRepr):
     """A joint that closes a loop and is none of this mode's tree: frames A on link `parent` (index, `X_PA`) and B on link `child`
     (`X_CB`) meet, where A has been moved by its `coordinates` (names) one after the other, as their `twists` (n, 6) say, angular over
     linear."""
@@ -128,7 +128,7 @@ class Cut(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Mode(Brief):
+class Mode(OneLineRepr):
     """A mode of a robot. `root` is the path of the site that it stands on, `base` `fixed | held | free | planar | ball` (of the last two
     `part` says how it moves), `gravity` (3,) [m/s^2] in the world, `X_world_root` (4, 4) where the mode puts its root link; `links`
     root first, parents before children; `joints` in the order of the model; `named` the poses of the mode, q by joint path, its own
@@ -172,7 +172,7 @@ class Mode(Brief):
         v: Mapping[str, float] | None = None,
         base_pose: ArrayLike | None = None,
         base_twist: ArrayLike | None = None,
-    ) -> State:
+    ) -> RobotState:
         """A state of this mode: the pose called `named` (None: every joint at 0) with `q` over it, at rest except for `v` and
         `base_twist`, standing where the mode puts it unless `base_pose` says. Raises `ModesError` for an unknown pose or joint.
         """
@@ -181,7 +181,7 @@ class Mode(Brief):
         start = self.named[named] if named is not None else {}
         for path in {**(q or {}), **(v or {})}:
             self._index(path)
-        return State(
+        return RobotState(
             mode=self.name,
             base_pose=np.asarray(self.bases.get(named or "", self.X_world_root) if base_pose is None else base_pose, dtype=float),
             base_twist=np.asarray(np.zeros(6) if base_twist is None else base_twist, dtype=float),
@@ -189,11 +189,11 @@ class Mode(Brief):
             v={joint.name: (v or {}).get(joint.name, 0.0) for joint in self.joints},
         )
 
-    def poses(self, state: State) -> dict[str, Array]:
+    def poses(self, state: RobotState) -> dict[str, Array]:
         """The pose (4, 4) of every link's frame in the world, by name, root first."""
         return dict(zip((link.name for link in self.links), self._placed(state), strict=True))
 
-    def twists(self, state: State) -> dict[str, Array]:
+    def twists(self, state: RobotState) -> dict[str, Array]:
         """The motion (6,) of every link by name: velocity [m/s] of its frame's origin in world axes, then angular velocity
         [rad/s] in its own axes."""
         placed = self._placed(state)
@@ -204,16 +204,16 @@ class Mode(Brief):
             twists[link.name] = np.concatenate([twist[:3], X[:3, :3].T @ twist[3:]])
         return twists
 
-    def velocity(self, state: State) -> Array:
+    def velocity(self, state: RobotState) -> Array:
         """The generalized velocity (6 + m,) of the robot with a free base: `base_twist`, then v in the order of the joints."""
         self._check(state)
         return np.concatenate([state.base_twist, [state.v[joint.name] for joint in self.joints]])
 
-    def jacobians(self, state: State) -> tuple[Array, ...]:
+    def jacobians(self, state: RobotState) -> tuple[Array, ...]:
         """Of every link (6, 6 + m): velocity of its frame's origin and angular velocity, both in world axes, from `velocity`."""
         return tuple(self._jacobians(state, self._placed(state)))
 
-    def mass_matrix(self, state: State, inertias: Inertias | None = None) -> Array:
+    def mass_matrix(self, state: RobotState, inertias: Inertias | None = None) -> Array:
         """The mass matrix (6 + m, 6 + m) of the robot with a free base, for velocities as of `velocity`, whatever its base.
 
         `M = sum J^T diag(m 1, R I R^T) J + diag(0, armature)` over the links, J the Jacobian of a link's centre. `inertias` are
@@ -229,7 +229,7 @@ class Mode(Brief):
             matrix += known.mass[index] * linear.T @ linear + angular.T @ spin @ angular
         return matrix
 
-    def qpos(self, state: State) -> Array:
+    def qpos(self, state: RobotState) -> Array:
         """`MjData.qpos` of the mode's own model at this state: base position and quaternion where it is free, then q."""
         self._check(state)
         X = state.base_pose
@@ -238,7 +238,7 @@ class Mode(Brief):
             base = [*self.part.qpos(X)]
         return np.concatenate([base, *(joint.in_qpos(state.q) for joint in self.joints)])
 
-    def qvel(self, state: State) -> Array:
+    def qvel(self, state: RobotState) -> Array:
         """`MjData.qvel` of the mode's own model at this state: the base's twist where it is free, then v."""
         self._check(state)
         base = [*state.base_twist] if self.base == "free" else []
@@ -265,7 +265,7 @@ class Mode(Brief):
         names = [joint.name for joint in self.joints]
         raise ModesError(f"the robot has no joint `{path}`: {did_you_mean(path, names, what='joints')}")
 
-    def _check(self, state: State) -> None:
+    def _check(self, state: RobotState) -> None:
         if state.mode != self.name:
             raise ModesError(f"expected a state of mode `{self.name}`, found one of mode `{state.mode}`: `switch` it first")
         for what, values in (("q", state.q), ("v", state.v)):
@@ -273,7 +273,7 @@ class Mode(Brief):
             if missing is not None:
                 raise ModesError(f"the state has no `{what}` of joint `{missing}`")
 
-    def _placed(self, state: State) -> list[Array]:
+    def _placed(self, state: RobotState) -> list[Array]:
         """Poses in the world, by link: `X_WL = X_WP X_PJ exp(twist (q + offset)) X_JL`, for one coordinate after the other."""
         self._check(state)
         poses = [state.base_pose] * len(self.links)
@@ -282,7 +282,7 @@ class Mode(Brief):
             poses[joint.child] = start @ joint.X_PJ @ joint.step(state.q) @ joint.X_JL
         return poses
 
-    def _jacobians(self, state: State, placed: list[Array]) -> list[Array]:
+    def _jacobians(self, state: RobotState, placed: list[Array]) -> list[Array]:
         """As of `jacobians`, at poses that are known."""
         count = 6 + len(self.joints)
         root, here = np.zeros((6, count)), np.zeros(3)

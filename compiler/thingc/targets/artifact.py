@@ -15,14 +15,14 @@ MANIFEST = "manifest.json"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stored:
+class StoredArtifact:
     """A file that already lies in the content-addressed store: copied, not read, when the build is written."""
 
     sha256: str
     size: int
 
 
-Content = bytes | Stored
+Content = bytes | StoredArtifact
 
 How = Literal["omitted", "approximated", "carried as custom data"]
 """What becomes of what a target cannot say, the worst first. What is carried is in the files, for who knows of it; nothing acts on it by

@@ -6,7 +6,7 @@ import csv
 import io
 from itertools import count
 
-from thingc.base.csv_text import cell
+from thingc.base.csv_text import format_cell
 from thingc.base.frozen import dataclass
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.types import Assembly, Occurrence
@@ -116,12 +116,12 @@ def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...
 
 def csv_text(rows: tuple[BomRow, ...]) -> str:
     """RFC 4180 with a header and `\\n` line ends; mass of one piece in kg; empty where nothing is known; text that a
-    spreadsheet would compute begins with `'` (see `cell`). No line of totals, so that a column can be summed."""
+    spreadsheet would compute begins with `'` (see `format_cell`). No line of totals, so that a column can be summed."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(COLUMNS)
     for row in rows:
-        writer.writerow(cell(getattr(row, column)) for column in COLUMNS)
+        writer.writerow(format_cell(getattr(row, column)) for column in COLUMNS)
     return stream.getvalue()
 
 

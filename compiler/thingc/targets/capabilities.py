@@ -19,7 +19,7 @@ from thingc.base.pose import NO_POSE, Vector
 from thingc.base.primitives import Primitive, PrimitiveShape
 from thingc.base.source import Origin
 from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge, LinkedSensor
-from thingc.model.robot.types import CoreJoint, Robot
+from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.artifact import Loss
 
 GRAVITY: Vector = (0.0, 0.0, -9.81)
@@ -35,7 +35,7 @@ Sensor = TypeVar("Sensor")
 
 
 @dataclass(frozen=True, slots=True)
-class Says(Generic[By]):
+class Supported(Generic[By]):
     """The format says it; `how`, where that is not by the same word. `by`: the emitter's own word for how it writes it, None where there is
     one way only."""
 
@@ -44,7 +44,7 @@ class Says(Generic[By]):
 
 
 @dataclass(frozen=True, slots=True)
-class Loses(Generic[By]):
+class Lossy(Generic[By]):
     """The format does, `by` this, but not quite: `how` is that of the `Loss`, whose words `words` go on with, with the comma or colon
     before."""
 
@@ -54,7 +54,7 @@ class Loses(Generic[By]):
 
 
 @dataclass(frozen=True, slots=True)
-class Omits:
+class Omitted:
     """The format does not: nothing of it is written."""
 
     words: str = ""
@@ -66,22 +66,22 @@ class Omits:
 
 
 @dataclass(frozen=True, slots=True)
-class Beside:
+class Companion:
     """Nobody looks for it in files of this format: neither said nor lost."""
 
 
-Written = Says[By] | Loses[By]
-Cell = Written[By] | Omits | Beside
+Written = Supported[By] | Lossy[By]
+Cell = Written[By] | Omitted | Companion
 Plain = Cell[None]
 
-SAYS = Says(None)
-OMITTED = Omits()
-BESIDE = Beside()
+SAYS = Supported(None)
+OMITTED = Omitted()
+BESIDE = Companion()
 
 
 def written(cell: Cell[By]) -> By | None:
     """By what an emitter writes something; None of what it does not."""
-    return cell.by if isinstance(cell, (Says, Loses)) else None
+    return cell.by if isinstance(cell, (Supported, Lossy)) else None
 
 
 class Joints(TypedDict, Generic[By]):
@@ -260,13 +260,13 @@ class _Lost:
         self.cut = cut
 
     def __call__(self, cell: Cell[Any], mode: str | None, path: str, what: str, origin: Origin) -> Iterator[Loss]:
-        if isinstance(cell, (Loses, Omits)):
+        if isinstance(cell, (Lossy, Omitted)):
             yield Loss.of(origin, self.target, mode, path, what + cell.words, cell.how)
 
     def of_joints(self, robot: Robot) -> Iterator[Loss]:
         """Of the joints of a mode that are joints in its file."""
         mates = robot.assembly.mates
-        groups: list[tuple[str, Sequence[CoreJoint | JointEdge]]] = [
+        groups: list[tuple[str, Sequence[TreeJoint | JointEdge]]] = [
             (mates[body.joints[0].mate].name or body.joints[0].path, body.joints) for body in robot.bodies if body.joints
         ]
         groups += [(closure.path, closure.joints) for closure in robot.closures if closure.joints and self.cut]
@@ -288,7 +288,7 @@ class _Lost:
                         what = f"the polynomial by which it follows `{joint.mimic.joint.path}`"
                         yield from self(self.says["of_joints"]["polynomial"], None, joint.path, what, joint.mimic.origin)
 
-    def of_drive(self, joint: CoreJoint | JointEdge) -> Iterator[Loss]:
+    def of_drive(self, joint: TreeJoint | JointEdge) -> Iterator[Loss]:
         """Of what drives a coordinate, or turns a ball about an axis of its own."""
         drive = joint.actuator
         if drive is not None:
@@ -297,7 +297,7 @@ class _Lost:
             what = f"its drive: {drive.kind}{about}{''.join(gains)}"
             yield from self(self.says["drives"][drive_cell(joint, drive)], None, joint.path, what, drive.origin)
 
-    def of_coordinate(self, joint: CoreJoint | JointEdge, path: str) -> Iterator[Loss]:
+    def of_coordinate(self, joint: TreeJoint | JointEdge, path: str) -> Iterator[Loss]:
         """Of one that moves, or of a whole ball."""
         of, dynamics = self.says["of_joints"], joint.dynamics
         q, push, inertia = ("rad", "N m", "kg m^2") if joint.twist.turns else ("m", "N", "kg")
@@ -368,7 +368,7 @@ class _Lost:
         """Of a sensor, or what of one is not written. The range of a rangefinder is no cutoff of what it reads."""
         cell, of = self.says["sensors"][sensor.kind], self.says["of_sensors"]
         yield from self(cell, None, sensor.path, "this sensor", sensor.origin)
-        if isinstance(cell, (Says, Loses)):
+        if isinstance(cell, (Supported, Lossy)):
             if sensor.noise:
                 yield from self(of["noise"], None, sensor.path, "its noise", sensor.origin)
             if sensor.cutoff and sensor.kind != "rangefinder":
@@ -413,7 +413,7 @@ class _Lost:
                 yield from self(cell, None, occurrence.path, what, occurrence.origin)
 
 
-def drive_cell(joint: CoreJoint | JointEdge, drive: ActuatorModel) -> Literal["position", "velocity", "motor", "universal", "ball"]:
+def drive_cell(joint: TreeJoint | JointEdge, drive: ActuatorModel) -> Literal["position", "velocity", "motor", "universal", "ball"]:
     """Which cell is that of the drive of a joint."""
     return joint.kind.name if joint.kind.name in ("ball", "universal") else drive.kind
 

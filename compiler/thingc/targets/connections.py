@@ -11,7 +11,7 @@ from thingc.base.pose import NO_POSE, Pose
 from thingc.base.source import Origin
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.tree import BASE
-from thingc.model.robot.types import CoreJoint, Robot
+from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.capabilities import LoopKinds, written
 
 HOLD = "_hold"
@@ -31,9 +31,9 @@ class Connection:
     X_0: Pose
     X_1: Pose
     origin: Origin
-    coordinates: tuple[CoreJoint | JointEdge, ...] = ()
+    coordinates: tuple[TreeJoint | JointEdge, ...] = ()
     twists: tuple[Twist, ...] = ()
-    joints: tuple[CoreJoint | JointEdge, ...] = ()
+    joints: tuple[TreeJoint | JointEdge, ...] = ()
     turns: bool = False
     in_tree: bool = True
 

@@ -19,7 +19,7 @@ from thingc.model.assembly.types import Assembly, FileNames, JointEdge, LinkedSe
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.raw_elements import named_kind
 from thingc.model.resolve.types import AssemblyDefinition, Component, RawAttribute, RawElement
-from thingc.model.robot.types import Closure, CoreJoint
+from thingc.model.robot.types import Closure, TreeJoint
 from thingc.targets.request import EmitRequest
 
 MADE = "called"
@@ -81,7 +81,7 @@ class _Caller:
             "tendon": names.tendons,
         }
         self.rules: dict[type, Callable[[Any, dict[str, Any]], dict[str, Any]]] = {
-            Assembly: self._assembly, JointEdge: self._drive, CoreJoint: self._drive, LinkedTendon: self._drive, Closure: self._closure,
+            Assembly: self._assembly, JointEdge: self._drive, TreeJoint: self._drive, LinkedTendon: self._drive, Closure: self._closure,
             LinkedSensor: self._sensor, RawAttribute: self._attribute, RawElement: self._element,
         }
         self._made: dict[int, tuple[Any, Any]] = {}
@@ -118,7 +118,7 @@ class _Caller:
     def _assembly(self, assembly: Assembly, fields: dict[str, Any]) -> dict[str, Any]:
         return {**fields, "names": None}
 
-    def _drive(self, of: JointEdge | CoreJoint | LinkedTendon, fields: dict[str, Any]) -> dict[str, Any]:
+    def _drive(self, of: JointEdge | TreeJoint | LinkedTendon, fields: dict[str, Any]) -> dict[str, Any]:
         own, tied = self.names.actuators.get(of.path), self.names.equalities.get(of.path)
         if not isinstance(of, LinkedTendon) and of.mimic is not None and tied is not None:
             fields = {**fields, "mimic": replace(fields["mimic"], name=tied)}

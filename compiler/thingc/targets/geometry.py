@@ -17,7 +17,7 @@ from thingc.base.source import Origin
 from thingc.geometry.record import Mesh, PartDefinition
 from thingc.model.assembly.types import Assembly, Occurrence, Surface
 from thingc.model.resolve.types import Material
-from thingc.targets.artifact import Loss, Stored
+from thingc.targets.artifact import Loss, StoredArtifact
 
 PIECES = {"decompose": "convex"}
 """What the files of pieces are called where that is not what `collision` chose."""
@@ -39,7 +39,7 @@ class MeshAsset:
     mesh: Mesh
     volume: float
     origin: Origin
-    own: Stored | None = None
+    own: StoredArtifact | None = None
     scale: Vector | None = None
 
     @property
@@ -48,9 +48,9 @@ class MeshAsset:
         return f"{self.name}.obj" if self.own is None else self.name
 
     @property
-    def stored(self) -> Stored:
+    def stored(self) -> StoredArtifact:
         """Where its bytes lie."""
-        return self.own or Stored(sha256=self.mesh.sha256, size=self.mesh.size)
+        return self.own or StoredArtifact(sha256=self.mesh.sha256, size=self.mesh.size)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +85,7 @@ class Geometry:
     meshes: tuple[MeshAsset, ...]
 
     @property
-    def assets(self) -> dict[str, Stored]:
+    def assets(self) -> dict[str, StoredArtifact]:
         """Where the bytes of each file of a mesh lie."""
         return {mesh.file: mesh.stored for mesh in self.meshes}
 
@@ -234,7 +234,7 @@ class _Collector:
         if owner.definition != occurrence.definition and not listed:
             report_same_file(occurrence, owner, f"{self.folder}/{stem}.obj", self.report)
             return None
-        own = Stored(sha256=surface.own[0], size=surface.own[1]) if self.own and surface.own is not None else None
+        own = StoredArtifact(sha256=surface.own[0], size=surface.own[1]) if self.own and surface.own is not None else None
         self.meshes.setdefault(name, MeshAsset(
             name=name, mesh=mesh, volume=occurrence.record.volume if occurrence.record is not None else surface.volume,
             origin=occurrence.origin, own=own, scale=surface.scale,

@@ -27,7 +27,7 @@ from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.types import Surface
 from thingc.model.robot.types import Body, Robot
 from thingc.targets.artifact import Artifacts, Loss
-from thingc.targets.capabilities import BESIDE, SAYS, Capabilities, Loses, Omits, Says, all_sensors, joint_cell, losses
+from thingc.targets.capabilities import BESIDE, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors, joint_cell, losses
 from thingc.targets.geometry import ENDLESS, channels, linear, material_name, numbered
 from thingc.targets.request import EmitRequest
 
@@ -40,26 +40,28 @@ ROUND = (16, 16)
 JointForm = Literal["nodes", "node"]
 """How a joint is written: a node for each coordinate, or one for all of them."""
 
-_OPENS = Omits(": turned joints open it")
-_NODE: Says[JointForm] = Says("nodes")
-_CHAIN: Says[JointForm] = Says("nodes", "a node for each coordinate")
+_OPENS = Omitted(": turned joints open it")
+_NODE: Supported[JointForm] = Supported("nodes")
+_CHAIN: Supported[JointForm] = Supported("nodes", "a node for each coordinate")
 
 CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
     "joints": {
         "revolute": _NODE, "continuous": _NODE, "prismatic": _NODE, "cylindrical": _CHAIN, "universal": _CHAIN, "planar": _CHAIN,
-        "ball": Says("node"), "screw": Loses("nodes", "omitted", ": its node slides only if it is shifted, too, when it is turned"),
+        "ball": Supported("node"), "screw": Lossy("nodes", "omitted", ": its node slides only if it is shifted, too, when it is turned"),
     },
     "of_joints": {
         "cone": BESIDE, "velocity": BESIDE, "damping": BESIDE, "friction": BESIDE, "armature": BESIDE, "stiffness": BESIDE,
-        "mimic": Omits(": its node stays when that one is turned"), "polynomial": BESIDE, "tendon": BESIDE,
+        "mimic": Omitted(": its node stays when that one is turned"), "polynomial": BESIDE, "tendon": BESIDE,
     },
     "drives": {"position": BESIDE, "velocity": BESIDE, "motor": BESIDE, "universal": BESIDE, "ball": BESIDE},
     "loops": {
-        "hold": Omits(": turned joints move it"), "weld": _OPENS, "ball": _OPENS, "hinge": _OPENS, "slide": _OPENS,
+        "hold": Omitted(": turned joints move it"), "weld": _OPENS, "ball": _OPENS, "hinge": _OPENS, "slide": _OPENS,
         "screw": _OPENS, "universal": _OPENS, "several": _OPENS,
     },
     "bases": {"held": BESIDE, "free": BESIDE, "start": SAYS, "planar": BESIDE, "ball": BESIDE},
-    "modes": {"gravity": BESIDE, "poses": Says(None, "where the mode starts"), "exclude": BESIDE, "timestep": BESIDE, "simulation": BESIDE},
+    "modes": {
+        "gravity": BESIDE, "poses": Supported(None, "where the mode starts"), "exclude": BESIDE, "timestep": BESIDE, "simulation": BESIDE,
+    },
     "links": {
         "frames": BESIDE, "colours": SAYS, "friction": BESIDE, "rolling": BESIDE, "adhesion": BESIDE, "weightless": BESIDE,
         "weightless_base": BESIDE, "point": BESIDE, "line": BESIDE,

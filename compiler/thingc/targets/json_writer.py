@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from json.encoder import encode_basestring
 
-from thingc.base.gaps import Gap
+from thingc.base.gaps import Recorded
 from thingc.base.safe_text import json_text
 
 
@@ -19,15 +19,15 @@ def encode(value: object) -> bytes:
     return (json_text(_text(value, "\n")) + "\n").encode()
 
 
-class Fragment(str):
+class JsonFragment(str):
     """A value that is JSON already, at the depth where it will stand (see `fragment`)."""
 
     __slots__ = ()
 
 
-def fragment(value: object, depth: int) -> Fragment:
+def fragment(value: object, depth: int) -> JsonFragment:
     """The text of a value that will stand `depth` mappings or sequences deep in another one. Raises as `encode`."""
-    return Fragment(_text(value, "\n" + "  " * depth))
+    return JsonFragment(_text(value, "\n" + "  " * depth))
 
 
 def number(value: float) -> str:
@@ -42,7 +42,7 @@ def _text(value: object, newline: str) -> str:
     if type(value) is float and math.isfinite(value):
         return number(value)
     if isinstance(value, str):
-        return value if type(value) is Fragment else encode_basestring(value)
+        return value if type(value) is JsonFragment else encode_basestring(value)
     inner = newline + "  "
     if isinstance(value, (dict, Mapping)):  # the concrete type first: to ask an abstract one is slow
         if not value:
@@ -51,9 +51,9 @@ def _text(value: object, newline: str) -> str:
         return "{" + inner + ("," + inner).join(entries) + newline + "}"
     if isinstance(value, (list, tuple, Sequence)) and not isinstance(value, bytes):
         texts = [_text(item, inner) for item in value]
-        if _PLAIN.issuperset(map(type, value)) or not any(isinstance(item, (Mapping, list, tuple, Fragment)) for item in value):
+        if _PLAIN.issuperset(map(type, value)) or not any(isinstance(item, (Mapping, list, tuple, JsonFragment)) for item in value):
             return "[" + ", ".join(texts) + "]"
         return "[" + inner + ("," + inner).join(texts) + newline + "]"
-    if isinstance(value, Gap):
+    if isinstance(value, Recorded):
         return value.word("json")
     return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -15,7 +15,7 @@ from thingc.base.filesystem import listing
 from thingc.base.frozen import dataclass
 from thingc.model.assembly.types import Assembly
 from thingc.targets import json_writer
-from thingc.targets.artifact import MANIFEST, Content, Loss, Stored
+from thingc.targets.artifact import MANIFEST, Content, Loss, StoredArtifact
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
@@ -25,7 +25,7 @@ DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco", "t
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Choice:
+class BuildChoice:
     """What the build was asked for: modes, targets and readers of MuJoCo models by name, in document and table order, parameters and
     choices as texts."""
 
@@ -41,7 +41,7 @@ def manifest(
     *,
     document: str,
     documents: Mapping[str, str],
-    choice: Choice,
+    choice: BuildChoice,
     files: Mapping[str, Content],
     losses: Sequence[Loss],
     workspace: Workspace,
@@ -99,7 +99,7 @@ def loss_entry(loss: Loss, workspace: Workspace) -> dict[str, object]:
 
 def sha256_of(content: Content) -> str:
     """The SHA-256 of a file's bytes, in hex; of a stored one it is already known."""
-    return content.sha256 if isinstance(content, Stored) else hashlib.sha256(content).hexdigest()
+    return content.sha256 if isinstance(content, StoredArtifact) else hashlib.sha256(content).hexdigest()
 
 
 @functools.cache

@@ -21,11 +21,11 @@ from thingc.base.pose import NO_POSE, Pose
 from thingc.model.assembly.types import Mate
 from thingc.model.resolve.coordinates import Mimic
 from thingc.model.robot.tree import in_link
-from thingc.model.robot.types import Closure, CoreJoint, Robot
+from thingc.model.robot.types import Closure, Robot, TreeJoint
 from thingc.targets import json_writer
 from thingc.targets.artifact import Artifacts
 from thingc.targets.custom_names import called
-from thingc.targets.json_writer import Fragment, fragment
+from thingc.targets.json_writer import JsonFragment, fragment
 from thingc.targets.mjcf import tendons
 from thingc.targets.mjcf.closures import anchor_name
 from thingc.targets.mjcf.compat import separator
@@ -109,9 +109,9 @@ def _hold(closure: Closure, names: Sequence[str], separator: str) -> dict[str, o
     }
 
 
-def _links(robot: Robot, names: Sequence[str], memo: Memo) -> list[Fragment]:
+def _links(robot: Robot, names: Sequence[str], memo: Memo) -> list[JsonFragment]:
     """The bodies, of these `names`, in their order."""
-    links: list[Fragment] = []
+    links: list[JsonFragment] = []
     at_zero: list[Pose] = []
     for name, body in zip(names, robot.bodies, strict=True):
         at_zero.append(NO_POSE if body.parent is None else at_zero[body.parent] @ body.X_PL)
@@ -120,9 +120,9 @@ def _links(robot: Robot, names: Sequence[str], memo: Memo) -> list[Fragment]:
     return links
 
 
-def _joints(robot: Robot, names: Sequence[str], memo: Memo, separator: str) -> list[Fragment]:
+def _joints(robot: Robot, names: Sequence[str], memo: Memo, separator: str) -> list[JsonFragment]:
     """The joints of bodies of these `names`, in the order of the model."""
-    joints: list[Fragment] = []
+    joints: list[JsonFragment] = []
     placed = in_link(robot.assembly)
     qpos, dof = FREE if robot.base == "free" else sizes(robot.moves)
     for name, body in zip(names, robot.bodies, strict=True):
@@ -138,16 +138,16 @@ def _joints(robot: Robot, names: Sequence[str], memo: Memo, separator: str) -> l
     return joints
 
 
-def _link(name: str, pose: Pose, own: MassProperties) -> Fragment:
+def _link(name: str, pose: Pose, own: MassProperties) -> JsonFragment:
     return fragment({
         "name": name, "X_root_link": pose.rows(), "mass": own.mass, "centre": own.centre, "inertia": own.inertia,
     }, LISTED)
 
 
 def _joint(
-    mate: Mate, parts: tuple[Pose, Pose], links: tuple[str, str], crossed: tuple[CoreJoint, ...], addresses: tuple[int, int],
+    mate: Mate, parts: tuple[Pose, Pose], links: tuple[str, str], crossed: tuple[TreeJoint, ...], addresses: tuple[int, int],
     separator: str,
-) -> Fragment:
+) -> JsonFragment:
     """A joint of the tree: the document's parent and child in their links, the links of this mode's parent and child, and its first
     addresses in `qpos` and `qvel`."""
     (parent_part, child_part), (parent, child), (qpos, dof) = parts, links, addresses

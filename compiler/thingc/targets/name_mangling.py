@@ -33,7 +33,7 @@ def frames(robot: Robot) -> dict[int, list[Site]]:
     return sites
 
 
-class Names:
+class MangledNames:
     """The names of one kind of thing in a file, of a format that is called `target` (`URDF`); two things of one name are reported at the
     second. `both` says of which kind two with a name would be: `be the link`, `have the name`."""
 

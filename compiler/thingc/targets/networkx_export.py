@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import networkx
 
 from thingc.base.frozen import dataclass
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 from thingc.model.assembly.hag import Hag
 from thingc.model.assembly.types import Assembly
 from thingc.model.robot.loop_cuts import worths
@@ -76,14 +76,14 @@ def graphml(graph: Graph) -> str:
     """GraphML of a graph without lists. The ids of edges are numbers, because programs want them unique in a file; `name` is the key."""
     spoken = networkx.MultiDiGraph(**_shown(graph.graph))
     for node, attributes in graph.nodes(data=True):
-        spoken.add_node(shown(node), **_shown(attributes))
+        spoken.add_node(escape_control(node), **_shown(attributes))
     for number, (parent, child, key, attributes) in enumerate(graph.edges(keys=True, data=True)):
-        spoken.add_edge(shown(parent), shown(child), key=f"e{number}", name=shown(key), **_shown(attributes))
+        spoken.add_edge(escape_control(parent), escape_control(child), key=f"e{number}", name=escape_control(key), **_shown(attributes))
     return "\n".join(networkx.generate_graphml(spoken, named_key_ids=True)) + "\n"
 
 
 def _shown(attributes: dict[str, Any]) -> dict[str, Any]:
-    return {name: shown(value) if isinstance(value, str) else value for name, value in attributes.items()}
+    return {name: escape_control(value) if isinstance(value, str) else value for name, value in attributes.items()}
 
 
 def plain(graph: Graph) -> dict[str, Any]:

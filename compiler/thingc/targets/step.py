@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 
-from thingc.base.background import Later
+from thingc.base.background import BackgroundValue
 from thingc.base.diagnostics import Code
 from thingc.base.frozen import dataclass
 from thingc.geometry.record import AssemblyFailed, Placed, StoredFile
-from thingc.targets.artifact import Artifacts, Loss, Stored
+from thingc.targets.artifact import Artifacts, Loss, StoredArtifact
 from thingc.targets.request import EmitRequest
 
 
@@ -16,7 +16,7 @@ from thingc.targets.request import EmitRequest
 class _Begun:
     """A file that the kernel writes: `file` is waited for. `losses` are what it cannot hold."""
 
-    file: Later[StoredFile] | None
+    file: BackgroundValue[StoredFile] | None
     losses: tuple[Loss, ...]
 
 
@@ -51,7 +51,7 @@ def emit(request: EmitRequest) -> Artifacts:
             detail=fault.detail,
         )
         return Artifacts(files={}, losses=begun.losses)
-    return Artifacts(files={f"step/{assembly.name}.step": Stored(sha256=written.sha256, size=written.size)}, losses=begun.losses)
+    return Artifacts(files={f"step/{assembly.name}.step": StoredArtifact(sha256=written.sha256, size=written.size)}, losses=begun.losses)
 
 
 def _begun(request: EmitRequest) -> _Begun:
@@ -76,5 +76,5 @@ def _begun(request: EmitRequest) -> _Begun:
                 color=occurrence.color,
             )
         )
-    file = Later(partial(request.geometry.assemble, assembly.name, instances)) if instances else None
+    file = BackgroundValue(partial(request.geometry.assemble, assembly.name, instances)) if instances else None
     return _Begun(file=file, losses=tuple(losses))

@@ -6,7 +6,7 @@ from thingc.base.pose import Vector
 from thingc.geometry.print_slices import UPRIGHT
 from thingc.geometry.record import PartDefinition
 from thingc.model.assembly.types import Occurrence
-from thingc.targets.artifact import Artifacts, Content, Loss, Stored
+from thingc.targets.artifact import Artifacts, Content, Loss, StoredArtifact
 from thingc.targets.bom import make_of
 from thingc.targets.geometry import report_same_file
 from thingc.targets.request import EmitRequest
@@ -39,7 +39,7 @@ def emit(request: EmitRequest) -> Artifacts:
                 what = f"`{occurrence.definition.label}` is printed in two orientations, and `{path}` has that of `{owner.path}`"
                 losses.append(Loss.of(occurrence.origin, "stl", None, occurrence.path, what, "omitted"))
             continue
-        own = Stored(sha256=mesh.sha256, size=mesh.size)
+        own = StoredArtifact(sha256=mesh.sha256, size=mesh.size)
         files[path] = own if up == UPRIGHT else _turned(request.store.read(mesh.sha256), up)
         if not mesh.closed:
             what = f"the surface of `{occurrence.definition.label}` is not closed, so it encloses no volume to print"

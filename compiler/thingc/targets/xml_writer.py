@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 from thingc.base.source import Origin
 from thingc.model.resolve.types import RawAttribute
 
@@ -110,7 +110,7 @@ class Element:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Written:
+class XmlText:
     """A document as text. `lines[k]` is the element that opens on line `k + 1` (None: it closes one, or is blank)."""
 
     text: str
@@ -135,7 +135,7 @@ def numbers(values: Iterable[float]) -> str:
     return " ".join(number(value) for value in values)
 
 
-def write(root: Element, heading: str, *, sections: bool = True) -> Written:
+def write(root: Element, heading: str, *, sections: bool = True) -> XmlText:
     """The document: one element per line, two spaces per level, blank lines between `sections`; `heading` is a comment."""
     text: list[str] = [f"<!-- {_DASHES.sub('-', heading)} -->"]
     lines: list[Element | None] = [None]
@@ -158,7 +158,7 @@ def write(root: Element, heading: str, *, sections: bool = True) -> Written:
             if closing:
                 text.append(closing)
                 lines.append(None)
-    return Written(text="\n".join(text) + "\n", lines=tuple(lines))
+    return XmlText(text="\n".join(text) + "\n", lines=tuple(lines))
 
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*(?::[A-Za-z_][A-Za-z0-9_.-]*)?")
@@ -176,7 +176,7 @@ def unwritable(name: str, value: str) -> str | None:
     if NAME.fullmatch(name) is None:
         return f"`{name}` cannot be a name in XML"
     strange = NO_CHARACTER.search(value)
-    return None if strange is None else f"XML has no character `{shown(strange[0])}`"
+    return None if strange is None else f"XML has no character `{escape_control(strange[0])}`"
 
 
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})

@@ -14,7 +14,7 @@ from typing import Literal
 from thingc.base.frozen import dataclass
 from thingc.base.joints.dimensions import dimensions_of
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector, cross, dot, rotate, turned_about, turned_x, turned_y, turned_z
-from thingc.base.summing import hypot, plain_sum
+from thingc.base.summing import hypot, sum_of
 from thingc.base.units import ANGLE, LENGTH, Dimension
 
 NONE: Vector = (0.0, 0.0, 0.0)
@@ -138,7 +138,7 @@ def within_turn(vector: Vector) -> Vector:
 
 def rotation_vector(twists: tuple[Twist, ...], q: tuple[float, ...]) -> Vector:
     """The axis times the angle [rad] of the turn that twists make at once, in the frame that they are seen from."""
-    x, y, z = (plain_sum(value * twist.angular[k] for twist, value in zip(twists, q, strict=True)) for k in range(3))
+    x, y, z = (sum_of(value * twist.angular[k] for twist, value in zip(twists, q, strict=True)) for k in range(3))
     return (x, y, z)
 
 

@@ -15,13 +15,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from thingc.base.diagnostics import Code
-from thingc.batch.cluster.protocol import PATIENCE, Carrier, WorkerLost, missing
+from thingc.batch.cluster.protocol import PATIENCE, FileTransferExecutor, WorkerLost, missing
 from thingc.batch.folder import BatchFault
 from thingc.driver.up_to_date import state_of
 from thingc.targets.manifest import versions
 
 if TYPE_CHECKING:
-    from thingc.batch.cluster.workspace_archive import Transfer
+    from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 
 T = TypeVar("T")
 
@@ -37,7 +37,7 @@ def seen(paths: list[str]) -> tuple[dict[str, str], dict[str, str | None]]:
     return dict(versions()), {path: state_of(path) for path in paths}
 
 
-class DaskCluster(Carrier):
+class DaskCluster(FileTransferExecutor):
     """The workers of the scheduler at `address`. Raises `BatchFault` where nobody answers there, or no worker is."""
 
     def __init__(self, address: str, *, jobs: int = 0) -> None:
@@ -129,14 +129,14 @@ class DaskCluster(Carrier):
             )
         return None
 
-    def ship(self, name: str, transfer: Transfer) -> None:
+    def ship(self, name: str, transfer: WorkspaceArchive) -> None:
         """The scheduler keeps it for workers that come. What drivers that died have left there is removed first."""
-        from thingc.batch.cluster.dask_plugin import Carried
+        from thingc.batch.cluster.dask_plugin import UnpackedWorkspace
 
         for left in self._left_behind():
             self._unregister(left)
         try:
-            self._client.register_plugin(Carried(name, transfer), name=self._plugin(name))
+            self._client.register_plugin(UnpackedWorkspace(name, transfer), name=self._plugin(name))
         except Exception as fault:
             self.unship(name)
             raise BatchFault(

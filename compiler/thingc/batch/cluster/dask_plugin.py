@@ -9,14 +9,14 @@ from typing import Any
 from distributed import WorkerPlugin
 
 from thingc.batch.cluster.remote_workers import leave, settle
-from thingc.batch.cluster.workspace_archive import Transfer
+from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 
 
-class Carried(WorkerPlugin):
+class UnpackedWorkspace(WorkerPlugin):
     """A shipment on its way. dask hands one to each worker, also to those that come later; where it cannot be unpacked, variants are
     told why (`shipping.evaluate_there`)."""
 
-    def __init__(self, shipment: str, transfer: Transfer) -> None:
+    def __init__(self, shipment: str, transfer: WorkspaceArchive) -> None:
         self.shipment = shipment
         self.transfer = transfer
 

@@ -11,7 +11,7 @@ from thingc.base.diagnostics import Code
 from thingc.batch.folder import BatchFault
 
 if TYPE_CHECKING:
-    from thingc.batch.cluster.workspace_archive import Transfer
+    from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 
 T = TypeVar("T")
 
@@ -42,11 +42,11 @@ class Cluster(Executor):
         """What keeps it from ever answering, and None as long as nothing does."""
 
 
-class Carrier(Cluster):
+class FileTransferExecutor(Cluster):
     """A cluster that can carry files, so that its workers need not see those of this machine."""
 
     @abstractmethod
-    def ship(self, name: str, transfer: Transfer) -> None:
+    def ship(self, name: str, transfer: WorkspaceArchive) -> None:
         """Give a workspace to every worker there is and to those that come, once each. Raises `BatchFault` where one cannot take it."""
 
     @abstractmethod

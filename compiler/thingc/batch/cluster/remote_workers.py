@@ -1,7 +1,7 @@
 """A batch on workers that share no folder with the driver: the workspace goes out once to each, built variants come back as files.
 
-Here `Shipping` stands between the batch and a cluster: to the batch it is an executor that writes variants into the batch's folder. On
-a worker `evaluate_there` builds them with the same runners, in the unpacked workspace and into a folder of the worker's own, and says
+Here `RemoteExecutor` stands between the batch and a cluster: to the batch it is an executor that writes variants into the batch's folder.
+On a worker `evaluate_there` builds them with the same runners, in the unpacked workspace and into a folder of the worker's own, and says
 which files there are; the driver then fetches those that it has not, a few megabytes at a time, and writes the variant as ever.
 A file that variants share is fetched once, and not at all where the driver's store has it.
 
@@ -30,15 +30,15 @@ from typing import Any, TypeVar
 from thingc.base.diagnostics import Code, shown_path
 from thingc.base.frozen import dataclass
 from thingc.batch import folder_layout
-from thingc.batch.cluster.protocol import Carrier, Cluster, WorkerLost
-from thingc.batch.cluster.workspace_archive import Transfer
+from thingc.batch.cluster.protocol import Cluster, FileTransferExecutor, WorkerLost
+from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 from thingc.batch.engine import RUNNERS, Cancelled, RunnersBroken, evaluate
 from thingc.batch.folder import BatchFault
 from thingc.batch.folder_layout import keep_asset, write_variant
 from thingc.batch.job import STOPPED, Job, Row, Task, refusal
 from thingc.batch.packed_layout import FILES, SHARED
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
-from thingc.targets.artifact import MANIFEST, Content, Stored
+from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 
 T = TypeVar("T")
 
@@ -56,20 +56,20 @@ FAREWELL = 30.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class WorkerFolder:
     """Where a worker keeps what a batch needs: an absolute folder, links resolved. `worker` is its address."""
 
     folder: str
     worker: str
 
 
-_PLACES: dict[str, Place] = {}
+_PLACES: dict[str, WorkerFolder] = {}
 """Those of this process, by the name of the shipment."""
 _REFUSED: dict[str, str] = {}
 """Why a shipment could not be unpacked."""
 
 
-def settle(name: str, transfer: Transfer, folder: str, worker: str) -> None:
+def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> None:
     """Unpack a workspace below `folder`, which is the worker's own; it appears as a whole. Raises `OSError` and `ValueError`."""
     place = os.path.join(os.path.realpath(folder), name)
     fresh = f"{place}.new"
@@ -82,7 +82,7 @@ def settle(name: str, transfer: Transfer, folder: str, worker: str) -> None:
         shutil.rmtree(fresh, ignore_errors=True)
         _REFUSED[name] = refusal(fault) if isinstance(fault, OSError) else str(fault)
         raise
-    _PLACES[name] = Place(folder=place, worker=worker)
+    _PLACES[name] = WorkerFolder(folder=place, worker=worker)
 
 
 def leave(name: str) -> None:
@@ -98,7 +98,7 @@ def leave(name: str) -> None:
     RUNNERS.close()  # they have worked in it
 
 
-def _place(name: str) -> Place:
+def _place(name: str) -> WorkerFolder:
     place = _PLACES.get(name)
     if place is None:
         raise WorkerLost("the worker has no workspace to build from")
@@ -113,13 +113,13 @@ Listed = tuple[str, int, str, bool]
 class Answer:
     """What came of a chunk: a row for each variant, and the files of those that were built, by id. They lie with `place`."""
 
-    place: Place
+    place: WorkerFolder
     rows: list[Row]
     files: dict[str, list[Listed]]
 
 
 def evaluate_there(name: str, job: str, tasks: Sequence[Task], timeout: float) -> Answer:
-    """`engine.evaluate` on a worker. `job` is one of `Shipping`: its paths are in the workspace. Raises `WorkerLost`."""
+    """`engine.evaluate` on a worker. `job` is one of `RemoteExecutor`: its paths are in the workspace. Raises `WorkerLost`."""
     if name in _REFUSED:  # one that came later: it would take chunk after chunk
         raise RunnersBroken(f"a worker cannot unpack the workspace: {_REFUSED[name]}", "")
     place = _place(name)
@@ -132,7 +132,7 @@ def evaluate_there(name: str, job: str, tasks: Sequence[Task], timeout: float) -
 
 
 @lru_cache(maxsize=4)
-def _settled(job: str, place: Place) -> str:
+def _settled(job: str, place: WorkerFolder) -> str:
     """The job with paths of the worker; without a store of the batch's own, the worker's."""
     decoded = Job.decode(job)
     work = os.path.join(place.folder, WORK)
@@ -145,7 +145,7 @@ def _settled(job: str, place: Place) -> str:
     ).encode()
 
 
-def _listed(place: Place, row: Row) -> list[Listed]:
+def _listed(place: WorkerFolder, row: Row) -> list[Listed]:
     """The files of a built variant; of a packed one those that do not come with its row."""
     folder = folder_layout.variant_folder(os.path.join(place.folder, OUT), row["id"])
     assets = os.path.join(place.folder, OUT, folder_layout.ASSETS)
@@ -180,7 +180,7 @@ def read_there(name: str, paths: Sequence[str], done: Sequence[str]) -> list[byt
 # --- here -------------------------------------------------------------------------------------------------------------
 
 
-class Shipping(Cluster):
+class RemoteExecutor(Cluster):
     """A cluster whose workers share no folder with this machine. A context manager: the cluster is the caller's and stays.
 
     `folder` is the batch's, `store` the driver's own, `name` that of the shipment. `submit` takes `evaluate` alone; its future is done
@@ -189,7 +189,7 @@ class Shipping(Cluster):
 
     chunk_seconds = CHUNK_SECONDS
 
-    def __init__(self, cluster: Carrier, transfer: Transfer, folder: str, store: Store) -> None:
+    def __init__(self, cluster: FileTransferExecutor, transfer: WorkspaceArchive, folder: str, store: Store) -> None:
         self.cluster = cluster
         self.transfer = transfer
         self.folder = folder
@@ -200,7 +200,7 @@ class Shipping(Cluster):
         self._thread = threading.Thread(target=self._receive, name="thingc-shipping", daemon=True)
         self._template = lru_cache(maxsize=1)(self._packed)
 
-    def __enter__(self) -> Shipping:
+    def __enter__(self) -> RemoteExecutor:
         self.cluster.ship(self.name, self.transfer)
         self._thread.start()
         return self
@@ -312,12 +312,12 @@ def _stopped(row: Row, message: str) -> Row:
 class _Blobs:
     """The files of an answer: from the driver's store, or fetched, some megabytes at a time in the order in which they are needed."""
 
-    def __init__(self, shipping: Shipping, answer: Answer) -> None:
+    def __init__(self, shipping: RemoteExecutor, answer: Answer) -> None:
         self.shipping = shipping
         self.answer = answer
         self.shared: dict[str, bytes] = {}
-        self._ahead: deque[tuple[Wanted, bytes]] = deque()
-        self._waiting: deque[Wanted] | None = None
+        self._ahead: deque[tuple[FileRequest, bytes]] = deque()
+        self._waiting: deque[FileRequest] | None = None
 
     def files(self, id: str) -> dict[str, Content]:
         """The files of a variant, which come in the order of the rows. Raises `WorkerLost` and `StoreUnusable`."""
@@ -333,7 +333,7 @@ class _Blobs:
                 contents[wanted.path] = data
         for path, size, sha256, shared in self.answer.files[id]:
             if shared:
-                contents[path] = Stored(sha256=sha256, size=size)
+                contents[path] = StoredArtifact(sha256=sha256, size=size)
         return contents
 
     def read(self, sha256: str) -> bytes:
@@ -342,7 +342,7 @@ class _Blobs:
             return self.shared[sha256]
         with contextlib.suppress(BlobMissing):
             return self.shipping.store.read(sha256)
-        return self._asked([Wanted(id="", path="", size=0, sha256=sha256, shared=True)], ())[0]
+        return self._asked([FileRequest(id="", path="", size=0, sha256=sha256, shared=True)], ())[0]
 
     def _next_is(self, id: str) -> bool:
         """Whether a file of this variant is to come; it is fetched then."""
@@ -356,7 +356,7 @@ class _Blobs:
             self._ahead.extend(zip(group, self._asked(group, () if self._waiting else tuple(self.answer.files)), strict=True))
         return bool(self._ahead) and self._ahead[0][0].id == id
 
-    def _wanted(self) -> Iterator[Wanted]:
+    def _wanted(self) -> Iterator[FileRequest]:
         """What is to be fetched: the own files of variants, and shared ones that are nowhere here."""
         known: set[str] = set()
         for row in self.answer.rows:
@@ -367,9 +367,9 @@ class _Blobs:
                 ):
                     continue
                 known.update([sha256] if shared else [])
-                yield Wanted(id=row["id"], path=path, size=size, sha256=sha256, shared=shared)
+                yield FileRequest(id=row["id"], path=path, size=size, sha256=sha256, shared=shared)
 
-    def _asked(self, group: Sequence[Wanted], done: Sequence[str]) -> list[bytes]:
+    def _asked(self, group: Sequence[FileRequest], done: Sequence[str]) -> list[bytes]:
         place = self.answer.place
         contents: list[bytes] = self.shipping.cluster.ask(
             place.worker, read_there, self.shipping.name, [one.there for one in group], list(done),
@@ -381,7 +381,7 @@ class _Blobs:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
+class FileRequest:
     """A file to be fetched: of a variant its path in the folder, or a shared one by its SHA-256."""
 
     id: str

@@ -39,7 +39,7 @@ MODIFIED = 946_684_800
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Transfer:
+class WorkspaceArchive:
     """A packed workspace. `root` is its absolute folder here, `sha256` (hex) that of the tar archive which `data` is when it is
     inflated (zlib), `names` how many files, folders and links are in it."""
 
@@ -70,7 +70,7 @@ class Transfer:
                 raise ValueError(str(fault)) from fault
 
 
-def pack(plan: Plan, batch: str) -> Transfer:
+def pack(plan: Plan, batch: str) -> WorkspaceArchive:
     """The workspace of a plan whose batch is written to the folder `batch`.
 
     Raises `BatchFault` for one that is too large, has a link that leads out of it or a file that cannot be read, or has changed since
@@ -85,7 +85,7 @@ def pack(plan: Plan, batch: str) -> Transfer:
         for name in sorted(names):
             _put(archive, workspace, name, plan.inputs.get(name))
     data = stream.getvalue()
-    return Transfer(root=workspace.root, sha256=hashlib.sha256(data).hexdigest(), data=zlib.compress(data), names=len(names))
+    return WorkspaceArchive(root=workspace.root, sha256=hashlib.sha256(data).hexdigest(), data=zlib.compress(data), names=len(names))
 
 
 class _Search:

@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from thingc.batch.families.batching import Batched, Batches
     from thingc.batch.families.family import RobotFamily
     from thingc.batch.families.results import Evaluated, Explanation, NoModel
-    from thingc.batch.families.search_space import Space, SpaceDimension
+    from thingc.batch.families.search_space import SearchSpace, SpaceDimension
 
-__all__ = ["Batched", "Batches", "Evaluated", "Explanation", "NoModel", "RobotFamily", "Space", "SpaceDimension"]
+__all__ = ["Batched", "Batches", "Evaluated", "Explanation", "NoModel", "RobotFamily", "SearchSpace", "SpaceDimension"]
 
 __getattr__ = exported(__name__, {
     "Batched": "batching", "Batches": "batching",
-    "Evaluated": "results", "Explanation": "results", "NoModel": "results", "RobotFamily": "family", "Space": "space",
+    "Evaluated": "results", "Explanation": "results", "NoModel": "results", "RobotFamily": "family", "SearchSpace": "space",
     "SpaceDimension": "space",
 })

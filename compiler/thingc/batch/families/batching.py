@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.batch.families.merged_mesh_model import ModelSource, likeness, united
 from thingc.batch.families.results import NoModel
 from thingc.batch.mujoco_arrays.equality import content, names
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Batched(Brief):
+class Batched(OneLineRepr):
     """Settings that one model stands for. `fields` are the arrays in which they differ, by the name of the field of `MjModel` (`body_mass`;
     `opt.gravity` for an option), each (settings, *shape of the field), as `thingc.batch.apply` takes them; of `bvh_aabb` and its like
     the rows of bodies. `indices` are their places in what was given. `model` is that of the first; where they differ in meshes it has those
@@ -34,7 +34,7 @@ class Batched(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Batches(Brief):
+class Batches(OneLineRepr):
     """What became of a list of settings: the groups that one model stands for, in the order of their first settings, and by their places
     those that are refused."""
 

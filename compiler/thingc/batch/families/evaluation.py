@@ -10,21 +10,21 @@ from thingc.base.diagnostics import Diagnostic, Report
 from thingc.batch.families.results import Evaluated
 from thingc.batch.measurements import Results, UnknownMount, measure
 from thingc.batch.plans import numeric_plan
-from thingc.batch.plans.numeric_plan import Form, Forms, NumericPlan, Varying
+from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches, TracedResults
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.tape import Tape
-from thingc.batch.plans.trace_compilation import NotTraceable, Rehearsal, rehearse
+from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, trace_compilation
 from thingc.batch.rules import unkept
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.driver import pipeline
-from thingc.driver.settings import Read, SettingsReader
+from thingc.driver.settings import ParsedSettings, SettingsReader
 
 if TYPE_CHECKING:
     from thingc.batch.planning import Plan
     from thingc.driver.pipeline import Compilation
     from thingc.driver.session import Session
 
-Item = tuple[Mapping[str, Any], Read]
+Item = tuple[Mapping[str, Any], ParsedSettings]
 
 
 class Evaluation:
@@ -40,7 +40,7 @@ class Evaluation:
         self.rules = tuple(plan.rules) if plan is not None else ()
         self.values: Any = plan.values if plan is not None else dict
         self.verify = verify
-        self.forms: Forms[_Shape] = Forms()
+        self.forms: PlanCaches[_Shape] = PlanCaches()
 
     def each(self, many: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
         """What comes of each, in order."""
@@ -59,26 +59,26 @@ class Evaluation:
                     continue
             yield self._judged(settings, read, results, plan.made.problems)
 
-    def _planned(self, read: Read) -> tuple[NumericPlan[_Shape], tuple[float, ...]] | None:
+    def _planned(self, read: ParsedSettings) -> tuple[NumericPlan[_Shape], tuple[float, ...]] | None:
         if read.report is not None or not read.names:
             return None
         form = self.forms.of(read)
         return form.planned(read, partial(self._plan, read, form))
 
-    def _plan(self, read: Read, form: Form[_Shape]) -> NumericPlan[_Shape] | None:
+    def _plan(self, read: ParsedSettings, form: PlanCache[_Shape]) -> NumericPlan[_Shape] | None:
         """A plan that gives what compilations do; None, and the reason in `form`, where there is none."""
         first = self._measured(read)
         if not first[0]:
             return None
 
-        def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> Rehearsal:
-            return rehearse(self.session, (self.mode,), numbers, texts, self._traced, exact)
+        def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> TraceResult:
+            return trace_compilation(self.session, (self.mode,), numbers, texts, self._traced, exact)
 
-        def exchanged(rehearsal: Rehearsal) -> Exchange:
+        def exchanged(rehearsal: TraceResult) -> Exchange:
             assert rehearsal.parts is not None
             return Exchange(rehearsal.parts, self.session.environment.parts, {})
 
-        def finish(rehearsal: Rehearsal, exchange: Exchange | None) -> tuple[Sequence[Any], _Shape]:
+        def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], _Shape]:
             if exchange is not None and first[1]:
                 raise NotTraceable("something is said, which may be of a part", list(form.modelled))
             shape = _Shape(rehearsal.made, first[1])
@@ -100,11 +100,11 @@ class Evaluation:
 
     # --- through every pass ---------------------------------------------------------------------------------------------
 
-    def _measured(self, read: Read) -> tuple[Results, tuple[Diagnostic, ...]]:
+    def _measured(self, read: ParsedSettings) -> tuple[Results, tuple[Diagnostic, ...]]:
         results, report, _ = self._compiled(read)
         return results, tuple(report.ordered())
 
-    def _compiled(self, read: Read) -> tuple[Results, Report, Compilation | None]:
+    def _compiled(self, read: ParsedSettings) -> tuple[Results, Report, Compilation | None]:
         """The results, none where the settings are refused; all that was said."""
         if read.report is not None:
             return {}, read.report, None
@@ -118,7 +118,7 @@ class Evaluation:
             report.say(fault.diagnostic)
             return {}, report, None
 
-    def _passed(self, settings: Mapping[str, Any], read: Read, tests: bool) -> Evaluated:
+    def _passed(self, settings: Mapping[str, Any], read: ParsedSettings, tests: bool) -> Evaluated:
         results, report, compilation = self._compiled(read)
         done: tuple[Any, ...] = ()
         if tests and compilation is not None:
@@ -133,7 +133,9 @@ class Evaluation:
         return self._judged(settings, read, results, tuple(report.ordered()), done)
 
     def _judged(
-        self, settings: Mapping[str, Any], read: Read, results: Results, problems: tuple[Diagnostic, ...], tests: tuple[Any, ...] = (),
+        self, settings: Mapping[str, Any], read: ParsedSettings, results: Results, problems: tuple[
+            Diagnostic, ...
+        ], tests: tuple[Any, ...] = (),
     ) -> Evaluated:
         broken = None
         if results and self.rules:
@@ -141,7 +143,7 @@ class Evaluation:
             problems = (*problems, *more)
         return Evaluated(settings=settings, results=results, problems=problems, broken=broken, tests=tests)
 
-    def _broken(self, read: Read, results: Results) -> tuple[str | None, tuple[Diagnostic, ...]]:
+    def _broken(self, read: ParsedSettings, results: Results) -> tuple[str | None, tuple[Diagnostic, ...]]:
         """The first rule that is not kept, and what is wrong with rules."""
         has_texts = any(name in self.reader.parameters for name, _ in read.texts)  # flags and expressions
         given: Mapping[str, ExpressionValue] = self.reader.values(read) if has_texts else self.reader.quantities(read)
@@ -153,7 +155,7 @@ class Evaluation:
         return None, tuple(undecided)
 
 
-class _Shape(Varying):
+class _Shape(TracedResults):
     """The results of one plan. `problems` is what is said of each."""
 
     def __init__(self, results: Mapping[str, Any], problems: tuple[Diagnostic, ...]) -> None:

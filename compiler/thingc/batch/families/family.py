@@ -14,13 +14,13 @@ from thingc.base.units import Quantity
 from thingc.batch.arguments import at_least, is_whole
 from thingc.batch.families.batching import Batches, batched
 from thingc.batch.families.evaluation import Evaluation
-from thingc.batch.families.model_template import TextTemplate
+from thingc.batch.families.model_template import ModelTemplate
 from thingc.batch.families.models import ModelsOfMode
 from thingc.batch.families.results import Evaluated, Explanation, NoModel
-from thingc.batch.families.search_space import Space, of_axes, of_parameters
+from thingc.batch.families.search_space import SearchSpace, of_axes, of_parameters
 from thingc.batch.planning import Variant
 from thingc.batch.plans.build_templates import Builds
-from thingc.batch.plans.numeric_plan import Form
+from thingc.batch.plans.numeric_plan import PlanCache
 from thingc.batch.results import FamilyError
 from thingc.batch.values import unit_in
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, plain
@@ -30,7 +30,7 @@ from thingc.driver.api import CompileError
 from thingc.driver.environment import Options
 from thingc.driver.pipeline import UnknownChoice, chosen_consumers
 from thingc.driver.session import Session
-from thingc.driver.settings import Read, SettingsReader
+from thingc.driver.settings import ParsedSettings, SettingsReader
 from thingc.targets.modes_json import alone
 
 if TYPE_CHECKING:
@@ -221,7 +221,7 @@ class RobotFamily:
         return write_values(environment.document, given, environment.options).found if given else ()
 
     @cached_property
-    def space(self) -> Space:
+    def space(self) -> SearchSpace:
         """What may be set: the axes of the document of variants, else the parameters of the assembly."""
         if self._plan is not None:
             return of_axes(self._plan.axes, {**self._plan.own, **self._plan.paths.own})
@@ -250,20 +250,20 @@ class RobotFamily:
         models = self._of(mode, False)
         settings: dict[str, Any] = {one: self._stated(one) if value is None else value for one in self._reader.meant(str(name))}
         read = self._reader.read(settings or {name: ""})
-        form: Form[Any] = Form()
+        form: PlanCache[Any] = PlanCache()
         plan = models.plan(read, form) if settings.keys() <= set(read.names) else None
         if plan is None:
             why = "; ".join(dict.fromkeys(form.why.values())) or form.refused
             if not why and (problems := models.problems(read)):
                 return NoModel(settings=settings, problems=problems)
             return Explanation(name=name, mode=models.mode, way="passes", why=why or "it is no number in the document")
-        if isinstance(plan.made, TextTemplate):
+        if isinstance(plan.made, ModelTemplate):
             return Explanation(name=name, mode=models.mode, way="text" if plan.exchange is None else "parts", why=plan.made.why)
         return Explanation(name=name, mode=models.mode, way="arrays", fields=tuple(sorted(plan.made.written)))
 
     # --- how ------------------------------------------------------------------------------------------------------------
 
-    def _read(self, settings: Any) -> tuple[Mapping[str, Any], Read]:
+    def _read(self, settings: Any) -> tuple[Mapping[str, Any], ParsedSettings]:
         if isinstance(settings, Variant):
             settings = {**settings.parameters, **settings.choices}
         return settings if isinstance(settings, Mapping) else {}, self._reader.read(settings)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
-from thingc.batch.families.model_template import TextTemplate
+from thingc.batch.families.model_template import ModelTemplate
 
 if TYPE_CHECKING:
     import mujoco
@@ -17,16 +17,16 @@ _KINDS = ("body", "geom", "site", "joint", "key")
 """Elements whose attributes a spec calls what the text does, and which it finds by their names."""
 
 
-class NotInSpec(Exception):
+class NotInMjSpec(Exception):
     """Something that differs has no place in a spec, or stands there otherwise than in the text."""
 
 
-class KeptSpec:
+class RecompiledSpec:
     """What a template gives, as a spec. `text` is the template's with some `values` and names of `meshes`, and `files` has these meshes.
-    Raises `NotInSpec` where a gap has no place in a spec in which the number stands as it is written, and `ValueError` where MuJoCo does
+    Raises `NotInMjSpec` where a gap has no place in a spec in which the number stands as it is written, and `ValueError` where MuJoCo does
     not take the text."""
 
-    def __init__(self, template: TextTemplate, text: str, meshes: Sequence[str], files: mujoco.MjVfs) -> None:
+    def __init__(self, template: ModelTemplate, text: str, meshes: Sequence[str], files: mujoco.MjVfs) -> None:
         import mujoco
 
         self._spec = mujoco.MjSpec.from_string(text, vfs=files)
@@ -49,9 +49,9 @@ class KeptSpec:
             numbers = [float(number) for number in ([value] if isinstance(value, float) else value)]
             words = [float(word) for word in stated]
         except (TypeError, ValueError):
-            raise NotInSpec(f"{kind}.{attribute}") from None
+            raise NotInMjSpec(f"{kind}.{attribute}") from None
         if numbers[: len(words)] != words:
-            raise NotInSpec(f"{kind}.{attribute}")
+            raise NotInMjSpec(f"{kind}.{attribute}")
         return [*(number if gap is None else gap for number, gap in zip(words, gaps, strict=True)), *numbers[len(words):]]
 
     def model(self, values: Sequence[float], meshes: Sequence[str], files: mujoco.MjVfs) -> mujoco.MjModel:
@@ -68,7 +68,7 @@ class KeptSpec:
         return model
 
 
-def _gaps(template: TextTemplate, root: ElementTree.Element) -> list[tuple[str, str, str, list[str], list[int | None]]]:
+def _gaps(template: ModelTemplate, root: ElementTree.Element) -> list[tuple[str, str, str, list[str], list[int | None]]]:
     """Where a template has gaps for numbers: the element's kind and name, the attribute, its words in the text whose `root` this is, and of
     each of them its number in the template."""
     found = []
@@ -80,7 +80,7 @@ def _gaps(template: TextTemplate, root: ElementTree.Element) -> list[tuple[str, 
             kind, named = ("body", above) if element.tag == "inertial" else (element.tag, own)
             attribute_of = _INERTIAL.get(attribute) if element.tag == "inertial" else attribute
             if kind not in _KINDS or attribute_of is None or not named.get("name"):
-                raise NotInSpec(f"{element.tag}.{attribute}")
+                raise NotInMjSpec(f"{element.tag}.{attribute}")
             found.append((kind, named.get("name", ""), attribute_of, own.get(attribute, "").split(), gaps))
     return found
 

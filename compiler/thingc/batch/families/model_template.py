@@ -6,21 +6,21 @@ import re
 from collections.abc import Sequence
 
 from thingc.batch.plans.tape import Traced
-from thingc.batch.plans.trace_compilation import Rehearsal
+from thingc.batch.plans.trace_compilation import TraceResult
 from thingc.targets.xml_writer import number as number_text
 
 
-def plain_text(rehearsal: Rehearsal) -> str:
+def plain_text(rehearsal: TraceResult) -> str:
     """The text of the model with the numbers of the rehearsal."""
-    return TextTemplate(rehearsal).text(tuple(rehearsal.tape.values[line] for line in rehearsal.tape.written.values()))
+    return ModelTemplate(rehearsal).text(tuple(rehearsal.tape.values[line] for line in rehearsal.tape.written.values()))
 
 
-class TextTemplate:
+class ModelTemplate:
     """The text of a model with gaps. `outputs` are the numbers for them, in the order in which `text` takes their values; `why` it is not
     `Arrays`. Where parts are exchanged there are gaps for the names of their `meshes`, too, which change from model to model. `tokened` is
     the text with a word in every gap, and `places` says which of the values it is for."""
 
-    def __init__(self, rehearsal: Rehearsal, why: str = "", meshes: Sequence[str] = ()) -> None:
+    def __init__(self, rehearsal: TraceResult, why: str = "", meshes: Sequence[str] = ()) -> None:
         tape = rehearsal.tape
         self.why = why
         self.outputs = [Traced(tape, line, tape.values[line]) for line in tape.written.values()]

@@ -11,19 +11,19 @@ from weakref import WeakKeyDictionary
 
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.batch.families.merged_mesh_model import ModelSource
-from thingc.batch.families.mjspec_recompile import KeptSpec, NotInSpec
-from thingc.batch.families.model_template import TextTemplate, plain_text
+from thingc.batch.families.mjspec_recompile import NotInMjSpec, RecompiledSpec
+from thingc.batch.families.model_template import ModelTemplate, plain_text
 from thingc.batch.families.results import NoModel
 from thingc.batch.mujoco_arrays.arrays import TOGETHER, Arrays
-from thingc.batch.mujoco_arrays.entries import NotInArrays
-from thingc.batch.mujoco_arrays.equality import differing
+from thingc.batch.mujoco_arrays.entries import NotAnArrayEntry
+from thingc.batch.mujoco_arrays.equality import different_fields
 from thingc.batch.plans import numeric_plan
-from thingc.batch.plans.numeric_plan import Form, Forms, NumericPlan
+from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.tape import Traced
-from thingc.batch.plans.trace_compilation import Rehearsal, rehearse, written
+from thingc.batch.plans.trace_compilation import TraceResult, trace_compilation, written
 from thingc.driver import pipeline
-from thingc.driver.settings import Read, SettingsReader
+from thingc.driver.settings import ParsedSettings, SettingsReader
 from thingc.geometry.store.local import BlobMissing, StoreUnusable
 from thingc.targets.mjcf.emit import sources as model_sources
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import mujoco
 
     from thingc.driver.session import Session
-    from thingc.targets.artifact import Stored
+    from thingc.targets.artifact import StoredArtifact
 
 MESH_BYTES = 256_000_000
 """How much of meshes MuJoCo is handed at once; when there is more, all is handed anew."""
@@ -39,7 +39,7 @@ MESH_BYTES = 256_000_000
 KEPT = 32
 """Compiled models that are kept: a learner comes back to the morphologies that it has seen."""
 
-Item = tuple[Mapping[str, Any], Read]
+Item = tuple[Mapping[str, Any], ParsedSettings]
 
 
 class ModelsOfMode:
@@ -53,11 +53,11 @@ class ModelsOfMode:
         self.visual = visual
         self.floor = floor
         self.verify = verify
-        self.forms: Forms[Arrays | TextTemplate] = Forms()
+        self.forms: PlanCaches[Arrays | ModelTemplate] = PlanCaches()
         self._files: mujoco.MjVfs | None = None
-        self._held: dict[str, Stored] = {}
-        self._specs: WeakKeyDictionary[TextTemplate, KeptSpec | None] = WeakKeyDictionary()
-        self._kept: OrderedDict[tuple[Read, bool], mujoco.MjModel] = OrderedDict()
+        self._held: dict[str, StoredArtifact] = {}
+        self._specs: WeakKeyDictionary[ModelTemplate, RecompiledSpec | None] = WeakKeyDictionary()
+        self._kept: OrderedDict[tuple[ParsedSettings, bool], mujoco.MjModel] = OrderedDict()
 
     def each(self, many: Iterable[Item], *, share: bool) -> Iterator[mujoco.MjModel | NoModel]:
         """The models, in order; shared ones are lent until the next."""
@@ -81,35 +81,35 @@ class ModelsOfMode:
                     plan.made.take_back()
         self._kept = OrderedDict((key, model) for key, model in self._kept.items() if not key[1])
 
-    def _is_kept(self, read: Read, share: bool) -> bool:
+    def _is_kept(self, read: ParsedSettings, share: bool) -> bool:
         """Whether a compiled model is at hand, and none that only needs its arrays written."""
         return (read, share) in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.forms.of(read).plans)
 
-    def _planned(self, read: Read) -> tuple[NumericPlan[Arrays | TextTemplate], tuple[float, ...]] | None:
+    def _planned(self, read: ParsedSettings) -> tuple[NumericPlan[Arrays | ModelTemplate], tuple[float, ...]] | None:
         if read.report is not None or not read.names:
             return None
         form = self.forms.of(read)
         return form.planned(read, partial(self.plan, read, form))
 
-    def plan(self, read: Read, form: Form[Arrays | TextTemplate]) -> NumericPlan[Arrays | TextTemplate] | None:
+    def plan(self, read: ParsedSettings, form: PlanCache[Arrays | ModelTemplate]) -> NumericPlan[Arrays | ModelTemplate] | None:
         """A plan that gives what compilations do; None, and the reason in `form`, where there is none."""
         first = self._compiled(read)
         if isinstance(first, tuple):  # they are refused, which says nothing of others
             return None
 
-        def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> Rehearsal:
-            return rehearse(self.session, (self.mode,), numbers, texts, written(self.session, self.mode, floor=self.floor), exact)
+        def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> TraceResult:
+            return trace_compilation(self.session, (self.mode,), numbers, texts, written(self.session, self.mode, floor=self.floor), exact)
 
-        def exchanged(rehearsal: Rehearsal) -> Exchange:
+        def exchanged(rehearsal: TraceResult) -> Exchange:
             assert rehearsal.parts is not None
             return Exchange(rehearsal.parts, self.session.environment.parts, rehearsal.made.assets)
 
         slower = ""
 
-        def finish(rehearsal: Rehearsal, exchange: Exchange | None) -> tuple[Sequence[Any], Arrays | TextTemplate]:
+        def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], Arrays | ModelTemplate]:
             nonlocal slower
             if exchange is not None:
-                template = TextTemplate(rehearsal, "; ".join(dict.fromkeys(form.modelled.values())), exchange.names)
+                template = ModelTemplate(rehearsal, "; ".join(dict.fromkeys(form.modelled.values())), exchange.names)
                 return template.outputs, template
             assets = self.source(read).assets
             if not slower:
@@ -117,9 +117,9 @@ class ModelsOfMode:
                     tape = rehearsal.tape
                     arrays = Arrays(rehearsal.made.text, tape.written, plain_text(rehearsal), assets, self._load)
                     return [Traced(tape, line, tape.values[line]) for line in arrays.lines], arrays
-                except NotInArrays as fault:
+                except NotAnArrayEntry as fault:
                     slower = f"MuJoCo works with `{fault.attribute}` when it compiles"
-            template = TextTemplate(rehearsal, slower)
+            template = ModelTemplate(rehearsal, slower)
             return template.outputs, template
 
         while True:
@@ -129,12 +129,12 @@ class ModelsOfMode:
             wrong = self._compared(plan, numeric_plan.samples(read, self.reader, form), first)
             if not wrong:
                 return plan
-            if isinstance(plan.made, TextTemplate):
+            if isinstance(plan.made, ModelTemplate):
                 form.refused = f"a plan gave another model: {wrong}"
                 return None
             slower = f"a plan by arrays gave another `{wrong}`"
 
-    def _compared(self, plan: NumericPlan[Arrays | TextTemplate], samples: Sequence[Read], first: mujoco.MjModel) -> str:
+    def _compared(self, plan: NumericPlan[Arrays | ModelTemplate], samples: Sequence[ParsedSettings], first: mujoco.MjModel) -> str:
         """The first field in which models of a plan differ from compiled ones, of which `first` is that of the first sample; empty where
         none does."""
         for read in samples:
@@ -143,20 +143,20 @@ class ModelsOfMode:
             if outputs is None or isinstance(whole, tuple):
                 continue
             try:
-                wrong = differing(self._by(plan, read, outputs), whole)
+                wrong = different_fields(self._by(plan, read, outputs), whole)
             except ValueError as fault:
                 return " ".join(str(fault).split())
             if wrong:
                 return wrong[0]
         return ""
 
-    def _by(self, plan: NumericPlan[Arrays | TextTemplate], read: Read, outputs: tuple[float, ...]) -> mujoco.MjModel:
-        if isinstance(plan.made, TextTemplate):
+    def _by(self, plan: NumericPlan[Arrays | ModelTemplate], read: ParsedSettings, outputs: tuple[float, ...]) -> mujoco.MjModel:
+        if isinstance(plan.made, ModelTemplate):
             return self._by_text(plan, plan.made, read, outputs)
         plan.made.put(plan.made.prepare([outputs]), 0)
         return plan.made.model
 
-    def _by_text(self, plan: NumericPlan[Any], template: TextTemplate, read: Read, outputs: tuple[float, ...]) -> mujoco.MjModel:
+    def _by_text(self, plan: NumericPlan[Any], template: ModelTemplate, read: ParsedSettings, outputs: tuple[float, ...]) -> mujoco.MjModel:
         exchanged = plan.exchanged(read.values)
         meshes = () if exchanged is None else exchanged.names
         if exchanged is not None:
@@ -174,13 +174,13 @@ class ModelsOfMode:
         return model
 
     def _kept_spec(
-        self, template: TextTemplate, text: str, outputs: tuple[float, ...], meshes: Sequence[str], model: mujoco.MjModel,
-    ) -> KeptSpec | None:
+        self, template: ModelTemplate, text: str, outputs: tuple[float, ...], meshes: Sequence[str], model: mujoco.MjModel,
+    ) -> RecompiledSpec | None:
         """A spec that gives the `model` of the text; None where there is none."""
         try:
-            spec = KeptSpec(template, self._asked(text), meshes, self._files)
-            return None if differing(spec.model(outputs, meshes, self._files), model) else spec
-        except (NotInSpec, ValueError):
+            spec = RecompiledSpec(template, self._asked(text), meshes, self._files)
+            return None if different_fields(spec.model(outputs, meshes, self._files), model) else spec
+        except (NotInMjSpec, ValueError):
             return None
 
     def _together(
@@ -215,10 +215,10 @@ class ModelsOfMode:
                 self._keep(item[1], share, model)
             yield model if share or prepared is None else copy.copy(model)
 
-    def _right(self, read: Read, plan: NumericPlan[Any], model: mujoco.MjModel) -> bool:
+    def _right(self, read: ParsedSettings, plan: NumericPlan[Any], model: mujoco.MjModel) -> bool:
         """Whether the model of a plan is the compiled one; a plan whose model is another one is given up."""
         whole = self._compiled(read)
-        wrong = ["refused"] if isinstance(whole, tuple) else differing(model, whole)
+        wrong = ["refused"] if isinstance(whole, tuple) else different_fields(model, whole)
         if wrong:
             self.forms.of(read).wrong(f"a plan gave another `{wrong[0]}` for {dict(zip(read.names, read.values))}")
         return not wrong
@@ -235,7 +235,7 @@ class ModelsOfMode:
         self._keep(read, share, known)
         return known if share else copy.copy(known)
 
-    def _keep(self, read: Read, share: bool, model: mujoco.MjModel) -> None:
+    def _keep(self, read: ParsedSettings, share: bool, model: mujoco.MjModel) -> None:
         """Note a model: one that is lent, which its borrowers may have changed, apart from one that copies are made of."""
         self._kept[read, share] = model
         self._kept.move_to_end((read, share))
@@ -244,7 +244,7 @@ class ModelsOfMode:
 
     # --- through every pass ---------------------------------------------------------------------------------------------
 
-    def _compiled(self, read: Read) -> mujoco.MjModel | tuple[Diagnostic, ...]:
+    def _compiled(self, read: ParsedSettings) -> mujoco.MjModel | tuple[Diagnostic, ...]:
         """The model by every pass; else what is wrong."""
         if read.report is not None:
             return tuple(read.report.ordered())
@@ -262,19 +262,19 @@ class ModelsOfMode:
             self.session.emit(compilation, ["mjcf"])  # which says what it is about
             return tuple(report.ordered())
 
-    def problems(self, read: Read) -> tuple[Diagnostic, ...]:
+    def problems(self, read: ParsedSettings) -> tuple[Diagnostic, ...]:
         """Why there is no model of settings; empty where there is one."""
         outcome = self._compiled(read)
         return outcome if isinstance(outcome, tuple) else ()
 
-    def source(self, read: Read) -> ModelSource:
+    def source(self, read: ParsedSettings) -> ModelSource:
         """What the model of settings that are not refused is made from."""
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
         texts, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False), floor=self.floor)
         self._mount(assets)
         return ModelSource(text=texts[self.mode], assets={file: self._bytes(stored) for file, stored in assets.items()})
 
-    def _mount(self, assets: Mapping[str, Stored]) -> None:
+    def _mount(self, assets: Mapping[str, StoredArtifact]) -> None:
         import mujoco
 
         if self._files is None or sum(stored.size for stored in self._held.values()) > MESH_BYTES:
@@ -286,7 +286,7 @@ class ModelsOfMode:
                 self._files[file] = self._bytes(stored)
                 self._held[file] = stored
 
-    def _bytes(self, stored: Stored) -> bytes:
+    def _bytes(self, stored: StoredArtifact) -> bytes:
         """A mesh. Raises `StoreUnusable` where the store has lost it since its part was modelled."""
         store = self.session.environment.store
         try:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import Diagnostic, Severity
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.suggestions import did_you_mean
 from thingc.batch.results import UnknownVariant
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Evaluated(Brief):
+class Evaluated(OneLineRepr):
     """What is worked out of one variant. `results` as in the table of a batch, SI: `mass`, `centre.x`, `reach`, `length.elbow`,
     `torque_margin`; empty where the settings are refused. `problems` are all diagnostics, warnings too. `broken` is the rule of the
     document of variants that is not kept (None: all are). `tests` are those of the assembly's document, where they were asked for."""
@@ -48,7 +48,7 @@ class Evaluated(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NoModel(Brief):
+class NoModel(OneLineRepr):
     """Settings of which there is no model, and why: `problems` are all diagnostics. It is false where a model is true."""
 
     settings: Mapping[str, Any]
@@ -67,7 +67,7 @@ class NoModel(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Explanation(Brief):
+class Explanation(OneLineRepr):
     """How a number goes into the models of a mode: `way` is `arrays` (into the arrays of one compiled model, `fields`), `text` (into the
     text of one model, which MuJoCo compiles anew), `parts` (the same, with the meshes and numbers of other parts) or `passes` (everything
     is compiled anew); `why` says in words why it is not the quicker one."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import NUMBER, Quantity
 from thingc.batch.axes import Axis
@@ -16,7 +16,7 @@ from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SpaceDimension(Brief):
+class SpaceDimension(OneLineRepr):
     """One thing that may be set: a number between `low` and `high` (SI, in `unit`; None: no bound; `whole`: whole numbers only), or one of
     `choices`. `value` is what the document says itself."""
 
@@ -34,7 +34,7 @@ class SpaceDimension(Brief):
         return bool(self.choices) or (self.low is not None and self.high is not None)
 
 
-class Space(Sequence[SpaceDimension]):
+class SearchSpace(Sequence[SpaceDimension]):
     """The dimensions of a family, in the order of its document."""
 
     def __init__(self, dimensions: Sequence[SpaceDimension]) -> None:
@@ -122,9 +122,9 @@ class Space(Sequence[SpaceDimension]):
         raise ValueError(f"expected {len(numbers)} numbers ({', '.join(one.name for one in numbers)}), found {found}")
 
 
-def of_axes(axes: Sequence[Axis], own: Mapping[str, ExpressionValue]) -> Space:
+def of_axes(axes: Sequence[Axis], own: Mapping[str, ExpressionValue]) -> SearchSpace:
     """The dimensions of a document of variants."""
-    return Space([_of_axis(axis, own.get(axis.key)) for axis in axes])
+    return SearchSpace([_of_axis(axis, own.get(axis.key)) for axis in axes])
 
 
 def _of_axis(axis: Axis, own: ExpressionValue | None) -> SpaceDimension:
@@ -136,7 +136,7 @@ def _of_axis(axis: Axis, own: ExpressionValue | None) -> SpaceDimension:
     return SpaceDimension(name=axis.key, unit=unit, choices=tuple(plain(one) for one in axis.values), value=value)
 
 
-def of_parameters(spec: AssemblySpec, values: Mapping[str, ExpressionValue], bound: Any) -> Space:
+def of_parameters(spec: AssemblySpec, values: Mapping[str, ExpressionValue], bound: Any) -> SearchSpace:
     """The dimensions of an assembly: its parameters. `bound(name, key)` is the value [SI] of a bound of one."""
     dimensions: list[SpaceDimension] = []
     for name, own in values.items():
@@ -149,4 +149,4 @@ def of_parameters(spec: AssemblySpec, values: Mapping[str, ExpressionValue], bou
             dimensions.append(SpaceDimension(name=name, unit=symbol, low=low, high=high, value=own.value))
         else:
             dimensions.append(SpaceDimension(name=name, value=own))
-    return Space(dimensions)
+    return SearchSpace(dimensions)

@@ -11,7 +11,7 @@ import numpy as np
 from thingc.base.frozen import dataclass
 from thingc.base.suggestions import did_you_mean
 from thingc.batch.arguments import at_least, is_number
-from thingc.batch.gym.rewards import TASKS, Array, Reward, Step, Terminated
+from thingc.batch.gym.rewards import TASKS, Array, Reward, StepInfo, Terminated
 from thingc.batch.results import FamilyError, UnknownVariant
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rules:
+class EpisodeRules:
     """What holds for all episodes: an action lasts `frame_skip` steps of the simulation, an episode `max_steps` actions; it begins with the
     keyframe `pose` (None: the first), each degree of freedom moved by up to `noise` [rad or m]."""
 
@@ -32,7 +32,7 @@ class Rules:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Simulated:
+class SimulationStep:
     """Which models robots are simulated by: those of a `mode`, on a `floor` or without, with what is only drawn (`visual`) or without; so
     many are kept (`cache`)."""
 
@@ -42,7 +42,9 @@ class Simulated:
     cache: int
 
 
-def rules(reward: Reward | str, terminated: Terminated | None, frame_skip: int, max_steps: int, pose: str | None, noise: float) -> Rules:
+def rules(
+    reward: Reward | str, terminated: Terminated | None, frame_skip: int, max_steps: int, pose: str | None, noise: float,
+) -> EpisodeRules:
     """The rules with a task by its name. Raises `UnknownVariant` for an unknown one, and `FamilyError` for episodes without steps
     and for a `noise` that is no length of a range."""
     if isinstance(reward, str):
@@ -51,11 +53,11 @@ def rules(reward: Reward | str, terminated: Terminated | None, frame_skip: int, 
         reward = TASKS[reward]
     for name, called in (("reward", reward), ("terminated", terminated)):
         if not callable(called) and (called is not None or name == "reward"):
-            raise FamilyError(f"expected `{name}` to be a function of a `Step`, found `{called}`")
+            raise FamilyError(f"expected `{name}` to be a function of a `StepInfo`, found `{called}`")
     at_least(1, frame_skip=frame_skip, max_steps=max_steps)
     if not is_number(noise) or not 0.0 <= noise < math.inf:
         raise FamilyError(f"expected `noise` to be a number of at least 0, found {noise}")
-    return Rules(reward=reward, terminated=terminated, frame_skip=frame_skip, max_steps=max_steps, pose=pose, noise=noise)
+    return EpisodeRules(reward=reward, terminated=terminated, frame_skip=frame_skip, max_steps=max_steps, pose=pose, noise=noise)
 
 
 def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
@@ -86,7 +88,7 @@ class Episode:
 
     __slots__ = ("_action", "_before", "_high", "_low", "_rules", "_started", "data", "model", "start", "steps", "unstable", "variant")
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, variant: Any, rules: Rules, spans: tuple[Array, Array]) -> None:
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, variant: Any, rules: EpisodeRules, spans: tuple[Array, Array]) -> None:
         self.model = model
         self.data = data
         self.variant = variant
@@ -140,7 +142,7 @@ class Episode:
         so, or where the simulation has become unstable (reward 0). Raises `FamilyError` for a reward that is no number."""
         if self.unstable:
             return 0.0, True, False, {"unstable": True}
-        done = Step(
+        done = StepInfo(
             model=self.model, data=self.data, variant=self.variant, action=self._action, before=self._before,
             after=np.array(self.data.subtree_com[0]), seconds=self.data.time - self._started, start=self.start,
         )

@@ -17,7 +17,7 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+class StepInfo:
     """What a reward is worked out of, after a step: model and data as they are, the `action` (nu,) in [-1, 1], the robot's centre of
     mass `before` and `after` it [m], and how much time has passed [s]. `variant` is whose episode it is; of a family in memory, its
     settings."""
@@ -33,16 +33,16 @@ class Step:
     """The coordinates (nq,) with which the episode began."""
 
 
-Reward = Callable[[Step], float]
-Terminated = Callable[[Step], bool]
+Reward = Callable[[StepInfo], float]
+Terminated = Callable[[StepInfo], bool]
 
 
-def forward(step: Step) -> float:
+def forward(step: StepInfo) -> float:
     """How fast the centre of mass moves along the world's x [m/s], less a thousandth of the action's square."""
     return float((step.after[0] - step.before[0]) / step.seconds - 1e-3 * step.action @ step.action)
 
 
-def hold(step: Step) -> float:
+def hold(step: StepInfo) -> float:
     """1 while the joints are as at the start, less the further they are away: exp(-|q - q0|^2), less a thousandth of the action's
     square."""
     import mujoco

@@ -54,7 +54,7 @@ class Bodies:
         self._spec.compiler.usethread = False
         self._bodies = [self._spec.body(f"{name}#{index}") for name in names for index in range(copies)]
 
-    def work_out(self, inertials: Array) -> Worked:
+    def work_out(self, inertials: Array) -> BodyArrays:
         """Of as many variants as there are copies, or fewer: `inertials` (variants, bodies, 10) are masses, centres and inertias as
         `fullinertia` has them. Raises `ValueError` where MuJoCo refuses one."""
         count = len(inertials)
@@ -62,10 +62,10 @@ class Bodies:
             for k in range(self.copies):
                 body, numbers = self._bodies[b * self.copies + k], inertials[min(k, count - 1), b]
                 body.mass, body.ipos, body.fullinertia = numbers[0], numbers[1:4], numbers[4:]
-        return Worked(self._spec.compile(), self.copies, len(self.names))
+        return BodyArrays(self._spec.compile(), self.copies, len(self.names))
 
 
-class Worked:
+class BodyArrays:
     """What came of it, of all copies: `inertia` (copies, bodies, 3) are principal moments, `axes` (copies, bodies, 4) the quaternions of
     their axes; `boxes` of each body the fields of its tree of boxes."""
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import mujoco
 
 
-class NotInArrays(Exception):
+class NotAnArrayEntry(Exception):
     """A number that the compiler works with: `attribute` is what it stands in, as `geom.pos`."""
 
     def __init__(self, attribute: str) -> None:
@@ -70,7 +70,7 @@ def places(
     root: Element, tokens: Mapping[str, int], model: mujoco.MjModel,
 ) -> tuple[list[tuple[int, Entry]], dict[str, list[list[str]]]]:
     """Of every token in the text of a model the places of its number, by the token's line; and by body what its `inertial` says of mass,
-    centre and inertia, as texts, where a token is among them. `model` is what became of the text. Raises `NotInArrays`."""
+    centre and inertia, as texts, where a token is among them. `model` is what became of the text. Raises `NotAnArrayEntry`."""
     entries: list[tuple[int, Entry]] = []
     inertials: dict[str, list[list[str]]] = {}
     for element, above in _walk(root):
@@ -80,7 +80,7 @@ def places(
                 continue
             if element.tag == "inertial":
                 if "fullinertia" not in element.attrib:
-                    raise NotInArrays(f"inertial.{attribute}")
+                    raise NotAnArrayEntry(f"inertial.{attribute}")
                 inertials[above.get("name", "")] = [element.get(name, "").split() for name in ("mass", "pos", "fullinertia")]
                 continue
             for k, word in enumerate(words):
@@ -101,7 +101,7 @@ def _walk(root: Element) -> Iterator[tuple[Element, Element]]:
 
 def _places(model: Any, element: Element, above: Element, attribute: str, k: int) -> list[Entry]:
     tag = element.tag
-    unknown = NotInArrays(f"{tag}.{attribute}")
+    unknown = NotAnArrayEntry(f"{tag}.{attribute}")
     name = element.get("name", "")
     if tag in _GROUPS:
         value = getattr(getattr(model, _GROUPS[tag]), attribute, None)

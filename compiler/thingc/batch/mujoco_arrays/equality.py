@@ -12,7 +12,7 @@ GROUPS = ("opt", "stat", "vis", "vis.global_", "vis.quality", "vis.headlight", "
 """The structures of a model that hold numbers besides its arrays."""
 
 
-def differing(first: mujoco.MjModel, second: mujoco.MjModel) -> list[str]:
+def different_fields(first: mujoco.MjModel, second: mujoco.MjModel) -> list[str]:
     """The names of all fields in which two models differ: arrays, sizes and names, and numbers of `opt`, `stat` and `vis`; none where they
     are the same. `signature` is left out: it is of the file."""
     return [name for name in names(first) if content(first, name) != content(second, name)]
@@ -22,7 +22,7 @@ def restore(model: mujoco.MjModel, first: mujoco.MjModel) -> None:
     """Make a model the same as `first`, of which it was a copy, whatever has been written into it."""
     import numpy as np
 
-    for name in differing(model, first):
+    for name in different_fields(model, first):
         group, _, field = name.rpartition(".")
         value = getattr(_owner(first, group), field)
         if isinstance(value, np.ndarray):

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from thingc.base.frozen import dataclass
 from thingc.batch.mujoco_arrays.arrays import TOGETHER, Arrays, Prepared
-from thingc.batch.mujoco_arrays.entries import NotInArrays
-from thingc.batch.mujoco_arrays.equality import differing
+from thingc.batch.mujoco_arrays.entries import NotAnArrayEntry
+from thingc.batch.mujoco_arrays.equality import different_fields
 
 if TYPE_CHECKING:
     import mujoco
@@ -100,7 +100,7 @@ class _Kind:
             if others or self._arrays is None:
                 self._arrays = self._with(others)
             return self._arrays.prepare([self._numbers(self._arrays, pieces) for pieces in texts])
-        except NotInArrays:
+        except NotAnArrayEntry:
             self._slow = True
         except ValueError:  # MuJoCo refuses one of them, and is to say so of that one
             pass
@@ -115,7 +115,7 @@ class _Kind:
         if is_due or not share:
             self._arrays.take_back()
         self._arrays.put(prepared, index)
-        if is_due and differing(self._arrays.model, one.compiled()):
+        if is_due and different_fields(self._arrays.model, one.compiled()):
             self._slow = True
             return None
         return self._arrays.lend() if share else self._arrays.model

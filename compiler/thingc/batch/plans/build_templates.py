@@ -12,21 +12,21 @@ from functools import partial
 from json.encoder import encode_basestring
 from typing import TYPE_CHECKING, Any, cast
 
-from thingc.base.csv_text import cell
+from thingc.base.csv_text import format_cell
 from thingc.base.diagnostics import Diagnostic
 from thingc.base.frozen import dataclass
 from thingc.base.memo import Memo
 from thingc.base.safe_text import json_text
-from thingc.base.zip_files import MODEL, Deflated, entries, inflate, zipped
+from thingc.base.zip_files import MODEL, ZipEntry, entries, inflate, zipped
 from thingc.batch.plans import numeric_plan
-from thingc.batch.plans.numeric_plan import Form, Forms, NumericPlan, Varying
+from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches, TracedResults
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.tape import TOKENS, Tape, Traced, flat
-from thingc.batch.plans.trace_compilation import NotTraceable, Rehearsal, rehearse
+from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, trace_compilation
 from thingc.driver import pipeline
 from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
-from thingc.driver.settings import Read, SettingsReader
+from thingc.driver.settings import ParsedSettings, SettingsReader
 from thingc.geometry.record import Placed, StoredFile
 from thingc.model.resolve.sources import Settings
 from thingc.targets import json_writer
@@ -83,7 +83,7 @@ class Builds:
         self._measured = measured
         self._verify = verify
         self._emit = emit
-        self._forms: Forms[_Template] = Forms(patience or PATIENCE)
+        self._forms: PlanCaches[_Template] = PlanCaches(patience or PATIENCE)
 
     def planned(self, settings: Settings) -> Build | None:
         """The build of settings by a plan; None where there is no plan that they are of: then nothing is known of them."""
@@ -131,16 +131,16 @@ class Builds:
             parts=len(compilation.decisions), files=lambda: files,
         ), problems
 
-    def _plan(self, read: Read, form: Form[_Template]) -> NumericPlan[_Template] | None:
+    def _plan(self, read: ParsedSettings, form: PlanCache[_Template]) -> NumericPlan[_Template] | None:
         """A plan that gives what passes do; None, and the reason in `form`, where there is none."""
         first, _ = self._passed(self._reader.settings(read))
         if first is None:
             return None
 
-        def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> Rehearsal:
-            return rehearse(self._session, self._modes, numbers, texts, partial(self._written, read), exact)
+        def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> TraceResult:
+            return trace_compilation(self._session, self._modes, numbers, texts, partial(self._written, read), exact)
 
-        def finish(rehearsal: Rehearsal, exchange: Exchange | None) -> tuple[Sequence[Any], _Template]:
+        def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], _Template]:
             template = _Template(rehearsal, first)
             return template.outputs, template
 
@@ -157,8 +157,8 @@ class Builds:
                 return None
         return plan
 
-    def _written(self, read: Read, compilation: Compilation, tape: Tape) -> _WrittenBuild:
-        """For `rehearse`: the files as they are written, with tokens for numbers, and for the texts of settings."""
+    def _written(self, read: ParsedSettings, compilation: Compilation, tape: Tape) -> _WrittenBuild:
+        """For `trace_compilation`: the files as they are written, with tokens for numbers, and for the texts of settings."""
         results = self._measured(compilation) or {}
         environment = copy.copy(self._session.environment)
         environment.memo = Memo()
@@ -209,10 +209,10 @@ class _Kernel:
 class _Template:
     """A build with gaps for numbers. `outputs` are those that go into it; `like` is one build of this kind."""
 
-    def __init__(self, rehearsal: Rehearsal, like: Build) -> None:
+    def __init__(self, rehearsal: TraceResult, like: Build) -> None:
         tape, made = rehearsal.tape, rehearsal.made
         self._like = like
-        self._shape = Varying(made.results)
+        self._shape = TracedResults(made.results)
         self._names: tuple[str, ...] = made.names
         zips = {path: entries(content) for path, content in made.files.items() if isinstance(content, bytes) and path.endswith(".mjz")}
         models = {path: inflate(inner.pop(MODEL)).decode() for path, inner in zips.items()}
@@ -223,7 +223,7 @@ class _Template:
         places = {word: k for k, word in enumerate(words)}
         self._files: dict[str, Content] = dict(made.files)
         self._texts: dict[str, _Text] = {}
-        self._zips: dict[str, dict[str, Deflated]] = zips
+        self._zips: dict[str, dict[str, ZipEntry]] = zips
         digests = []
         for path, content in own.items():
             if path != MANIFEST and (text := _Text(content, TOKENS, places)).gaps:
@@ -283,7 +283,7 @@ def _same(planned: Build, whole: Build | None) -> bool:
 
 def _writer(form: str) -> Callable[[float], str]:
     """What writes a number, of the form of its token."""
-    writers: dict[str, Callable[[float], str]] = {"xml": number_text, "json": json_writer.number, "csv": cell}
+    writers: dict[str, Callable[[float], str]] = {"xml": number_text, "json": json_writer.number, "csv": format_cell}
     return writers[form] if form in writers else lambda number: format(number, form.removeprefix(":"))
 
 

@@ -15,19 +15,19 @@ from thingc.base.units import Quantity
 from thingc.batch.plans.part_exchange import Exchange, Exchanged
 from thingc.batch.plans.program import Run, compiled
 from thingc.batch.plans.tape import Traced
-from thingc.batch.plans.trace_compilation import NotTraceable, Rehearsal, pinned
+from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, pinned
 from thingc.documents.expressions.value_text import text_of
-from thingc.driver.settings import Read, SettingsReader
+from thingc.driver.settings import ParsedSettings, SettingsReader
 
 Made = TypeVar("Made")
 
-Attempt = Callable[[Mapping[str, Quantity], Mapping[str, str]], "tuple[Rehearsal | None, NotTraceable | None]"]
+Attempt = Callable[[Mapping[str, Quantity], Mapping[str, str]], "tuple[TraceResult | None, NotTraceable | None]"]
 
 
 class Rehearse(Protocol):
     """How a compilation is rehearsed."""
 
-    def __call__(self, numbers: Mapping[str, Quantity], texts: Mapping[str, str], *, exact: Collection[str]) -> Rehearsal:
+    def __call__(self, numbers: Mapping[str, Quantity], texts: Mapping[str, str], *, exact: Collection[str]) -> TraceResult:
         """With numbers traced and texts as they are; by numbers that are `exact` parts may be modelled. Raises `NotTraceable`."""
 
 
@@ -85,7 +85,7 @@ class NumericPlan(Generic[Made]):
         return verify > 0 and (use % verify == 1 % verify or (self.exchange is not None and use in EXCHANGED))
 
 
-class Form(Generic[Made]):
+class PlanCache(Generic[Made]):
     """The plans of settings of the same names and the same texts. `why` says in words of each name that is not followed why that is so,
     `modelled` of each name that is followed which part is modelled by it; `refused` why there is no plan at all. A plan is made for the
     settings that are the `patience`-th (a power of two) of which none is."""
@@ -99,7 +99,7 @@ class Form(Generic[Made]):
         self.missed = self.met = 0
         self._seen: dict[tuple[float, ...], int] = {}
 
-    def plan_for(self, read: Read) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
+    def plan_for(self, read: ParsedSettings) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
         """The plan that is of these settings, and what it works with."""
         for number, plan in enumerate(self.plans):
             outputs = plan.outputs(read.values)
@@ -110,7 +110,7 @@ class Form(Generic[Made]):
                 return plan, outputs
         return None
 
-    def worth_it(self, read: Read) -> bool:
+    def worth_it(self, read: ParsedSettings) -> bool:
         """Whether a plan should be made for settings that none is of, which takes as long as some compilations: not for those that come
         once, and a number that is modelled is often never the same again."""
         if self.refused is not None:
@@ -124,7 +124,9 @@ class Form(Generic[Made]):
         self._seen[held] = seen = self._seen.get(held, 0) + 1
         return len(self.why) < len(read.names) and seen >= self.patience and seen & (seen - 1) == 0
 
-    def planned(self, read: Read, make: Callable[[], NumericPlan[Made] | None]) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
+    def planned(
+        self, read: ParsedSettings, make: Callable[[], NumericPlan[Made] | None],
+    ) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
         """`plan_for`; where there is none a plan is made, if that is `worth_it`."""
         known = self.plan_for(read)
         if known is not None or not self.worth_it(read):
@@ -146,24 +148,24 @@ class Form(Generic[Made]):
         self.plans, self.refused = [], why
 
 
-class Forms(Generic[Made]):
-    """What is known of settings, by their names and texts; `patience` as a `Form` has it."""
+class PlanCaches(Generic[Made]):
+    """What is known of settings, by their names and texts; `patience` as a `PlanCache` has it."""
 
     def __init__(self, patience: int = 2) -> None:
         self._patience = patience
-        self.kept: dict[Hashable, Form[Made]] = {}
+        self.kept: dict[Hashable, PlanCache[Made]] = {}
 
-    def of(self, read: Read) -> Form[Made]:
+    def of(self, read: ParsedSettings) -> PlanCache[Made]:
         """What is known of settings of these names and texts."""
         key = (read.names, read.texts)
         if key not in self.kept:
             if len(self.kept) >= FORMS or sum(len(form.plans) for form in self.kept.values()) >= FORMS:
                 self.kept.clear()
-            self.kept[key] = Form(self._patience)
+            self.kept[key] = PlanCache(self._patience)
         return self.kept[key]
 
 
-class Varying:
+class TracedResults:
     """Values by name, of which some are numbers that differ: `outputs`, traced."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
@@ -177,9 +179,9 @@ class Varying:
 
 
 def make(
-    read: Read, reader: SettingsReader, rehearse: Rehearse,
-    finish: Callable[[Rehearsal, Exchange | None], tuple[Sequence[Any], Made]], form: Form[Made],
-    exchanged: Callable[[Rehearsal], Exchange] | None = None,
+    read: ParsedSettings, reader: SettingsReader, rehearse: Rehearse,
+    finish: Callable[[TraceResult, Exchange | None], tuple[Sequence[Any], Made]], form: PlanCache[Made],
+    exchanged: Callable[[TraceResult], Exchange] | None = None,
 ) -> NumericPlan[Made] | None:
     """A plan for these settings; None, and the reason in `form`, where there is none. `finish` makes of a rehearsal what a plan needs, and
     the numbers that this works with. `exchanged` makes of one by whose numbers parts are modelled what gives the records of others; None:
@@ -206,7 +208,9 @@ def make(
     return None
 
 
-def _rehearsed(read: Read, reader: SettingsReader, rehearse: Rehearse, form: Form[Any], *, exchanging: bool) -> Rehearsal | None:
+def _rehearsed(
+    read: ParsedSettings, reader: SettingsReader, rehearse: Rehearse, form: PlanCache[Any], *, exchanging: bool,
+) -> TraceResult | None:
     """A rehearsal with the numbers that `form` does not give up; None where it knows better now what to do with them."""
     quantities = reader.quantities(read)
     free = {name: quantities[name] for name in read.names if name not in form.why}
@@ -232,7 +236,7 @@ def _rehearsed(read: Read, reader: SettingsReader, rehearse: Rehearse, form: For
     return rehearsal
 
 
-def samples(read: Read, reader: SettingsReader, form: Form[Any]) -> list[Read]:
+def samples(read: ParsedSettings, reader: SettingsReader, form: PlanCache[Any]) -> list[ParsedSettings]:
     """Settings by which a plan is judged: these, first, and some near them, for which no other part is modelled."""
     settings = [read]
     for side in SIDES:
@@ -242,13 +246,13 @@ def samples(read: Read, reader: SettingsReader, form: Form[Any]) -> list[Read]:
             read.values[at] if name in form.why or name in form.modelled else _near(quantities[name], source, side).value
             for at, name in enumerate(read.names)
         ]
-        settings.append(Read(names=read.names, values=tuple(values), texts=read.texts))
+        settings.append(ParsedSettings(names=read.names, values=tuple(values), texts=read.texts))
     return list(dict.fromkeys(settings))
 
 
 def _attempt(
-    rehearse: Callable[[Mapping[str, Quantity], Mapping[str, str]], Rehearsal], numbers: Mapping[str, Quantity], texts: Mapping[str, str],
-) -> tuple[Rehearsal | None, NotTraceable | None]:
+    rehearse: Callable[[Mapping[str, Quantity], Mapping[str, str]], TraceResult], numbers: Mapping[str, Quantity], texts: Mapping[str, str],
+) -> tuple[TraceResult | None, NotTraceable | None]:
     try:
         return rehearse(numbers, texts), None
     except NotTraceable as fault:

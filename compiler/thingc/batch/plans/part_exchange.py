@@ -13,11 +13,11 @@ from thingc.base.frozen import dataclass
 from thingc.batch.plans.program import compiled
 from thingc.batch.plans.tape import Tape, Traced, value_of
 from thingc.geometry.print_slices import Slicing
-from thingc.geometry.record import Expectation, Mesh, MountRecord, PartDefinition, PartRecord, PartSchema
-from thingc.targets.artifact import Stored
+from thingc.geometry.record import Mesh, MountExpectation, MountRecord, PartDefinition, PartRecord, PartSchema
+from thingc.targets.artifact import StoredArtifact
 
 if TYPE_CHECKING:
-    from thingc.geometry.part_source import PartAnswers
+    from thingc.geometry.part_source import PartSource
 
 KEPT = 512
 """How many records of a plan are kept at hand."""
@@ -37,15 +37,15 @@ class Exchanged:
 
     numbers: tuple[float, ...]
     names: tuple[str, ...]
-    assets: Mapping[str, Stored]
+    assets: Mapping[str, StoredArtifact]
 
 
 class TracedParts:
     """Who answers for parts in a rehearsal. Of definitions with traced numbers the record is that of the values which these have, its own
     numbers are new variables, and its meshes are known by tokens. `allowed` says of which traced numbers parts may be modelled; raises
-    `Modelled` for others. `before` is the tape as it was then; None where there is no such definition."""
+    `PartDependsOnNumber` for others. `before` is the tape as it was then; None where there is no such definition."""
 
-    def __init__(self, parts: PartAnswers, allowed: Callable[[Traced], bool]) -> None:
+    def __init__(self, parts: PartSource, allowed: Callable[[Traced], bool]) -> None:
         self._parts = parts
         self._allowed = allowed
         self.definitions: tuple[PartDefinition, ...] = ()
@@ -65,7 +65,7 @@ class TracedParts:
         for one in traced:
             for number in _numbers_of(one):
                 if not self._allowed(number):
-                    raise Modelled(one.label, number)
+                    raise PartDependsOnNumber(one.label, number)
         records = self._parts.realize([_plain(one) for one in definitions], convex=convex, **named)
         if not traced:
             return records
@@ -80,7 +80,7 @@ class TracedParts:
         for one in traced:
             record = records[one.text]
             if not isinstance(record, PartRecord):
-                raise Modelled(one.label, _numbers_of(one)[0])
+                raise PartDependsOnNumber(one.label, _numbers_of(one)[0])
             if one.text not in self._records:
                 self._records[one.text] = record
                 answers[one.text] = self._walk.through(record)
@@ -102,19 +102,19 @@ class TracedParts:
             for slicing in slicings.get(one.text, ()):
                 for value in (*slicing.up, *(getattr(slicing, name.name) for name in fields(slicing))):
                     if isinstance(value, Traced):
-                        raise Modelled(one.label, value)
+                        raise PartDependsOnNumber(one.label, value)
         answers = self._parts.slice([_plain(one) for one in definitions], {**records, **self._records}, slicings)
         self.slicings = {text: slicings[text] for text in self._records if text in slicings}
         made = {}
         for one in (one for one in definitions if one.text in self._records and one.text not in made):
             record = answers[one.text]
             if not isinstance(record, PartRecord):
-                raise Modelled(one.label, _numbers_of(one)[0])
+                raise PartDependsOnNumber(one.label, _numbers_of(one)[0])
             made[one.text] = replace(records[one.text], slices=self._walk.slices(record))
         return {**answers, **made}
 
 
-class Modelled(Exception):
+class PartDependsOnNumber(Exception):
     """A part is modelled by a traced number."""
 
     def __init__(self, label: str, number: Traced) -> None:
@@ -127,7 +127,7 @@ class Exchange:
     """The records of a plan. `rehearsed` are the parts of its rehearsal, `parts` answers for others, and `assets` are the meshes that the
     model of the rehearsal names. `names` are those whose place others take."""
 
-    def __init__(self, rehearsed: TracedParts, parts: PartAnswers, assets: Mapping[str, Stored]) -> None:
+    def __init__(self, rehearsed: TracedParts, parts: PartSource, assets: Mapping[str, StoredArtifact]) -> None:
         assert rehearsed.before is not None
         self._parts = parts
         self._run = compiled(rehearsed.before, rehearsed.parameters)
@@ -199,7 +199,7 @@ class Exchange:
         stems = [one.stem for one in traced.values()]
         names = tuple(stems[record] + suffix for record, _, suffix in self._named)
         meshes = [walk.meshes[record, mesh] for record, mesh, _ in self._named]
-        own = {f"{name}.obj": Stored(sha256=mesh.sha256, size=mesh.size) for name, mesh in zip(names, meshes, strict=True)}
+        own = {f"{name}.obj": StoredArtifact(sha256=mesh.sha256, size=mesh.size) for name, mesh in zip(names, meshes, strict=True)}
         if len({file.casefold() for file in (*own, *self._others)}) < len(names) + len(self._others):
             return None  # two meshes of one name, which is an error
         return Exchanged(numbers=tuple(walk.numbers), names=names, assets={**self._others, **own})
@@ -260,7 +260,7 @@ class _Walk:
             return replace(value, sha256=f"{TOKEN}{place[0]}:{place[1]}")
         if isinstance(value, MountRecord):  # what it is meant for is said to people only
             return replace(value, pose=self._of(value.pose), tolerance=self._of(value.tolerance))
-        if isinstance(value, Expectation):
+        if isinstance(value, MountExpectation):
             what: Hashable = self._texts.index(value.text) if value.text in self._texts else value.text
             self.rest.append((value.mount, what, value.child_mount))
             return value

@@ -8,7 +8,7 @@ from typing import Any
 
 from thingc.base.inertia import principal_axes
 from thingc.base.pose import quarter_exact
-from thingc.base.summing import root_of_squares
+from thingc.base.summing import hypot_of
 from thingc.batch.plans.tape import Const, Ref, Tape, Traced
 
 Run = Callable[..., "tuple[float, ...] | None"]
@@ -22,7 +22,7 @@ def compiled(tape: Tape, outputs: Sequence[Any]) -> Run:
     their order, so that what it gives is what they would give, to the last bit; it gives None where a pass would have decided otherwise,
     or could not have gone on."""
     names: dict[str, Any] = {"math": math, "inf": math.inf, "nan": math.nan}
-    names |= {"fsum": math.fsum, "root_of_squares": root_of_squares, "quarter_exact": quarter_exact, "principal_axes": _axes}
+    names |= {"fsum": math.fsum, "root_of_squares": hypot_of, "quarter_exact": quarter_exact, "principal_axes": _axes}
     guards = list(dict.fromkeys((operation, arguments, outcome, at) for at, operation, arguments, outcome in tape.guards))
     seen: set[Any] = set()
     needed = _needed(tape, [*(Ref(one.line) for one in outputs if isinstance(one, Traced)), *(a for _, args, _, _ in guards for a in args)])

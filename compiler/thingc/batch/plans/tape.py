@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from thingc.base import inertia, pose, summing
-from thingc.base.gaps import Gap
+from thingc.base.gaps import Recorded
 
 Number = Any
 """A float, an int or a `Traced`."""
@@ -130,7 +130,7 @@ def value_of(number: Number) -> Any:
     return number.value if isinstance(number, Traced) else number
 
 
-class Traced(Gap):
+class Traced(Recorded):
     """A number on a tape. It is hashed and, first of all, compared as the object that it is: what is kept by it is kept by nobody else."""
 
     __slots__ = ("line", "tape", "value")

@@ -14,7 +14,7 @@ from thingc.base.frozen import dataclass
 from thingc.base.memo import Memo
 from thingc.base.source import Document
 from thingc.base.units import Quantity
-from thingc.batch.plans.part_exchange import Modelled, TracedParts
+from thingc.batch.plans.part_exchange import PartDependsOnNumber, TracedParts
 from thingc.batch.plans.program import variables_of
 from thingc.batch.plans.tape import TOKENS, Tape, Traced, tracing
 from thingc.documents.expressions.value_text import text_of
@@ -27,7 +27,7 @@ from thingc.geometry.store.local import BlobMissing
 from thingc.model.resolve import assembly
 from thingc.model.resolve.set_values import substituted
 from thingc.model.resolve.sources import Settings, Sources
-from thingc.targets.artifact import Stored
+from thingc.targets.artifact import StoredArtifact
 from thingc.targets.mjcf.emit import sources as model_sources
 
 
@@ -44,7 +44,7 @@ class NotTraceable(Exception):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rehearsal:
+class TraceResult:
     """What came of it: `made` of the compilation, whose numbers may be traced, the tape, and the names of the variables in their order
     (behind them those of records); `parts` where some are modelled by traced numbers."""
 
@@ -54,10 +54,10 @@ class Rehearsal:
     parts: TracedParts | None = None
 
 
-def rehearse(
+def trace_compilation(
     session: Session, modes: Sequence[str], numbers: Mapping[str, Quantity], texts: Mapping[str, str],
     make: Callable[[Compilation, Tape], Any], exact: Collection[str] = (),
-) -> Rehearsal:
+) -> TraceResult:
     """Compile modes (none named: all) with `numbers` traced, and `texts` as they are, both by parameter or path, and `make` something of
     that. By numbers that are `exact` parts may be modelled. Raises `NotTraceable`."""
     tape = Tape()
@@ -74,13 +74,13 @@ def rehearse(
             if compilation.report.failed or not compilation.robots:
                 raise NotTraceable("it is not sound there")
             made = make(compilation, tape)
-        except Modelled as fault:
+        except PartDependsOnNumber as fault:
             raise NotTraceable(f"`{fault.label}` is modelled by it", _names(tape, list(numbers), fault.number), modelled=True) from None
         except BlobMissing:
             raise NotTraceable("a pass looks at the mesh of a part that is modelled by it") from None
         except (TypeError, ValueError, ArithmeticError, AttributeError) as fault:
             raise NotTraceable(f"a pass takes no number that differs ({type(fault).__name__}: {fault})") from fault
-    return Rehearsal(made=made, tape=tape, names=tuple(numbers), parts=parts if parts.before is not None else None)
+    return TraceResult(made=made, tape=tape, names=tuple(numbers), parts=parts if parts.before is not None else None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,11 +88,11 @@ class WrittenModel:
     """The text of a model, with tokens of the tape in it, and its meshes by file."""
 
     text: str
-    assets: Mapping[str, Stored]
+    assets: Mapping[str, StoredArtifact]
 
 
 def written(session: Session, mode: str, *, floor: bool) -> Callable[[Compilation, Tape], WrittenModel]:
-    """For `rehearse`: the model as it is written."""
+    """For `trace_compilation`: the model as it is written."""
 
     def make(compilation: Compilation, tape: Tape) -> WrittenModel:
         request = replace(pipeline.request_of(session.environment, compilation, verify=False), memo=Memo())
@@ -108,7 +108,7 @@ def written(session: Session, mode: str, *, floor: bool) -> Callable[[Compilatio
     return make
 
 
-def pinned(rehearsal: Rehearsal) -> list[str]:
+def pinned(rehearsal: TraceResult) -> list[str]:
     """The settings of which a pass wanted to know the very value."""
     names: dict[str, None] = {}
     for number in rehearsal.tape.pinned:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import ConfigDict, Field, model_validator
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH
 from thingc.documents.checks.kind import CheckKind
 from thingc.documents.spec.base import Model
@@ -58,7 +58,7 @@ class CentreTest(Model):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CentreCheck(Brief):
+class CentreCheck(OneLineRepr):
     """The centre of mass of components (none named: of the robot) in a box: `box["x"]` is (smallest, largest) [m]."""
 
     of: tuple[Reference, ...]

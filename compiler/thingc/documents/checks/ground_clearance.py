@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH
 from thingc.documents.checks.kind import CheckKind
 from thingc.documents.spec.base import Model
@@ -37,7 +37,7 @@ class GroundClearanceTest(Model):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GroundClearance(Brief):
+class GroundClearance(OneLineRepr):
     """No part but those of the components `spared` is lower than `least` [m] over z = `plane` [m] of the mode's world."""
 
     plane: float

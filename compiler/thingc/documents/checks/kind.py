@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar
 from pydantic import ConfigDict
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import fault
 
@@ -23,7 +23,7 @@ def require_bounds(low: object, high: object, kind: str, example: str) -> None:
 
 
 Written = TypeVar("Written", bound=Model)
-Stated = TypeVar("Stated", bound=Brief)
+Stated = TypeVar("Stated", bound=OneLineRepr)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

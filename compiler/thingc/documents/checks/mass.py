@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from pydantic import model_validator
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import MASS
 from thingc.documents.checks.kind import BOUNDED, CheckKind, require_bounds
 from thingc.documents.spec.base import Model
@@ -38,7 +38,7 @@ class MassTest(Model):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MassCheck(Brief):
+class MassCheck(OneLineRepr):
     """The mass [kg] of components (none named: of the robot) within bounds."""
 
     of: tuple[Reference, ...]

@@ -8,7 +8,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from thingc.base.diagnostics import Code
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Origin
 from thingc.base.units import ANGLE, LENGTH, NUMBER
 from thingc.documents.checks.kind import CheckKind
@@ -75,7 +75,7 @@ class NoCollisionTest(Model):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AllowedContact(Brief):
+class AllowedContact(OneLineRepr):
     """A pair that may touch: every component of `one` and every component of `other`. `text` names it for people."""
 
     one: tuple[Reference, ...]
@@ -86,7 +86,7 @@ class AllowedContact(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CollisionCheck(Brief):
+class CollisionCheck(OneLineRepr):
     """No components overlap, and none on links without a common joint are nearer than `clearance` [m]; with `ranges` at `samples` positions
     of them."""
 

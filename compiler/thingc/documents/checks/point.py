@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from thingc.base.diagnostics import Code
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Vector
 from thingc.base.summing import hypot
 from thingc.base.units import ANGLE, LENGTH, NUMBER
@@ -57,7 +57,7 @@ class PointTest(Model):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PointCheck(Brief):
+class PointCheck(OneLineRepr):
     """`mount` comes `within` [m] of `point` [m]; with a `direction` (a unit vector) its z is off it by at most `angle` [rad]."""
 
     mount: Reference

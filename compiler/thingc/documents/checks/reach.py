@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from pydantic import Field, model_validator
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH
 from thingc.documents.checks.kind import BOUNDED, CheckKind, require_bounds
 from thingc.documents.spec.base import Model
@@ -39,7 +39,7 @@ class ReachTest(Model):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReachCheck(Brief):
+class ReachCheck(OneLineRepr):
     """The greatest distance [m] of the mounts `of` and `base` over the ranges of all joints within bounds."""
 
     of: Reference

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH, TIME
 from thingc.documents.checks.kind import CheckKind
 from thingc.documents.spec.base import Model
@@ -46,7 +46,7 @@ class SettlesTest(Model):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SettleCheck(Brief):
+class SettleCheck(OneLineRepr):
     """In simulation every point of every link is, from `within` [s] on for `hold` [s], nearer than `drift` [m] to where it ends;
     at most `moved` [m] from the pose (None: any), with contacts at most `penetration` [m] deep."""
 

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from thingc.base.diagnostics import Code, noted
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import NUMBER
 from thingc.documents.checks.kind import CheckKind
 from thingc.documents.spec.base import Model
@@ -17,7 +17,7 @@ from thingc.documents.spec.fields import NumberField
 from thingc.documents.spec.name_types import JointNames, ModeNames, PoseNames
 
 if TYPE_CHECKING:
-    from thingc.model.assembly.report import Findings
+    from thingc.model.assembly.report import LinkReport
     from thingc.model.assembly.types import JointEdge
     from thingc.model.resolve.tests import Reader
     from thingc.model.resolve.types import Mode, Test
@@ -37,7 +37,7 @@ class TorqueMarginTest(Model):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TorqueCheck(Brief):
+class TorqueCheck(OneLineRepr):
     """The effort limits of the drives of `joints` (paths) are at least `minimum` times the static effort."""
 
     joints: tuple[str, ...]
@@ -78,7 +78,7 @@ def _left_out(joints: Sequence[str], mode: Mode) -> list[str]:
     return [joint for joint in joints if present is not None and joint not in present]
 
 
-def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findings: Findings) -> None:
+def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findings: LinkReport) -> None:
     """A margin is one of a limit: a drive without one has none."""
 
     for path in check.joints:

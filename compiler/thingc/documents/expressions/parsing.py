@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection
 from dataclasses import replace
 
-from thingc.base.suggestions import Hint, did_you_mean
+from thingc.base.suggestions import Suggestion, did_you_mean
 from thingc.base.units import MAX_TEXT, NUMBER, UNITS, Quantity, UnitError, converted, scan_number, scan_unit, shortened
 from thingc.documents.expressions.terms import (
     COMPARISONS,
@@ -230,7 +230,7 @@ _MARKED = re.compile(r"(?:\$\{|\{\{|\$\(|#\{|<%=?)\s*(.*?)\s*(?:\}\}?|\)|%>)|\$(
 """How other languages mark an expression in a text: xacro, shells, templates."""
 
 
-def expression_hint(text: str, names: Collection[str] | None = None) -> Hint | None:
+def expression_hint(text: str, names: Collection[str] | None = None) -> Suggestion | None:
     """A hint where somebody wrote an expression without its `=`, or marked it as other languages do; None where it is none, or uses
     other names than `names`."""
     text = text.strip()
@@ -242,4 +242,4 @@ def expression_hint(text: str, names: Collection[str] | None = None) -> Hint | N
         return None
     if names is not None and any(use.name not in names for use in expression.names):
         return None
-    return Hint(f"an expression begins with `=`: `={shortened(inside)}`", (text, f"={inside}") if "\n" not in text else None)
+    return Suggestion(f"an expression begins with `=`: `={shortened(inside)}`", (text, f"={inside}") if "\n" not in text else None)

@@ -43,14 +43,14 @@ class TextEdit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Looked:
+class CheckResult:
     """What a check found, and the documents that it read (empty where it could read none)."""
 
     found: Sequence[Diagnostic]
     documents: Sequence[Document]
 
 
-Look = Callable[[Mapping[str, bytes]], Looked]
+Look = Callable[[Mapping[str, bytes]], CheckResult]
 """Checks with other contents of files (by absolute path) than those on disk."""
 
 
@@ -88,13 +88,13 @@ def autofix(
 
 
 def _autofix(
-    look: Look, now: Looked, contents: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None],
+    look: Look, now: CheckResult, contents: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None],
     *, strict: bool,
 ) -> tuple[list[TextEdit], dict[str, bytes], Sequence[Diagnostic]]:
     done: list[TextEdit] = []
     texts = dict(contents)
     for _ in range(PASSES):
-        chosen = sure_edits(now, texts, allowed, read)
+        chosen = safe_edits(now, texts, allowed, read)
         while chosen:
             fresh = {**texts, **_applied(chosen, texts, read)}
             then = look(fresh)
@@ -109,8 +109,8 @@ def _autofix(
     return done, texts, now.found
 
 
-def sure_edits(
-    now: Looked, texts: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
+def safe_edits(
+    now: CheckResult, texts: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
 ) -> list[TextEdit]:
     """The fixes of which nothing else can have been meant, those that do not overlap. `texts`, `allowed`, `read`: as for `autofix`."""
     words, given = _words(now.documents)

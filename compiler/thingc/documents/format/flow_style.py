@@ -6,8 +6,8 @@ from typing import Any
 
 from thingc.documents.format.key_order import ordered, shape_below, shape_for
 from thingc.documents.format.quantities import spaced, takes_vectors
-from thingc.documents.format.segments import Item, Piece, shifted
-from thingc.documents.spec.annotation_types import AnnotationShape
+from thingc.documents.format.segments import Item, Segment, shifted
+from thingc.documents.spec.annotation_types import FieldType
 
 
 class Inline:
@@ -17,7 +17,7 @@ class Inline:
         self.text = text
         self.separator = separator
 
-    def value(self, piece: Piece, shape: AnnotationShape | None, by: int) -> str:
+    def value(self, piece: Segment, shape: FieldType | None, by: int) -> str:
         """The value as it should be written, its further lines moved by `by` columns."""
         written = self.text[piece.start : piece.end]
         if piece.kind == "scalar":
@@ -40,7 +40,7 @@ class Inline:
             body = tidied[0] + "".join(text + after for text, after in zip(texts, tidied[1:], strict=True))
         return f"{head}{' ' if head else ''}{opening}{body}{closing}"
 
-    def entry(self, item: Item, shape: AnnotationShape | None, by: int) -> str:
+    def entry(self, item: Item, shape: FieldType | None, by: int) -> str:
         """`key: value`, or an item of a list."""
         if item.key is None:
             vector = shape is not None and takes_vectors(shape)
@@ -48,7 +48,7 @@ class Inline:
         key = self.text[item.key[0] : item.key[1]]
         return key + self.separator + self.value(item.value, shape_below(shape, item.name), by)
 
-    def scalar(self, piece: Piece, written: str, shape: AnnotationShape | None, by: int) -> str:
+    def scalar(self, piece: Segment, written: str, shape: FieldType | None, by: int) -> str:
         """A scalar as it is written, with a space before its unit."""
         if "\n" in written:
             return shifted(written, by)
@@ -62,7 +62,7 @@ class Inline:
         shape = shape_for(shape, inner)
         return self.text[piece.start : piece.body] + quote + spaced(inner, shape) + quote
 
-    def gaps(self, piece: Piece) -> list[str]:
+    def gaps(self, piece: Segment) -> list[str]:
         """What stands before, between and behind the entries."""
         at = piece.body + 1
         gaps: list[str] = []
@@ -81,14 +81,14 @@ class Inline:
         return shifted("\n".join([first, *lines, others[-1]]), by)
 
 
-def outline(piece: Piece) -> Any:
+def outline(piece: Segment) -> Any:
     """What `shape_for` needs to know of a value: its type and its keys."""
     if piece.kind == "map":
         return {item.name: None for item in piece.items}
     return [] if piece.kind == "list" else ""
 
 
-def order_of(items: list[Item], shape: AnnotationShape | None) -> list[int]:
+def order_of(items: list[Item], shape: FieldType | None) -> list[int]:
     """The canonical order of the entries of a mapping; theirs, where another would part an alias from its anchor."""
     order = ordered([item.name for item in items], shape)
     if order == sorted(order):

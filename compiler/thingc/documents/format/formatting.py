@@ -8,9 +8,9 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode
 from thingc.documents.format.key_order import root_shape, shape_below, shape_for
 from thingc.documents.format.quantities import equal_values, takes_vectors
-from thingc.documents.format.segments import Unusual
+from thingc.documents.format.segments import UnsupportedStyle
 from thingc.documents.load.documents import document_kind, read_tree
-from thingc.documents.spec.annotation_types import AnnotationShape
+from thingc.documents.spec.annotation_types import FieldType
 
 MODELINE = "# yaml-language-server: $schema="
 """What begins the comment in which the YAML language server looks for a schema."""
@@ -36,7 +36,7 @@ def format_document(
     plain = re.sub(r"\r\n?", "\n", text)
     try:
         plain = _layout(path, plain, shape)
-    except Unusual:
+    except UnsupportedStyle:
         pass
     if schema is not None and not path.lower().endswith(".toml"):
         plain = with_modeline(plain, schema)
@@ -58,11 +58,11 @@ def is_laid_out(document: Document) -> bool:
     text = re.sub(r"\r\n?", "\n", document.text)
     try:
         return _layout(document.path, text, root_shape(document.kind)) == text
-    except Unusual:
+    except UnsupportedStyle:
         return True
 
 
-def _layout(path: str, text: str, shape: AnnotationShape | None) -> str:
+def _layout(path: str, text: str, shape: FieldType | None) -> str:
     if path.lower().endswith(".toml"):
         from thingc.documents.format.toml_layout import toml_layout
 
@@ -90,7 +90,7 @@ def schema_path(relative: str) -> str:
     return f"{up}.thingc/schema/{relative}.json"
 
 
-def same(before: Node, after: Node, shape: AnnotationShape | None) -> bool:
+def same(before: Node, after: Node, shape: FieldType | None) -> bool:
     """Whether two trees mean the same: equal values and keys, and the keys that a person chooses in the same order.
 
     A quantity may have another space before its unit.

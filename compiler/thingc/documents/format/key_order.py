@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from thingc.documents.spec.annotation_types import AnnotationShape, branch_of, model_keys, shape_of
+from thingc.documents.spec.annotation_types import FieldType, branch_of, model_keys, shape_of
 from thingc.documents.spec.assembly import AssemblySpec, AtSpec, ComponentSpec, JointSpec
 from thingc.documents.spec.modes import HoldSpec, ModeSpec, WorldAtSpec
 from thingc.documents.spec.validation import model_of
@@ -35,7 +35,7 @@ FREE = ("$schema", "thingc")
 
 
 @functools.cache
-def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, AnnotationShape]]:
+def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, FieldType]]:
     """The rank and the shape of every key of a model."""
     keys = model_keys(model)
     first = [key for key in FIRST.get(model, ()) if key in keys]
@@ -45,20 +45,20 @@ def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, AnnotationS
     return {name: rank for rank, name in enumerate(names)}, {key: shape for key, (shape, _) in keys.items()}
 
 
-def root_shape(kind: str | None) -> AnnotationShape | None:
+def root_shape(kind: str | None) -> FieldType | None:
     """The shape of a document of a kind; None where no model is known."""
     model = model_of(kind or "")
     return None if model is None else shape_of(model)
 
 
-def shape_for(shape: AnnotationShape | None, value: Any) -> AnnotationShape | None:
+def shape_for(shape: FieldType | None, value: Any) -> FieldType | None:
     """The shape of what is written: of a union the branch that was meant. `value` needs the right type and keys only."""
     if shape is None or shape.kind != "union":
         return shape
     return branch_of(shape, value)
 
 
-def shape_below(shape: AnnotationShape | None, key: str | None) -> AnnotationShape | None:
+def shape_below(shape: FieldType | None, key: str | None) -> FieldType | None:
     """The shape of an entry (or, without a key, of an item) of a value of this shape, if it is known."""
     if shape is None:
         return None
@@ -70,11 +70,11 @@ def shape_below(shape: AnnotationShape | None, key: str | None) -> AnnotationSha
 
 
 @functools.lru_cache(maxsize=256)
-def _member(annotation: Any) -> AnnotationShape:
+def _member(annotation: Any) -> FieldType:
     return shape_of(annotation)
 
 
-def ordered(names: Sequence[str], shape: AnnotationShape | None) -> list[int]:
+def ordered(names: Sequence[str], shape: FieldType | None) -> list[int]:
     """The canonical order of the keys of a mapping, as indices into `names`.
 
     A key that the model does not know stays behind the key that it stands behind.

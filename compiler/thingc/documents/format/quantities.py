@@ -7,13 +7,13 @@ import re
 from pydantic_core import PydanticCustomError
 
 from thingc.base.units import UnitError, parse_quantity
-from thingc.documents.spec.annotation_types import AnnotationShape
+from thingc.documents.spec.annotation_types import FieldType
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _GLUED = re.compile(rf"({_NUMBER}(?: {_NUMBER})*)( *)((?:[^\W\d_]|%).*)", re.ASCII)
 
 
-def spaced(text: str, shape: AnnotationShape | None) -> str:
+def spaced(text: str, shape: FieldType | None) -> str:
     """`120mm` as `120 mm`, `0 0 4mm` as `0 0 4 mm`; any other text, and any text that is no quantity here, as it is."""
     match = _GLUED.fullmatch(text)
     if match is None or match.group(2) == " " or shape is None:
@@ -22,7 +22,7 @@ def spaced(text: str, shape: AnnotationShape | None) -> str:
     return better if equal_values(text, better, shape) else text
 
 
-def equal_values(text: str, other: str, shape: AnnotationShape | None) -> bool:
+def equal_values(text: str, other: str, shape: FieldType | None) -> bool:
     """Whether two texts are one quantity to the field that takes them (no field: None, or an item of a vector)."""
     if shape is not None and shape.kind == "field" and shape.field is not None:
         try:
@@ -38,7 +38,7 @@ def equal_values(text: str, other: str, shape: AnnotationShape | None) -> bool:
         return False
 
 
-def takes_vectors(shape: AnnotationShape) -> bool:
+def takes_vectors(shape: FieldType) -> bool:
     """Whether a field takes three values, so that the items of a list there are quantities."""
     if shape.kind != "field" or shape.field is None:
         return False

@@ -12,7 +12,7 @@ COMMENT_GAP = 2
 """Spaces before a comment at the end of a line, at least."""
 
 
-class Unusual(Exception):
+class UnsupportedStyle(Exception):
     """The text has a form that is left alone: the document stays as it is."""
 
 
@@ -43,7 +43,7 @@ class Item:
     colon (or dash) where the value begins below, `comment` behind the value.
     """
 
-    value: Piece
+    value: Segment
     key: tuple[int, int] | None = None
     name: str = ""
     dash: int = 0
@@ -59,7 +59,7 @@ class Item:
 
 
 @dataclass(slots=True, kw_only=True)
-class Piece:
+class Segment:
     """A value: `scalar` (also an alias), `map` or `list`; `flow` where it is written in braces or brackets.
 
     `body` is where it begins behind its anchor. `names` are the anchors in it and, in `aliases`, those that it refers to.
@@ -85,7 +85,7 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Between:
+class Trivia:
     """What stands between two pieces: a comment at the end of the line, and lines of their own: (column, text), None for
     an empty one."""
 
@@ -93,7 +93,7 @@ class Between:
     lines: list[tuple[int, str] | None]
 
 
-def gap(text: str, start: int, end: int, *, compact: bool = False) -> Between:
+def gap(text: str, start: int, end: int, *, compact: bool = False) -> Trivia:
     """Read the gap from `start` to `end`; with `compact` what follows may stand on the same line (`- key: value`).
 
     Raises Unusual where anything but comments and empty lines stands there.
@@ -105,11 +105,11 @@ def gap(text: str, start: int, end: int, *, compact: bool = False) -> Between:
     for number, line in enumerate(lines):
         bare = line.strip(" \t")
         if bare and not bare.startswith("#"):
-            raise Unusual
+            raise UnsupportedStyle
         last = number == len(lines) - 1
         if last and end < len(text):  # the indentation of what follows
             if "\t" in line or (number == 0 and not begins_line and not compact):
-                raise Unusual
+                raise UnsupportedStyle
         elif number == 0 and not begins_line:
             if bare:
                 before = line.index("#")
@@ -120,7 +120,7 @@ def gap(text: str, start: int, end: int, *, compact: bool = False) -> Between:
             own.append(None)
     if end == len(text) and own and own[-1] is None and text.endswith("\n"):
         own.pop()
-    return Between(comment=comment, lines=own)
+    return Trivia(comment=comment, lines=own)
 
 
 def tidy(lines: list[str | None]) -> list[str | None]:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from thingc.documents.format.flow_style import Inline
 from thingc.documents.format.key_order import ordered, shape_below, shape_for
-from thingc.documents.format.segments import EndComment, Item, Piece, Unusual, commented, gap, tidy
-from thingc.documents.spec.annotation_types import AnnotationShape
+from thingc.documents.format.segments import EndComment, Item, Segment, UnsupportedStyle, commented, gap, tidy
+from thingc.documents.spec.annotation_types import FieldType
 
 if TYPE_CHECKING:
     from tree_sitter import Node as Syntax
@@ -24,7 +24,7 @@ class _Statement:
     end: int
     key: tuple[int, int]
     words: tuple[str, ...]
-    value: Piece | None = None
+    value: Segment | None = None
     leading: list[str | None] = field(default_factory=list)
     comment: EndComment | None = None
     pairs: list[_Statement] = field(default_factory=list)
@@ -36,10 +36,10 @@ class _Names:
     and the canonical rank of each key."""
 
     below: dict[str, _Names] = field(default_factory=dict)
-    shape: AnnotationShape | None = None
+    shape: FieldType | None = None
     ranks: dict[str, int] = field(default_factory=dict)
 
-    def add(self, words: tuple[str, ...], value: Piece | None) -> None:
+    def add(self, words: tuple[str, ...], value: Segment | None) -> None:
         table = self
         for word in words:
             table = table.below.setdefault(word, _Names())
@@ -47,7 +47,7 @@ class _Names:
             for item in value.items:
                 table.add((item.name,), item.value)
 
-    def settle(self, shape: AnnotationShape | None) -> None:
+    def settle(self, shape: FieldType | None) -> None:
         """Work out shapes and ranks, when all keys are there."""
         self.shape = shape
         known = list(self.below)
@@ -72,7 +72,7 @@ class _Names:
         return table
 
 
-def toml_layout(text: str, shape: AnnotationShape | None) -> str:
+def toml_layout(text: str, shape: FieldType | None) -> str:
     """The text in canonical layout (lines end with a line feed, as those of `text` do). Raises Unusual."""
     sections, foot = _Cutter(text).sections()
     names = _Names()
@@ -166,7 +166,7 @@ class _Cutter:
 
         root = Parser(Language(tree_sitter_toml.language())).parse(self.data).root_node
         if root.has_error:
-            raise Unusual
+            raise UnsupportedStyle
         sections = [_Statement(start=0, end=0, key=(0, 0), words=())]
         for node in root.named_children:
             if node.type == "pair":
@@ -174,7 +174,7 @@ class _Cutter:
             elif node.type == "table":
                 sections.append(self.header(node))
             elif node.type != "comment":
-                raise Unusual  # arrays of tables: no document has them
+                raise UnsupportedStyle  # arrays of tables: no document has them
         at = 0
         last: _Statement | None = None
         for statement in (s for section in sections for s in (section, *section.pairs) if s.end):
@@ -189,7 +189,7 @@ class _Cutter:
     def comment(self, last: _Statement | None, comment: EndComment | None) -> None:
         if comment is not None:
             if last is None:
-                raise Unusual
+                raise UnsupportedStyle
             last.comment = comment
 
     def header(self, node: Syntax) -> _Statement:
@@ -216,17 +216,17 @@ class _Cutter:
         text = self.data[key.start_byte : key.end_byte].decode()
         return (next(iter(tomllib.loads(f"{text} = 0"))),) if key.type == "quoted_key" else (text,)
 
-    def value(self, node: Syntax) -> Piece:
+    def value(self, node: Syntax) -> Segment:
         start, end = self.index(node.start_byte), self.index(node.end_byte)
         children = [child for child in node.named_children if child.type != "comment"]
         if node.type == "array":
             items = [Item(value=self.value(child)) for child in children]
-            return Piece(kind="list", start=start, end=end, body=start, flow=True, items=items)
+            return Segment(kind="list", start=start, end=end, body=start, flow=True, items=items)
         if node.type == "inline_table":
             pairs = [self.pair(child) for child in children if child.type == "pair"]
             items = [
                 Item(key=pair.key, name=pair.words[0], value=pair.value) for pair in pairs if pair.value is not None
             ]
             odd = any(len(pair.words) > 1 for pair in pairs)
-            return Piece(kind="map", start=start, end=end, body=start, flow=True, items=items, odd=odd)
-        return Piece(kind="scalar", start=start, end=end, body=start)
+            return Segment(kind="map", start=start, end=end, body=start, flow=True, items=items, odd=odd)
+        return Segment(kind="scalar", start=start, end=end, body=start)

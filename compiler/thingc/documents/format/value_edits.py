@@ -19,23 +19,23 @@ Written = str | Mapping[str, "Written"] | Sequence["Written"]
 """A value as a document has it: the text of a scalar (`120 mm`), or what holds such texts."""
 
 
-class Unsettable(Exception):
+class CannotSetValue(Exception):
     """A value that cannot be written at its place without changing something else; the message says why."""
 
 
-def with_values(document: Document, values: Mapping[Keys, Written]) -> Document:
+def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
     """A document in whose text each value (as a document has it: `120 mm`) stands at its keys. What was not there is added behind
     what is there, as a mapping in braces where that needs one. A mapping in a section that has its mappings on several lines, or that was
     not there, is written as they are.
 
-    Raises `Unsettable` where the text would then say something else than what it said with those values.
+    Raises `CannotSetValue` where the text would then say something else than what it said with those values.
     """
     set_one = _in_toml if _is_toml(document.path) else _in_yaml
     for keys, value in values.items():
         after = _read(document, set_one(document, keys, value))
         if after is None or after.tree.plain() != _plain_with(document.tree.plain(), keys, _meant(value)):
             what = "what stands there is used elsewhere, too, or written in a way of its own"
-            raise Unsettable(f"`{'.'.join(keys)}` cannot be set alone: {what}")
+            raise CannotSetValue(f"`{'.'.join(keys)}` cannot be set alone: {what}")
         document = after
     return document
 
@@ -43,11 +43,11 @@ def with_values(document: Document, values: Mapping[Keys, Written]) -> Document:
 def without(document: Document, keys: Keys) -> Document:
     """A document without a key of its text, which is there beside another one, and its value.
 
-    Raises `Unsettable` where the text would then say something else than what it said without them.
+    Raises `CannotSetValue` where the text would then say something else than what it said without them.
     """
     after = _read(document, (_out_of_toml if _is_toml(document.path) else _out_of_yaml)(document, keys))
     if after is None or after.tree.plain() != _plain_without(document.tree.plain(), keys):
-        raise Unsettable(f"`{'.'.join(keys)}` cannot be taken out alone: it is used elsewhere, too, or written in a way of its own")
+        raise CannotSetValue(f"`{'.'.join(keys)}` cannot be taken out alone: it is used elsewhere, too, or written in a way of its own")
     return after
 
 
@@ -100,7 +100,7 @@ def _in_yaml(document: Document, keys: Keys, value: Written) -> str:
     start, end = _place(source, node.span)
     if not rest or not isinstance(node, MappingNode):  # instead of what is there, which may be nothing: `limit:`
         if isinstance(node, (MappingNode, SequenceNode)) and text[start] not in "{[":
-            raise Unsettable(f"`{'.'.join(keys)}` is written over several lines: set the values in it")
+            raise CannotSetValue(f"`{'.'.join(keys)}` is written over several lines: set the values in it")
         space = "" if end > start or text[start - 1 : start].isspace() else " "
         written = _flow(value) if not rest else "{" + _entry(rest, value) + "}"
         return text[:start] + space + written + text[end:]

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from thingc.documents.format.flow_style import Inline, order_of, outline
 from thingc.documents.format.key_order import shape_below, shape_for
-from thingc.documents.format.segments import Item, Piece, commented, shifted, tidy
+from thingc.documents.format.segments import Item, Segment, commented, shifted, tidy
 from thingc.documents.format.yaml_segments import yaml_pieces
-from thingc.documents.spec.annotation_types import AnnotationShape
+from thingc.documents.spec.annotation_types import FieldType
 
 INDENT = 2
 """Columns of one level."""
 
 
-def yaml_layout(text: str, shape: AnnotationShape | None) -> str:
+def yaml_layout(text: str, shape: FieldType | None) -> str:
     """The text in canonical layout (lines end with a line feed, as those of `text` do). Raises Unusual."""
     root, start, head = yaml_pieces(text)
     printer = _Printer(text)
@@ -40,7 +40,7 @@ class _Printer:
         self.text = text
         self.inline = Inline(text, ": ")
 
-    def mapping(self, piece: Piece, shape: AnnotationShape | None, indent: int, *, top: bool = False) -> list[str]:
+    def mapping(self, piece: Segment, shape: FieldType | None, indent: int, *, top: bool = False) -> list[str]:
         # an alias may stand where a person chooses the keys, and there their order counts
         shape = None if piece.body > piece.start else shape
         shape = shape_for(shape, outline(piece))
@@ -77,7 +77,7 @@ class _Printer:
             spaces.append(own[0] if own is not None and aligned else 1)
         return spaces
 
-    def entry(self, item: Item, shape: AnnotationShape | None, indent: int, column: int, spaces: int) -> list[str]:
+    def entry(self, item: Item, shape: FieldType | None, indent: int, column: int, spaces: int) -> list[str]:
         assert item.key is not None
         value = item.value
         below = shape_below(shape, item.name)
@@ -102,7 +102,7 @@ class _Printer:
             head += " " + self.text[value.start : value.body]
         return commented(head, item.key_comment)
 
-    def leaf(self, piece: Piece, shape: AnnotationShape | None, by: int) -> str:
+    def leaf(self, piece: Segment, shape: FieldType | None, by: int) -> str:
         """A value that is no block; the lines of a block text that hold nothing stay empty."""
         written = self.inline.value(piece, shape, by)
         if piece.kind == "scalar" and self.text[piece.body] in "|>":
@@ -120,7 +120,7 @@ class _Printer:
             return "\n".join(lines)
         return written
 
-    def block(self, piece: Piece, shape: AnnotationShape | None, indent: int) -> list[str]:
+    def block(self, piece: Segment, shape: FieldType | None, indent: int) -> list[str]:
         if piece.kind == "map":
             return self.mapping(piece, shape, indent)
         shape = shape_for(shape, outline(piece))
@@ -133,7 +133,7 @@ class _Printer:
             lines.extend(self.list_item(item, shape_below(shape, None), indent, piece.column))
         return [*lines, *_own_lines(tidy(piece.trailing), indent)]
 
-    def list_item(self, item: Item, shape: AnnotationShape | None, indent: int, column: int) -> list[str]:
+    def list_item(self, item: Item, shape: FieldType | None, indent: int, column: int) -> list[str]:
         dash = " " * indent + "-"
         value = item.value
         if value.block:

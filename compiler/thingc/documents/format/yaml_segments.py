@@ -5,14 +5,14 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from thingc.documents.format.segments import Between, Item, Piece, Unusual, body_of, gap
+from thingc.documents.format.segments import Item, Segment, Trivia, UnsupportedStyle, body_of, gap
 
 _COLON = re.compile(r"[ \t]*:(?=\s|$)")
 _FLOW_COLON = re.compile(r"[ \t]*:[ \t]*")
 _BLOCK_ANCHOR = re.compile(r"&\S+")
 
 
-def yaml_pieces(text: str) -> tuple[Piece, int, list[str | None]]:
+def yaml_pieces(text: str) -> tuple[Segment, int, list[str | None]]:
     """The root of a well-formed YAML text, where the document begins (behind `---`), and the comments above its first key.
 
     Raises Unusual for texts with explicit keys (`?`), texts that keep their last line breaks (`|+`), an end mark (`...`), or
@@ -22,18 +22,18 @@ def yaml_pieces(text: str) -> tuple[Piece, int, list[str | None]]:
 
     events: Any = iter(yaml.parse(text, Loader=getattr(yaml, "CLoader", yaml.Loader)))
     start = 0
-    root: Piece | None = None
+    root: Segment | None = None
     for event in events:
         if type(event).__name__ == "DocumentStartEvent":
             if event.version is not None or event.tags:
-                raise Unusual
+                raise UnsupportedStyle
             if event.explicit:
                 start = event.end_mark.index
             root = _Cutter(text, events).piece(next(events))
         elif type(event).__name__ == "DocumentEndEvent" and event.explicit:
-            raise Unusual
+            raise UnsupportedStyle
     if root is None or root.kind != "map":
-        raise Unusual
+        raise UnsupportedStyle
     return root, start, _Commenter(text).run(root, start)
 
 
@@ -44,16 +44,16 @@ class _Cutter:
         self.text = text
         self.events = events
 
-    def piece(self, event: Any) -> Piece:
+    def piece(self, event: Any) -> Segment:
         kind = type(event).__name__
         start, end = event.start_mark.index, event.end_mark.index
         if kind == "AliasEvent":
-            return Piece(kind="scalar", start=start, end=end, body=start, aliases=frozenset((event.anchor,)))
+            return Segment(kind="scalar", start=start, end=end, body=start, aliases=frozenset((event.anchor,)))
         anchors = frozenset((event.anchor,)) if event.anchor is not None else frozenset()
         if kind == "ScalarEvent":
             if event.style in ("|", ">"):
                 end = self.block_end(start, end)
-            return Piece(kind="scalar", start=start, end=end, body=self.body(start, anchors), anchors=anchors)
+            return Segment(kind="scalar", start=start, end=end, body=self.body(start, anchors), anchors=anchors)
         if kind == "MappingStartEvent":
             return self.mapping(event, anchors)
         return self.sequence(event, anchors)
@@ -67,14 +67,14 @@ class _Cutter:
         header, _, rest = written.partition("\n")
         header = header.partition("#")[0]
         if "+" in header or (end == len(self.text) and not written.endswith("\n") and "-" not in header):
-            raise Unusual  # line breaks at its end count, even the last of the file
+            raise UnsupportedStyle  # line breaks at its end count, even the last of the file
         lines = rest.split("\n")
         indents = [len(line) - len(line.lstrip(" ")) for line in lines if line.strip(" ")]
         while lines and not lines[-1].strip(" ") and len(lines[-1]) <= min(indents, default=len(lines[-1])):
             lines.pop()
         return start + len("\n".join([written.partition("\n")[0], *lines]))
 
-    def mapping(self, event: Any, anchors: frozenset[str]) -> Piece:
+    def mapping(self, event: Any, anchors: frozenset[str]) -> Segment:
         items: list[Item] = []
         flow = bool(event.flow_style)
         start = event.start_mark.index
@@ -83,7 +83,7 @@ class _Cutter:
         while type(following).__name__ != "MappingEndEvent":
             key = (following.start_mark.index, following.end_mark.index)
             if type(following).__name__ != "ScalarEvent" or "\n" in self.text[key[0] : key[1]]:
-                raise Unusual
+                raise UnsupportedStyle
             value = self.piece(next(self.events))
             if following.anchor is not None:
                 value.anchors |= {following.anchor}
@@ -96,14 +96,14 @@ class _Cutter:
         piece.odd = flow and (odd or self.text[piece.body : piece.body + 1] != "{")
         return piece
 
-    def sequence(self, event: Any, anchors: frozenset[str]) -> Piece:
+    def sequence(self, event: Any, anchors: frozenset[str]) -> Segment:
         items: list[Item] = []
         flow = bool(event.flow_style)
         following = next(self.events)
         while type(following).__name__ != "SequenceEndEvent":
             value = self.piece(following)
             if value.start == value.end and value.kind == "scalar" and not flow:
-                raise Unusual
+                raise UnsupportedStyle
             items.append(Item(value=value))
             following = next(self.events)
         piece = self.collection("list", event.start_mark.index, following, items, anchors, flow)
@@ -112,7 +112,7 @@ class _Cutter:
 
     def collection(
         self, kind: str, start: int, last: Any, items: list[Item], anchors: frozenset[str], flow: bool,
-    ) -> Piece:
+    ) -> Segment:
         body = self.body(start, anchors)
         own = anchors
         for item in items:
@@ -120,22 +120,22 @@ class _Cutter:
         aliases = frozenset(name for item in items for name in item.value.aliases)
         if flow:
             if "\n" in self.text[start:body]:
-                raise Unusual
-            return Piece(
+                raise UnsupportedStyle
+            return Segment(
                 kind=kind, start=start, end=last.end_mark.index, body=body, flow=True, items=items, anchors=anchors, aliases=aliases,
             )
         if not items:
-            raise Unusual
+            raise UnsupportedStyle
         body = start
         if own:
             match = _BLOCK_ANCHOR.match(self.text, start)
             if match is None:
-                raise Unusual
+                raise UnsupportedStyle
             body = match.end()
         at = items[0].start if kind == "map" else start
         if kind == "list" and own:
-            raise Unusual
-        return Piece(
+            raise UnsupportedStyle
+        return Segment(
             kind=kind, start=start, end=max(items[-1].value.end, items[-1].start), body=body, items=items,
             column=at - (self.text.rfind("\n", 0, at) + 1), anchors=anchors, aliases=aliases,
         )
@@ -149,9 +149,9 @@ class _Commenter:
         self.at = 0
         self.last: Item | None = None
         self.inside = False
-        self.ended: list[Piece] = []
+        self.ended: list[Segment] = []
 
-    def run(self, root: Piece, start: int) -> list[str | None]:
+    def run(self, root: Segment, start: int) -> list[str | None]:
         """Returns the comments above the first entry that belong to the document."""
         self.at = start
         if root.flow:
@@ -159,11 +159,11 @@ class _Commenter:
             self.at = root.end
             foot = gap(self.text, root.end, len(self.text))
             if head.comment is not None or foot.comment is not None:
-                raise Unusual
+                raise UnsupportedStyle
             root.trailing = [line and line[1] for line in foot.lines]
             return [line and line[1] for line in head.lines]
         if start and self.text[start : start + 1] not in ("\n", ""):
-            raise Unusual
+            raise UnsupportedStyle
         self.at = min(start + 1, len(self.text)) if start else 0
         self.block(root)
         self.ended = [root, *self.ended]
@@ -178,7 +178,7 @@ class _Commenter:
         first.leading = lines[cut:]
         return lines[:cut]
 
-    def block(self, piece: Piece) -> None:
+    def block(self, piece: Segment) -> None:
         before: Item | None = None
         for item in piece.items:
             self.ended = _chain(before.value) if before is not None else []
@@ -194,10 +194,10 @@ class _Commenter:
         assert item.key is not None
         colon = _COLON.match(self.text, item.key[1])
         if colon is None:
-            raise Unusual
+            raise UnsupportedStyle
         self.value(item, colon.end())
 
-    def list_item(self, item: Item, piece: Piece) -> None:
+    def list_item(self, item: Item, piece: Segment) -> None:
         dash = self.at
         while dash < item.value.start:
             # a comment above may hold dashes, too: that of the list stands in its column
@@ -205,7 +205,7 @@ class _Commenter:
                 break
             dash += 1
         else:
-            raise Unusual
+            raise UnsupportedStyle
         item.dash = dash
         item.leading = self.take(gap(self.text, self.at, dash, compact=self.inside), piece.column)
         self.value(item, dash + 1)
@@ -214,7 +214,7 @@ class _Commenter:
         value = item.value
         if value.block:
             if self.text[at : value.start].strip() and value.body != value.start:
-                raise Unusual
+                raise UnsupportedStyle
             self.at = value.body if value.body != value.start else at
             self.last, self.inside = item, True
             self.block(value)
@@ -227,11 +227,11 @@ class _Commenter:
             value.start = value.end = value.body = at
         self.last, self.inside = item, False
 
-    def take(self, gap: Between, column: int) -> list[str | None]:
+    def take(self, gap: Trivia, column: int) -> list[str | None]:
         """Give away what stands in a gap; returns the lines that lead the entry in `column`, which follows it."""
         if gap.comment is not None:
             if self.last is None:
-                raise Unusual
+                raise UnsupportedStyle
             if self.inside:
                 self.last.key_comment = gap.comment
             else:
@@ -260,9 +260,9 @@ def is_modeline(line: str) -> bool:
     return bool(re.match(r"#\s*(yaml-language-server:|-\*-|vim?:|:schema\b)", line))
 
 
-def _chain(piece: Piece) -> list[Piece]:
+def _chain(piece: Segment) -> list[Segment]:
     """The blocks that end where this value ends, outermost first."""
-    blocks: list[Piece] = []
+    blocks: list[Segment] = []
     while piece.block:
         blocks.append(piece)
         piece = piece.items[-1].value

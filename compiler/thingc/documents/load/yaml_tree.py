@@ -9,7 +9,7 @@ from typing import Any
 
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.source import MappingNode, Node, Scalar, ScalarNode, SequenceNode, Span
-from thingc.base.suggestions import Hint, did_you_mean
+from thingc.base.suggestions import Suggestion, did_you_mean
 from thingc.base.units import scan_number, shortened
 from thingc.documents.load.text import MAX_ALIAS_NODES, MAX_FAULTS, MAX_LEVELS, MAX_NODES, Source
 from thingc.documents.load.yaml_scalars import core_value
@@ -354,7 +354,7 @@ class _Builder:
         whole = text if shared else f"[{written}]"  # a unit at the end is that of all three
         self.report.add(
             Code.EXPRESSION_COMMA, "the comma ends the value: the three of a vector stand in `[]`, or have spaces between them", span,
-            help=Hint(f"write `{shortened(whole)}`", (written, whole) if "\n" not in written else None),
+            help=Suggestion(f"write `{shortened(whole)}`", (written, whole) if "\n" not in written else None),
         )
         return ScalarNode(value=text, text=text, span=span, damaged=True)
 
@@ -386,7 +386,7 @@ class _Builder:
         self.report.add(
             Code.EXPRESSION_COMMA, "the comma ends the expression: inside `{}` and `[]` an expression with a comma needs quotes",
             self.source.span(start, end),
-            help=Hint(f"write `{shortened(quoted)}`", (text, quoted) if text == self.source.text[start:end] else None),
+            help=Suggestion(f"write `{shortened(quoted)}`", (text, quoted) if text == self.source.text[start:end] else None),
         )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cache
 
 from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, Span, node_at
-from thingc.documents.names.occurrences import Mention, mentions_of
+from thingc.documents.names.occurrences import NameOccurrence, mentions_of
 
 GLOB = re.compile(r"[*?\[]")
 """A character that makes a pattern of a word."""
@@ -29,12 +29,12 @@ def pattern_of(text: str, index: str) -> re.Pattern[str]:
 
 
 @dataclass(slots=True)
-class WrittenDocument:
+class DocumentNames:
     """A document, its lines and what is mentioned in it."""
 
     document: Document
     lines: list[str] = field(default_factory=list)
-    mentions: tuple[Mention, ...] = ()
+    mentions: tuple[NameOccurrence, ...] = ()
 
     def __post_init__(self) -> None:
         self.lines = re.split(r"\r\n|\r|\n", self.document.text)
@@ -91,7 +91,7 @@ class WrittenDocument:
         rest = word[len(key):]
         return word.startswith(key) and (not rest or rest[0] in "*?[$" or (rest[0] == "_" and self.repeat(section, key) is not None))
 
-    def around(self, mention: Mention) -> Span:
+    def around(self, mention: NameOccurrence) -> Span:
         """Where the key or the scalar of a mention stands."""
         return self.document.span(mention.path, key=mention.key)
 

@@ -16,10 +16,10 @@ from thingc.base.source import MappingNode, Path, ScalarNode, Span, node_at
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import ExpressionError
 from thingc.documents.load.paths import named
-from thingc.documents.names.document_names import GLOB, SPECIAL, WrittenDocument, pattern_of
-from thingc.documents.names.occurrences import Mention, referred, setting_words
+from thingc.documents.names.document_names import GLOB, SPECIAL, DocumentNames, pattern_of
+from thingc.documents.names.occurrences import NameOccurrence, referred, setting_words
 from thingc.documents.names.part_names import PartClass, PartName, PartNames
-from thingc.documents.spec.name_types import Declares, Means, Meant
+from thingc.documents.spec.name_types import DeclaresName, ReferenceKind, RefersTo
 
 Role = Literal["declared", "used", "fits"]
 """`fits`: a pattern that the name fits without standing in it, or a text in which it is written with other characters (escapes)."""
@@ -47,7 +47,7 @@ class NamePlace:
 
 
 @dataclass(frozen=True, slots=True)
-class Index:
+class NameIndex:
     """All places, in the order of files and lines of each."""
 
     places: tuple[NamePlace, ...]
@@ -67,7 +67,7 @@ class Index:
         return next((place.span for place in self.by_name.get(name, ()) if place.role == "declared"), None)
 
 
-def index(documents: Mapping[str, WrittenDocument], parts: PartNames) -> Index:
+def index(documents: Mapping[str, DocumentNames], parts: PartNames) -> NameIndex:
     """The index of documents (all of a workspace, by absolute path) and of the parts that they name."""
     seen: dict[tuple[Name, Span], NamePlace] = {}
     for written in documents.values():
@@ -86,7 +86,7 @@ def index(documents: Mapping[str, WrittenDocument], parts: PartNames) -> Index:
     by_name: dict[Name, list[NamePlace]] = {}
     for place in places:
         by_name.setdefault(place.name, []).append(place)
-    return Index(places, {name: tuple(those) for name, those in by_name.items()})
+    return NameIndex(places, {name: tuple(those) for name, those in by_name.items()})
 
 
 Hit = tuple[int, int, Name, Role]
@@ -105,11 +105,11 @@ def _words(text: str, separator: str = ".", offset: int = 0) -> list[Word]:
 class _Reader:
     """Looks up what the texts of one document name."""
 
-    def __init__(self, documents: Mapping[str, WrittenDocument], parts: PartNames, own: WrittenDocument) -> None:
+    def __init__(self, documents: Mapping[str, DocumentNames], parts: PartNames, own: DocumentNames) -> None:
         self.documents = documents
         self.parts = parts
         self.own = own
-        self.base: WrittenDocument | None = own
+        self.base: DocumentNames | None = own
         """The assembly that names are of: of variants the one that they vary."""
         if own.document.kind == "variants":
             self.base = self.document(own, own.text("assembly"))
@@ -130,20 +130,20 @@ class _Reader:
         parent = node_at(self.own.document.tree, path[:-1])
         return [span for key, span in parent.again if key == path[-1]] if isinstance(parent, MappingNode) else []
 
-    def hits(self, mention: Mention) -> Iterator[Hit]:
+    def hits(self, mention: NameOccurrence) -> Iterator[Hit]:
         """What a mention names."""
         written, path, text = self.own, mention.path, mention.text
         index = written.index_of(path)
         if index and "$" in text:
             yield from self._index_uses(text, index, path)
-        if isinstance(mention.names, Declares):
+        if isinstance(mention.names, DeclaresName):
             yield 0, len(text), self.own_name(written, mention.names.what, text, path), "declared"
             if mention.names.what == "sensor" and written.text(*path, "type") == "joint" and written.text(*path, "joint") is None:
                 yield from self.joints(written, text, "")
             return
         yield from self.meant(self.base, mention.names.what, text, path, index)
 
-    def own_name(self, written: WrittenDocument, what: str, text: str, path: Path) -> Name:
+    def own_name(self, written: DocumentNames, what: str, text: str, path: Path) -> Name:
         """The name that a key or text at a path declares."""
         owner = f"{path[0]}.{path[1]}" if what in ("index", "mount") else ""
         return Name(what, written.path, text, owner)
@@ -152,7 +152,7 @@ class _Reader:
         for use in re.finditer(rf"\$\{{?({index})(?![A-Za-z0-9])", text):
             yield use.start(1), use.end(1), self.own_name(self.own, "index", index, path), "used"
 
-    def meant(self, base: WrittenDocument | None, what: Meant, text: str, path: Path, index: str) -> Iterator[Hit]:
+    def meant(self, base: DocumentNames | None, what: ReferenceKind, text: str, path: Path, index: str) -> Iterator[Hit]:
         """What a text means in an assembly; in `path` it stands."""
         match what:
             case "assembly document":
@@ -164,7 +164,7 @@ class _Reader:
             case _ if base is not None:
                 yield from self._inside(base, what, text, path, index)
 
-    def _inside(self, base: WrittenDocument, what: Meant, text: str, path: Path, index: str) -> Iterator[Hit]:
+    def _inside(self, base: DocumentNames, what: ReferenceKind, text: str, path: Path, index: str) -> Iterator[Hit]:
         """What a text means that names something in an assembly, which is `base`."""
         match what:
             case "expression":
@@ -209,7 +209,7 @@ class _Reader:
             case _:
                 assert_never(what)
 
-    def posed(self, base: WrittenDocument, text: str, path: Path, index: str) -> Iterator[Hit]:
+    def posed(self, base: DocumentNames, text: str, path: Path, index: str) -> Iterator[Hit]:
         """What a key of a pose at `path` names: a joint, or an assembly whose pose is named there."""
         said = node_at(self.own.document.tree, path)
         pose = isinstance(said, ScalarNode) and isinstance(said.value, str) and re.fullmatch(r"\s*[A-Za-z]\w*\s*", said.value)
@@ -218,25 +218,25 @@ class _Reader:
 
     # --- documents and parts ----------------------------------------------------------------------------------------
 
-    def document(self, beside: WrittenDocument, text: str | None) -> WrittenDocument | None:
+    def document(self, beside: DocumentNames, text: str | None) -> DocumentNames | None:
         """The document that one calls `text`."""
         return self.documents.get(named(text, beside.path) or "") if text else None
 
-    def packaged(self, text: str) -> WrittenDocument | None:
+    def packaged(self, text: str) -> DocumentNames | None:
         """The document of a package, `package.document`."""
         end = os.sep + text.replace(".", os.sep) + "."
         return next((one for path, one in self.documents.items() if f"{os.path.splitext(path)[0]}.".endswith(end)), None)
 
-    def nested(self, written: WrittenDocument, component: str) -> WrittenDocument | None:
+    def nested(self, written: DocumentNames, component: str) -> DocumentNames | None:
         """The document of a nested assembly."""
         return self.document(written, written.text("components", component, "assembly"))
 
-    def thing(self, written: WrittenDocument, component: str) -> PartClass | None:
+    def thing(self, written: DocumentNames, component: str) -> PartClass | None:
         """The class of a component that is a part."""
         reference = written.text("components", component, "part")
         return self.parts.thing(reference) if reference is not None else None
 
-    def _document(self, target: WrittenDocument | None, text: str) -> Iterator[Hit]:
+    def _document(self, target: DocumentNames | None, text: str) -> Iterator[Hit]:
         if target is not None:
             yield 0, len(text), Name("document", target.path, os.path.basename(target.path)), "fits"
 
@@ -249,11 +249,11 @@ class _Reader:
     # --- references -------------------------------------------------------------------------------------------------
 
     def components_of(
-        self, written: WrittenDocument, words: Sequence[str], index: str,
-    ) -> list[tuple[tuple[WrittenDocument, str], tuple[tuple[WrittenDocument, str], ...]]]:
+        self, written: DocumentNames, words: Sequence[str], index: str,
+    ) -> list[tuple[tuple[DocumentNames, str], tuple[tuple[DocumentNames, str], ...]]]:
         """The components at a path of words, each a document and a key in it, with those on the way to it."""
-        level: list[tuple[WrittenDocument, tuple[tuple[WrittenDocument, str], ...]]] = [(written, ())]
-        reached: list[tuple[tuple[WrittenDocument, str], tuple[tuple[WrittenDocument, str], ...]]] = []
+        level: list[tuple[DocumentNames, tuple[tuple[DocumentNames, str], ...]]] = [(written, ())]
+        reached: list[tuple[tuple[DocumentNames, str], tuple[tuple[DocumentNames, str], ...]]] = []
         for depth, word in enumerate(words):
             reached = [((one, key), way) for one, way in level for key in one.fitting("components", word, index if not depth else "")]
             level = [
@@ -261,17 +261,17 @@ class _Reader:
             ]
         return reached
 
-    def components(self, written: WrittenDocument, words: Sequence[Word], index: str) -> Iterator[Hit]:
+    def components(self, written: DocumentNames, words: Sequence[Word], index: str) -> Iterator[Hit]:
         """Each component on the way that words lead, as far as there are any."""
         for depth, (at, word) in enumerate(words):
             for (one, key), _ in self.components_of(written, [text for _, text in words[: depth + 1]], index):
                 yield self._hit(one, "components", "component", key, at, word)
 
-    def _hit(self, written: WrittenDocument, section: str, what: str, key: str, at: int, word: str) -> Hit:
+    def _hit(self, written: DocumentNames, section: str, what: str, key: str, at: int, word: str) -> Hit:
         stem = written.stem(section, key, word)
         return at, at + (len(key) if stem else len(word)), Name(what, written.path, key), "used" if stem else "fits"
 
-    def mount(self, written: WrittenDocument, text: str, index: str, what: str) -> Iterator[Hit]:
+    def mount(self, written: DocumentNames, text: str, index: str, what: str) -> Iterator[Hit]:
         """`component.mount`; where it may be, an export or a component."""
         *words, (at, last) = _words(text)
         if not words:
@@ -293,7 +293,7 @@ class _Reader:
                     for start, end, name, role in self.components(nested, [(0, last)], ""):
                         yield at + start, at + end, name, role
 
-    def of_component(self, written: WrittenDocument, key: str, word: str, index: str) -> Iterator[Hit]:
+    def of_component(self, written: DocumentNames, key: str, word: str, index: str) -> Iterator[Hit]:
         """The mounts of a component that a word means: those that the document adds, those that a nested one shows, or its part's."""
         added = node_at(written.document.tree, ("components", key, "mounts"))
         pattern = pattern_of(word, index)
@@ -310,7 +310,7 @@ class _Reader:
                 stem = word.startswith(one.text)
                 yield 0, len(one.text) if stem else len(word), _of_part(one), "used" if stem else "fits"
 
-    def own_mount(self, written: WrittenDocument, text: str, path: Path, index: str) -> Iterator[Hit]:
+    def own_mount(self, written: DocumentNames, text: str, path: Path, index: str) -> Iterator[Hit]:
         """What `attach` calls a mount of the component itself: `back`, or `cap.pen` inside an assembly."""
         key = str(path[1])
         if "." not in text:
@@ -318,7 +318,7 @@ class _Reader:
         elif (nested := self.nested(written, key)) is not None:
             yield from self.mount(nested, text, index, "mount")
 
-    def exact_joint(self, written: WrittenDocument, text: str, index: str) -> Iterator[Hit]:
+    def exact_joint(self, written: DocumentNames, text: str, index: str) -> Iterator[Hit]:
         """The joint that a text names word by word, `hand.finger` or one of its coordinates `wrist[0]`."""
         *words, (at, last) = _words(re.sub(r"\[\d+\]$", "", text))
         if any(GLOB.search(word) for _, word in (*words, (at, last))):
@@ -333,7 +333,7 @@ class _Reader:
             for owner, key in keys:
                 yield self._hit(owner, "joints", "joint", key, at, last)
 
-    def joints(self, written: WrittenDocument, text: str, index: str) -> Iterator[Hit]:
+    def joints(self, written: DocumentNames, text: str, index: str) -> Iterator[Hit]:
         """The joints that a name or a pattern means; in a pattern `*` goes over the dots as well."""
         exact = list(self.exact_joint(written, text, index))
         if exact or not GLOB.search(text):
@@ -352,8 +352,8 @@ class _Reader:
                     yield 0, len(text), Name(section[:-1], one.path, key), "fits"
 
     def all_joints(
-        self, written: WrittenDocument, way: tuple[tuple[WrittenDocument, str, str], ...],
-    ) -> Iterator[tuple[tuple[WrittenDocument, str, str], ...]]:
+        self, written: DocumentNames, way: tuple[tuple[DocumentNames, str, str], ...],
+    ) -> Iterator[tuple[tuple[DocumentNames, str, str], ...]]:
         """Every joint of an assembly and those nested in it: the components on the way, and the joint, each with document and section."""
         for key in written.section("joints"):
             yield (*way, (written, "joints", key))
@@ -362,7 +362,7 @@ class _Reader:
             if inner is not None and all(inner is not one for one, _, _ in way) and inner is not written:
                 yield from self.all_joints(inner, (*way, (written, "components", key)))
 
-    def in_section(self, written: WrittenDocument | None, what: str, text: str) -> Iterator[Hit]:
+    def in_section(self, written: DocumentNames | None, what: str, text: str) -> Iterator[Hit]:
         """Names of things of one kind (`pose`) in their section, or patterns of them; nothing of no document."""
         if written is None:
             return
@@ -374,7 +374,7 @@ class _Reader:
                 if pattern_of(text, "").match(key):
                     yield 0, len(text), Name(what, written.path, key), "fits"
 
-    def material(self, written: WrittenDocument, text: str) -> Iterator[Hit]:
+    def material(self, written: DocumentNames, text: str) -> Iterator[Hit]:
         """A material that is written in the document, or in one of those that it lists."""
         node = written.document.tree.entries.get("materials")
         sources = [written]
@@ -388,7 +388,7 @@ class _Reader:
 
     # --- values -----------------------------------------------------------------------------------------------------
 
-    def expression(self, written: WrittenDocument, text: str, path: Path, index: str) -> Iterator[Hit]:
+    def expression(self, written: DocumentNames, text: str, path: Path, index: str) -> Iterator[Hit]:
         """The parameters, and the index of a repeat, that an expression uses."""
         try:
             uses = parse_expression(text).names
@@ -400,7 +400,7 @@ class _Reader:
             elif use.name in written.section("parameters"):
                 yield use.offset, use.end, Name("parameter", written.path, use.name), "used"
 
-    def rule(self, written: WrittenDocument, text: str) -> Iterator[Hit]:
+    def rule(self, written: DocumentNames, text: str) -> Iterator[Hit]:
         """The names of a comparison over parameters, settings and results."""
         try:
             uses = parse_expression(text, dotted=True).names
@@ -418,7 +418,7 @@ class _Reader:
             else:
                 yield from self.setting(written, name, at)
 
-    def setting(self, written: WrittenDocument, text: str, at: int) -> Iterator[Hit]:
+    def setting(self, written: DocumentNames, text: str, at: int) -> Iterator[Hit]:
         """A parameter, or the names on the path of another value of the assembly."""
         if "." not in text:
             for start, end, name, role in self.in_section(written, "parameter", text):
@@ -432,9 +432,9 @@ class _Reader:
             for start, end, name, role in inside.key(word.path, str(word.path[-1]), word.names):
                 yield at + word.offset + start, at + word.offset + end, name, role
 
-    def key(self, path: Path, text: str, names: Declares | Means) -> Iterator[Hit]:
+    def key(self, path: Path, text: str, names: DeclaresName | RefersTo) -> Iterator[Hit]:
         """What a key at a path of this document names, be it written there or not."""
-        if isinstance(names, Means):
+        if isinstance(names, RefersTo):
             key = self.own.fitting("components", str(path[1])) if path[0] == "components" and len(path) > 2 else [path[1]]
             for one in key:
                 yield from self.meant(self.own, names.what, text, (path[0], one, *path[2:]), "")
@@ -445,8 +445,8 @@ class _Reader:
         elif node_at(self.own.document.tree, path) is not None:
             yield 0, len(text), self.own_name(self.own, names.what, text, path), "used"
 
-    def _through(self, written: WrittenDocument, components: Iterable[str]) -> WrittenDocument | None:
-        one: WrittenDocument | None = written
+    def _through(self, written: DocumentNames, components: Iterable[str]) -> DocumentNames | None:
+        one: DocumentNames | None = written
         for word in components:
             if one is None:
                 return None
@@ -454,7 +454,7 @@ class _Reader:
             one = self.nested(one, keys[0])
         return one
 
-    def choice(self, written: WrittenDocument, text: str, path: Path) -> Iterator[Hit]:
+    def choice(self, written: DocumentNames, text: str, path: Path) -> Iterator[Hit]:
         """What is chosen: a part, a document or a material, by the path that it is chosen for."""
         chosen = next(step for step in reversed(path) if isinstance(step, str))
         kind = chosen.rpartition(".")[2]
@@ -468,7 +468,7 @@ class _Reader:
             if inner is not None:
                 yield from self.material(inner, text)
 
-    def raw(self, written: WrittenDocument, text: str, path: Path) -> Iterator[Hit]:
+    def raw(self, written: DocumentNames, text: str, path: Path) -> Iterator[Hit]:
         """An element of a target's file, which is called after what it is made of: `hand/finger`."""
         kind = referred(path) or "" if path[2] == "add" else str(path[2])
         dotted = text.replace("/", ".")
@@ -488,7 +488,7 @@ class _Reader:
         yield from next((hits for hits in answers if hits and kind != "default"), [])
 
 
-def _dotted(way: Sequence[tuple[WrittenDocument, str, str]]) -> Iterator[str]:
+def _dotted(way: Sequence[tuple[DocumentNames, str, str]]) -> Iterator[str]:
     """The names in dots of all items of a joint on a way of components."""
     (written, section, key), *rest = way
     for item in written.items(section, key):

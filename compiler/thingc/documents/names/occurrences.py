@@ -7,23 +7,23 @@ from typing import Any
 
 from thingc.base.frozen import dataclass
 from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, walk
-from thingc.documents.spec.annotation_types import AnnotationShape, alternatives, branch_of, model_keys, shape_of
+from thingc.documents.spec.annotation_types import FieldType, alternatives, branch_of, model_keys, shape_of
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.choices import nested
-from thingc.documents.spec.name_types import Declares, Means
+from thingc.documents.spec.name_types import DeclaresName, RefersTo
 from thingc.documents.spec.validation import model_of
 
-EXPRESSION = Means("expression")
+EXPRESSION = RefersTo("expression")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mention:
+class NameOccurrence:
     """A text that names something: the key at `path`, or (`key` False) the scalar there."""
 
     path: Path
     key: bool
     text: str
-    names: Declares | Means
+    names: DeclaresName | RefersTo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,28 +34,28 @@ class SettingWord:
     offset: int
     through: tuple[str, ...]
     path: Path
-    names: Declares | Means
+    names: DeclaresName | RefersTo
 
 
-def mentions_of(document: Document) -> Iterator[Mention]:
+def mentions_of(document: Document) -> Iterator[NameOccurrence]:
     """Those of a document, in its order. What stands where its model has nothing is passed over."""
     model = model_of(document.kind)
     if model is not None:
         yield from _in(document.tree, shape_of(model), ())
 
 
-def _in(node: Node, shape: AnnotationShape, path: Path) -> Iterator[Mention]:
+def _in(node: Node, shape: FieldType, path: Path) -> Iterator[NameOccurrence]:
     if isinstance(node, ScalarNode):
         if isinstance(node.value, str):
             names = _of_text(node.value, shape)
             if names is not None:
-                yield Mention(path=path, key=False, text=node.value, names=names)
+                yield NameOccurrence(path=path, key=False, text=node.value, names=names)
     elif isinstance(node, SequenceNode):
         listed = next((one for one in _alternatives(shape) if one.kind == "list"), None)
         inner = shape if listed is None else _member(listed)  # a vector is a field as a whole: what is in it are expressions
         for index, item in enumerate(node.items):
             yield from _in(item, inner, (*path, index))
-    elif Means("raw") in {one.names for one in _alternatives(shape)}:
+    elif RefersTo("raw") in {one.names for one in _alternatives(shape)}:
         yield from _in_raw(node, path)
     else:
         branch = branch_of(shape, node.entries)
@@ -68,11 +68,11 @@ def _in(node: Node, shape: AnnotationShape, path: Path) -> Iterator[Mention]:
             names, inner = _key(branch).names, _member(branch)
             for key, value in node.entries.items():
                 if names is not None:
-                    yield Mention(path=(*path, key), key=True, text=key, names=names)
+                    yield NameOccurrence(path=(*path, key), key=True, text=key, names=names)
                 yield from _in(value, inner, (*path, key))
 
 
-def _of_text(text: str, shape: AnnotationShape) -> Declares | Means | None:
+def _of_text(text: str, shape: FieldType) -> DeclaresName | RefersTo | None:
     branches = _alternatives(shape)
     if text.lstrip().startswith("=") and any(one.kind == "field" for one in branches):
         return EXPRESSION
@@ -81,16 +81,16 @@ def _of_text(text: str, shape: AnnotationShape) -> Declares | Means | None:
     return next((one.names for one in branches if one.names is not None), None)
 
 
-def _in_raw(node: MappingNode, path: Path) -> Iterator[Mention]:
+def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
     """The names of elements: `raw: {mjcf: {joint: {NAME: ...}}}`; of what is added those that it refers to, and those that are ordered."""
     for kind, named in node.entries.items():
         if kind in ("add", "order"):
             for place, value in walk(named, (*path, kind)):
                 if isinstance(value, ScalarNode) and isinstance(value.value, str) and (kind == "order" or referred(place)):
-                    yield Mention(path=place, key=False, text=value.value, names=Means("raw"))
+                    yield NameOccurrence(path=place, key=False, text=value.value, names=RefersTo("raw"))
             continue
         for name in named.entries if isinstance(named, MappingNode) else ():
-            yield Mention(path=(*path, kind, name), key=True, text=name, names=Means("raw"))
+            yield NameOccurrence(path=(*path, kind, name), key=True, text=name, names=RefersTo("raw"))
 
 
 def referred(path: Path) -> str | None:
@@ -116,7 +116,7 @@ def setting_words(text: str) -> Iterator[SettingWord]:
     while rest is not None:
         inner = nested(rest)
         words = rest.split(".") if inner is None else ["components", inner[0]]
-        shape: AnnotationShape | None = shape_of(AssemblySpec)
+        shape: FieldType | None = shape_of(AssemblySpec)
         at = offset
         for depth, word in enumerate(words):
             branches = _alternatives(shape) if shape is not None else ()
@@ -134,23 +134,23 @@ def setting_words(text: str) -> Iterator[SettingWord]:
             rest = inner[1]
 
 
-_KNOWN: dict[int, tuple[Any, AnnotationShape]] = {}
+_KNOWN: dict[int, tuple[Any, FieldType]] = {}
 """Shapes of annotations of the models, by their identity; they are there as long as the models are."""
 
 
-def _known(annotation: Any) -> AnnotationShape:
+def _known(annotation: Any) -> FieldType:
     if id(annotation) not in _KNOWN:
         _KNOWN[id(annotation)] = annotation, shape_of(annotation)
     return _KNOWN[id(annotation)][1]
 
 
-def _member(shape: AnnotationShape) -> AnnotationShape:
+def _member(shape: FieldType) -> FieldType:
     return _known(shape.members[0])
 
 
-def _key(shape: AnnotationShape) -> AnnotationShape:
+def _key(shape: FieldType) -> FieldType:
     return _known(shape.key)
 
 
-def _alternatives(shape: AnnotationShape) -> list[AnnotationShape]:
+def _alternatives(shape: FieldType) -> list[FieldType]:
     return [_known(one) for one in shape.members] if shape.kind == "union" else alternatives(shape)

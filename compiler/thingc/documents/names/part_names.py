@@ -12,7 +12,7 @@ from dataclasses import field
 from functools import lru_cache
 
 from thingc.base.frozen import dataclass
-from thingc.base.python_source import syntax_tree
+from thingc.base.python_source import parse_python
 from thingc.base.source import Span
 
 
@@ -274,7 +274,7 @@ class PartNames:
 def _module_of(file: str, dotted: str, text: str) -> _Module | None:
     """A module out of its text; None where that is no Python."""
     try:
-        return _Module(file, dotted, re.split(r"\r\n|\r|\n", text), syntax_tree(text))
+        return _Module(file, dotted, re.split(r"\r\n|\r|\n", text), parse_python(text))
     except (SyntaxError, ValueError, RecursionError):
         return None
 

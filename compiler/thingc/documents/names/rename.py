@@ -11,14 +11,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 from thingc.base.frozen import dataclass
-from thingc.base.python_source import syntax_tree
-from thingc.base.safe_text import shown
+from thingc.base.python_source import parse_python
+from thingc.base.safe_text import escape_control
 from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span, node_at
 from thingc.base.units import shortened
 from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
 from thingc.documents.names.index import Name, NamePlace
 from thingc.documents.names.part_names import PartName
-from thingc.documents.names.workspace_index import Sight, mentioned
+from thingc.documents.names.workspace_index import WorkspaceIndex, mentioned
 from thingc.documents.spec.name_types import RESERVED
 
 WORDS = {"export": "exported mount", "part mount": "mount of a part", "part parameter": "parameter of a part"}
@@ -38,16 +38,16 @@ class RenameRefused(Exception):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Renaming:
+class RenameEdits:
     """What is written anew: `texts` whole by absolute path, and each place, the last of a file first, for who edits; what there is `after`
     it."""
 
     places: tuple[Span, ...]
     texts: Mapping[str, str]
-    after: Sight
+    after: WorkspaceIndex
 
 
-def renamable(sight: Sight, name: Name) -> None:
+def renamable(sight: WorkspaceIndex, name: Name) -> None:
     """Raises `RenameRefused` for a name that is not exchanged, whatever for."""
     what = WORDS.get(name.what, name.what)
     if name.what in ("document", "part"):
@@ -74,7 +74,7 @@ def renamable(sight: Sight, name: Name) -> None:
                 raise RenameRefused(f"`{sight.relative(path)}` has the material `{name.text}`, too: rename it in Python")
 
 
-def renamed(sight: Sight, name: Name, new: str) -> Renaming:
+def rename_edits(sight: WorkspaceIndex, name: Name, new: str) -> RenameEdits:
     """The texts in which a name is another one. Raises `RenameRefused`, in words, where the new name is none or taken, or something
     that is written would mean something else then."""
     renamable(sight, name)
@@ -84,10 +84,10 @@ def renamed(sight: Sight, name: Name, new: str) -> Renaming:
     texts = with_spans(sight, spans, new)
     after = sight.with_texts(texts)
     _compare(sight, after, name, new, spans)
-    return Renaming(places=tuple(sorted(spans, key=lambda one: (one.file, -one.line, -one.column))), texts=texts, after=after)
+    return RenameEdits(places=tuple(sorted(spans, key=lambda one: (one.file, -one.line, -one.column))), texts=texts, after=after)
 
 
-def with_spans(sight: Sight, spans: Iterable[Span], new: str) -> dict[str, str]:
+def with_spans(sight: WorkspaceIndex, spans: Iterable[Span], new: str) -> dict[str, str]:
     """The texts of the files of places with other words there."""
     lines: dict[str, list[str]] = {}
     for span in sorted(spans, key=lambda one: (one.file, one.line, one.column), reverse=True):
@@ -100,10 +100,10 @@ def with_spans(sight: Sight, spans: Iterable[Span], new: str) -> dict[str, str]:
     return {path: "".join(lines[path]) for path in sorted(lines)}
 
 
-def _check(sight: Sight, name: Name, new: str) -> None:
+def _check(sight: WorkspaceIndex, name: Name, new: str) -> None:
     what = WORDS.get(name.what, name.what)
     if not _NAME.fullmatch(new) or len(new) > 1000:
-        raise RenameRefused(f"`{shown(shortened(new))}` is no name: a letter, then letters, digits and `_`")
+        raise RenameRefused(f"`{escape_control(shortened(new))}` is no name: a letter, then letters, digits and `_`")
     if new.lower() in ("true", "false", "null"):
         raise RenameRefused(f"`{new}` is a value where it stands without quotes: choose another name")
     if new in RESERVED and name.what in _RESERVING:
@@ -128,7 +128,7 @@ def _check(sight: Sight, name: Name, new: str) -> None:
         )
 
 
-def _taken(sight: Sight, name: Name, new: str) -> Iterator[tuple[str, str]]:
+def _taken(sight: WorkspaceIndex, name: Name, new: str) -> Iterator[tuple[str, str]]:
     """Names that stand in the way of a new one, and what they are."""
     written = sight.documents[name.file]
     if name.what == "index":
@@ -157,12 +157,12 @@ def _taken(sight: Sight, name: Name, new: str) -> Iterator[tuple[str, str]]:
     yield from ((other, called) for other, called in theirs.items() if other.lower() in mine)
 
 
-def _compare(before: Sight, after: Sight, name: Name, new: str, spans: set[Span]) -> None:
+def _compare(before: WorkspaceIndex, after: WorkspaceIndex, name: Name, new: str, spans: set[Span]) -> None:
     """Raises `RenameRefused` where anything but the name is another after the edits."""
     for path in {span.file for span in spans}:
         if path.endswith(".py"):
             try:
-                syntax_tree(after.read(path) or "")
+                parse_python(after.read(path) or "")
             except SyntaxError:
                 raise RenameRefused(f"`{before.relative(path)}` would be no Python with `{new}` in it") from None
             continue

@@ -13,8 +13,8 @@ from thingc.base.frozen import dataclass
 from thingc.base.source import Document, ScalarNode
 from thingc.documents.load.discovery import documents_in
 from thingc.documents.load.documents import read_tree
-from thingc.documents.names.document_names import WrittenDocument
-from thingc.documents.names.index import Index, index
+from thingc.documents.names.document_names import DocumentNames
+from thingc.documents.names.index import NameIndex, index
 from thingc.documents.names.part_names import PartNames
 
 if TYPE_CHECKING:
@@ -24,19 +24,19 @@ MAX_TEXT = 10_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sight:
+class WorkspaceIndex:
     """`documents` are those that can be read, by absolute path, `broken` the texts of those that cannot, `read` gives the text of any file
     (None where there is none), `relative` what messages call a file."""
 
-    documents: Mapping[str, WrittenDocument]
+    documents: Mapping[str, DocumentNames]
     broken: Mapping[str, str]
     parts: PartNames
-    index: Index
+    index: NameIndex
     read: Callable[[str], str | None]
     relative: Callable[[str], str]
     folders: tuple[str, ...] = ()
 
-    def with_texts(self, texts: Mapping[str, str]) -> Sight:
+    def with_texts(self, texts: Mapping[str, str]) -> WorkspaceIndex:
         """The same with other texts of some files."""
         def read(path: str) -> str | None:
             return texts[path] if path in texts else self.read(path)
@@ -59,18 +59,18 @@ def on_disk(path: str) -> str | None:
         return None
 
 
-def sight_of(
+def index_workspace(
     workspace: Workspace, texts: Mapping[str, str], last: Iterable[Document] = (), only: Iterable[str] | None = None, *,
     disk: Callable[[str], str | None] = on_disk,
-) -> Sight:
+) -> WorkspaceIndex:
     """What there is in a workspace, or of it in `only` these documents (absolute paths). `texts` are those of open files by absolute path,
     `last` are documents as they were when they could be read, for those that cannot be now. `disk` reads the other files."""
     def read(path: str) -> str | None:
         return texts[path] if path in texts else disk(path)
 
-    documents: dict[str, WrittenDocument] = {}
+    documents: dict[str, DocumentNames] = {}
     broken: dict[str, str] = {}
-    known = {one.path: WrittenDocument(one) for one in last}
+    known = {one.path: DocumentNames(one) for one in last}
     for path in dict.fromkeys((*(documents_in(workspace.root, workspace) if only is None else only), *known)):
         text = read(path)
         written = read_document(path, workspace.relative(path), text) if text is not None else None
@@ -82,18 +82,18 @@ def sight_of(
 
 
 def _seen(
-    documents: Mapping[str, WrittenDocument], broken: Mapping[str, str], read: Callable[[str], str | None], relative: Callable[[str], str],
+    documents: Mapping[str, DocumentNames], broken: Mapping[str, str], read: Callable[[str], str | None], relative: Callable[[str], str],
     folders: tuple[str, ...],
-) -> Sight:
+) -> WorkspaceIndex:
     parts = PartNames(folders, read)
-    return Sight(
+    return WorkspaceIndex(
         documents=documents, broken=broken, parts=parts, index=index(documents, parts), read=read, relative=relative,
         folders=folders,
     )
 
 
 @lru_cache(maxsize=512)
-def read_document(path: str, relative: str, text: str) -> WrittenDocument | None:
+def read_document(path: str, relative: str, text: str) -> DocumentNames | None:
     """A document out of its text; None where it is not well-formed."""
     report = Report()
     data = text.encode("utf-8", errors="surrogatepass")
@@ -102,7 +102,7 @@ def read_document(path: str, relative: str, text: str) -> WrittenDocument | None
         return None
     kind = tree.entries.get("thingc")
     said = kind.value if isinstance(kind, ScalarNode) and isinstance(kind.value, str) else ""
-    return WrittenDocument(Document(
+    return DocumentNames(Document(
         path=path, relative=relative, kind=said.partition("/")[0], tree=tree, sha256=hashlib.sha256(data).hexdigest(),
         text=text.removeprefix("\ufeff"),
     ))

@@ -11,7 +11,7 @@ from thingc.base.diagnostics import Allowance, Code
 from thingc.base.source import Document, Node, Path, Span, node_at
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import shortened
-from thingc.documents.spec.fields import Checked, fault, found
+from thingc.documents.spec.fields import FieldValidator, fault, found
 
 if TYPE_CHECKING:
     from thingc.documents.spec.assembly import AssemblySpec
@@ -46,8 +46,8 @@ if TYPE_CHECKING:
     Allow = dict[str, str]
 else:
     Allow = dict[
-        Annotated[str, Checked(_warning_code, "the code of a warning", {"type": "string", "examples": ["TC407"]})],
-        Annotated[str, Checked(_reason, "a reason in words", _REASON_SCHEMA)],
+        Annotated[str, FieldValidator(_warning_code, "the code of a warning", {"type": "string", "examples": ["TC407"]})],
+        Annotated[str, FieldValidator(_reason, "a reason in words", _REASON_SCHEMA)],
     ]
 
 

@@ -15,12 +15,12 @@ from pydantic import BaseModel
 
 from thingc.base.frozen import dataclass
 from thingc.base.suggestions import nearest
-from thingc.documents.spec.fields import Checked, Index
-from thingc.documents.spec.name_types import Declares, Means
+from thingc.documents.spec.fields import FieldValidator, Index
+from thingc.documents.spec.name_types import DeclaresName, RefersTo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AnnotationShape:
+class FieldType:
     """One annotation, looked at.
 
     `kind` is `model`, `dict`, `list`, `literal`, `field` (a type of `spec.fields`), `text`, `flag`, `number` or `union`;
@@ -33,9 +33,9 @@ class AnnotationShape:
     model: type[BaseModel] | None = None
     members: tuple[Any, ...] = ()
     choices: tuple[Any, ...] = ()
-    field: Checked | None = None
+    field: FieldValidator | None = None
     key: Any = None
-    names: Declares | Means | None = None
+    names: DeclaresName | RefersTo | None = None
 
     @property
     def by_number(self) -> bool:
@@ -66,36 +66,36 @@ class AnnotationShape:
         return {"dict": "a mapping", "list": "a list", "text": "text", "flag": "true or false", "number": "a number"}[self.kind]
 
 
-def shape_of(annotation: Any, metadata: Sequence[Any] = ()) -> AnnotationShape:
+def shape_of(annotation: Any, metadata: Sequence[Any] = ()) -> FieldType:
     """The shape of an annotation (of a model's field with its `metadata`); `None` beside a type does not count."""
-    names = next((extra for extra in metadata if isinstance(extra, (Declares, Means))), None)
+    names = next((extra for extra in metadata if isinstance(extra, (DeclaresName, RefersTo))), None)
     for extra in metadata:
-        if isinstance(extra, Checked):
-            return AnnotationShape(kind="field", annotation=annotation, field=extra, names=names)
+        if isinstance(extra, FieldValidator):
+            return FieldType(kind="field", annotation=annotation, field=extra, names=names)
     origin = get_origin(annotation)
     arguments = get_args(annotation)
     if origin is Annotated:
         inner = shape_of(arguments[0], arguments[1:])
-        return AnnotationShape(
+        return FieldType(
             kind=inner.kind, annotation=annotation, model=inner.model, members=inner.members, choices=inner.choices,
             field=inner.field, key=inner.key, names=inner.names,
         )
     if origin in (Union, types.UnionType):
         members = tuple(argument for argument in arguments if argument is not type(None))
-        return shape_of(members[0]) if len(members) == 1 else AnnotationShape(kind="union", annotation=annotation, members=members)
+        return shape_of(members[0]) if len(members) == 1 else FieldType(kind="union", annotation=annotation, members=members)
     if origin is Literal:
-        return AnnotationShape(kind="literal", annotation=annotation, choices=arguments)
+        return FieldType(kind="literal", annotation=annotation, choices=arguments)
     if origin is dict:
-        return AnnotationShape(kind="dict", annotation=annotation, members=(arguments[1],), key=arguments[0])
+        return FieldType(kind="dict", annotation=annotation, members=(arguments[1],), key=arguments[0])
     if origin is list:
-        return AnnotationShape(kind="list", annotation=annotation, members=(arguments[0],))
+        return FieldType(kind="list", annotation=annotation, members=(arguments[0],))
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return AnnotationShape(kind="model", annotation=annotation, model=annotation)
-    return AnnotationShape(kind={str: "text", bool: "flag"}.get(annotation, "number"), annotation=annotation, names=names)
+        return FieldType(kind="model", annotation=annotation, model=annotation)
+    return FieldType(kind={str: "text", bool: "flag"}.get(annotation, "number"), annotation=annotation, names=names)
 
 
 @cache
-def model_keys(model: type[BaseModel]) -> dict[str, tuple[AnnotationShape, bool]]:
+def model_keys(model: type[BaseModel]) -> dict[str, tuple[FieldType, bool]]:
     """The keys of a mapping that a model describes, in its order: what each takes and whether it is required."""
     return {
         field.alias or name: (shape_of(field.annotation, field.metadata), field.is_required())
@@ -103,12 +103,12 @@ def model_keys(model: type[BaseModel]) -> dict[str, tuple[AnnotationShape, bool]
     }
 
 
-def alternatives(shape: AnnotationShape) -> list[AnnotationShape]:
+def alternatives(shape: FieldType) -> list[FieldType]:
     """The branches of a union; of anything else itself alone."""
     return [shape_of(member) for member in shape.members] if shape.kind == "union" else [shape]
 
 
-def branch_of(shape: AnnotationShape, value: Any) -> AnnotationShape | None:
+def branch_of(shape: FieldType, value: Any) -> FieldType | None:
     """The branch of a union that a person who wrote `value` meant; None where no branch takes such a thing."""
     branches = alternatives(shape)
     if isinstance(value, dict):
@@ -131,11 +131,11 @@ def branch_of(shape: AnnotationShape, value: Any) -> AnnotationShape | None:
     return next((branch for branch in branches if branch.kind in ("field", "flag", "number")), None)
 
 
-def _takes_no_text(branches: list[AnnotationShape]) -> bool:
+def _takes_no_text(branches: list[FieldType]) -> bool:
     return not any(branch.kind in ("field", "text") for branch in branches)
 
 
-def likeness(branch: AnnotationShape, value: dict[str, Any]) -> float:
+def likeness(branch: FieldType, value: dict[str, Any]) -> float:
     """How many keys of `value` a shape knows; a near name is half a key, and a mapping of any names a quarter in all."""
     if branch.model is None:
         return 0.25

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from thingc.base.joints.kind import JointType
-from thingc.base.suggestions import Hint
+from thingc.base.suggestions import Suggestion
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
 from thingc.documents.spec.allowances import Allow, allow
 from thingc.documents.spec.base import Model, rule
@@ -30,7 +30,7 @@ from thingc.documents.spec.fields import (
     Vector3Length,
 )
 from thingc.documents.spec.link_shapes import ShapeSpec
-from thingc.documents.spec.mass import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
+from thingc.documents.spec.mass import CentreOfMassSpec, InertiaMatrix, InertiaSpec, MassSpec
 from thingc.documents.spec.materials import MaterialSpec, ProcessSpec
 from thingc.documents.spec.modes import ModeSpec, SimulationSpec
 from thingc.documents.spec.name_types import (
@@ -145,11 +145,11 @@ class ComponentDefaults(Model):
 
     material: MaterialField | None = Field(default=None, examples=["petg"])
     """A material in scope."""
-    mass: StatedMass | MassField | None = Field(default=None, examples=["57.2 g", {"value": "57.2 g", "source": "measured"}])
+    mass: MassSpec | MassField | None = Field(default=None, examples=["57.2 g", {"value": "57.2 g", "source": "measured"}])
     """Mass, over what the part and its material say."""
-    com: StatedCentre | Vector3Length | None = Field(default=None, examples=["0 0 12 mm", {"value": "0 0 12 mm", "source": "vendor"}])
+    com: CentreOfMassSpec | Vector3Length | None = Field(default=None, examples=["0 0 12 mm", {"value": "0 0 12 mm", "source": "vendor"}])
     """Centre of mass, component axes."""
-    inertia: StatedInertia | InertiaMatrix | None = Field(
+    inertia: InertiaSpec | InertiaMatrix | None = Field(
         default=None, examples=[{"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"}],
     )
     """Inertia about the centre of mass, component axes."""
@@ -245,7 +245,7 @@ class ComponentSpec(ComponentDefaults):
             )
         for key, kind, other, its in (("params", "part", "assembly", "parameters"), ("parameters", "assembly", "part", "params")):
             if getattr(self, key) and getattr(self, kind) is None:
-                help = Hint(f"beside `{other}` write `{its}`", (key, its)) if getattr(self, other) else "remove it"
+                help = Suggestion(f"beside `{other}` write `{its}`", (key, its)) if getattr(self, other) else "remove it"
                 raise rule(f"`{key}` belongs beside `{kind}`", help, key)
         if self.unit is not None and self.file is None:
             raise rule("`unit` belongs to a `file`", "take it out: only files of numbers without a unit need it", "unit")

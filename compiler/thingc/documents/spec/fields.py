@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 
 from pydantic_core import PydanticCustomError, core_schema
 
-from thingc.base.suggestions import Hint, near_hint
+from thingc.base.suggestions import Suggestion, near_hint
 from thingc.base.units import (
     ACCELERATION,
     ANGLE,
@@ -57,7 +57,7 @@ Value = Union[Quantity, Expression]
 Vector = tuple[Value, Value, Value]
 
 
-class Checked:
+class FieldValidator:
     """Annotation of a field: its validator, what it is called in messages, and its JSON Schema."""
 
     def __init__(self, validate: Callable[[Any], Any], words: str, schema: Mapping[str, Any]) -> None:
@@ -172,12 +172,12 @@ def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: 
         raise
 
 
-def decimal_point(text: str, whole: str, rest: str) -> Hint:
+def decimal_point(text: str, whole: str, rest: str) -> Suggestion:
     """The hint for a decimal comma; 1,500 may be 1500, so that a fix is only of other numbers of digits."""
     point = f"{whole}.{rest}"
     decimals = re.match(r"\d*", rest)
     sure = decimals is not None and len(decimals.group()) != 3 and shortened(point) == point
-    return Hint(f"write `{shortened(point)}`", (text, point) if sure else None)
+    return Suggestion(f"write `{shortened(point)}`", (text, point) if sure else None)
 
 
 def quantity(*dimensions: Dimension, doc: str = "") -> Any:
@@ -190,7 +190,7 @@ def quantity(*dimensions: Dimension, doc: str = "") -> Any:
     examples = [dimension.example for dimension in dimensions]
     schema = _schema(words, examples, dimensions)
     return Annotated[
-        Union[Quantity, Expression], Checked(lambda value: read_value(value, dimensions, words, examples[0]), words, schema),
+        Union[Quantity, Expression], FieldValidator(lambda value: read_value(value, dimensions, words, examples[0]), words, schema),
     ]
 
 
@@ -303,7 +303,7 @@ def _vector(dimension: Dimension) -> Any:
     item = _schema(dimension.words, [dimension.example], (dimension,))
     return Annotated[
         tuple[Value, Value, Value],
-        Checked(validate, words, {
+        FieldValidator(validate, words, {
             "description": f"Three values, each {dimension.words}: `{short}` or `{listed}`.",
             "examples": [short, [dimension.example, 0, 0]],
             "anyOf": [
@@ -478,15 +478,15 @@ if TYPE_CHECKING:
     CountField = Union[int, Expression]
     NumberField = Value
 else:
-    AnyQuantityField = Annotated[Any, Checked(any_value, "a quantity, true or false, or text", _ANY_SCHEMA)]
-    JointValueField = Annotated[Any, Checked(_joint_value, "an angle or a length", _JOINT_SCHEMA)]
+    AnyQuantityField = Annotated[Any, FieldValidator(any_value, "a quantity, true or false, or text", _ANY_SCHEMA)]
+    JointValueField = Annotated[Any, FieldValidator(_joint_value, "an angle or a length", _JOINT_SCHEMA)]
     Vector3Length = _vector(LENGTH)
     Vector3Angle = _vector(ANGLE)
     Vector3Acceleration = _vector(ACCELERATION)
-    Name = Annotated[str, Checked(name_of, "a name", _NAME_SCHEMA)]
-    Index = Annotated[str, Checked(_index, "the number of a coordinate", _INDEX_SCHEMA)]
-    ReferenceField = Annotated[str, Checked(_reference, "a reference", _REFERENCE_SCHEMA)]
-    ColorField = Annotated[str, Checked(_color, "a colour", _COLOR_SCHEMA)]
-    CostField = Annotated[str, Checked(_cost, "an amount and a currency", _COST_SCHEMA)]
-    CountField = Annotated[Any, Checked(_count, "a whole number", _COUNT_SCHEMA)]
-    NumberField = Annotated[Any, Checked(_number, "a number", _NUMBER_SCHEMA)]
+    Name = Annotated[str, FieldValidator(name_of, "a name", _NAME_SCHEMA)]
+    Index = Annotated[str, FieldValidator(_index, "the number of a coordinate", _INDEX_SCHEMA)]
+    ReferenceField = Annotated[str, FieldValidator(_reference, "a reference", _REFERENCE_SCHEMA)]
+    ColorField = Annotated[str, FieldValidator(_color, "a colour", _COLOR_SCHEMA)]
+    CostField = Annotated[str, FieldValidator(_cost, "an amount and a currency", _COST_SCHEMA)]
+    CountField = Annotated[Any, FieldValidator(_count, "a whole number", _COUNT_SCHEMA)]
+    NumberField = Annotated[Any, FieldValidator(_number, "a number", _NUMBER_SCHEMA)]

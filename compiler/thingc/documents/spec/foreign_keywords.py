@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 from pydantic import BaseModel
 
-from thingc.base.suggestions import Hint
+from thingc.base.suggestions import Suggestion
 from thingc.base.units import shortened
 from thingc.documents.spec import assembly, drives, link_shapes, mass, materials, modes, poses, sensors, variants, workspace
 from thingc.documents.spec.annotation_types import model_keys, one_of
@@ -225,7 +225,7 @@ def choice_hint(word: str, choices: list[str]) -> str | None:
     plain = word.lower().replace("-", "_").replace(" ", "_")
     names = [one for one in WORDS.get(plain, ()) if one in choices]
     if names:
-        return Hint(f"here it is called {one_of(names)}", (word, names[0]) if len(names) == 1 else None)
+        return Suggestion(f"here it is called {one_of(names)}", (word, names[0]) if len(names) == 1 else None)
     return FREE if plain in FLOATING and "revolute" in choices else None
 
 

@@ -19,7 +19,7 @@ ANY_NAME = "*"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Doubts:
+class InvalidEntries:
     """The key paths of a document whose values were wrong (reported) and left out, or may be what a wrong key meant.
 
     What a later pass would say of such a place, of what is around it, or of what is inside, is no news.
@@ -49,7 +49,7 @@ class Doubts:
         )
 
 
-NO_DOUBTS = Doubts()
+NO_DOUBTS = InvalidEntries()
 
 
 class Specs(dict[str, "AssemblySpec | MaterialsSpec"]):
@@ -58,7 +58,7 @@ class Specs(dict[str, "AssemblySpec | MaterialsSpec"]):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self.doubts: dict[str, Doubts] = {}
+        self.doubts: dict[str, InvalidEntries] = {}
         self.allowances: list[Allowance] = []
 
     def joined(self, more: Specs) -> Specs:

@@ -12,7 +12,7 @@ from thingc.documents.spec.fields import InertiaField, MassField, Vector3Length
 Source = Literal["measured", "vendor", "estimated", "repaired"]
 
 
-class StatedMass(Model):
+class MassSpec(Model):
     """A mass and where it is from."""
 
     value: MassField
@@ -21,7 +21,7 @@ class StatedMass(Model):
     """`measured`, `vendor`, `estimated`, or `repaired` (by an import, because no solid has what its source said)."""
 
 
-class StatedCentre(Model):
+class CentreOfMassSpec(Model):
     """A centre of mass and where it is from."""
 
     value: Vector3Length
@@ -47,7 +47,7 @@ class InertiaMatrix(Model):
     """Product of y and z."""
 
 
-class StatedInertia(Model):
+class InertiaSpec(Model):
     """An inertia and where it is from."""
 
     value: InertiaMatrix = Field(examples=[{"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"}])

@@ -10,7 +10,7 @@ from typing import Any
 
 from thingc.base.source import Document, MappingNode, node_at
 from thingc.base.units import shortened
-from thingc.documents.spec.annotation_types import AnnotationShape, alternatives, likeness, model_keys
+from thingc.documents.spec.annotation_types import FieldType, alternatives, likeness, model_keys
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.pruning import MISPLACED, Fault
 from thingc.documents.spec.unknown_keys import sections
@@ -63,7 +63,7 @@ def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
     return f"{message}, and probably {'belong' if several else 'belongs'} to `{owner}`", help
 
 
-def _is_rather(value: Any, key: AnnotationShape, entry: AnnotationShape) -> bool:
+def _is_rather(value: Any, key: FieldType, entry: FieldType) -> bool:
     """Whether a value looks like that of a key of an entry rather than like an entry."""
     if not isinstance(value, dict):
         return True

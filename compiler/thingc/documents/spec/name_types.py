@@ -17,7 +17,7 @@ Declared = Literal[
     "component", "export", "index", "joint", "link", "material", "mode", "mount", "parameter", "pose", "sensor", "tendon", "test",
 ]
 """What a document declares by a name: `export` is a mount that it shows to a parent assembly, `index` that of a `repeat`."""
-Meant = Literal[
+ReferenceKind = Literal[
     "assembly document", "choice", "component", "coordinate", "coordinate or tendon", "expression", "joint", "joint or nested assembly",
     "material", "materials document", "mode", "modes", "mount", "mount of its own", "mount or export", "parameter of a nested assembly",
     "parameter of a part", "part", "pose", "pose of a nested assembly", "poses", "raw", "root", "rule", "sensor", "setting", "tendon",
@@ -32,62 +32,62 @@ RESERVED = frozenset({"world", "root", "origin"})
 
 
 @dataclass(frozen=True, slots=True)
-class Declares:
+class DeclaresName:
     """Of a key or a text: it declares a name."""
 
     what: Declared
 
 
 @dataclass(frozen=True, slots=True)
-class Means:
+class RefersTo:
     """Of a key or a text: it names something."""
 
-    what: Meant
+    what: ReferenceKind
 
 
-NewComponent = Annotated[Name, Declares("component")]
-NewExport = Annotated[Name, Declares("export")]
-NewIndex = Annotated[Name, Declares("index")]
-NewJoint = Annotated[Name, Declares("joint")]
-NewLink = Annotated[Name, Declares("link")]
-NewMaterial = Annotated[Name, Declares("material")]
-NewMode = Annotated[Name, Declares("mode")]
-NewMount = Annotated[Name, Declares("mount")]
-NewParameter = Annotated[Name, Declares("parameter")]
-NewPose = Annotated[Name, Declares("pose")]
-NewSensor = Annotated[Name, Declares("sensor")]
-NewTendon = Annotated[Name, Declares("tendon")]
-NewTest = Annotated[Name, Declares("test")]
+NewComponent = Annotated[Name, DeclaresName("component")]
+NewExport = Annotated[Name, DeclaresName("export")]
+NewIndex = Annotated[Name, DeclaresName("index")]
+NewJoint = Annotated[Name, DeclaresName("joint")]
+NewLink = Annotated[Name, DeclaresName("link")]
+NewMaterial = Annotated[Name, DeclaresName("material")]
+NewMode = Annotated[Name, DeclaresName("mode")]
+NewMount = Annotated[Name, DeclaresName("mount")]
+NewParameter = Annotated[Name, DeclaresName("parameter")]
+NewPose = Annotated[Name, DeclaresName("pose")]
+NewSensor = Annotated[Name, DeclaresName("sensor")]
+NewTendon = Annotated[Name, DeclaresName("tendon")]
+NewTest = Annotated[Name, DeclaresName("test")]
 
-AssemblyDocument = Annotated[str, Means("assembly document")]
-ComponentField = Annotated[ReferenceField, Means("component")]
-CoordinateField = Annotated[ReferenceField, Means("coordinate")]
-CoordinateKey = Annotated[str, Means("coordinate")]
-DrivenKey = Annotated[str, Means("coordinate or tendon")]
-JointField = Annotated[ReferenceField, Means("joint")]
-JointKey = Annotated[str, Means("joint or nested assembly")]
-JointPattern = Annotated[str, Means("joint")]
-MaterialField = Annotated[str, Means("material")]
-MaterialsDocument = Annotated[str, Means("materials document")]
-ModeField = Annotated[Name, Means("mode")]
-MountField = Annotated[ReferenceField, Means("mount")]
-NestedParameter = Annotated[str, Means("parameter of a nested assembly")]
-OwnComponentKey = Annotated[str, Means("component")]
-OwnExportKey = Annotated[str, Means("mount or export")]
-OwnJointKey = Annotated[str, Means("joint")]
-OwnPoseKey = Annotated[str, Means("pose")]
-OwnTendonKey = Annotated[str, Means("tendon")]
-OwnMountField = Annotated[ReferenceField, Means("mount of its own")]
-OwnMountKey = Annotated[str, Means("mount of its own")]
-PartField = Annotated[str, Means("part")]
-PartParameter = Annotated[str, Means("parameter of a part")]
-PoseField = Annotated[Name, Means("pose")]
-RootField = Annotated[ReferenceField, Means("root")]
-SensorKey = Annotated[str, Means("sensor")]
-ShownMountField = Annotated[ReferenceField, Means("mount or export")]
-TendonField = Annotated[Name, Means("tendon")]
-PoseValueField = Annotated[JointValueField, Means("pose of a nested assembly")]
-ModeNames = Annotated[str, Means("modes")] | Annotated[list[Annotated[str, Means("modes")]], Field(min_length=1)]
-PoseNames = Annotated[str, Means("poses")] | Annotated[list[Annotated[str, Means("poses")]], Field(min_length=1)]
+AssemblyDocument = Annotated[str, RefersTo("assembly document")]
+ComponentField = Annotated[ReferenceField, RefersTo("component")]
+CoordinateField = Annotated[ReferenceField, RefersTo("coordinate")]
+CoordinateKey = Annotated[str, RefersTo("coordinate")]
+DrivenKey = Annotated[str, RefersTo("coordinate or tendon")]
+JointField = Annotated[ReferenceField, RefersTo("joint")]
+JointKey = Annotated[str, RefersTo("joint or nested assembly")]
+JointPattern = Annotated[str, RefersTo("joint")]
+MaterialField = Annotated[str, RefersTo("material")]
+MaterialsDocument = Annotated[str, RefersTo("materials document")]
+ModeField = Annotated[Name, RefersTo("mode")]
+MountField = Annotated[ReferenceField, RefersTo("mount")]
+NestedParameter = Annotated[str, RefersTo("parameter of a nested assembly")]
+OwnComponentKey = Annotated[str, RefersTo("component")]
+OwnExportKey = Annotated[str, RefersTo("mount or export")]
+OwnJointKey = Annotated[str, RefersTo("joint")]
+OwnPoseKey = Annotated[str, RefersTo("pose")]
+OwnTendonKey = Annotated[str, RefersTo("tendon")]
+OwnMountField = Annotated[ReferenceField, RefersTo("mount of its own")]
+OwnMountKey = Annotated[str, RefersTo("mount of its own")]
+PartField = Annotated[str, RefersTo("part")]
+PartParameter = Annotated[str, RefersTo("parameter of a part")]
+PoseField = Annotated[Name, RefersTo("pose")]
+RootField = Annotated[ReferenceField, RefersTo("root")]
+SensorKey = Annotated[str, RefersTo("sensor")]
+ShownMountField = Annotated[ReferenceField, RefersTo("mount or export")]
+TendonField = Annotated[Name, RefersTo("tendon")]
+PoseValueField = Annotated[JointValueField, RefersTo("pose of a nested assembly")]
+ModeNames = Annotated[str, RefersTo("modes")] | Annotated[list[Annotated[str, RefersTo("modes")]], Field(min_length=1)]
+PoseNames = Annotated[str, RefersTo("poses")] | Annotated[list[Annotated[str, RefersTo("poses")]], Field(min_length=1)]
 JointNames = JointPattern | Annotated[list[JointPattern], Field(min_length=1)]
 """Names, patterns or `all`, alone or several."""

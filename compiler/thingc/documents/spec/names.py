@@ -8,7 +8,7 @@ from pydantic import Field
 
 from thingc.base.export_names import LONGEST, is_file_name
 from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import Checked, fault, found
+from thingc.documents.spec.fields import FieldValidator, fault, found
 from thingc.documents.spec.name_types import DrivenKey, OwnComponentKey, OwnExportKey, OwnJointKey, OwnPoseKey, OwnTendonKey, SensorKey
 
 
@@ -32,7 +32,7 @@ _FILE_NAME_SCHEMA = {
 if TYPE_CHECKING:
     FileName = str
 else:
-    FileName = Annotated[str, Checked(_file_name, "a name in files", _FILE_NAME_SCHEMA)]
+    FileName = Annotated[str, FieldValidator(_file_name, "a name in files", _FILE_NAME_SCHEMA)]
 
 
 class NamesSpec(Model):

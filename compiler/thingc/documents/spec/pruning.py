@@ -8,7 +8,7 @@ from typing import Any
 from thingc.base.frozen import dataclass
 from thingc.base.source import Path
 from thingc.base.suggestions import nearest
-from thingc.documents.spec.annotation_types import AnnotationShape, model_keys
+from thingc.documents.spec.annotation_types import FieldType, model_keys
 from thingc.documents.spec.invalid_entries import ANY_NAME
 
 ROUNDS = 12
@@ -35,7 +35,7 @@ class Fault:
     kind: str
     context: dict[str, Any]
     value: Any
-    shape: AnnotationShape
+    shape: FieldType
     key: bool = False
 
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 
 from pydantic_core import PydanticCustomError
 
-from thingc.documents.spec.fields import Checked, fault, found, raise_all, within
-from thingc.documents.spec.name_types import Means
+from thingc.documents.spec.fields import FieldValidator, fault, found, raise_all, within
+from thingc.documents.spec.name_types import RefersTo
 from thingc.documents.spec.patterns import raw_schema
 
 _WORDS = "text, a number, true or false, a list of such, or a mapping"
@@ -38,4 +38,4 @@ _RAW_SCHEMA = {"description": "Attributes by path.", "examples": [{"joint": {"ya
 if TYPE_CHECKING:
     RawField = Union[str, int, float, bool, list[Any], dict[str, Any]]
 else:
-    RawField = Annotated[Any, Checked(_raw, _WORDS, _RAW_SCHEMA), Means("raw")]
+    RawField = Annotated[Any, FieldValidator(_raw, _WORDS, _RAW_SCHEMA), RefersTo("raw")]

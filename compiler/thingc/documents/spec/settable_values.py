@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from thingc.documents.spec.assembly import AssemblySpec
 
 
-def stated_value(documents: Documents, path: str) -> ExpressionValue | Expression | None:
+def current_value(documents: Documents, path: str) -> ExpressionValue | Expression | None:
     """What the root document, or the nested one that the path leads into, says at the path of a value: text where that is no value by
     itself (the three of a vector). None where it says nothing there, and for an expression of a nested document."""
     document, keys = _leading(documents, path)

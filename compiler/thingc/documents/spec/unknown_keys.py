@@ -6,15 +6,15 @@ from collections.abc import Iterator
 from typing import Any
 
 from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, node_at
-from thingc.base.suggestions import Hint, did_you_mean, meant, near_hint, nearest
+from thingc.base.suggestions import Suggestion, closest_name, did_you_mean, near_hint, nearest
 from thingc.base.units import shortened
-from thingc.documents.spec.annotation_types import AnnotationShape, alternatives, branch_of, likeness, model_keys, one_of, shape_of
+from thingc.documents.spec.annotation_types import FieldType, alternatives, branch_of, likeness, model_keys, one_of, shape_of
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.foreign_keywords import key_for
 from thingc.documents.spec.pruning import Fault
 
 
-class Unknown:
+class UnknownKey:
     """An unknown key (`fault`) of a document of the model `root`.
 
     `instead` is the key of the same mapping that it stands for, None where nobody can tell; `help` what to type next.
@@ -34,7 +34,7 @@ class Unknown:
         if told is not None:
             self.help = self._called(told)
             return
-        place = None if meant(self.key, absent) is not None else self._mate() or self._place(root)
+        place = None if closest_name(self.key, absent) is not None else self._mate() or self._place(root)
         if place is not None:
             self.help = place
             return
@@ -55,7 +55,7 @@ class Unknown:
         if told in self.present:
             return f"`{told}` says it here, and is there already"
         self.instead = told
-        return Hint(f"here it is called `{told}`", (self.key, told))
+        return Suggestion(f"here it is called `{told}`", (self.key, told))
 
     def _mate(self) -> str | None:
         """How the mate of an `attach` is written beside a `turn` or a `gap`, where it is written as it is without."""
@@ -117,14 +117,14 @@ def _shown(value: Node | None) -> str:
     return shortened(value.text, 40) if isinstance(value, ScalarNode) else "..."
 
 
-def sections(root: type[Model]) -> Iterator[tuple[str, AnnotationShape]]:
+def sections(root: type[Model]) -> Iterator[tuple[str, FieldType]]:
     """The keys of a document under which entries have names of their own, and what an entry is."""
     for name, (shape, _) in model_keys(root).items():
         if shape.kind == "dict":
             yield name, shape_of(shape.members[0])
 
 
-def along(root: type[Model], document: Document, path: Path) -> Iterator[AnnotationShape]:
+def along(root: type[Model], document: Document, path: Path) -> Iterator[FieldType]:
     """The shape of the document, and of every value on the way to `path`; it ends where the document leaves the model."""
     shape = shape_of(root)
     yield shape

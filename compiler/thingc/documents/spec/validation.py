@@ -14,7 +14,7 @@ from thingc.base.source import Document, ScalarNode, SequenceNode, Span, walk
 from thingc.documents.spec.allowances import allowances
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.base import Model
-from thingc.documents.spec.invalid_entries import Doubts, Specs
+from thingc.documents.spec.invalid_entries import InvalidEntries, Specs
 from thingc.documents.spec.materials import MaterialsSpec
 
 if TYPE_CHECKING:
@@ -69,14 +69,14 @@ def validate_one(document: Document, report: Report) -> Model | None:
     return None if doubts else spec
 
 
-def _sound(document: Document, report: Report) -> tuple[Model | None, Doubts]:
+def _sound(document: Document, report: Report) -> tuple[Model | None, InvalidEntries]:
     """The model of what is sound in a document, None where that is nothing; and what was left out (reported)."""
     model = model_of(document.kind)
     if model is None:
         report.add(
             Code.WRONG_KIND, f"documents of kind `{document.kind}` cannot be used yet", document.span(("thingc",)),
         )
-        return None, Doubts()
+        return None, InvalidEntries()
     plain = document.tree.plain()
     assert isinstance(plain, dict)
     plain.pop("$schema", None)  # for editors
@@ -88,7 +88,7 @@ def _sound(document: Document, report: Report) -> tuple[Model | None, Doubts]:
     try:
         spec = model.model_validate(plain, strict=True)
         if not empty and not damaged:
-            return spec, Doubts()
+            return spec, InvalidEntries()
     except ValidationError as raised:
         error = raised
     from thingc.documents.spec.validation_errors import sound_rest

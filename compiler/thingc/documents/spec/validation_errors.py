@@ -18,12 +18,12 @@ from pydantic_core import PydanticCustomError, ValidationError
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.source import Document, MappingNode, Path, ScalarNode, Span, node_at
-from thingc.base.suggestions import Hint
+from thingc.base.suggestions import Suggestion
 from thingc.base.units import shortened
-from thingc.documents.spec.annotation_types import AnnotationShape, branch_of, model_keys, shape_of
+from thingc.documents.spec.annotation_types import FieldType, branch_of, model_keys, shape_of
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import decimal_point
-from thingc.documents.spec.invalid_entries import Doubts
+from thingc.documents.spec.invalid_entries import InvalidEntries
 from thingc.documents.spec.misplaced import gathered
 from thingc.documents.spec.pruning import ROUNDS, Fault, prune, take_out
 from thingc.documents.spec.validation_messages import KINDS, MAX_FAULTS, dotted, say
@@ -32,7 +32,7 @@ from thingc.documents.spec.validation_messages import KINDS, MAX_FAULTS, dotted,
 def sound_rest(
     document: Document, model: type[Model], plain: dict[str, Any], error: ValidationError | None, empty: Mapping[Path, ScalarNode],
     damaged: frozenset[Path], report: Report,
-) -> tuple[Model | None, Doubts]:
+) -> tuple[Model | None, InvalidEntries]:
     """Say what is wrong with a document: `error` is what its model raised for the `plain` values (which are pruned), `empty` are its
     nulls, `damaged` those that `load` has reported. The model of the rest, None where nothing useful stays, and what was
     left out."""
@@ -42,28 +42,28 @@ def sound_rest(
         faults = gathered(document, model, list(_faults(shape_of(model), plain, (), error)))
         say(document, model, faults, report, wrong, damaged)
     if document.kind == "workspace":
-        return None, Doubts()
+        return None, InvalidEntries()
     return _rest(model, plain, faults, wrong | damaged)
 
 
-def _rest(model: type[Model], plain: dict[str, Any], faults: list[Fault], wrong: frozenset[Path]) -> tuple[Model | None, Doubts]:
+def _rest(model: type[Model], plain: dict[str, Any], faults: list[Fault], wrong: frozenset[Path]) -> tuple[Model | None, InvalidEntries]:
     """The model of a document without its faults and without the values at the paths `wrong`, and what is in doubt then."""
     doubts: set[Path] = set()
     pruned = prune(plain, faults)
     for path in wrong:
         taken = take_out(plain, path)
         if pruned is None or taken is None:
-            return None, Doubts()
+            return None, InvalidEntries()
         pruned.add(taken)
     for _ in range(ROUNDS):
         if pruned is None:
             break
         doubts |= pruned
         try:
-            return model.model_validate(plain, strict=True), Doubts(paths=frozenset(doubts))
+            return model.model_validate(plain, strict=True), InvalidEntries(paths=frozenset(doubts))
         except ValidationError as error:
             pruned = prune(plain, list(_faults(shape_of(model), plain, (), error)))
-    return None, Doubts()
+    return None, InvalidEntries()
 
 
 def _report_empty(document: Document, empty: Mapping[Path, ScalarNode], report: Report) -> frozenset[Path]:
@@ -96,7 +96,7 @@ def _report_empty(document: Document, empty: Mapping[Path, ScalarNode], report: 
 _COMMA = "a number is written with a point, not with a comma"
 
 
-def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Hint] | None:
+def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Suggestion] | None:
     """Where `{gap: 1,5 mm}` was meant to be 1.5 mm and came as `gap: 1` and a key `5 mm`: the path of the value, where the
     whole stands, and a hint that says what it should be."""
     mapping = node_at(document.tree, path[:-1])
@@ -113,7 +113,7 @@ def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Hint] | 
     return (*path[:-1], keys[keys.index(path[-1]) - 1]), where, decimal_point(f"{before.text},{path[-1]}", before.text, path[-1])
 
 
-def _faults(shape: AnnotationShape, value: Any, path: Path, error: ValidationError) -> Iterator[Fault]:
+def _faults(shape: FieldType, value: Any, path: Path, error: ValidationError) -> Iterator[Fault]:
     """The errors of a value of this shape that stands at `path`, unions decided."""
     unions: set[Path] = set()
     for entry in error.errors(include_url=False):
@@ -138,7 +138,7 @@ def _each(kind: str, context: dict[str, Any]) -> Iterator[tuple[str, dict[str, A
         yield other.type, dict(other.context or {})
 
 
-def _union_faults(shape: AnnotationShape, value: Any, path: Path) -> Iterator[Fault]:
+def _union_faults(shape: FieldType, value: Any, path: Path) -> Iterator[Fault]:
     """The errors of a value that fits no branch of a union: those of the branch that was meant."""
     branch = branch_of(shape, value)
     if branch is None:
@@ -159,7 +159,7 @@ def _union_faults(shape: AnnotationShape, value: Any, path: Path) -> Iterator[Fa
             yield from _faults(branch, value, path, error)
 
 
-def _follow(shape: AnnotationShape, location: tuple[int | str, ...], kind: str) -> tuple[Path, AnnotationShape, bool, bool]:
+def _follow(shape: FieldType, location: tuple[int | str, ...], kind: str) -> tuple[Path, FieldType, bool, bool]:
     """Follow pydantic's location through the annotations.
 
     Returns the path in the document, the shape there, whether the key is meant, and whether a union stopped the way.

@@ -11,16 +11,16 @@ from pydantic_core import PydanticCustomError
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, Span, node_at
-from thingc.base.suggestions import Hint, near_hint
+from thingc.base.suggestions import Suggestion, near_hint
 from thingc.base.units import shortened
-from thingc.documents.spec.annotation_types import AnnotationShape, alternatives, model_keys, one_of, spoken
+from thingc.documents.spec.annotation_types import FieldType, alternatives, model_keys, one_of, spoken
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import found, read_value
 from thingc.documents.spec.foreign_keywords import choice_hint, written_whole
 from thingc.documents.spec.joint_values import dimension_at
 from thingc.documents.spec.misplaced import message_of as misplaced
 from thingc.documents.spec.pruning import MISPLACED, Fault
-from thingc.documents.spec.unknown_keys import Unknown
+from thingc.documents.spec.unknown_keys import UnknownKey
 
 MAX_FAULTS = 200
 """Faults said of one document."""
@@ -56,7 +56,7 @@ class _Reporter:
 
     def say(self, faults: list[Fault]) -> None:
         """All of them, in their order."""
-        unknown = {fault.path: Unknown(self.document, self.root, fault) for fault in faults if fault.kind == "extra_forbidden"}
+        unknown = {fault.path: UnknownKey(self.document, self.root, fault) for fault in faults if fault.kind == "extra_forbidden"}
         meant = {(*path[:-1], one.instead) for path, one in unknown.items() if one.instead is not None}
         parents = {path[:-1] for path in self.empty}
         before = len(self.report.diagnostics)
@@ -169,10 +169,10 @@ class _Reporter:
             node = node_at(self.document.tree, fault.path)
             if isinstance(node, ScalarNode):
                 quoted = f'"{node.text}"'
-                help = Hint(f"write `{shortened(quoted)}`", (node.text, quoted))
+                help = Suggestion(f"write `{shortened(quoted)}`", (node.text, quoted))
         elif shape.kind == "flag" and isinstance(value, str) and value.lower() in ("yes", "no", "on", "off"):
             flag = "true" if value.lower() in ("yes", "on") else "false"
-            help = Hint(f"write `{flag}`", (value, flag))
+            help = Suggestion(f"write `{flag}`", (value, flag))
         elif help is None and isinstance(value, dict) and len(value) == 1 and any(member.kind == "list" for member in alternatives(shape)):
             help = f"write a list, one item for each: `[{{{shortened(str(next(iter(value))))}: ...}}]`"
         elif help is None and isinstance(value, str) and any(member.kind == "list" for member in alternatives(shape)):
@@ -185,7 +185,7 @@ def _inside(path: Path) -> str:
     return f" in `{dotted(path)}`" if path else ""
 
 
-def _mapping_hint(document: Document, path: Path, value: Any, shape: AnnotationShape) -> str | None:
+def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) -> str | None:
     """A hint where a value stands for a mapping that can be told from it."""
     node = node_at(document.tree, path)
     if isinstance(node, SequenceNode):

@@ -11,8 +11,8 @@ from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.base import Model, rule
 from thingc.documents.spec.choices import EXAMPLES, VALUES, is_value, parse
-from thingc.documents.spec.fields import AnyQuantityField, Checked, CountField, Name, fault, found, name_of
-from thingc.documents.spec.name_types import AssemblyDocument, Means, ModeField, PoseField, ShownMountField
+from thingc.documents.spec.fields import AnyQuantityField, CountField, FieldValidator, Name, fault, found, name_of
+from thingc.documents.spec.name_types import AssemblyDocument, ModeField, PoseField, RefersTo, ShownMountField
 
 
 def _choice_path(value: Any) -> str:
@@ -65,11 +65,11 @@ if TYPE_CHECKING:
     SettingField = str
     RuleField = Expression
 else:
-    SettingField = Annotated[str, Checked(_setting, "a parameter or the path of a value", _SETTING_SCHEMA), Means("setting")]
-    ChoicePathField = Annotated[str, Checked(_choice_path, "the path of a choice", _PATH_SCHEMA), Means("setting")]
-    RuleField = Annotated[Any, Checked(_rule_text, "a comparison", _RULE_SCHEMA), Means("rule")]
+    SettingField = Annotated[str, FieldValidator(_setting, "a parameter or the path of a value", _SETTING_SCHEMA), RefersTo("setting")]
+    ChoicePathField = Annotated[str, FieldValidator(_choice_path, "the path of a choice", _PATH_SCHEMA), RefersTo("setting")]
+    RuleField = Annotated[Any, FieldValidator(_rule_text, "a comparison", _RULE_SCHEMA), RefersTo("rule")]
 
-ChoiceField = Annotated[str, Means("choice")]
+ChoiceField = Annotated[str, RefersTo("choice")]
 
 
 class AxisSpec(Model):

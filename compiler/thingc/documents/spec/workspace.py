@@ -9,7 +9,7 @@ from pydantic import Field
 
 from thingc.base.package_info import MAINTAINER, MEMORY, VERSION, one_line
 from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import AngleField, Checked, LengthField, TimeField, fault, found
+from thingc.documents.spec.fields import AngleField, FieldValidator, LengthField, TimeField, fault, found
 
 
 class SimulationMeshSpec(Model):
@@ -67,10 +67,12 @@ if TYPE_CHECKING:
     VersionField = str
     MemoryField = str
 else:
-    MemoryField = Annotated[str, Checked(_memory, "an amount of memory", {"type": "string", "pattern": f"^{MEMORY}$"})]
-    MaintainerField = Annotated[str, Checked(_maintainer, "a name and a mail address", {"type": "string", "pattern": f"^{MAINTAINER}$"})]
-    LicenseField = Annotated[str, Checked(_license, "a license", {"type": "string", "pattern": r"\S"})]
-    VersionField = Annotated[str, Checked(_version, "a version", {"type": "string", "pattern": f"^{VERSION}$"})]
+    MemoryField = Annotated[str, FieldValidator(_memory, "an amount of memory", {"type": "string", "pattern": f"^{MEMORY}$"})]
+    MaintainerField = Annotated[
+        str, FieldValidator(_maintainer, "a name and a mail address", {"type": "string", "pattern": f"^{MAINTAINER}$"})
+    ]
+    LicenseField = Annotated[str, FieldValidator(_license, "a license", {"type": "string", "pattern": r"\S"})]
+    VersionField = Annotated[str, FieldValidator(_version, "a version", {"type": "string", "pattern": f"^{VERSION}$"})]
 
 
 class AboutSpec(Model):

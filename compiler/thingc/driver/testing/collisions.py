@@ -24,7 +24,7 @@ CELL = (0.1, 0.1, 0.1, 0.002)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Near:
+class NearPair:
     """Two occurrences (indices) near each other in a keyframe: their `gap` [m]; where it is 0 the `volume` [m^3] of what they
     share and its mean thickness `depth` [m]; and the number of the allowance that they fall under."""
 
@@ -71,7 +71,7 @@ class Collisions:
 
     def overlapping(
         self, poses: Sequence[Pose], frame: Keyframe, allowed: Mapping[tuple[int, int], int], seen: set[object] | None,
-    ) -> Iterator[Near]:
+    ) -> Iterator[NearPair]:
         """The `close` pairs that overlap, unless the document allows that (`TC520`). A sweep passes the cells of poses `seen` so far: in
         each of them a pair is compared once."""
         for pair in self.overlaps.pairs(self.assembly.occurrences, poses):
@@ -87,18 +87,18 @@ class Collisions:
             reason = next((one.reason for one in self._report.allowances if one.covers(Code.OVERLAP, places)), None)
             if reason is None:
                 volume, depth = shared
-                yield Near(one=one, other=other, gap=0.0, depth=depth, volume=volume, allowance=allowed.get(indices), where=frame)
+                yield NearPair(one=one, other=other, gap=0.0, depth=depth, volume=volume, allowance=allowed.get(indices), where=frame)
             else:
                 self._skip(indices, f"allowed: {reason}")
 
-    def wrong(self, near: Near, clearance: float) -> bool:
+    def wrong(self, near: NearPair, clearance: float) -> bool:
         """Whether two occurrences are nearer than they may be."""
         return near.gap < clearance - TOUCH if clearance > 0.0 else near.depth > self.overlaps.deep
 
     def near(
         self, poses: Sequence[Pose], frame: Keyframe, clearance: float, look: float, allowed: Mapping[tuple[int, int], int],
         needed: Collection[int] = (),
-    ) -> Iterator[Near]:
+    ) -> Iterator[NearPair]:
         """The pairs nearer than `clearance` [m], and of those that no allowance is for also the nearest within `look` [m]. Of
         allowances that are known to be `needed` nothing more is found out."""
         if not self.pairs:
@@ -124,7 +124,7 @@ class Collisions:
             volume, depth = one.overlap(other) if gap <= 0.0 else (0.0, 0.0)
             if allowance is None:
                 look = min(look, gap)
-            yield Near(one=pair[0], other=pair[1], gap=gap, depth=depth, volume=volume, allowance=allowance, where=frame)
+            yield NearPair(one=pair[0], other=pair[1], gap=gap, depth=depth, volume=volume, allowance=allowance, where=frame)
 
 
 def collisions_of(request: EmitRequest) -> Collisions:

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Diagnostic
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 from thingc.driver.testing.results import Result
 
 
@@ -32,12 +32,12 @@ def as_junit(name: str, results: Sequence[Result], others: Sequence[Diagnostic])
         })
         if result.diagnostic is not None:
             _said(ElementTree.SubElement(case, "failure"), [result.diagnostic])
-        ElementTree.SubElement(case, "system-out").text = shown(result.outcome.said)
+        ElementTree.SubElement(case, "system-out").text = escape_control(result.outcome.said)
     ElementTree.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
 
 
 def _said(element: ElementTree.Element, diagnostics: Sequence[Diagnostic]) -> None:
-    element.set("message", shown(diagnostics[0].message))
+    element.set("message", escape_control(diagnostics[0].message))
     element.set("type", diagnostics[0].code.code)
     element.text = as_text(diagnostics)

@@ -21,7 +21,7 @@ ROUND = np.pi
 """How far a joint without limits is turned either way [rad]: once round."""
 
 
-class Chain:
+class NumpyTree:
     """The coordinates of a robot are its joints that mimic none (`paths`, n of them, `lower` and `upper` [rad or m]); `q(x)`
     gives all joints. A base that floats stays where it is."""
 

@@ -47,7 +47,7 @@ def shown(value: float, dimension: Dimension) -> str:
     return f"{float(f'{float(number):.4g}'):g}{space}{unit}"
 
 
-def bounded(
+def check_bounds(
     name: str, what: str, value: float, minimum: float | None, maximum: float | None, dimension: Dimension, code: Code,
 ) -> Outcome:
     """A value [SI] between two bounds, either of which may be missing."""

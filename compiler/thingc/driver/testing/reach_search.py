@@ -7,7 +7,7 @@ import numpy as np
 from thingc.base.frozen import dataclass
 from thingc.base.pose import NO_POSE, Pose, Vector, rotate
 from thingc.base.source import Origin
-from thingc.driver.testing.numpy_tree import Array, Chain, quasi_random
+from thingc.driver.testing.numpy_tree import Array, NumpyTree, quasi_random
 from thingc.driver.testing.poses import posed, swept
 from thingc.model.assembly.kinematics import joints_of, on_loops
 from thingc.model.assembly.types import MountAt
@@ -33,7 +33,7 @@ def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[
     Which mode it is does not matter: `robot` has neither a hold nor a base that moves the mounts against each other. `origin` is
     whose the poses are that are tried.
     """
-    chain = Chain(robot)
+    chain = NumpyTree(robot)
     ends = chain.mount(of), chain.mount(base)
     best, at = -1.0, np.zeros(len(chain.paths))
     starts: list[tuple[float, Array]] = []
@@ -50,7 +50,7 @@ def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[
     return best, _joints(chain, at)
 
 
-def _starts(chain: Chain, origin: Origin) -> list[Array]:
+def _starts(chain: NumpyTree, origin: Origin) -> list[Array]:
     """Positions within the limits; of a robot with loops the poses of its document and others, closed."""
     assembly = chain.robot.assembly
     if not chain.robot.closures:
@@ -71,7 +71,7 @@ def _starts(chain: Chain, origin: Origin) -> list[Array]:
 Ends = tuple[tuple[int, Pose], tuple[int, Pose]]
 
 
-def _distance(chain: Chain, ends: Ends, x: Array) -> tuple[float, Array]:
+def _distance(chain: NumpyTree, ends: Ends, x: Array) -> tuple[float, Array]:
     """The distance [m] of two mounts and its derivative (n)."""
     q = chain.q(x)
     at = chain.bodies(q)
@@ -83,7 +83,7 @@ def _distance(chain: Chain, ends: Ends, x: Array) -> tuple[float, Array]:
     return distance, (one - other) / distance @ row
 
 
-def _climb(chain: Chain, ends: Ends, start: Array) -> tuple[float, Array] | None:
+def _climb(chain: NumpyTree, ends: Ends, start: Array) -> tuple[float, Array] | None:
     from scipy.optimize import minimize
 
     def down(x: Array) -> tuple[float, Array]:
@@ -109,7 +109,7 @@ def _climb(chain: Chain, ends: Ends, start: Array) -> tuple[float, Array] | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Goal:
+class ReachGoal:
     """Where a mount is to go: to a point [m] of a frame (None: the world), `within` [m] of it; with a direction (a unit vector in the
     same frame) its z at most `angle` [rad] off that."""
 
@@ -121,14 +121,14 @@ class Goal:
     angle: float
 
 
-def nearest(robot: Robot, frame: Keyframe, target: Goal) -> tuple[float, float, dict[str, float]] | None:
+def nearest(robot: Robot, frame: Keyframe, target: ReachGoal) -> tuple[float, float, dict[str, float]] | None:
     """The nearest that a mount gets to a point [m], how far off the direction it is there [rad], and the joints; None where the loops
     close in no position that was tried.
 
     Inverse kinematics within the joints' limits, by a trust-region least-squares method (scipy's `trf`) from the keyframe and from
     positions spread over the joint ranges, until one is near enough.
     """
-    chain = Chain(robot, frame.base)
+    chain = NumpyTree(robot, frame.base)
     mount = chain.mount(target.mount)
     seen_from = None if target.frame is None else chain.mount(target.frame)
     best: tuple[float, float, Array] | None = None
@@ -144,14 +144,14 @@ def nearest(robot: Robot, frame: Keyframe, target: Goal) -> tuple[float, float, 
     return None if best is None else (best[0], best[1], _joints(chain, best[2]))
 
 
-def _tries(chain: Chain, frame: Keyframe) -> list[Array]:
+def _tries(chain: NumpyTree, frame: Keyframe) -> list[Array]:
     middle = chain.lower + 0.5 * (chain.upper - chain.lower)
     spread_out = [chain.lower + part * (chain.upper - chain.lower) for part in quasi_random(STARTS, len(chain.paths))]
     return [chain.x(frame.q), middle, *spread_out]
 
 
 def _situation(
-    chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: Goal, x: Array,
+    chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: ReachGoal, x: Array,
 ) -> tuple[dict[str, float], tuple[Pose, ...], tuple[Array, Array], tuple[Array, Array]]:
     """The coordinates and the poses of all bodies at x; and, in the world, the origin and z of the mount, and the point and direction of
     the target."""
@@ -164,7 +164,7 @@ def _situation(
     )
 
 
-def _approach(chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: Goal, start: Array) -> Array:
+def _approach(chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: ReachGoal, start: Array) -> Array:
     from scipy.optimize import least_squares
 
     def residual(x: Array) -> Array:
@@ -197,7 +197,7 @@ def _approach(chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | N
 
 
 def _missed(
-    chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: Goal, x: Array,
+    chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: ReachGoal, x: Array,
 ) -> tuple[float, float, float]:
     """How far the mount is from the point [m] and off the direction [rad], and how far the loops are open."""
     q, _, (place, axis), (goal, direction) = _situation(chain, mount, frame, target, x)
@@ -208,7 +208,7 @@ def _missed(
     return float(np.linalg.norm(place - goal)), off, float(np.abs(error).max(initial=0.0))
 
 
-def _joints(chain: Chain, x: Array) -> dict[str, float]:
+def _joints(chain: NumpyTree, x: Array) -> dict[str, float]:
     """The coordinates [rad or m] by joint path."""
     q = chain.q(x)
     return {path: q[path] for path in chain.paths}

@@ -14,7 +14,7 @@ from thingc.targets.request import EmitRequest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
+class TestCase:
     """A test to be run once: `robot` in a mode, with keyframes for the poses that the test looks at in this case (`frames`), of which
     `missing` could not be closed. A test that is of no mode has the first mode's robot and no frames."""
 

@@ -13,7 +13,7 @@ from thingc.documents.checks import kinds
 from thingc.driver.testing.kinds import runner_of
 from thingc.driver.testing.outcome import Failure, Outcome, unclosed
 from thingc.driver.testing.poses import keyframe, posed, starting_pose
-from thingc.driver.testing.results import Case, Result
+from thingc.driver.testing.results import Result, TestCase
 from thingc.model.assembly.types import Assembly, LinkedMode, LinkedTest
 from thingc.model.resolve.types import NamedPose
 from thingc.targets.request import EmitRequest
@@ -88,7 +88,7 @@ def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMo
     """The cases of a test, in the order of modes and poses: once, once in each mode (where it starts), or in poses of each."""
     kind, assembly, check = kinds()[linked.test.kind], request.assembly, linked.test.check
     if not kind.takes("mode"):
-        case = Case(linked=linked, robot=request.robots[0], request=request)
+        case = TestCase(linked=linked, robot=request.robots[0], request=request)
         yield _Attempt(mode=None, pose=None, run=lambda: runner_of(kind.name).measure(case, check))
         return
     named = {pose.name for pose in assembly.poses}
@@ -117,6 +117,8 @@ def _in_pose(request: EmitRequest, linked: LinkedTest, mode: LinkedMode, pose: N
         frames = () if robot is None else tuple(frame for one in wanted if (frame := keyframe(robot, one)) is not None)
         if robot is None or not frames:
             return unclosed()
-        return runner.measure(Case(linked=linked, robot=robot, request=request, frames=frames, missing=len(wanted) - len(frames)), check)
+        return runner.measure(
+            TestCase(linked=linked, robot=robot, request=request, frames=frames, missing=len(wanted) - len(frames)), check,
+        )
 
     return run

@@ -22,7 +22,7 @@ BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoc
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Motion:
+class SettleResult:
     """Where points of the robot went: `path` (times x points x 3) [m], a time every `step` [s]; and how `deep` [m] contacts were, at most,
     from when the robot should have been at rest."""
 
@@ -53,7 +53,7 @@ class Motion:
 def simulated(
     robot: Robot, frame: Keyframe, scene: str, files: Mapping[str, bytes], *, seconds: float, resting: float, floor: bool,
     separator: str = "/",
-) -> Motion | float:
+) -> SettleResult | float:
     """Simulate the scene of the robot's mode, which is among the MJCF `files`, from its keyframe `frame` for some `seconds`, and look at
     the box corners of every link's parts; contacts are looked at from `resting` [s] on. Names in the model have `separator` in their paths.
     The time [s] at which it diverges, if it does."""
@@ -76,7 +76,7 @@ def simulated(
                 return float(step * model.opt.timestep)
             if data.time >= start and data.ncon:
                 deepest = max(deepest, -float(data.contact.dist[: data.ncon].min()))
-        return Motion(path=path, step=model.opt.timestep, deepest=deepest)
+        return SettleResult(path=path, step=model.opt.timestep, deepest=deepest)
 
 
 def _model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjModel:

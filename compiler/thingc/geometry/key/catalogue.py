@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 
 from thingc.base.filesystem import listing
-from thingc.base.python_source import syntax_tree
+from thingc.base.python_source import parse_python
 from thingc.geometry.key.module_key import ModuleSources
 from thingc.geometry.record import PartFailure
 
@@ -45,7 +45,7 @@ def classes_installed(module: str, file: str) -> list[str]:
     """`module:Class` of every public class in the file of such a module, in order; none where that is no Python."""
     try:
         with open(file, "rb") as stream:
-            body = syntax_tree(stream.read()).body
+            body = parse_python(stream.read()).body
     except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
         return []
     return [f"{module}:{node.name}" for node in body if isinstance(node, ast.ClassDef) and not node.name.startswith("_")]
@@ -60,7 +60,7 @@ def not_python(sources: ModuleSources, packages: Sequence[str]) -> list[PartFail
             continue
         try:
             with open(source.module.file, "rb") as stream:
-                syntax_tree(stream.read())
+                parse_python(stream.read())
         except (SyntaxError, ValueError, RecursionError, MemoryError) as fault:
             words, line = (fault.msg, fault.lineno) if isinstance(fault, SyntaxError) else (str(fault) or "too deeply nested", None)
             failures.append(PartFailure(

@@ -23,14 +23,14 @@ def outlined(code: CodeIngredients) -> CodeIngredients:
     return replace(code, ingredients={one.label: f"{one.facts.outline} {one.path}" for one in code.sources.values()})
 
 
-def evidence(code: CodeIngredients, ran: Mapping[str, Sequence[int] | None]) -> dict[str, Any] | None:
+def executed_functions(code: CodeIngredients, ran: Mapping[str, Sequence[int] | None]) -> dict[str, Any] | None:
     """What is kept of the functions that ran, by file: their numbers by module, and their digest; None where they do not tell."""
     labelled = {code.sources[file].label: numbers for file, numbers in ran.items() if file in code.sources}
     digest = _digest(code, labelled)
     return None if digest is None or len(labelled) < len(ran) else {"ran": labelled, "digest": digest}
 
 
-def holds(code: CodeIngredients, kept: Mapping[str, Any]) -> bool:
+def is_unchanged(code: CodeIngredients, kept: Mapping[str, Any]) -> bool:
     """Whether everything that ran then is the same in this code."""
     digest: str = kept["digest"]
     return _digest(code, kept["ran"]) == digest

@@ -20,7 +20,7 @@ CANDIDATES = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Kept:
+class CachedResult:
     """An answer from the store, the reads it depends on, and why it was made."""
 
     value: Any
@@ -54,13 +54,13 @@ class Results:
             self._states[absolute, listed] = state_of(absolute, listed=listed)
         return self._states[absolute, listed]
 
-    def find(self, kind: str, key: str, usable: Callable[[Any], bool] = lambda _: True) -> Kept | None:
+    def find(self, kind: str, key: str, usable: Callable[[Any], bool] = lambda _: True) -> CachedResult | None:
         """The answer under a build key's key whose reads match and which is `usable`, or None."""
         for candidate in self._candidates(kind, key):
             if all(self.state(path, state) == state for path, state in candidate["reads"]) and usable(candidate["value"]):
                 self.met.update((path, state) for path, state in candidate["reads"])
                 reads = tuple((path, state) for path, state in candidate["reads"])
-                return Kept(value=candidate["value"], reads=reads, reason=candidate.get("reason", ""))
+                return CachedResult(value=candidate["value"], reads=reads, reason=candidate.get("reason", ""))
         return None
 
     def keep(self, kind: str, build_key: BuildKey, value: Any, reads: list[Any], reason: str = "") -> None:

@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from thingc.base.python_source import syntax_tree
+from thingc.base.python_source import parse_python
 from thingc.geometry.key.modules import MAX_NAME
 
 TELLING = frozenset({
@@ -39,7 +39,7 @@ PLAIN = frozenset({"classmethod", "property", "staticmethod"})
 def read(source: bytes) -> dict[str, Any]:
     """The facts of a source file, as JSON (see `module_key.Facts`)."""
     try:
-        tree = syntax_tree(source)
+        tree = parse_python(source)
         tree.body = [statement for statement in tree.body if not _is_main_guard(statement)]
         return _facts(tree, source)
     except (SyntaxError, ValueError, RecursionError, MemoryError):

@@ -11,21 +11,21 @@ from typing import Any, TypeVar, get_args
 
 from thingc.base.inertia import physical_fault
 from thingc.base.pose import Pose, Vector
-from thingc.base.summing import hypot, plain_sum
-from thingc.geometry.print_slices import Moments, Sliced, Slicing, Unsliced
+from thingc.base.summing import hypot, sum_of
+from thingc.geometry.print_slices import Moments, SliceFailure, SliceResult, Slicing
 from thingc.geometry.record import (
     WHOLE,
     ActuatorRecord,
+    DeclaredValue,
     DriveType,
-    Expectation,
+    ImpureInputs,
+    MountExpectation,
     MountRecord,
-    Outside,
     ParameterKind,
     ParameterSchema,
     PartRecord,
     PartSchema,
     PartWarning,
-    Stated,
     Value,
 )
 
@@ -106,9 +106,9 @@ def _rounded(value: float) -> float:
     return 0.0 if abs(value) < _NOTHING else float(f"{value:.12g}")
 
 
-def _sliced_values(slicing: Slicing, sliced: Sliced | Unsliced) -> dict[str, Any]:
+def _sliced_values(slicing: Slicing, sliced: SliceResult | SliceFailure) -> dict[str, Any]:
     how = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(slicing).items()}
-    if isinstance(sliced, Unsliced):
+    if isinstance(sliced, SliceFailure):
         return {**how, "unsliced": sliced.reason}
     return {**how, **{key: [_rounded(entry) for entry in getattr(sliced, key).numbers] for key in _LAID}}
 
@@ -134,7 +134,7 @@ def _actuator_values(actuator: ActuatorRecord) -> dict[str, Any]:
     }
 
 
-def _stated_values(stated: Stated | None) -> Any:
+def _stated_values(stated: DeclaredValue | None) -> Any:
     if stated is None:
         return None
     value: Any = stated.value
@@ -221,7 +221,7 @@ def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) 
     )
 
 
-def _sliced(value: Any, path: str) -> tuple[Slicing, Sliced | Unsliced]:
+def _sliced(value: Any, path: str) -> tuple[Slicing, SliceResult | SliceFailure]:
     table = mapping(value, path)
     slicing = Slicing(
         up=_direction(table.get("up"), f"{path}.up"), walls=_whole(table, "walls", path), top=_whole(table, "top", path),
@@ -230,11 +230,11 @@ def _sliced(value: Any, path: str) -> tuple[Slicing, Sliced | Unsliced]:
     )
     reason = _text(table, "unsliced", path)
     if reason is not None:
-        return slicing, Unsliced(reason=reason)
+        return slicing, SliceFailure(reason=reason)
     solid, joins, sparse = (_matter(table.get(key), f"{path}.{key}") for key in _LAID)
     if not solid.volume > 0.0:
         raise BadLock(f"{path}.solid", "expected a volume above 0")
-    return slicing, Sliced(solid=solid, joins=joins, sparse=sparse)
+    return slicing, SliceResult(solid=solid, joins=joins, sparse=sparse)
 
 
 def _matter(value: Any, path: str) -> Moments:
@@ -266,7 +266,7 @@ def _mount(value: Any, path: str) -> MountRecord:
     rows = (entries[:3], entries[3:6], entries[6:9])
     for i, row in enumerate(rows):
         for j, other in enumerate(rows):
-            if abs(plain_sum(a * b for a, b in zip(row, other, strict=True)) - (i == j)) > _ORTHOGONAL:
+            if abs(sum_of(a * b for a, b in zip(row, other, strict=True)) - (i == j)) > _ORTHOGONAL:
                 raise BadLock(f"{path}.pose", "expected a rotation (nine numbers, rows of a rotation matrix) and a place")
     return MountRecord(
         pose=Pose(rotation=rows, translation=entries[9:]),  # type: ignore[arg-type]
@@ -274,19 +274,19 @@ def _mount(value: Any, path: str) -> MountRecord:
     )
 
 
-def _expectation(value: Any, path: str) -> Expectation:
+def _expectation(value: Any, path: str) -> MountExpectation:
     texts = list(_texts(value, path))
     if len(texts) != 4:
         raise BadLock(path, "expected a mount, a definition, what people call it, and its mount")
     mount, text, label, child_mount = texts
-    return Expectation(mount=mount, text=text, label=label, child_mount=child_mount)
+    return MountExpectation(mount=mount, text=text, label=label, child_mount=child_mount)
 
 
 def _question(value: Any, path: str) -> PartWarning:
     texts = list(_texts(value, path))
-    if len(texts) != 2 or texts[0] not in list(Outside):
+    if len(texts) != 2 or texts[0] not in list(ImpureInputs):
         raise BadLock(path, "expected what a part asks, and the words for it")
-    return PartWarning(message=texts[1], asked=Outside(texts[0]))
+    return PartWarning(message=texts[1], asked=ImpureInputs(texts[0]))
 
 
 def _actuator(value: Any, path: str) -> ActuatorRecord:
@@ -299,16 +299,16 @@ def _actuator(value: Any, path: str) -> ActuatorRecord:
     )
 
 
-def _stated(table: Mapping[str, Any], key: str, count: int, path: str) -> Stated | None:
+def _stated(table: Mapping[str, Any], key: str, count: int, path: str) -> DeclaredValue | None:
     if table.get(key) is None:
         return None
     path = f"{path}.{key}"
     inner = mapping(table[key], path)
     source = _one_of(SOURCES, inner, "source", path)
     if count == 1:
-        return Stated(value=number(inner.get("value"), f"{path}.value"), source=source)
+        return DeclaredValue(value=number(inner.get("value"), f"{path}.value"), source=source)
     entries: Any = numbers(inner.get("value"), count, f"{path}.value")
-    return Stated(value=entries if count == 3 else (entries[:3], entries[3:6], entries[6:]), source=source)
+    return DeclaredValue(value=entries if count == 3 else (entries[:3], entries[3:6], entries[6:]), source=source)
 
 
 # --- small readers -----------------------------------------------------------------------------------------------------

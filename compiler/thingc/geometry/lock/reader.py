@@ -20,7 +20,7 @@ from thingc.geometry.store.slice_cache import lacking
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
-    from thingc.geometry.build_reasons import Decision
+    from thingc.geometry.build_reasons import BuildReason
 
 MAX_READ = 200_000_000
 """Bytes of files (parts that are files, and what parts read) that are compared with the lock."""
@@ -115,7 +115,7 @@ class LockAnswers:
         return code.place if isinstance(code, CodeIngredients) else None
 
 
-class LockBeside:
+class LockFallback:
     """A lock that answers what the store cannot: read when first needed, its faults kept in `broken`."""
 
     def __init__(self, lock: Callable[[], Lock | None] | None, workspace: Workspace, parts: PartCode) -> None:
@@ -163,7 +163,7 @@ def hash_of(reference: str, code: CodeIngredients | None, parts: PartCode) -> st
     return code_hash(code, "" if code is not None else parts.versions(None, reference).get(f"version {package}", "unknown"))
 
 
-class LockedGeometry:
+class LockOnlyGeometry:
     """Answers as `GeometryService` does, from a lock alone: nothing of the workspace is imported, no process started, no store
     touched. `unknown` are the labels of definitions that the lock does not hold; `broken` what was wrong with the lock itself.
 
@@ -172,7 +172,7 @@ class LockedGeometry:
 
     def __init__(self, workspace: Workspace, lock: Lock | None) -> None:
         self.workspace = workspace
-        self.decisions: Mapping[str, Decision] = {}
+        self.decisions: Mapping[str, BuildReason] = {}
         self.unknown: list[str] = []
         self.broken: list[BadLock] = []
         self._parts = PartCode(workspace, None)

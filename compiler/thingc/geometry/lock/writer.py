@@ -18,7 +18,7 @@ from thingc.geometry.service import GeometryService
 
 
 @dataclass(slots=True, kw_only=True)
-class Locked:
+class LockResult:
     """The values of a lock that was made, and what could not be made for it (of what documents use, and of what is a Thing)."""
 
     values: dict[str, Any]
@@ -28,7 +28,7 @@ class Locked:
 def locked(
     geometry: GeometryService, references: Sequence[str], definitions: Sequence[PartDefinition],
     slicings: Mapping[str, Collection[Slicing]],
-) -> Locked:
+) -> LockResult:
     """The lock of a workspace of whose documents `references` (`module:Class`), `definitions` and their `slicings` (by text) are all
     that they use.
 
@@ -66,7 +66,7 @@ def locked(
         },
         "others": sorted({reference for reference in in_folders if reference not in things}),
     }
-    return Locked(values=values, failures=failures)
+    return LockResult(values=values, failures=failures)
 
 
 def _thing(

@@ -7,14 +7,14 @@ import os
 from collections.abc import Callable
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Vector
 from thingc.documents.load.paths import libraries
 from thingc.geometry.store.file_digests import digest_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeshFile(Brief):
+class MeshFile(OneLineRepr):
     """A mesh file of the workspace: its path there, the SHA-256 of its content (and of those that its colours come from), and the factors
     by which its numbers are metres along x, y and z; of one that is mirrored some are negative. `folder` is where it lies (absolute)."""
 

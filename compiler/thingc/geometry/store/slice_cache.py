@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
-from thingc.geometry.print_slices import Moments, Sliced, Slicing, Unsliced
+from thingc.geometry.print_slices import Moments, SliceFailure, SliceResult, Slicing
 from thingc.geometry.record import PartFailure, PartRecord
 from thingc.geometry.store.local import Store
 
@@ -17,14 +17,14 @@ Records = dict[str, "PartRecord | PartFailure"]
 Run = Callable[[list[dict[str, Any]], str], Iterable[tuple[dict[str, Any], dict[str, Any]]]]
 
 
-class SliceAnswers:
+class SliceCache:
     """Slices by mesh, kept in a store under everything that they depend on: the same part with another process is not modelled
     again, and the same mesh is not sliced again. `versions` are those of everything that slices meshes."""
 
     def __init__(self, store: Store, versions: Callable[[], Mapping[str, str]]) -> None:
         self._store = store
         self._versions = versions
-        self._known: dict[tuple[str, Slicing], Sliced | Unsliced] = {}
+        self._known: dict[tuple[str, Slicing], SliceResult | SliceFailure] = {}
         self._made: dict[str, tuple[PartRecord, frozenset[Slicing], PartRecord]] = {}
 
     def added(
@@ -74,7 +74,7 @@ class SliceAnswers:
         self._store.put_json("slices", self._place(*key), value)
         self._note(key, value)
 
-    def _kept(self, mesh: str, slicing: Slicing) -> Sliced | Unsliced | None:
+    def _kept(self, mesh: str, slicing: Slicing) -> SliceResult | SliceFailure | None:
         key = (mesh, slicing)
         if key not in self._known:
             value = self._store.get_json("slices", self._place(mesh, slicing))
@@ -90,7 +90,7 @@ class SliceAnswers:
     def _note(self, key: tuple[str, Slicing], value: Any) -> None:
         while len(self._known) >= KEPT:
             del self._known[next(iter(self._known))]
-        self._known[key] = Unsliced(reason=value["unsliced"]) if "unsliced" in value else Sliced(
+        self._known[key] = SliceFailure(reason=value["unsliced"]) if "unsliced" in value else SliceResult(
             solid=Moments.of(value["solid"]), joins=Moments.of(value["joins"]), sparse=Moments.of(value["sparse"]),
         )
 

@@ -88,26 +88,26 @@ def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lack:
+class MissingMember:
     """What a class lacks, in words that follow its name, and the file and line where it should be."""
 
     words: str
     place: tuple[str, int] | None
 
 
-def lacking_result(part: PartLike) -> Lack | None:
+def lacking_result(part: PartLike) -> MissingMember | None:
     """Why a Thing class says nothing about its geometry: it has no `result()` of its own, or one that returns nothing in any way,
     which its author forgot. `return None` is a part without geometry; None is also the answer for what is no Thing."""
     if not isinstance(part, type) or not issubclass(part, Thing):
         return None
     if part.result is Thing.result:
-        return Lack(words="has no `result()`: nothing says what its geometry is", place=_written(part))
+        return MissingMember(words="has no `result()`: nothing says what its geometry is", place=_written(part))
     function = inspect.unwrap(part.result)
     tree = syntax_of(function)
     ends = (ast.Return, ast.Raise, ast.Yield, ast.YieldFrom, ast.Lambda)
     if tree is None or any(isinstance(node, ends) for node in ast.walk(tree)):
         return None
-    return Lack(words="has a `result()` that never returns anything", place=_written(function))
+    return MissingMember(words="has a `result()` that never returns anything", place=_written(function))
 
 
 def syntax_of(function: Callable[..., Any]) -> ast.FunctionDef | ast.AsyncFunctionDef | None:

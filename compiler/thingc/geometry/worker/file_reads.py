@@ -34,7 +34,7 @@ _NOT_FILES = ("/dev/", "/proc/", "/sys/")
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 
 
-class Recorder:
+class FileReadRecorder:
     """Records reads from `start` to `stop`. One per process at a time (audit hooks cannot be taken away).
 
     `workspace` is the absolute folder that paths are kept relative to; files under `excluded` (absolute) never count, and files of
@@ -167,7 +167,7 @@ def _loaded_since() -> set[str]:
     return {file for file in files if not (file + os.sep).startswith(folders)}
 
 
-_listening: list[Recorder] = []
+_listening: list[FileReadRecorder] = []
 _hooked = False
 
 

@@ -25,14 +25,14 @@ from types import FrameType
 from typing import Any
 
 from thingc.geometry.key.modules import OWN_FOLDER, installed_roots
-from thingc.geometry.record import Outside, PartWarning
+from thingc.geometry.record import ImpureInputs, PartWarning
 from thingc.geometry.worker import audit
 
 MACHINERY = frozenset({"importlib", "logging", "tempfile", "threading", "warnings"})
 """Modules whose own questions do not show in what a part becomes."""
 
 
-class Asking:
+class ImpureInputRecorder:
     """Notes what one part asks, from `start` to `stop`. `own` says of a file whether the part's authors wrote it."""
 
     def __init__(self, own: Callable[[str], bool]) -> None:
@@ -66,7 +66,7 @@ class Asking:
         finally:
             self.start()
 
-    def note(self, what: Outside, message: str, frame: FrameType | None) -> bool:
+    def note(self, what: ImpureInputs, message: str, frame: FrameType | None) -> bool:
         """Note a question that was asked in `frame` or for it; False where it is none of the part's."""
         while frame is not None:
             file = frame.f_code.co_filename
@@ -79,10 +79,10 @@ class Asking:
         return False
 
 
-_current: Asking | None = None
+_current: ImpureInputRecorder | None = None
 
 
-def _ask(what: Outside, message: str) -> bool:
+def _ask(what: ImpureInputs, message: str) -> bool:
     return _current is not None and _current.note(what, message, sys._getframe(2))
 
 
@@ -124,9 +124,9 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
     if event in _PROCESSES:
         program = _PROCESSES[event](*arguments)
         named = "a process" if program is None else f"`{_shown(program)}`"
-        _ask(Outside.PROCESS, f"starts {named}, and is not made anew when that would answer otherwise")
+        _ask(ImpureInputs.PROCESS, f"starts {named}, and is not made anew when that would answer otherwise")
     else:
-        _ask(Outside.NETWORK, f"asks `{_shown(_CONNECTIONS[event](*arguments))}` in the network, and is not made anew when that would "
+        _ask(ImpureInputs.NETWORK, f"asks `{_shown(_CONNECTIONS[event](*arguments))}` in the network, and is not made anew when that would "
                               "answer otherwise")
 
 
@@ -148,7 +148,7 @@ def _wrap_environment() -> None:
             return original(self, key)
         except KeyError as fault:  # what is there is fixed, or the part's own doing
             name = _shown(key)
-            if _ask(Outside.ENVIRONMENT, f"asks the environment for `{name}`, which no part is given"):
+            if _ask(ImpureInputs.ENVIRONMENT, f"asks the environment for `{name}`, which no part is given"):
                 fault.add_note(f"the environment of a part is fixed, and has no `{name}`")
             raise
 
@@ -178,7 +178,7 @@ def _asking_clock(function: Callable[..., Any], count: int) -> Callable[..., Any
     @functools.wraps(function)
     def asking(*arguments: Any) -> Any:
         if len(arguments) <= count:
-            _ask(Outside.CLOCK, _CLOCK)
+            _ask(ImpureInputs.CLOCK, _CLOCK)
         return function(*arguments)
 
     return asking
@@ -220,7 +220,7 @@ def _telling_time(real: Any, names: Sequence[str]) -> type:
 
     def asking(name: str) -> Any:
         def ask(cls: Any, *arguments: Any, **options: Any) -> Any:
-            _ask(Outside.CLOCK, _CLOCK)
+            _ask(ImpureInputs.CLOCK, _CLOCK)
             return getattr(real if cls is stand_in else super(stand_in, cls), name)(*arguments, **options)
 
         return classmethod(functools.wraps(getattr(real, name))(ask))
@@ -257,7 +257,7 @@ def _wrap_chance() -> None:
 
     def seed(self: random.Random, a: Any = None, version: int = 2) -> None:
         if a is None:
-            _ask(Outside.CHANCE, _CHANCE)
+            _ask(ImpureInputs.CHANCE, _CHANCE)
         original(self, a, version)
 
     family.seed = functools.wraps(original)(seed)
@@ -275,7 +275,7 @@ def _wrap_chance() -> None:
 def _drawing(function: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(function)
     def drawing(*arguments: Any, **options: Any) -> Any:
-        _ask(Outside.CHANCE, _CHANCE)
+        _ask(ImpureInputs.CHANCE, _CHANCE)
         return function(*arguments, **options)
 
     return drawing
@@ -295,7 +295,7 @@ def _of_global(module: str, name: str, function: Callable[..., Any]) -> Callable
             if name in _SEEDING and next(iter((*arguments, *options.values())), None) is not None:
                 _current.seeded.add(module)
             elif module not in _current.seeded:
-                _ask(Outside.CHANCE, _CHANCE)
+                _ask(ImpureInputs.CHANCE, _CHANCE)
         return function(*arguments, **options)
 
     return global_

@@ -39,7 +39,7 @@ class _Session:
             replace()
 
 
-class Deferred:
+class LazyObject:
     """Stands for `module.name.name`: calls, attributes, subclassing and `isinstance` reach the real object."""
 
     __slots__ = ("_module", "_names", "_session")
@@ -53,7 +53,7 @@ class Deferred:
         if self._session.open:
             if name.startswith("__"):
                 raise AttributeError(name)
-            return Deferred(self._session, self._module, (*self._names, name))
+            return LazyObject(self._session, self._module, (*self._names, name))
         return getattr(real(self), name)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
@@ -90,7 +90,7 @@ class _StandIn(types.ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__") and self._session.open:
             raise AttributeError(name)
-        stands_for = Deferred(self._session, self.__name__, (name,))
+        stands_for = LazyObject(self._session, self.__name__, (name,))
         return stands_for if self._session.open else real(stands_for)
 
 
@@ -99,7 +99,7 @@ def real(value: Any) -> Any:
     if isinstance(value, _StandIn):
         value._session.settle(value.__name__.partition(".")[0])
         return importlib.import_module(value.__name__)
-    if type(value) is not Deferred:
+    if type(value) is not LazyObject:
         return value
     value._session.settle(value._module.partition(".")[0])
     imported: Any = importlib.import_module(value._module)
@@ -164,7 +164,7 @@ def import_cheaply(name: str, packages: frozenset[str] = SELDOM_USED) -> types.M
 
 
 def _package(value: Any) -> str | None:
-    if type(value) is Deferred:
+    if type(value) is LazyObject:
         return str(value._module.partition(".")[0])
     if type(value) is _StandIn:
         return value.__name__.partition(".")[0]

@@ -15,10 +15,10 @@ from time import monotonic
 from typing import Any
 
 from thingc.geometry.key.file_states import state_of
-from thingc.geometry.record import FailureKind, Outside, PartFailure, SchemaKind
+from thingc.geometry.record import FailureKind, ImpureInputs, PartFailure, SchemaKind
 from thingc.geometry.worker import captured_output, executed_functions, sandbox
-from thingc.geometry.worker.file_reads import Recorder, loaded_files
-from thingc.geometry.worker.impure_inputs import Asking
+from thingc.geometry.worker.file_reads import FileReadRecorder, loaded_files
+from thingc.geometry.worker.impure_inputs import ImpureInputRecorder
 from thingc.geometry.worker.kernel.mesh_files import BadPartFile
 from thingc.geometry.worker.loading import PartImporter
 
@@ -53,17 +53,17 @@ class PartSession:
     and prints, installed while it lasts. `loaded` is since when the class that was asked for last is there (`time.monotonic`)."""
 
     around: RequestContext
-    recorder: Recorder = field(init=False)
+    recorder: FileReadRecorder = field(init=False)
     importer: PartImporter = field(init=False)
-    asking: Asking = field(init=False)
+    asking: ImpureInputRecorder = field(init=False)
     loaded: float | None = None
     _before: int = -1
     _printing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
 
     def __post_init__(self) -> None:
         self.importer = PartImporter(self.around.parts, self.around.packages, self.around.hashes, self.around.plain)
-        self.recorder = Recorder(self.around.root, (self.around.store, self.around.scratch), self.around.hashes)
-        self.asking = Asking(self.is_own)
+        self.recorder = FileReadRecorder(self.around.root, (self.around.store, self.around.scratch), self.around.hashes)
+        self.asking = ImpureInputRecorder(self.is_own)
 
     def __enter__(self) -> PartSession:
         from thingc.geometry.things import assets
@@ -111,7 +111,7 @@ class PartSession:
 
     def ran(self) -> dict[str, list[int] | None] | None:
         """By file of the code that has a key, the functions that ran, None for all of them; None where other processes have run some."""
-        if any(warning.asked is Outside.PROCESS for warning in self.asking.found):
+        if any(warning.asked is ImpureInputs.PROCESS for warning in self.asking.found):
             return None
         return executed_functions.of([file for file in self.importer.loaded.values() if file in self.around.hashes], self.around.hashes)
 
@@ -156,7 +156,7 @@ class PartSession:
         if isinstance(fault, NoPart):
             kind, message, candidates, detail = fault.kind, str(fault), fault.candidates, None
             file, line = fault.place or (file, line)
-        elif isinstance(fault, sandbox.Trespass):
+        elif isinstance(fault, sandbox.ForbiddenWrite):
             kind, message = "trespassed", f"`{self.recorder.relative(fault.filename)}`"
         elif isinstance(fault, (SignatureError, BadPartFile)) or isinstance(fault, ParameterError) and not places:
             kind, message = "invalid", str(fault)

@@ -26,7 +26,7 @@ DEVICES = "/dev"
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 
 
-class Trespass(PermissionError):
+class ForbiddenWrite(PermissionError):
     """Code was about to change something outside of its own folder, or to read what it may not: `filename`. Libraries that do without what
     they cannot write take it as any other refusal."""
 
@@ -57,8 +57,8 @@ _readable: tuple[str, ...] | None = None
 
 
 def begin(folder: str, readable: Sequence[str] | None = None) -> None:
-    """From here on, Python refuses with `Trespass` to change anything outside of `folder`; with `readable` also to read anything outside
-    of these folders, and to start programs and open connections."""
+    """From here on, Python refuses with `ForbiddenWrite` to change anything outside of `folder`; with `readable` also to read anything
+    outside of these folders, and to start programs and open connections."""
     global _allowed, _readable
     audit.listen(("open", *_CHANGING, *(_STARTING if readable is not None else ())), _heard)
     _allowed = (os.path.join(os.path.realpath(folder), ""), *([os.path.join(DEVICES, "")] if readable is None else ()))
@@ -81,24 +81,24 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
         elif _readable is not None and not isinstance(path, int):
             real = os.path.realpath(os.fsdecode(path))
             if not real.startswith(_readable):
-                raise Trespass(real, OUTSIDE)
+                raise ForbiddenWrite(real, OUTSIDE)
         return
     if event in _STARTING:
-        raise Trespass(event, "programs and connections are refused")
+        raise ForbiddenWrite(event, "programs and connections are refused")
     for place, relative in _CHANGING[event]:
         if relative < 0 or arguments[relative] in (-1, None):
             _check(arguments[place], follow=event in _FOLLOWING)
 
 
 def _check(path: Any, *, follow: bool = True, itself: bool = False) -> None:
-    """Raise `Trespass` for what lies outside of the folder. `itself` says that the folder may be meant, too: who opens a folder to write
-    makes a file in it, as `tempfile.TemporaryFile` does; the folder alone cannot be opened so."""
+    """Raise `ForbiddenWrite` for what lies outside of the folder. `itself` says that the folder may be meant, too: who opens a folder to
+    write makes a file in it, as `tempfile.TemporaryFile` does; the folder alone cannot be opened so."""
     if isinstance(path, int) or path is None:
         return
     named = os.path.abspath(os.fsdecode(path))
     real = os.path.realpath(named) if follow else os.path.join(os.path.realpath(os.path.dirname(named)), os.path.basename(named))
     if not real.startswith(_allowed) and not (itself and os.path.join(real, "") == _allowed[0]):
-        raise Trespass(real)
+        raise ForbiddenWrite(real)
 
 
 # --- what the system refuses ------------------------------------------------------------------------------------------

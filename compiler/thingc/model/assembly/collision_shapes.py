@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from thingc.base.diagnostics import Code
-from thingc.model.assembly.report import Findings
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Occurrence
 
 ABSENT = {
@@ -15,7 +15,7 @@ ABSENT = {
 """Why there is no shape, by what `collision` chose."""
 
 
-def check_contacts(occurrences: Sequence[Occurrence], findings: Findings) -> None:
+def check_contacts(occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
     """An error for each part of which there is no shape such as its `collision` chooses. Of one whose geometry nobody knows here, as
     of one that comes from a lock, nothing is said."""
     for one in occurrences:

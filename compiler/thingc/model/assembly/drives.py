@@ -10,7 +10,7 @@ from thingc.base.source import Origin
 from thingc.base.suggestions import did_you_mean
 from thingc.geometry.record import ActuatorRecord
 from thingc.model.assembly.instance_tree import Instance, Tree
-from thingc.model.assembly.report import Findings, written_at
+from thingc.model.assembly.report import LinkReport, written_at
 from thingc.model.assembly.types import ActuatorModel, JointEdge
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.types import Drive, Joint
@@ -33,7 +33,7 @@ def _named(instance: Instance, name: CoordinateName) -> CoordinateName:
     return CoordinateName(f"{instance.path.replace('/', '.')}.{name}") if instance.path else name
 
 
-def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findings: Findings) -> JointEdge:
+def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findings: LinkReport) -> JointEdge:
     """The joint at its path. Effort, velocity and armature come from the drive unless the joint states them."""
     origin = joint.origin + instance.origin
     path = instance.within(joint.path)
@@ -80,7 +80,7 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
     return replace(stated_edge(instance, joint, twist), limit=limit, dynamics=dynamics, actuator=actuator)
 
 
-def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: Drive, findings: Findings) -> Drive | None:
+def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: Drive, findings: LinkReport) -> Drive | None:
     """The drive with the numbers of the Thing's actuator, what is written inline first. None where it is wrong."""
     if drive.component is None:
         return drive
@@ -122,7 +122,7 @@ def _over(drive: Drive, actuator: ActuatorRecord) -> Drive:
 
 
 def _no_actuator(
-    instance: Instance, joint: Joint, twist: Twist, text: str, named: Instance, origin: Origin, findings: Findings,
+    instance: Instance, joint: Joint, twist: Twist, text: str, named: Instance, origin: Origin, findings: LinkReport,
 ) -> None:
     able = [
         name for name, child in instance.children.items()

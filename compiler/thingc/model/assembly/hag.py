@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Literal, assert_never
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Reference
@@ -16,7 +16,7 @@ DefinitionKind = Literal["assembly", "part", "file", "link", "frame"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Definition(Brief):
+class Definition(OneLineRepr):
     """A node of the HAG. `text` prints it exactly and is its identity together
     with `reference` (`module:Class`, a file or a document path in the workspace); `label` prints it for people. Of a mirror image
     `mirror` is the axis, `plain` what it mirrors."""
@@ -46,7 +46,7 @@ class Definition(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DefinitionEdge(Brief):
+class DefinitionEdge(OneLineRepr):
     """"is a subcomponent of": `child` stands in `parent` (texts of definitions) as `component`.
 
     `mounts` prints how (`back -> plate.servo_seat`), `joint` is the name of the joint that places it, if one does.
@@ -60,7 +60,7 @@ class DefinitionEdge(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hag(Brief):
+class Hag(OneLineRepr):
     """The hierarchical assembly graph: acyclic, equal definitions one node, in the order first met (top first)."""
 
     root: str

@@ -8,7 +8,7 @@ from typing import Any
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.frozen import dataclass
 from thingc.base.source import line_of
-from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, Stated
+from thingc.geometry.record import DeclaredValue, PartDefinition, PartFailure, PartRecord
 from thingc.model.assembly.report import written_at
 from thingc.model.assembly.types import Assembly
 
@@ -25,7 +25,7 @@ Show = Callable[[Any, int], str]
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class RecordDifference:
     """Something that two records do not agree on: what it is called (`volume`), and in words (`its volume is 1.2 cm^3 and
     1.3 cm^3`)."""
 
@@ -56,28 +56,28 @@ class _Field:
     name: str
     show: Show | None = None
 
-    def difference(self, first: Any, second: Any) -> Difference | None:
+    def difference(self, first: Any, second: Any) -> RecordDifference | None:
         """What to say of these two values, or None where they are equal, in order as well."""
-        if isinstance(first, Stated) and isinstance(second, Stated) and first.source == second.source:
+        if isinstance(first, DeclaredValue) and isinstance(second, DeclaredValue) and first.source == second.source:
             first, second = first.value, second.value
         if isinstance(first, Mapping):
             return self._of_names(first, second)
         if first == second:
             return None
-        if self.show is None or isinstance(first, Stated) or isinstance(second, Stated):
-            return Difference(self.name, f"its {self.name} differs")
+        if self.show is None or isinstance(first, DeclaredValue) or isinstance(second, DeclaredValue):
+            return RecordDifference(self.name, f"its {self.name} differs")
         for digits in (4, 8, 12, 17):
             one, other = ("nothing" if value is None else self.show(value, digits) for value in (first, second))
             if one != other:
                 break
-        return Difference(self.name, f"its {self.name} is {one} and {other}")
+        return RecordDifference(self.name, f"its {self.name} is {one} and {other}")
 
-    def _of_names(self, first: Mapping[str, Any], second: Mapping[str, Any]) -> Difference | None:
+    def _of_names(self, first: Mapping[str, Any], second: Mapping[str, Any]) -> RecordDifference | None:
         names = [name for name in dict.fromkeys((*first, *second)) if first.get(name) != second.get(name)]
         if names:
-            return Difference(self.name, f"its {self.name} differ: {_listed(names)}")
+            return RecordDifference(self.name, f"its {self.name} differ: {_listed(names)}")
         if list(first) != list(second):
-            return Difference(self.name, f"its {self.name} come in another order: {_listed(first)}, and {_listed(second)}")
+            return RecordDifference(self.name, f"its {self.name} come in another order: {_listed(first)}, and {_listed(second)}")
         return None
 
 
@@ -104,7 +104,7 @@ LEFT_OUT = frozenset({"text", "code", "own_image", "warnings", "convex", "slices
 (see `modelling.DECIMALS`)."""
 
 
-def differences(first: PartRecord, second: PartRecord) -> list[Difference]:
+def differences(first: PartRecord, second: PartRecord) -> list[RecordDifference]:
     """Everything that two records do not agree on, to the last bit; the most telling first."""
     compared = (field.difference(getattr(first, name), getattr(second, name)) for name, field in FIELDS.items())
     return [difference for difference in compared if difference is not None]

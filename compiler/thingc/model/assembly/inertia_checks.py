@@ -10,7 +10,7 @@ from thingc.base.joints.bases import stays
 from thingc.base.safe_text import quoted
 from thingc.base.source import Span
 from thingc.model.assembly.mass import stated_inertia
-from thingc.model.assembly.report import Findings
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Connected, Occurrence
 from thingc.model.resolve.plausibility import SMALLEST, density_doubt, mass_words, measures, unit_meant
 
@@ -18,7 +18,7 @@ _ROOM = 1e-9
 """For rounding, as a part of a moment."""
 
 
-def check_stated(robot: Connected, findings: Findings) -> list[int]:
+def check_stated(robot: Connected, findings: LinkReport) -> list[int]:
     """The occurrences with an inertia, written in a document, that no solid has, in a link that has none either: each is an error.
 
     Where the link as a whole has one that is, as after `fixed` joints of URDF, nothing will move otherwise than a solid.
@@ -43,7 +43,7 @@ def check_stated(robot: Connected, findings: Findings) -> list[int]:
     return faulty
 
 
-def check_links(robot: Connected, faulty: Collection[int], findings: Findings) -> None:
+def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport) -> None:
     """One error per link that moves in some mode and cannot.
 
     A link moves in a mode unless it is that mode's root and the base is `fixed` or `held`. Those `between` two joints, which are several

@@ -13,9 +13,9 @@ from thingc.base.diagnostics import Code, Note, noted
 from thingc.base.mirror import Mirror
 from thingc.base.pose import Pose
 from thingc.base.source import Origin
-from thingc.base.suggestions import did_you_mean, meant
+from thingc.base.suggestions import closest_name, did_you_mean
 from thingc.model.assembly.part_instances import PartInstance, PartInstances
-from thingc.model.assembly.report import Findings, written_at
+from thingc.model.assembly.report import LinkReport, written_at
 from thingc.model.assembly.types import MountFrame
 from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Component, Reference
 
@@ -88,7 +88,7 @@ class Tree:
     are mounts that documents add to nested assemblies, per occurrence: they lie on the base of the assembly.
     """
 
-    def __init__(self, model: AssemblyDefinition, instances: PartInstances, findings: Findings) -> None:
+    def __init__(self, model: AssemblyDefinition, instances: PartInstances, findings: LinkReport) -> None:
         self._findings = findings
         self._said: set[tuple[Code, str, Origin]] = set()
         self.top = Instance(path="", component=None, origin=(), assembly=model)
@@ -263,7 +263,7 @@ def _mount_help(name: str, mounts: Collection[str], document: Instance) -> str:
     if numbers:
         return f"`{name}` is a list: its mounts are `{name}_{numbers[0]}`" + (f" to `{name}_{numbers[-1]}`" if len(numbers) > 1 else "")
     having = [one for one, child in document.children.items() if child.part is not None and name in child.part.mounts]
-    if meant(name, mounts) is None and len(having) == 1:
+    if closest_name(name, mounts) is None and len(having) == 1:
         return f"{did_you_mean('', mounts, what='mounts')}; or did you mean `{having[0]}.{name}`?"
     return did_you_mean(name, mounts, what="mounts")
 

@@ -20,7 +20,7 @@ from thingc.model.assembly.mount_expectations import check_expectations
 from thingc.model.assembly.names import names_of
 from thingc.model.assembly.part_instances import PartInstances
 from thingc.model.assembly.plausibility import check_plausible
-from thingc.model.assembly.report import Findings
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.shape_links import Meshes
 from thingc.model.assembly.tendons import rested, tendons_of
 from thingc.model.assembly.tests import tests_of
@@ -40,7 +40,7 @@ def link(
     is taken from there.
     """
     memo = memo or Memo()
-    findings = Findings(report)
+    findings = LinkReport(report)
     instances = PartInstances(records, meshes or {}, findings, memo)
     tree = Tree(model, instances, findings)
     instances.report_failures()
@@ -73,7 +73,7 @@ def link(
     return assembly
 
 
-def _connected(tree: Tree, model: AssemblyDefinition, mates: tuple[Mate, ...], findings: Findings, memo: Memo) -> Connected:
+def _connected(tree: Tree, model: AssemblyDefinition, mates: tuple[Mate, ...], findings: LinkReport, memo: Memo) -> Connected:
     """The occurrences, what mates make of them, and what is on them."""
     exported = exported_of(tree, findings)
     occurrences = tuple(
@@ -90,7 +90,7 @@ def _connected(tree: Tree, model: AssemblyDefinition, mates: tuple[Mate, ...], f
     )
 
 
-def _check(tree: Tree, robot: Connected, laid: Collection[int], findings: Findings) -> None:
+def _check(tree: Tree, robot: Connected, laid: Collection[int], findings: LinkReport) -> None:
     """What is wrong with parts where they are, and with links."""
     check_contacts(robot.occurrences, findings)
     faulty = check_stated(robot, findings)
@@ -101,7 +101,7 @@ def _check(tree: Tree, robot: Connected, laid: Collection[int], findings: Findin
         check_expectations(robot, laid, findings)
 
 
-def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findings: Findings) -> None:
+def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findings: LinkReport) -> None:
     """Say which component is not `at` a place, where nothing that was said explains it."""
     if findings.failed or findings.earlier:
         return

@@ -12,7 +12,7 @@ from thingc.base.pose import NO_POSE, Pose
 from thingc.base.source import Origin
 from thingc.model.assembly.instance_tree import Tree
 from thingc.model.assembly.kinematics import forward_kinematics, neighbourhood
-from thingc.model.assembly.report import Findings
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Link, Mate, Occurrence
 
 
@@ -49,7 +49,7 @@ class _Naming:
 
 
 def links_of(
-    tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: Findings, memo: Memo,
+    tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: LinkReport, memo: Memo,
 ) -> tuple[Link, ...]:
     """The links in order, named and framed as `links:` says (the outermost document wins), else as their first occurrence."""
     link_of = connected_components(len(occurrences), mates)
@@ -93,7 +93,7 @@ def _summed(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> Mass
     return total(own.seen_from(pose) for own, pose in zip(properties, poses, strict=True))
 
 
-def _namings(tree: Tree, link_of: Sequence[int], findings: Findings) -> dict[int, _Naming]:
+def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[int, _Naming]:
     """By link the line of `links:` that counts: of the outermost document, and there of the first."""
     chosen: dict[int, _Naming] = {}
     for instance, definition in tree.assemblies:
@@ -121,7 +121,7 @@ def _namings(tree: Tree, link_of: Sequence[int], findings: Findings) -> dict[int
     return chosen
 
 
-def _clash(other: Link, link: Link, *, named: bool, occurrences: Sequence[Occurrence], findings: Findings) -> None:
+def _clash(other: Link, link: Link, *, named: bool, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
     """Two links of one name: one was named so by `links:`, the other is called after its first occurrence."""
     written, called = (link, other) if named else (other, link)
     first = occurrences[called.members[0]]

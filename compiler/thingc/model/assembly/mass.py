@@ -12,7 +12,7 @@ from typing import cast
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import ZERO, MassProperties
 from thingc.base.pose import Matrix, Vector
-from thingc.geometry.print_slices import BRIDGE_FLOW, OVERLAP, UPRIGHT, Sliced, Slicing
+from thingc.geometry.print_slices import BRIDGE_FLOW, OVERLAP, UPRIGHT, SliceResult, Slicing
 from thingc.geometry.record import PartRecord
 from thingc.model.resolve.types import Overrides, Process
 
@@ -28,7 +28,7 @@ class Density:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Weighed:
+class MassResult:
     """The answer: properties in the component's frame, and where the mass came from
     (`measured | vendor | stated | derived | estimated`); `estimate` is `layers | skin` where it was worked out from an infill."""
 
@@ -90,7 +90,7 @@ def layers_of(process: Process | None, up: Vector | None) -> Slicing | None:
     )
 
 
-def weigh(record: PartRecord | None, density: Density | None, process: Process | None, overrides: Overrides) -> Weighed | None:
+def component_mass(record: PartRecord | None, density: Density | None, process: Process | None, overrides: Overrides) -> MassResult | None:
     """The mass properties of a component, or None where nothing says its mass.
 
     `record` is None for a frame. `density` is the Thing's own or the material's, None where there is neither. A mass
@@ -121,23 +121,25 @@ def weigh(record: PartRecord | None, density: Density | None, process: Process |
         mass, source, estimate = new, overrides.mass.source, None
     if mass is None:
         return None
-    return Weighed(properties=_said(MassProperties(mass=mass, centre=centre, inertia=inertia), overrides), source=source, estimate=estimate)
+    return MassResult(
+        properties=_with_overrides(MassProperties(mass=mass, centre=centre, inertia=inertia), overrides), source=source, estimate=estimate,
+    )
 
 
-def weigh_link(matter: MassProperties, overrides: Overrides) -> Weighed:
+def weigh_link(matter: MassProperties, overrides: Overrides) -> MassResult:
     """The mass properties of a link: what the document states, else what its shapes weigh, which `matter` is then. A mass alone is spread
     over them, as `matter` is."""
     if overrides.mass is None:
-        return Weighed(properties=_said(matter, overrides), source="derived")
-    return Weighed(properties=_said(matter.with_mass(overrides.mass.value[0]), overrides), source=overrides.mass.source)
+        return MassResult(properties=_with_overrides(matter, overrides), source="derived")
+    return MassResult(properties=_with_overrides(matter.with_mass(overrides.mass.value[0]), overrides), source=overrides.mass.source)
 
 
-def said_whole(overrides: Overrides) -> bool:
+def is_fully_stated(overrides: Overrides) -> bool:
     """Whether a document says all of a mass: how large it is, where it is, and how it is spread."""
     return overrides.mass is not None and overrides.com is not None and overrides.inertia is not None
 
 
-def _said(properties: MassProperties, overrides: Overrides) -> MassProperties:
+def _with_overrides(properties: MassProperties, overrides: Overrides) -> MassProperties:
     """With the centre and the inertia that the document states, as far as it does."""
     if overrides.com is not None:
         x, y, z = overrides.com.value
@@ -166,19 +168,19 @@ def _matter(record: PartRecord | None, process: Process | None, overrides: Overr
         return exact, None
     slicing = slicing_of(process, overrides, record)
     sliced = record.slices.get(slicing) if slicing is not None else None
-    if isinstance(sliced, Sliced):
+    if isinstance(sliced, SliceResult):
         return sliced.printed(process.infill), "layers"
     skin = min(record.volume, record.area * float(process.walls or 0) * (process.line_width or 0.0))
     return exact.with_mass(record.volume * ((skin + process.infill * (record.volume - skin)) / record.volume)), "skin"
 
 
-def _natural(matter: MassProperties, density: Density | None, estimate: str | None) -> Weighed | None:
+def _natural(matter: MassProperties, density: Density | None, estimate: str | None) -> MassResult | None:
     """Density x matter; nothing weighs nothing; None without a density."""
     if matter.mass <= 0.0:
-        return Weighed(properties=NOTHING, source="derived")
+        return MassResult(properties=NOTHING, source="derived")
     if density is None:
         return None
-    return Weighed(
+    return MassResult(
         properties=matter.with_mass(density.value * matter.mass),
         source="estimated" if density.estimated or estimate is not None else "derived",
     )

@@ -13,14 +13,14 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 from thingc.base.diagnostics import Code, noted
-from thingc.base.graphs import MAX_CIRCLE, circles
+from thingc.base.graphs import MAX_CIRCLE, find_cycles
 from thingc.base.joints.twist import Twist
 from thingc.base.memo import Memo
 from thingc.base.pose import IDENTITY, MATE, Pose, shifted, turned_x
 from thingc.base.source import Origin
 from thingc.model.assembly.drives import joint_edge, stated_edge
 from thingc.model.assembly.instance_tree import FoundMount, Instance, Tree, unplaced
-from thingc.model.assembly.report import Findings
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import JointEdge, Link, Mate
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Reference
 
@@ -28,7 +28,7 @@ UPSIDE_DOWN = turned_x(math.pi)
 """Its own inverse: the frame in which a mirrored joint moves, in that of its mounts."""
 
 
-def mates_of(tree: Tree, findings: Findings, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
+def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
     """Every edge, and the numbers of those that `at` made (they put no mount onto another).
 
     Of an assembly first its `attach` and `at` in component order, then its joints as written, then the edges of the
@@ -71,7 +71,7 @@ def _laid(tree: Tree, instance: Instance, component: Component, at: At, memo: Me
         yield memo(place, _laid_on, parent, child, at.pose, at.origin + instance.origin)
 
 
-def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findings: Findings, memo: Memo) -> Iterator[Mate]:
+def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findings: LinkReport, memo: Memo) -> Iterator[Mate]:
     """The mate of a joint, its `coordinates` in order (a `fixed` joint is one that moves nothing)."""
     joint = coordinates[0]
     child, parent = tree.find(instance, joint.child), tree.find(instance, joint.parent)
@@ -111,7 +111,7 @@ def loops_in(tree: Tree) -> Iterator[Joint]:
     return (joint for _, definition in tree.assemblies for joint in definition.joints if joint.loop)
 
 
-def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[Link], findings: Findings) -> None:
+def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[Link], findings: LinkReport) -> None:
     """A loop must close between two links: within one nothing moves that it could hold."""
     for mate in mates:
         if mate.loop is not None and link_of[mate.parent] == link_of[mate.child]:
@@ -159,7 +159,7 @@ def _stands_on(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
     return {name: on for name, on in stands.items() if name in names and on[0] in names}
 
 
-def _check_circles(instance: Instance, definition: AssemblyDefinition, findings: Findings) -> None:
+def _check_circles(instance: Instance, definition: AssemblyDefinition, findings: LinkReport) -> None:
     """Components of one document that stand on each other in a circle: each circle once, from its first component.
 
     Where nothing is left as a base, the resolver has said so.
@@ -170,7 +170,7 @@ def _check_circles(instance: Instance, definition: AssemblyDefinition, findings:
     stands = _stands_on(definition)
     jointed = {joint.child.path[0] for joint in definition.joints if joint.child.path}
     order = {component.name: number for number, component in enumerate(definition.components)}
-    for circle in circles(stands, lambda name: stands[name][0] if name in stands else None):
+    for circle in find_cycles(stands, lambda name: stands[name][0] if name in stands else None):
         first = circle.index(min(circle, key=order.__getitem__))
         circle = circle[first:] + circle[:first]
         hops = ", ".join(f"`{member}` on `{stands[member][0]}`" for member in circle[:MAX_CIRCLE])
@@ -187,7 +187,7 @@ def _check_circles(instance: Instance, definition: AssemblyDefinition, findings:
         )
 
 
-def _check_bases(instance: Instance, definition: AssemblyDefinition, findings: Findings) -> None:
+def _check_bases(instance: Instance, definition: AssemblyDefinition, findings: LinkReport) -> None:
     """Two components that nothing places would be two robots. (The resolver says so first, of whole documents.)"""
     bases = unplaced(definition)
     if len(bases) < 2 or findings.earlier:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from thingc.base.source import Origin
 from thingc.geometry.meshes.files import MeshFile
-from thingc.model.assembly.mass import said_whole
+from thingc.model.assembly.mass import is_fully_stated
 from thingc.model.resolve.link_definition import LinkDefinition, mesh_files_of
 from thingc.model.resolve.nested import assemblies_of
 from thingc.model.resolve.types import AssemblyDefinition
@@ -20,7 +20,7 @@ def listed_meshes(model: AssemblyDefinition, *, drawn: bool) -> dict[MeshFile, t
             definition = component.definition
             if not isinstance(definition, LinkDefinition) or not mesh_files_of(definition):
                 continue
-            wanted = every or not said_whole(component.overrides)
+            wanted = every or not is_fully_stated(component.overrides)
             for shape in definition.shapes:
                 if isinstance(shape.solid, MeshFile):
                     origin, before = files.get(shape.solid, (shape.origin, False))

@@ -11,7 +11,7 @@ from thingc.base.suggestions import did_you_mean
 from thingc.base.summing import hypot
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.kinematics import balls, coordinates
-from thingc.model.assembly.report import Findings
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import (
     Adhesion,
     ExportedMount,
@@ -35,7 +35,7 @@ SLIDE = 1.0
 states goes before that of the floor (it is written with a priority)."""
 
 
-def exported_of(tree: Tree, findings: Findings) -> tuple[ExportedMount, ...]:
+def exported_of(tree: Tree, findings: LinkReport) -> tuple[ExportedMount, ...]:
     """Every mount that an assembly shows, at every level, an assembly before those nested in it."""
     exported: list[ExportedMount] = []
     for instance, definition in tree.assemblies:
@@ -49,13 +49,13 @@ def exported_of(tree: Tree, findings: Findings) -> tuple[ExportedMount, ...]:
     return tuple(exported)
 
 
-def modes_of(tree: Tree, model: AssemblyDefinition, link_of: Sequence[int], findings: Findings) -> tuple[LinkedMode, ...]:
+def modes_of(tree: Tree, model: AssemblyDefinition, link_of: Sequence[int], findings: LinkReport) -> tuple[LinkedMode, ...]:
     """The modes whose root is sound. Pairs within one link are dropped: a link does not collide with itself."""
     linked = (_mode(tree, mode, link_of, findings) for mode in model.modes)
     return tuple(mode for mode in linked if mode is not None)
 
 
-def _mode(tree: Tree, mode: Mode, link_of: Sequence[int], findings: Findings) -> LinkedMode | None:
+def _mode(tree: Tree, mode: Mode, link_of: Sequence[int], findings: LinkReport) -> LinkedMode | None:
     root = _root(tree, mode.root)
     pairs: dict[tuple[int, int], None] = {}
     for one, other in mode.exclude:
@@ -88,7 +88,7 @@ def _root(tree: Tree, reference: Reference) -> RootChoice | None:
     return RootChoice(occurrence=mount.occurrence, mount=mount.mount, path=_path(reference))
 
 
-def _holds(tree: Tree, mode: Mode, findings: Findings) -> Iterator[LinkedHold]:
+def _holds(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[LinkedHold]:
     """What the mode holds; one mount under two names (its own, and an exported one) is said."""
     met: dict[tuple[int, str], LinkedHold] = {}
     for hold in mode.holds:
@@ -106,7 +106,7 @@ def _holds(tree: Tree, mode: Mode, findings: Findings) -> Iterator[LinkedHold]:
         yield linked
 
 
-def _feet(tree: Tree, mode: Mode, findings: Findings) -> Iterator[Foot]:
+def _feet(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[Foot]:
     """What the mode stands on, each mount once; one that it holds as well is said."""
     if mode.standing is None:
         return
@@ -216,7 +216,7 @@ def added_of(tree: Tree) -> tuple[RawElement, ...]:
 
 
 def check_poses(
-    poses: Sequence[NamedPose], modes: Sequence[Mode], joints: Sequence[JointEdge], findings: Findings,
+    poses: Sequence[NamedPose], modes: Sequence[Mode], joints: Sequence[JointEdge], findings: LinkReport,
     loops: Collection[str] = (), *, unset: bool,
 ) -> None:
     """Every pose within the limits of every joint: values as written, and in poses that a mode uses also the joints
@@ -246,7 +246,7 @@ def check_poses(
             _check_cone(pose, ball, findings)
 
 
-def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: Findings) -> None:
+def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: LinkReport) -> None:
     """A pose keeps a ball within its cone; one that it does not set is at 0, which is."""
     joint, cone = ball[0], ball[0].limit.cone
     angle = hypot(*(pose.values.get(one.path, 0.0) for one in ball))
@@ -259,7 +259,7 @@ def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: Findings
         )
 
 
-def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: Findings) -> None:
+def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkReport) -> None:
     twist, lower, upper = joint.twist, joint.limit.lower, joint.limit.upper
     if not math.isfinite(q):
         findings.error(

@@ -6,14 +6,14 @@ import re
 from collections.abc import Collection, Sequence
 
 from thingc.base.diagnostics import Code, allow_hint, noted
-from thingc.geometry.record import Expectation
-from thingc.model.assembly.report import Findings
+from thingc.geometry.record import MountExpectation
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Connected, Occurrence
 
 _NUMBER = re.compile(r"\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+")
 
 
-def check_expectations(robot: Connected, laid: Collection[int], findings: Findings) -> None:
+def check_expectations(robot: Connected, laid: Collection[int], findings: LinkReport) -> None:
     """A warning per mount on which there is another part than the geometry was cut for, or none.
 
     `laid` are the numbers of the mates that `at` made: those put no mount onto another. Where nothing sits on a mount that the top
@@ -41,7 +41,7 @@ def check_expectations(robot: Connected, laid: Collection[int], findings: Findin
             _warn(owner, one, others, findings)
 
 
-def _is(other: Occurrence, expected: Expectation, owner: Occurrence) -> bool:
+def _is(other: Occurrence, expected: MountExpectation, owner: Occurrence) -> bool:
     """Whether `other` is what was expected. In a mirror image its mirror image fits, and it itself if that is no other part."""
     plain = other.definition.plain if owner.definition.mirror is not None else None
     texts = (other.definition.text,) if plain is None else (other.definition.text, plain.text)
@@ -53,7 +53,7 @@ def _rounded(definition: str) -> str:
     return _NUMBER.sub(lambda number: f"{float(number[0]):.12g}", definition)
 
 
-def _warn(owner: Occurrence, one: Expectation, others: Sequence[tuple[Occurrence, str]], findings: Findings) -> None:
+def _warn(owner: Occurrence, one: MountExpectation, others: Sequence[tuple[Occurrence, str]], findings: LinkReport) -> None:
     name, wanted = owner.component.name, one.label
     other, mount = next(((o, m) for o, m in others if _is(o, one, owner)), others[0] if others else (None, ""))
     found = other.definition.label if other is not None else ""

@@ -8,7 +8,7 @@ from thingc.base.diagnostics import Code, noted
 from thingc.base.export_names import TAKEN
 from thingc.base.source import Origin
 from thingc.model.assembly.instance_tree import Tree
-from thingc.model.assembly.report import Findings
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Connected, FileNames, JointEdge, LinkedTendon, Occurrence
 from thingc.model.resolve.types import NamedKind, NamedPose, NameInFiles, Reference
 
@@ -16,7 +16,7 @@ Named = dict[NamedKind, dict[str, tuple[str, Origin]]]
 """By kind, and by the path that the thing has: its name in files, and where that is written."""
 
 
-def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings: Findings) -> FileNames | None:
+def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings: LinkReport) -> FileNames | None:
     """The names that files have, those of nested documents behind their paths; None where no document gives any. Two things of one name
     are reported."""
     named: Named = {}
@@ -59,7 +59,7 @@ def _own(tree: Tree, path: str, one: NameInFiles, occurrences: Sequence[Occurren
     return None if place is None or place.index is None else occurrences[place.index].path
 
 
-def _check(things: Iterable[tuple[str, Origin]], given: Mapping[str, tuple[str, Origin]], findings: Findings) -> None:
+def _check(things: Iterable[tuple[str, Origin]], given: Mapping[str, tuple[str, Origin]], findings: LinkReport) -> None:
     """Report things of one kind that files would call alike."""
     owners: dict[str, tuple[str, Origin]] = {}
     for path, origin in things:

@@ -15,23 +15,23 @@ from thingc.base.one_line_repr import counted
 from thingc.base.pose import NO_POSE
 from thingc.base.source import Origin, line_of
 from thingc.base.suggestions import did_you_mean, nearest
-from thingc.geometry.print_slices import Unsliced
-from thingc.geometry.record import FailureKind, Outside, PartDefinition, PartFailure, PartRecord, PartWarning
+from thingc.geometry.print_slices import SliceFailure
+from thingc.geometry.record import FailureKind, ImpureInputs, PartDefinition, PartFailure, PartRecord, PartWarning
 from thingc.model.assembly.hag import FRAME, Definition
 from thingc.model.assembly.mass import (
     NOTHING,
     Density,
-    Weighed,
+    MassResult,
+    component_mass,
     estimate_of,
     layers_too_high,
     missing_keys,
     slicing_of,
     unsaid_keys,
-    weigh,
 )
 from thingc.model.assembly.print_settings import material_of, process_of
-from thingc.model.assembly.report import Findings, written_at
-from thingc.model.assembly.shape_links import Meshes, Unweighed, listed, weigh_shapes
+from thingc.model.assembly.report import LinkReport, written_at
+from thingc.model.assembly.shape_links import Meshes, MissingDensity, listed, weigh_shapes
 from thingc.model.assembly.types import Listed, MountFrame
 from thingc.model.resolve.link_definition import LinkDefinition, mesh_files_of
 from thingc.model.resolve.plausibility import density_cure, density_doubt, mass_doubt, mass_words, said_by_file
@@ -54,13 +54,13 @@ _FAILED: Mapping[FailureKind, tuple[Code, str, str]] = {
     "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and keep what it writes with the documents"),
 }
 """By kind of failure: the code, the words that follow the part, and what to do."""
-_INSTEAD: Mapping[Outside, str] = {
-    Outside.ENVIRONMENT: "make it a parameter, or a file that the part reads with `asset(...)`",
-    Outside.CLOCK: "make it a parameter",
-    Outside.CHANCE: "seed the generator: `random.Random(7)`, `numpy.random.default_rng(7)`",
-    Outside.PROCESS: "let it write a file beforehand, and read that with `asset(...)`",
-    Outside.NETWORK: "fetch it into a file beforehand, and read that with `asset(...)`",
-    Outside.LEFT: "let it wait for what it starts: `subprocess.run(...)`, or `with` a pool",
+_INSTEAD: Mapping[ImpureInputs, str] = {
+    ImpureInputs.ENVIRONMENT: "make it a parameter, or a file that the part reads with `asset(...)`",
+    ImpureInputs.CLOCK: "make it a parameter",
+    ImpureInputs.CHANCE: "seed the generator: `random.Random(7)`, `numpy.random.default_rng(7)`",
+    ImpureInputs.PROCESS: "let it write a file beforehand, and read that with `asset(...)`",
+    ImpureInputs.NETWORK: "fetch it into a file beforehand, and read that with `asset(...)`",
+    ImpureInputs.LEFT: "let it wait for what it starts: `subprocess.run(...)`, or `with` a pool",
 }
 """By what a part asks: what to do instead."""
 _SHOWN_PLACES = 8
@@ -91,7 +91,7 @@ class PartInstances:
     `unknown`: a part was met of which nobody may know more (see `PartRecord.exact`); the caller has said so.
     """
 
-    def __init__(self, records: Mapping[str, PartRecord | PartFailure], meshes: Meshes, findings: Findings, memo: Memo) -> None:
+    def __init__(self, records: Mapping[str, PartRecord | PartFailure], meshes: Meshes, findings: LinkReport, memo: Memo) -> None:
         self._memo = memo
         self._meshes = meshes
         self._records = records
@@ -100,7 +100,7 @@ class PartInstances:
         self._failures: dict[str, list[tuple[Component, str, Origin]]] = {}
         self._unknown: dict[tuple[str, str, bool], list[tuple[Component, PartRecord, AssemblyDefinition, str, Origin]]] = {}
         self._warned: set[tuple[str, str]] = set()
-        self._told: set[tuple[str, Unsliced]] = set()
+        self._told: set[tuple[str, SliceFailure]] = set()
         self.unknown = False
 
     def of(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
@@ -226,13 +226,13 @@ class PartInstances:
                 Code.PART_WARNING, f"{of}: {warning.message}", origin, path=path, notes=_places([warning]),
             ):
                 self._warned.add(key)
-        asked: dict[tuple[Outside, str], list[PartWarning]] = {}
+        asked: dict[tuple[ImpureInputs, str], list[PartWarning]] = {}
         for warning in record.warnings:
             # a line outside of any class is met by every part of its module
             if warning.asked is not None and (_line(warning) or record.text, warning.message) not in self._warned:
                 asked.setdefault((warning.asked, warning.message), []).append(warning)
         for (what, message), where in asked.items():
-            code = Code.PART_LEFT if what is Outside.LEFT else Code.PART_ASKS
+            code = Code.PART_LEFT if what is ImpureInputs.LEFT else Code.PART_ASKS
             if findings.warn(code, f"{of} {message}", origin, path=path, notes=_places(where), help=_INSTEAD[what]):
                 self._warned.update((_line(warning) or record.text, message) for warning in where)
         if record.apart:
@@ -277,12 +277,12 @@ class PartInstances:
     def _weigh(
         self, component: Component, record: PartRecord | None, material: Material | None, unknown: bool,
         scope: AssemblyDefinition, path: str, origin: Origin,
-    ) -> Weighed | None:
+    ) -> MassResult | None:
         findings, overrides = self._findings, component.overrides
         if isinstance(component.definition, LinkDefinition):
             return self._weigh_link(component, component.definition, material, path, origin)
         process = process_of(component, material)
-        weighed = weigh(record, _density(record, material), process, overrides)
+        weighed = component_mass(record, _density(record, material), process, overrides)
         if record is not None and record.exact and weighed is not None:
             self._doubt(component, record, material, weighed, path, origin)
         needs_density = record is not None and record.volume > 0.0 and record.mass is None and overrides.mass is None
@@ -323,10 +323,10 @@ class PartInstances:
 
     def _weigh_link(
         self, component: Component, definition: LinkDefinition, material: Material | None, path: str, origin: Origin,
-    ) -> Weighed | None:
+    ) -> MassResult | None:
         try:
             return weigh_shapes(definition, material, self._meshes, component.overrides)
-        except Unweighed as why:
+        except MissingDensity as why:
             if not str(why):  # nobody has read the file, or what is wrong with it has been said
                 self._findings.leave_out()
                 self.unknown = True
@@ -338,7 +338,7 @@ class PartInstances:
             return None
 
     def _doubt(
-        self, component: Component, record: PartRecord, material: Material | None, weighed: Weighed, path: str, origin: Origin,
+        self, component: Component, record: PartRecord, material: Material | None, weighed: MassResult, path: str, origin: Origin,
     ) -> None:
         """Warn where a density, or a mass for this volume, is one that no solid has: at the number that says it."""
         stated, warn = component.overrides.mass, self._findings.warn
@@ -392,7 +392,7 @@ class PartInstances:
         """Say why a part is not estimated by its layers: once of a part, however often it occurs."""
         slicing = slicing_of(process, component.overrides, record) if record is not None else None
         slices = record.slices.get(slicing) if record is not None and slicing is not None else None
-        if record is None or not isinstance(slices, Unsliced) or (record.text, slices) in self._told:
+        if record is None or not isinstance(slices, SliceFailure) or (record.text, slices) in self._told:
             return
         self._told.add((record.text, slices))
         self._findings.warn(

@@ -13,13 +13,13 @@ from thingc.base.diagnostics import Code, Note, allow_hint, noted
 from thingc.base.frozen import dataclass
 from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.source import Origin
-from thingc.base.summing import dist, hypot, plain_sum
+from thingc.base.summing import dist, hypot, sum_of
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.part_instances import doubted
 from thingc.model.assembly.plausibility_modes import check_modes, check_nested_simulation
 from thingc.model.assembly.plausibility_prints import check_processes
 from thingc.model.assembly.plausible_mirrors import check_mirrored_pairs
-from thingc.model.assembly.report import Findings, written_at
+from thingc.model.assembly.report import LinkReport, written_at
 from thingc.model.assembly.types import Assembly, JointEdge, Link, LinkedMode, Mate, Occurrence
 from thingc.model.resolve.plausibility import (
     LARGEST,
@@ -52,7 +52,7 @@ BURDEN = 10.0
 _PLAIN = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?) *([A-Za-z]+)", re.IGNORECASE)
 
 
-def check_plausible(tree: Tree, assembly: Assembly, findings: Findings) -> None:
+def check_plausible(tree: Tree, assembly: Assembly, findings: LinkReport) -> None:
     """Every such warning about a whole assembly, of documents without errors."""
     if findings.earlier:
         return
@@ -67,18 +67,18 @@ def check_plausible(tree: Tree, assembly: Assembly, findings: Findings) -> None:
     _check_stated(occurrences, findings)
     odd = _check_sizes(occurrences, findings)
     if not odd and not findings.has_said(Code.DENSITY) and any(mate.joints for mate in mates):
-        _check_mass(tree.top, plain_sum(link.properties.mass for link in links), findings)
+        _check_mass(tree.top, sum_of(link.properties.mass for link in links), findings)
     _check_actuators(tree, occurrences, mates, {mount.occurrence for mount in assembly.exported if "/" not in mount.path}, findings)
     _check_mounts(tree, mates, findings)
     check_mirrored_pairs(assembly, findings)
     if tree.top.assembly is not None:
         check_nested_simulation(tree, tree.top.assembly, findings)
-        check_modes(tree.top.assembly, modes, assembly.adhesions, plain_sum(link.properties.mass for link in links), findings)
+        check_modes(tree.top.assembly, modes, assembly.adhesions, sum_of(link.properties.mass for link in links), findings)
     sizes = {one.index: dist(*one.box) for one in occurrences if one.box is not None}
     if sizes and all(one.record is None or one.record.exact for one in occurrences):
         largest = max(sizes, key=lambda index: sizes[index])
         _check_offsets(tree, occurrences[largest], sizes[largest], findings)
-        reach = plain_sum(max((sizes.get(member, 0.0) for member in link.members), default=0.0) for link in links)
+        reach = sum_of(max((sizes.get(member, 0.0) for member in link.members), default=0.0) for link in links)
         _check_roots(modes, reach, findings)
         _check_bare_masses(occurrences, links, findings)
 
@@ -86,7 +86,7 @@ def check_plausible(tree: Tree, assembly: Assembly, findings: Findings) -> None:
 # --- parts -------------------------------------------------------------------------------------------------------------
 
 
-def _check_sizes(occurrences: Sequence[Occurrence], findings: Findings) -> bool:
+def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> bool:
     """Parts that are smaller or larger than parts are, each at the first component that it is; whether there are any."""
     warned: set[str] = set()
     for one in occurrences:
@@ -106,7 +106,7 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: Findings) -> bool:
     return bool(warned)
 
 
-def _check_stated(occurrences: Sequence[Occurrence], findings: Findings) -> None:
+def _check_stated(occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
     """Centres and inertias that are stated, and cannot be those of the part's shape: it has its mass within its box, more or less. What
     is worked out of a shape always fits it."""
     said: set[Origin] = set()
@@ -142,7 +142,7 @@ def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None
     return None
 
 
-def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: Findings) -> None:
+def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
     """Densities that no solid has, of materials that no part weighs by: those of others are looked at with the parts."""
     weighing = {
         one.material.density_origin for one in occurrences
@@ -160,7 +160,7 @@ def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: Fi
                 )
 
 
-def _check_mass(top: Instance, mass: float, findings: Findings) -> None:
+def _check_mass(top: Instance, mass: float, findings: LinkReport) -> None:
     """A whole robot that weighs less, or more, than robots do; one that weighs nothing is another matter."""
     definition = top.assembly
     if definition is None or mass <= 0.0 or FEATHER <= mass <= ELEPHANT:
@@ -174,7 +174,7 @@ def _check_mass(top: Instance, mass: float, findings: Findings) -> None:
 # --- joints ------------------------------------------------------------------------------------------------------------
 
 
-def _check_limits(instance: Instance, joint: Joint, findings: Findings) -> None:
+def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> None:
     """Limits of a hinge beyond some turns; else limits of which one is in rad and the other in deg."""
     twist = joint.twist
     if twist is None or not twist.turns:
@@ -223,7 +223,7 @@ def _elsewhere(joint: Joint, key: str) -> tuple[Note, ...]:
     return noted(f"joint `{joint.name}` is here", joint.origin) if span is not None and span.line != joint.origin[0].line else ()
 
 
-def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findings: Findings) -> None:
+def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findings: LinkReport) -> None:
     """Friction or damping of a joint against which its drive can do little or nothing."""
     if edge is None or edge.actuator is None or not edge.actuator.effort:
         return
@@ -253,7 +253,7 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
 
 
 def _check_actuators(
-    tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], shown: Collection[int], findings: Findings,
+    tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], shown: Collection[int], findings: LinkReport,
 ) -> None:
     """Parts with an actuator that no joint is driven by. Of those in `shown` the top document shows a mount: what they drive may come
     with an assembly around it; an inline drive of a joint on it says itself what the actuator does."""
@@ -290,7 +290,7 @@ def _check_actuators(
         )
 
 
-def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: Findings) -> None:
+def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: LinkReport) -> None:
     """Mounts that a document shows by the name of another mount of the component that they are on. Of one with that name that
     something sits on nothing is said: it has its use inside."""
     used = {(end, mount) for mate in mates for end, mount in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount))}
@@ -326,7 +326,7 @@ class _Offset:
     mind: str = "unit (`mm`, `m`)"
 
 
-def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: Findings) -> None:
+def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: LinkReport) -> None:
     """Offsets, and travels of joints, that lead away from the robot, by the diagonal `size` [m] of its largest part."""
     for instance, definition in tree.assemblies:
         for offset in _offsets(definition, FAR * size):
@@ -374,7 +374,7 @@ def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
             yield _Offset(words=f"{of} is", length=length, path=joint.name, origin=place, notes=notes)
 
 
-def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: Findings) -> None:
+def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport) -> None:
     """Roots that are far from the origin of the world, by the `reach` [m]: the diagonals of the largest part of every link, summed."""
     for mode in modes:
         offset = _length(mode.at)
@@ -386,10 +386,10 @@ def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: Findings) 
             )
 
 
-def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link], findings: Findings) -> None:
+def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link], findings: LinkReport) -> None:
     """Masses without a shape, of which only the rest of the robot can tell whether they are right: by how heavy it is, and by where the
     parts of their link are. Where an offset is said to lead away from the robot, where they are is no news."""
-    whole = plain_sum(link.properties.mass for link in links)
+    whole = sum_of(link.properties.mass for link in links)
     for link in links:
         placed = [(occurrences[member], pose) for member, pose in zip(link.members, link.poses, strict=True)]
         boxes = [(one.box, pose) for one, pose in placed if one.box is not None]
@@ -409,7 +409,7 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
                 _check_place(one, pose.apply(one.properties.centre), [*boxes, (((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), NO_POSE)], findings)
 
 
-def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector, Vector], Pose]], findings: Findings) -> None:
+def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector, Vector], Pose]], findings: LinkReport) -> None:
     """A mass without a shape, `at` a point of its link, that is far from the boxes around the parts of the link."""
     corners = [corner for box, pose in boxes for corner in pose.around(box)]
     sides = [(min(side), max(side)) for side in zip(*corners, strict=True)]

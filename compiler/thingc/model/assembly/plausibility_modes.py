@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from thingc.base.diagnostics import Code, allow_hint, noted
 from thingc.base.units import FORCE, Quantity
 from thingc.model.assembly.instance_tree import Tree
-from thingc.model.assembly.report import Findings
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Adhesion, LinkedMode
 from thingc.model.resolve.plausibility import times_words
 from thingc.model.resolve.types import AssemblyDefinition, Mode
@@ -20,7 +20,7 @@ GRAVITY = 9.81
 """[m/s^2], for weights, whatever a mode's own gravity is."""
 
 
-def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: Findings) -> None:
+def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: LinkReport) -> None:
     """Warn of settings in `simulation` of nested documents that neither the top document nor a mode of it states."""
     stated = {*top.simulation, *(key for mode in top.modes for key in mode.simulation)}
     nested = {definition.document: (definition, instance) for instance, definition in tree.assemblies if instance is not tree.top}
@@ -37,7 +37,7 @@ def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: Findi
 
 
 def check_modes(
-    top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: Collection[Adhesion], mass: float, findings: Findings,
+    top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: Collection[Adhesion], mass: float, findings: LinkReport,
 ) -> None:
     """Every such warning about the modes of the `top` document, whose robot has a `mass` [kg]; `magnets` are those of all modes."""
     _check_steps(top, findings)
@@ -48,7 +48,7 @@ def check_modes(
     _check_alike([mode for mode in modes if mode.name not in worked_out], findings)
 
 
-def _check_steps(top: AssemblyDefinition, findings: Findings) -> None:
+def _check_steps(top: AssemblyDefinition, findings: LinkReport) -> None:
     """Time steps that are too long for contacts, where they are written."""
     owners: list[tuple[AssemblyDefinition | Mode, str]] = [(top, "simulation"), *((mode, mode.name) for mode in top.modes)]
     for owner, path in owners:
@@ -60,7 +60,7 @@ def _check_steps(top: AssemblyDefinition, findings: Findings) -> None:
             )
 
 
-def _check_gravity(modes: Sequence[Mode], findings: Findings) -> None:
+def _check_gravity(modes: Sequence[Mode], findings: LinkReport) -> None:
     """Gravity in numbers that points straight up: without a sign, as it is often said, and under a ceiling there is a word for it."""
     for mode in modes:
         x, y, z = mode.gravity
@@ -72,7 +72,7 @@ def _check_gravity(modes: Sequence[Mode], findings: Findings) -> None:
             )
 
 
-def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: float, findings: Findings) -> None:
+def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: float, findings: LinkReport) -> None:
     """Pulls of magnets that are far from what the robot weighs."""
     weight = mass * GRAVITY
     places = {mode.name: mode for mode in top.modes}
@@ -92,7 +92,7 @@ def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: f
             )
 
 
-def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: Collection[Adhesion], findings: Findings) -> None:
+def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: Collection[Adhesion], findings: LinkReport) -> None:
     """Modes that are held at a magnet which is off, while one that nothing holds is on."""
     places = {magnet.path: (magnet.occurrence, magnet.mount) for magnet in magnets}
     written = {mode.name: {reference.text: reference.origin for reference, _ in mode.adhesion} for mode in top.modes}
@@ -110,7 +110,7 @@ def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: C
         )
 
 
-def _check_alike(modes: Sequence[LinkedMode], findings: Findings) -> None:
+def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
     """Modes that say what an earlier one says, in other words or by what they extend: two models that are the same."""
     met: dict[object, LinkedMode] = {}
     for mode in modes:

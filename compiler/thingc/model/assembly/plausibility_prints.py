@@ -9,7 +9,7 @@ from thingc.base.frozen import dataclass
 from thingc.base.source import Span
 from thingc.model.assembly.instance_tree import Tree
 from thingc.model.assembly.mass import merged
-from thingc.model.assembly.report import Findings
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Occurrence
 from thingc.model.resolve.plausibility import length_words
 from thingc.model.resolve.types import Process
@@ -38,7 +38,7 @@ class _Doubt:
     help: str
 
 
-def check_processes(tree: Tree, occurrences: Sequence[Occurrence], findings: Findings) -> None:
+def check_processes(tree: Tree, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
     """A warning at every such number: of what components say, of the materials that they are made of, and of those that none is made of."""
     doubts_of: dict[int, Sequence[_Doubt]] = {}
 
@@ -68,7 +68,7 @@ def check_processes(tree: Tree, occurrences: Sequence[Occurrence], findings: Fin
                     _warn(doubt, material.process, instance.origin, instance.within(material.name), notes, findings)
 
 
-def _warn(doubt: _Doubt, process: Process, outer: Sequence[Span], path: str, notes: Sequence[Note], findings: Findings) -> None:
+def _warn(doubt: _Doubt, process: Process, outer: Sequence[Span], path: str, notes: Sequence[Note], findings: LinkReport) -> None:
     findings.warn(
         Code.PROCESS, doubt.words, (*process.origins[doubt.key], *outer), path=path, help=f"{doubt.help}; {allow_hint(Code.PROCESS)}",
         notes=notes,

@@ -10,14 +10,14 @@ from thingc.base.joints.twist import Twist
 from thingc.base.mirror import Mirror
 from thingc.base.pose import multiply, transpose
 from thingc.base.summing import dist
-from thingc.model.assembly.report import Findings
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Assembly, Mate
 
 CLOSE = 1e-6
 """How far entries of rotations, and places [m], may differ that count as equal."""
 
 
-def check_mirrored_pairs(assembly: Assembly, findings: Findings) -> None:
+def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
     """A warning for each mirrored part that is turned by 90 or 180 deg against its counterpart on the opposite mount."""
     groups: dict[object, list[Mate]] = {}
     for mate in assembly.mates:

@@ -10,7 +10,7 @@ from thingc.base.source import Origin, Span, line_of
 _Key = tuple[Code, str, Span | None]
 
 
-class Findings:
+class LinkReport:
     """A `Report` as `link` uses it.
 
     A definition that stands in several places has the same fault in each: the first place is reported, with its chain

@@ -9,9 +9,9 @@ from thingc.base.inertia import MassProperties, total
 from thingc.base.pose import Vector
 from thingc.geometry.meshes.files import MeshFile
 from thingc.geometry.meshes.record import MeshRecord
-from thingc.model.assembly.mass import NOTHING, Weighed, said_whole, weigh_link
+from thingc.model.assembly.mass import NOTHING, MassResult, is_fully_stated, weigh_link
 from thingc.model.assembly.types import Listed, Surface
-from thingc.model.resolve.link_definition import LinkDefinition, ListedShape
+from thingc.model.resolve.link_definition import LinkDefinition, LinkShape
 from thingc.model.resolve.types import Material, Overrides
 
 Meshes = Mapping[MeshFile, MeshRecord]
@@ -29,7 +29,7 @@ def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes
     )
 
 
-def _box(shape: ListedShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
+def _box(shape: LinkShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
     """The box around a shape in the link's frame; None where nobody has read it."""
     if not isinstance(shape.solid, MeshFile):
         return shape.solid.box
@@ -37,7 +37,7 @@ def _box(shape: ListedShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
     return None if record is None else shape.pose.around(record.box)
 
 
-def _drawn(shape: ListedShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
+def _drawn(shape: LinkShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
     """A primitive, or the pieces of a mesh file, each in its colour."""
     own, solid = shape.material or material, shape.solid
     otherwise = own.color if own is not None else None
@@ -52,7 +52,7 @@ def _drawn(shape: ListedShape, material: Material | None, meshes: Meshes) -> Ite
                 yield Surface(solid=piece.mesh, material=own, color=color, pose=shape.pose, name=f"{solid.name}_{number}", title=shape.name)
 
 
-def _touching(shape: ListedShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
+def _touching(shape: LinkShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
     own, solid = _rubbing(shape, shape.material or material), shape.solid
     if not isinstance(solid, MeshFile):
         yield Surface(solid=solid, material=own, color=None, title=shape.name)
@@ -60,7 +60,7 @@ def _touching(shape: ListedShape, material: Material | None, meshes: Meshes) -> 
         yield _whole(shape, solid, record, own, None)
 
 
-def _rubbing(shape: ListedShape, material: Material | None) -> Material | None:
+def _rubbing(shape: LinkShape, material: Material | None) -> Material | None:
     """The material of a shape with the friction that the shape itself says."""
     slide, torsion, roll = shape.friction
     if shape.friction == (None, None, None):
@@ -75,7 +75,7 @@ def _rubbing(shape: ListedShape, material: Material | None) -> Material | None:
     )
 
 
-def _whole(shape: ListedShape, file: MeshFile, record: MeshRecord, material: Material | None, color: str | None) -> Surface:
+def _whole(shape: LinkShape, file: MeshFile, record: MeshRecord, material: Material | None, color: str | None) -> Surface:
     return Surface(
         solid=record.mesh, material=material, color=color, pose=shape.pose, name=file.name,
         volume=record.matter.mass if record.matter is not None else 0.0, own=record.own, scale=file.scale,
@@ -92,45 +92,46 @@ def _around(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | N
     return (ax, ay, az), (bx, by, bz)
 
 
-class Unweighed(Exception):
+class MissingDensity(Exception):
     """Why the shapes of a link cannot tell what it weighs, in words that follow its name; empty where nobody has looked."""
 
 
-def solid_shapes(definition: LinkDefinition) -> Sequence[ListedShape]:
+def solid_shapes(definition: LinkDefinition) -> Sequence[LinkShape]:
     """The shapes that a link is taken to be made of: those that touch, or where none does those that are drawn."""
     return [one for one in definition.shapes if one.touches] or [one for one in definition.shapes if one.drawn]
 
 
-def weigh_shapes(definition: LinkDefinition, material: Material | None, meshes: Meshes, overrides: Overrides) -> Weighed:
-    """What a link weighs, by what the document states and by its shapes, which are looked at only where they count. Raises `Unweighed`."""
+def weigh_shapes(definition: LinkDefinition, material: Material | None, meshes: Meshes, overrides: Overrides) -> MassResult:
+    """What a link weighs, by what the document states and by its shapes, which are looked at only where they count. Raises
+    `MissingDensity`."""
     if overrides.mass is None:
         return weigh_link(weight_of(definition, material, meshes), overrides)
-    return weigh_link(NOTHING if said_whole(overrides) else matter_of(definition, meshes), overrides)
+    return weigh_link(NOTHING if is_fully_stated(overrides) else matter_of(definition, meshes), overrides)
 
 
-def _matter(shape: ListedShape, meshes: Meshes) -> MassProperties:
-    """What a shape holds at density 1, in the link's frame. Raises `Unweighed`."""
+def _matter(shape: LinkShape, meshes: Meshes) -> MassProperties:
+    """What a shape holds at density 1, in the link's frame. Raises `MissingDensity`."""
     if not isinstance(shape.solid, MeshFile):
         return shape.solid.matter
     record = meshes.get(shape.solid)
     if record is None:
-        raise Unweighed("")
+        raise MissingDensity("")
     if record.matter is None:
-        raise Unweighed(f"weighs by its shapes, and the surface of `{shape.solid.path}` is not closed, so that it holds nothing")
+        raise MissingDensity(f"weighs by its shapes, and the surface of `{shape.solid.path}` is not closed, so that it holds nothing")
     return record.matter.seen_from(shape.pose)
 
 
 def matter_of(definition: LinkDefinition, meshes: Meshes) -> MassProperties:
-    """What a link is made of, at density 1: its volume [m^3] as the mass, centre [m] and inertia [m^5]. Raises `Unweighed`."""
+    """What a link is made of, at density 1: its volume [m^3] as the mass, centre [m] and inertia [m^5]. Raises `MissingDensity`."""
     return total(_matter(shape, meshes) for shape in solid_shapes(definition))
 
 
 def weight_of(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> MassProperties:
-    """The same by the densities of its shapes' materials: mass [kg], inertia [kg m^2]; nothing where none has one. Raises `Unweighed`, also
-    where only some have."""
+    """The same by the densities of its shapes' materials: mass [kg], inertia [kg m^2]; nothing where none has one. Raises `MissingDensity`,
+    also where only some have."""
     dense = [(shape, own.density) for shape in solid_shapes(definition) if (own := shape.material or material) and own.density is not None]
     weights = [(density, _matter(shape, meshes)) for shape, density in dense]
     others = [shape for shape in solid_shapes(definition) if shape not in [one for one, _ in dense]]
     if weights and any(_matter(shape, meshes).mass > 0.0 for shape in others):
-        raise Unweighed("weighs by the densities of its shapes, and some have none")
+        raise MissingDensity("weighs by the densities of its shapes, and some have none")
     return total(matter.with_mass(density * matter.mass) for density, matter in weights)

@@ -11,9 +11,9 @@ import math
 from collections.abc import Mapping, Sequence
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose, Vector, cross, dot
-from thingc.base.summing import dist, hypot, plain_sum
+from thingc.base.summing import dist, hypot, sum_of
 from thingc.model.assembly.types import LinkedMount, TendonStep
 
 Point = tuple[float, float]
@@ -22,7 +22,7 @@ TINY = 1e-15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TendonSpan(Brief):
+class TendonSpan(OneLineRepr):
     """A straight piece of it, from a point of the part that has one mount to one of that of another; all of it is divided by `divisor`."""
 
     ends: tuple[LinkedMount, LinkedMount]
@@ -36,7 +36,7 @@ class TendonSpan(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TendonCourse(Brief):
+class TendonCourse(OneLineRepr):
     """How long a tendon is [m], and its straight pieces, which pull on what they end at."""
 
     length: float
@@ -67,7 +67,7 @@ def course(steps: Sequence[TendonStep], at: Mapping[str, Pose]) -> TendonCourse:
                         TendonSpan(ends=(last, around.mount), points=(ends[0], first), divisor=divisor),
                         TendonSpan(ends=(around.mount, step.mount), points=(second, ends[1]), divisor=divisor),
                     ]
-                length = plain_sum((length, *(span.length / divisor for span in made)))
+                length = sum_of((length, *(span.length / divisor for span in made)))
                 spans += made
             last, around = step.mount, None
     return TendonCourse(length=length, spans=tuple(spans))

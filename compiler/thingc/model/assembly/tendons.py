@@ -9,13 +9,13 @@ from thingc.base.diagnostics import Code
 from thingc.base.pose import Pose
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.modes import mount_of
-from thingc.model.assembly.report import Findings
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.tendon_paths import course
 from thingc.model.assembly.types import ActuatorModel, LinkedMount, LinkedTendon, Occurrence, TendonStep
 from thingc.model.resolve.types import PathStep
 
 
-def tendons_of(tree: Tree, link_of: Sequence[int], findings: Findings) -> tuple[LinkedTendon, ...]:
+def tendons_of(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> tuple[LinkedTendon, ...]:
     """The tendons of every document, at their paths; one that is wrong is left out (reported)."""
     tendons: list[LinkedTendon] = []
     for instance, definition in tree.assemblies:
@@ -47,7 +47,7 @@ def _step(tree: Tree, instance: Instance, step: PathStep) -> TendonStep | None:
     )
 
 
-def _beside(step: TendonStep, link_of: Sequence[int], findings: Findings) -> bool:
+def _beside(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> bool:
     """Whether the `side` of a shape, if it has one, is on the link of the shape; else reported."""
     if step.mount is None or step.side is None or link_of[step.mount.occurrence] == link_of[step.side.occurrence]:
         return True
@@ -58,7 +58,7 @@ def _beside(step: TendonStep, link_of: Sequence[int], findings: Findings) -> boo
     return False
 
 
-def rested(tendon: LinkedTendon, occurrences: Sequence[Occurrence], rest: Mapping[int, Pose], findings: Findings) -> LinkedTendon:
+def rested(tendon: LinkedTendon, occurrences: Sequence[Occurrence], rest: Mapping[int, Pose], findings: LinkReport) -> LinkedTendon:
     """One on a path with the length at q = 0 as that at which its spring rests, if no other is stated; `rest` are the poses of the
     occurrences then. What lies inside of the shape that it is beside is reported."""
     if not tendon.steps:

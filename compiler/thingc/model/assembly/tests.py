@@ -7,12 +7,12 @@ from dataclasses import fields, is_dataclass
 
 from thingc.documents.checks import kinds
 from thingc.model.assembly.instance_tree import Tree
-from thingc.model.assembly.report import Findings
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import JointEdge, LinkedTest, MountAt
 from thingc.model.resolve.types import Reference, Test
 
 
-def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge], findings: Findings) -> tuple[LinkedTest, ...]:
+def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge], findings: LinkReport) -> tuple[LinkedTest, ...]:
     """The tests whose mounts and components are there; the others have been reported."""
     by_path = {joint.path: joint for joint in joints}
     linked: list[LinkedTest] = []

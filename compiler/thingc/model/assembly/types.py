@@ -11,12 +11,12 @@ from thingc.base.inertia import MassProperties
 from thingc.base.joints.bases import BaseType
 from thingc.base.joints.kind import JointKind
 from thingc.base.joints.twist import Twist
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.primitives import Primitive
 from thingc.base.sensor_kinds import Measurement
 from thingc.base.source import Origin
-from thingc.base.summing import plain_sum
+from thingc.base.summing import sum_of
 from thingc.geometry.record import DriveType, Mesh, PartRecord
 from thingc.model.assembly.hag import Definition, Hag, hag_of
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
@@ -37,7 +37,7 @@ from thingc.model.resolve.types import (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MountFrame(Brief):
+class MountFrame(OneLineRepr):
     """A mount on an occurrence: its frame in the occurrence's frame."""
 
     pose: Pose
@@ -45,7 +45,7 @@ class MountFrame(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Surface(Brief):
+class Surface(OneLineRepr):
     """A shape of an occurrence that is drawn or touched: `solid` at `pose` in the occurrence's frame, of what it is made and in which
     colour (`#rrggbb`, `#rrggbbaa`; None: of its own). Of a mesh that a link lists `name` is what its file may be called, `volume` [m^3]
     what it holds, `own` the bytes that it was read from (SHA-256 and size) where MuJoCo reads them with the factors `scale`. `title` is the
@@ -63,7 +63,7 @@ class Surface(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Listed(Brief):
+class Listed(OneLineRepr):
     """The geometry of a link, whose shapes are listed, in its frame: what is drawn, what touches, of which `solids` it is taken to be made,
     and the `box` around all of it (two corners [m]; None: there is nothing, or nobody has measured it yet)."""
 
@@ -74,7 +74,7 @@ class Listed(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Occurrence(Brief):
+class Occurrence(OneLineRepr):
     """A part, a link or a frame at a path of the unrolled HAG (`hand/cap`).
 
     `index` is its place in document order; `properties` in its own frame; `mass_source` is
@@ -151,7 +151,7 @@ class Occurrence(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ActuatorModel(Brief):
+class ActuatorModel(OneLineRepr):
     """A joint's drive with defaults from the Thing's actuator filled in; SI. `effort` the force limit; `axis` of a drive of a ball is
     the one about which it turns it, a unit vector that is fixed in the child, in the parent mount's axes at q = 0. `name` is what files
     call it where that is not what they call the joint."""
@@ -167,7 +167,7 @@ class ActuatorModel(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointEdge(Brief):
+class JointEdge(OneLineRepr):
     """A coordinate of a mate, by its `name` in the top document (`hand.wrist[0]`), all defaults worked out.
 
     `twist` is what it does, seen in the frame that the coordinates before it in the mate have moved. `mimic.joint`
@@ -191,7 +191,7 @@ class JointEdge(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mate(Brief):
+class Mate(OneLineRepr):
     """An edge of the mate graph between occurrences `parent` and `child` (indices).
 
     `X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ X_JC` over its `joints`; rigid without any.
@@ -213,7 +213,7 @@ class Mate(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Link(Brief):
+class Link(OneLineRepr):
     """Occurrences joined rigidly: one body in every simulator.
 
     `frame` is the index of the occurrence whose frame is the link's; `poses[k]` is the pose of `members[k]` in it;
@@ -230,7 +230,7 @@ class Link(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExportedMount(Brief):
+class ExportedMount(OneLineRepr):
     """A mount that an assembly shows, at its path (`tip`, `hand/tip`): an occurrence's mount."""
 
     path: SitePath
@@ -240,7 +240,7 @@ class ExportedMount(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RootChoice(Brief):
+class RootChoice(OneLineRepr):
     """A mode with its references worked out to occurrences.
 
     `mount` None: a component root (its origin). `path` is the site's name: a mount by its path as the document says it
@@ -253,7 +253,7 @@ class RootChoice(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Adhesion(Brief):
+class Adhesion(OneLineRepr):
     """A magnet: a mount that pulls. `path` names it (`front_foot/sole`), `force` [N] its largest in any mode."""
 
     path: SitePath
@@ -263,7 +263,7 @@ class Adhesion(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinkedHold(Brief):
+class LinkedHold(OneLineRepr):
     """A hold of a mode: `mount` is mated to the world frame moved to `pose` (None: where the mode's own pose puts it), or with
     `turns` only its origin is laid there."""
 
@@ -274,7 +274,7 @@ class LinkedHold(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Foot(Brief):
+class Foot(OneLineRepr):
     """A mount that a floating mode stands on, with the sliding friction between it and the floor."""
 
     mount: RootChoice
@@ -283,7 +283,7 @@ class Foot(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinkedMount(Brief):
+class LinkedMount(OneLineRepr):
     """A mount that a document speaks of: the path of its site (`hand/tip`), and which mount of which occurrence it is."""
 
     path: SitePath
@@ -328,7 +328,7 @@ class TendonStep(Wrap):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinkedTendon(Brief):
+class LinkedTendon(OneLineRepr):
     """A tendon at its path (`hand/grip`): `moves` by joint path how much longer it gets per unit of q, `turns` whether its length is an
     angle [rad], else it is [m]. One on a path has `steps`, and a `width` [m] if one is stated; its spring rests where it is stated, else
     where its length is that at q = 0."""
@@ -350,11 +350,11 @@ class LinkedTendon(Brief):
 
     def length(self, q: Mapping[str, float]) -> float:
         """How long one over joints is at `q` (every joint by path, rad or m)."""
-        return plain_sum(factor * q[path] for path, factor in self.moves.items())
+        return sum_of(factor * q[path] for path, factor in self.moves.items())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinkedMode(Brief):
+class LinkedMode(OneLineRepr):
     """A mode of the top document with its references worked out; `exclude` are pairs of link indices, `adhesion` by path.
 
     `pose` is the mode's own, the first of `poses`; `cut` the joints (by path) it wants loops cut at. Of a mode that is `on_floor` the
@@ -383,7 +383,7 @@ class LinkedMode(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MountAt(Brief):
+class MountAt(OneLineRepr):
     """A mount of an occurrence."""
 
     occurrence: int
@@ -391,7 +391,7 @@ class MountAt(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FileNames(Brief):
+class FileNames(OneLineRepr):
     """What files call things that have another path: components (which is what links are called after), exported mounts, whole joints,
     tendons, drives by the coordinate or tendon that they drive, equalities by the joint that mimics or closes a loop, sensors (or a part of
     one, `imu:gyro`) and poses."""
@@ -407,7 +407,7 @@ class FileNames(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinkedTest(Brief):
+class LinkedTest(OneLineRepr):
     """A test of the top document with its references worked out: mounts, and components to all occurrences that they hold."""
 
     test: Test
@@ -416,7 +416,7 @@ class LinkedTest(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Connected(Brief):
+class Connected(OneLineRepr):
     """What hangs together with what, before anything has a place; all as of an `Assembly`, which it becomes where nothing is wrong."""
 
     occurrences: tuple[Occurrence, ...]
@@ -432,7 +432,7 @@ class Connected(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Assembly(Brief):
+class Assembly(OneLineRepr):
     """The output of `link`: everything about the robot that does not depend on a root.
 
     `base` is the occurrence whose frame is the assembly's; `rest[i]` the pose of occurrence i in it at q = 0;

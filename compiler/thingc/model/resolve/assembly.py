@@ -15,8 +15,8 @@ from thingc.geometry.record import definition_label, definition_text
 from thingc.model.resolve import choices as chosen
 from thingc.model.resolve import references
 from thingc.model.resolve.components import components, nodes
-from thingc.model.resolve.defaults import Layers
-from thingc.model.resolve.document_scope import Context, Table
+from thingc.model.resolve.defaults import DefaultLayers
+from thingc.model.resolve.document_scope import DocumentScope, ResolveRun
 from thingc.model.resolve.joints import joints
 from thingc.model.resolve.materials import in_scope, unreadable
 from thingc.model.resolve.mimics import mimics
@@ -40,9 +40,11 @@ MAX_DEFINITIONS = 2000
 
 
 def resolved(
-    context: Context, relative: str, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression], choices: chosen.Choices = (), *,
+    context: ResolveRun, relative: str, spec: AssemblySpec, given: Mapping[
+        str, ExpressionValue | Expression
+    ], choices: chosen.Choices = (), *,
     top: bool = False,
-) -> Table:
+) -> DocumentScope:
     """The table of a document, its `definition` filled in; equal parameters and choices of one document give the same table.
 
     Only of the top document are modes worked out: a parent does not use them.
@@ -64,7 +66,7 @@ def resolved(
     if given:
         check_bounds(scope, spec, [name for name in values if name not in given])
     named = (spec.name, dict(parameters), dict(canonical(own.values)))
-    table = Table(
+    table = DocumentScope(
         document=document, spec=spec, scope=scope, parameters=parameters, text=definition_text(*named),
         label=definition_label(*named, {name: words_of(value) for name, value in values.items()}), choices=choices,
     )
@@ -73,7 +75,7 @@ def resolved(
     return table
 
 
-def _check_count(context: Context, scope: Scope) -> None:
+def _check_count(context: ResolveRun, scope: Scope) -> None:
     """Say it, once, where documents nest without an end that anybody would see."""
     if len(context.tables) >= MAX_DEFINITIONS and not context.overfull:
         context.overfull = True
@@ -83,7 +85,7 @@ def _check_count(context: Context, scope: Scope) -> None:
         )
 
 
-def _fill(context: Context, table: Table, *, top: bool) -> None:
+def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
     """Work out the sections of a document, each behind those that it refers to, and its `definition`."""
     scope, spec = table.scope, table.spec
     _check_names(scope, spec)
@@ -116,13 +118,13 @@ def _fill(context: Context, table: Table, *, top: bool) -> None:
 
 
 def _definition(
-    context: Context, table: Table, made: tuple[Component, ...], links: tuple[LinkName, ...], top: bool,
+    context: ResolveRun, table: DocumentScope, made: tuple[Component, ...], links: tuple[LinkName, ...], top: bool,
 ) -> AssemblyDefinition:
     """What a table that is filled in says, as later passes see it."""
     scope, spec = table.scope, table.spec
     stated = (spec.modes, context.values(scope, "modes", spec.modes), *context.around(table))
     own_modes = context.sound("modes", stated, lambda: modes(table, scope)) if top else ()
-    stepped = Layers(((spec.simulation, ("simulation",)),)) if spec.simulation else Layers(())
+    stepped = DefaultLayers(((spec.simulation, ("simulation",)),)) if spec.simulation else DefaultLayers(())
     pulled = tuple(tendons(table, scope))
     return AssemblyDefinition(
         document=table.document.relative, name=spec.name, description=spec.description, parameters=table.parameters, text=table.text,
@@ -157,14 +159,14 @@ def _check_names(scope: Scope, spec: AssemblySpec) -> None:
         check_names(scope, ((name, (section, name), what) for name in entries), reserved=reserved)
 
 
-def _exports(table: Table, scope: Scope) -> None:
+def _exports(table: DocumentScope, scope: Scope) -> None:
     for name in table.doubts.names("mounts"):
         table.exports[name] = None
     for name, text in table.spec.mounts.items():
         table.exports[name] = references.mount(table, scope, text, ("mounts", name))
 
 
-def _links(table: Table, scope: Scope) -> Iterator[LinkName]:
+def _links(table: DocumentScope, scope: Scope) -> Iterator[LinkName]:
     for name, text in table.spec.links.items():
         path: Path = ("links", name)
         component = references.component(table, scope, text, path)

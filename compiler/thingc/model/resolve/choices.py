@@ -18,7 +18,7 @@ from thingc.documents.load.paths import SUFFIXES_WITH_UNIT, named
 from thingc.documents.spec.assembly import UNIT_OF_ITS_OWN, AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
 from thingc.documents.spec.choices import DEFAULT_MATERIAL, EXAMPLES, KEYS, VALUES, ChoicePath, is_value, nested, parse
 from thingc.geometry.record import PartFailure
-from thingc.model.resolve.document_scope import Context, Node, Table
+from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun
 from thingc.model.resolve.parts import missing_hint
 from thingc.model.resolve.repeats import Unrolled
 
@@ -26,7 +26,7 @@ Choices = tuple[tuple[str, str], ...]
 """Paths from one document down, and what is chosen there; sorted."""
 
 
-def from_command_line(context: Context, choices: Mapping[str, str]) -> Choices:
+def from_command_line(context: ResolveRun, choices: Mapping[str, str]) -> Choices:
     """Those choices whose paths can be read; the others are reported."""
     sound: dict[str, str] = {}
     for path, text in choices.items():
@@ -37,12 +37,12 @@ def from_command_line(context: Context, choices: Mapping[str, str]) -> Choices:
     return tuple(sorted(sound.items()))
 
 
-def that_say_more(context: Context, relative: str, spec: AssemblySpec, choices: Choices) -> Choices:
+def that_say_more(context: ResolveRun, relative: str, spec: AssemblySpec, choices: Choices) -> Choices:
     """The choices without those that a document makes itself: they are no choice."""
     return tuple((path, text) for path, text in choices if not _written(context, relative, spec, path, text))
 
 
-def _written(context: Context, relative: str, spec: AssemblySpec, path: str, text: str) -> bool:
+def _written(context: ResolveRun, relative: str, spec: AssemblySpec, path: str, text: str) -> bool:
     choice = parse(path)
     if choice is None:
         node = node_at(context.documents.by_path[relative].tree, tuple(path.split(".")))
@@ -58,7 +58,7 @@ def _written(context: Context, relative: str, spec: AssemblySpec, path: str, tex
     return _place(context, relative, own) == _place(context, context.documents.root.relative, text)
 
 
-def _place(context: Context, relative: str, text: str) -> str:
+def _place(context: ResolveRun, relative: str, text: str) -> str:
     """The path in the workspace of what a document calls `text`."""
     import posixpath
 
@@ -86,7 +86,7 @@ def own(choices: Choices, *names: str) -> dict[str, str]:
     return by_key
 
 
-def with_default_material(context: Context, table: Table) -> AssemblySpec:
+def with_default_material(context: ResolveRun, table: DocumentScope) -> AssemblySpec:
     """The document's model with the material that is chosen for its components."""
     spec = table.spec
     text = dict(table.choices).get(DEFAULT_MATERIAL)
@@ -98,7 +98,7 @@ def with_default_material(context: Context, table: Table) -> AssemblySpec:
     return spec.model_copy(update={"defaults": defaults.model_copy(update={"component": chosen})})
 
 
-def check_names(context: Context, table: Table, items: Sequence[Unrolled[ComponentSpec]]) -> None:
+def check_names(context: ResolveRun, table: DocumentScope, items: Sequence[Unrolled[ComponentSpec]]) -> None:
     """Report choices for components that the document has not."""
     names = {item.name for item in items} | set(table.spec.components)
     if table.doubts.lacks("components") or table.unbuilt:
@@ -112,7 +112,7 @@ def check_names(context: Context, table: Table, items: Sequence[Unrolled[Compone
             )
 
 
-def chosen(context: Context, table: Table, item: Unrolled[ComponentSpec]) -> tuple[ComponentSpec, frozenset[str]]:
+def chosen(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSpec]) -> tuple[ComponentSpec, frozenset[str]]:
     """A component's model with what is chosen for it, and the keys that are; a choice that cannot be is reported."""
     spec = item.spec
     if not table.choices:
@@ -151,7 +151,7 @@ def chosen(context: Context, table: Table, item: Unrolled[ComponentSpec]) -> tup
     return (spec.model_copy(update=dict(taken)) if taken else spec), frozenset(taken)
 
 
-def check_part(context: Context, node: Node, reference: str) -> bool:
+def check_part(context: ResolveRun, node: ComponentScope, reference: str) -> bool:
     """Whether a part that was chosen can be looked at; reported where it cannot."""
     schema = context.schemas.get(reference)
     if schema is not None and not isinstance(schema, PartFailure):
@@ -162,7 +162,7 @@ def check_part(context: Context, node: Node, reference: str) -> bool:
     return False
 
 
-def refuse_file(context: Context, node: Node, text: str) -> None:
+def refuse_file(context: ResolveRun, node: ComponentScope, text: str) -> None:
     """Report a file that was chosen and is none of a part."""
     context.say_of_option(
         f"components.{node.name}.file", f"`{shortened(text)}` is no file of a part in this workspace",
@@ -170,12 +170,12 @@ def refuse_file(context: Context, node: Node, text: str) -> None:
     )
 
 
-def refuse_circle(context: Context, node: Node, relative: str) -> None:
+def refuse_circle(context: ResolveRun, node: ComponentScope, relative: str) -> None:
     """Report an assembly that would stand inside itself."""
     context.say_of_option(f"components.{node.name}.assembly", f"`{relative}` would stand inside itself", "choose another assembly")
 
 
-def _known_material(context: Context, table: Table, name: str, path: str) -> bool:
+def _known_material(context: ResolveRun, table: DocumentScope, name: str, path: str) -> bool:
     if name in table.materials:
         return True
     if not table.materials_unreadable:

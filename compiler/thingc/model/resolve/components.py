@@ -12,8 +12,8 @@ from thingc.documents.spec.assembly import AssemblySpec, ComponentSpec
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve import choices as choose
 from thingc.model.resolve import overrides as said
-from thingc.model.resolve.defaults import Layers
-from thingc.model.resolve.document_scope import Context, Node, Table, names_in
+from thingc.model.resolve.defaults import DefaultLayers
+from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun, names_in
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.mirroring import mirrored, other_axis
 from thingc.model.resolve.parameters import fitting
@@ -25,11 +25,11 @@ from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component
 MAX_NESTING = 120
 """Documents inside each other: a little more than `load` follows, which reports the usual case."""
 
-Nest = Callable[[Context, str, AssemblySpec, Mapping[str, ExpressionValue], choose.Choices], Table]
+Nest = Callable[[ResolveRun, str, AssemblySpec, Mapping[str, ExpressionValue], choose.Choices], DocumentScope]
 """Resolves a nested document with the values set for its parameters, and the choices made inside it."""
 
 
-def nodes(context: Context, table: Table, items: Iterable[Unrolled[ComponentSpec]], nest: Nest) -> None:
+def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[ComponentSpec]], nest: Nest) -> None:
     """Fill `table.nodes`, with definitions worked out as far as they are sound, and count the occurrences."""
     items = tuple(items)
     if table.choices:
@@ -38,7 +38,7 @@ def nodes(context: Context, table: Table, items: Iterable[Unrolled[ComponentSpec
         if context.overfull:  # nothing will come of it
             return
         spec, chosen = choose.chosen(context, table, item)
-        node = Node(name=item.name, spec=spec, path=item.path, scope=item.scope, chosen=chosen)
+        node = ComponentScope(name=item.name, spec=spec, path=item.path, scope=item.scope, chosen=chosen)
         table.nodes[item.name] = node
         node.doubtful = node.unsound = _in_doubt(table, node)
         _define(context, table, node, nest)
@@ -58,12 +58,12 @@ def nodes(context: Context, table: Table, items: Iterable[Unrolled[ComponentSpec
         table.occurrences += added
 
 
-def _in_doubt(table: Table, node: Node) -> bool:
+def _in_doubt(table: DocumentScope, node: ComponentScope) -> bool:
     """Whether something of a component, or of what every component has by default, was left out by validation."""
     return bool(table.doubts) and (table.doubts.touch(node.path) or table.doubts.touch(("defaults", "component")))
 
 
-def _define(context: Context, table: Table, node: Node, nest: Nest) -> None:
+def _define(context: ResolveRun, table: DocumentScope, node: ComponentScope, nest: Nest) -> None:
     spec = node.spec
     if spec.part is not None:
         if "part" not in node.chosen or choose.check_part(context, node, spec.part):
@@ -86,7 +86,7 @@ def _define(context: Context, table: Table, node: Node, nest: Nest) -> None:
         node.definition = _image(node, node.table, node.table.definition, spec.mirror)
 
 
-def _image(node: Node, table: Table, definition: AssemblyDefinition, axis: str) -> AssemblyDefinition | None:
+def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefinition, axis: str) -> AssemblyDefinition | None:
     """The mirror image of a nested assembly; None where something in it is mirrored along another axis, which is reported."""
     other = other_axis(definition, axis)
     if other is not None:
@@ -103,7 +103,7 @@ def _image(node: Node, table: Table, definition: AssemblyDefinition, axis: str) 
     return table.images[axis]
 
 
-def _nested(context: Context, table: Table, node: Node, text: str, nest: Nest) -> Table | None:
+def _nested(context: ResolveRun, table: DocumentScope, node: ComponentScope, text: str, nest: Nest) -> DocumentScope | None:
     """The table of a nested document; None where it could not be read or stands inside itself (both reported by `load`)."""
     scope, path = node.scope, (*node.path, "assembly")
     chosen = "assembly" in node.chosen
@@ -129,7 +129,7 @@ def _nested(context: Context, table: Table, node: Node, text: str, nest: Nest) -
         context.route.pop()
 
 
-def _given(context: Context, node: Node, relative: str, spec: AssemblySpec) -> dict[str, ExpressionValue]:
+def _given(context: ResolveRun, node: ComponentScope, relative: str, spec: AssemblySpec) -> dict[str, ExpressionValue]:
     """The parameters that the component sets for its nested document; what does not fit is reported and left out."""
     scope, path = node.scope, (*node.path, "parameters")
     values: dict[str, ExpressionValue] = {}
@@ -146,12 +146,12 @@ def _given(context: Context, node: Node, relative: str, spec: AssemblySpec) -> d
 
 
 def components(
-    context: Context, table: Table, placements: dict[str, Attach | At | None], *, unreadable: bool,
+    context: ResolveRun, table: DocumentScope, placements: dict[str, Attach | At | None], *, unreadable: bool,
 ) -> tuple[Component, ...]:
     """The model's components, in document order. What is unsound has no definition, so that later passes leave it out."""
     defaults = table.spec.defaults.component if table.spec.defaults is not None else None
     below: tuple[tuple[object, Path], ...] = ((defaults, ("defaults", "component")),) if defaults is not None else ()
-    unused = Layers(below)  # type: ignore[arg-type]
+    unused = DefaultLayers(below)  # type: ignore[arg-type]
     said.material(table.scope, unused, table.materials, unreadable=unreadable)
     said.overrides(table.scope, unused)
     made: list[Component] = []
@@ -167,11 +167,11 @@ def components(
 
 
 def _component(
-    node: Node, table: Table, placement: Attach | At | None, below: tuple[tuple[object, Path], ...], unreadable: bool,
+    node: ComponentScope, table: DocumentScope, placement: Attach | At | None, below: tuple[tuple[object, Path], ...], unreadable: bool,
 ) -> Component:
     scope = node.scope
     is_part = node.spec.part is not None or node.spec.file is not None
-    layers = Layers(((node.spec, node.path), *(below if is_part else ())))  # type: ignore[arg-type]
+    layers = DefaultLayers(((node.spec, node.path), *(below if is_part else ())))  # type: ignore[arg-type]
     nested = node.spec.assembly is not None
     material: Material | None = None if nested else said.material(scope, layers, table.materials, unreadable=unreadable)
     over = said.NONE_SAID if nested else said.overrides(scope, layers)

@@ -6,13 +6,13 @@ import math
 import re
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Origin
-from thingc.base.summing import plain_sum
+from thingc.base.summing import sum_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limit(Brief):
+class Limit(OneLineRepr):
     """Of a joint: `lower`, `upper` [rad or m]; `effort` [N m or N] and `velocity` [rad/s or m/s] as far as written. Of a ball `cone`, how
     far it may turn [rad] from q = 0, about whatever axis."""
 
@@ -29,7 +29,7 @@ class Limit(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Dynamics(Brief):
+class Dynamics(OneLineRepr):
     """Of a joint, SI, as far as written: viscous `damping`, dry `friction`, reflected inertia `armature`, `stiffness` of a spring, and the
     q at which that does nothing, `rest`."""
 
@@ -80,7 +80,7 @@ _NUMBERED = re.compile(r"(.*)\[(\d+)\]")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mimic(Brief):
+class Mimic(OneLineRepr):
     """q = offset + multiplier * x + higher[0] * x^2 + higher[1] * x^3 ... with x = q(joint), SI; `joint` is a coordinate of the same
     document, as that calls it. `name` is that of its equality in files, if any is given."""
 
@@ -100,13 +100,13 @@ class Mimic(Brief):
         """(m, c): near `x` q is m q(joint) + c."""
         if not self.higher:
             return self.multiplier, self.offset
-        slope = self.multiplier + plain_sum(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
+        slope = self.multiplier + sum_of(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
         return slope, self.at(x) - slope * x
 
     def at(self, x: float) -> float:
         """q where q(joint) is `x`; infinite beyond what a number can be."""
         linear = self.multiplier * x + self.offset
         try:
-            return linear if not self.higher else linear + plain_sum(c * x**k for k, c in enumerate(self.higher, start=2))
+            return linear if not self.higher else linear + sum_of(c * x**k for k, c in enumerate(self.higher, start=2))
         except OverflowError:
             return math.inf

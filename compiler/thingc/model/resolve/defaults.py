@@ -19,7 +19,7 @@ def numbered(written: list[Any] | dict[str, Any], number: int) -> tuple[Any, int
 
 
 @dataclass(frozen=True, slots=True)
-class Layers:
+class DefaultLayers:
     """Models of one kind with the key paths where they stand, the most specific first."""
 
     items: tuple[tuple[BaseModel, Path], ...]
@@ -29,9 +29,9 @@ class Layers:
         no layer has it."""
         return next(self._written(key, number), None)
 
-    def sub(self, key: str, number: int | None = None) -> Layers:
+    def sub(self, key: str, number: int | None = None) -> DefaultLayers:
         """The mappings written under `key` (and for `number`), to be merged key by key."""
-        return Layers(tuple((value, path) for value, path in self._written(key, number) if isinstance(value, BaseModel)))
+        return DefaultLayers(tuple((value, path) for value, path in self._written(key, number) if isinstance(value, BaseModel)))
 
     def _written(self, key: str, number: int | None) -> Iterator[tuple[Any, Path]]:
         for model, path in self.items:

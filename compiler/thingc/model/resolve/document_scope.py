@@ -14,7 +14,7 @@ from thingc.base.memo import Memo
 from thingc.base.source import SET, Document, Path
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.documents.expressions.terms import Expression
-from thingc.documents.spec.invalid_entries import NO_DOUBTS, Doubts
+from thingc.documents.spec.invalid_entries import NO_DOUBTS, InvalidEntries
 from thingc.geometry.record import PartDefinition, PartFailure, PartSchema, Value
 from thingc.geometry.store.file_digests import digest_of
 from thingc.model.resolve.coordinates import CoordinateName
@@ -34,7 +34,7 @@ Answer = TypeVar("Answer")
 
 
 @dataclass(slots=True, kw_only=True)
-class Node:
+class ComponentScope:
     """A component while its document is resolved. `table` is that of the nested document, None for parts and frames;
     `unsound`: something that later passes need was wrong; `unplaced`: nothing else than its place was; `doubtful`: validation has left
     something of it out; `chosen` are the keys whose values are choices (see `choices`)."""
@@ -44,7 +44,7 @@ class Node:
     path: Path
     scope: Scope
     definition: PartDefinition | LinkDefinition | AssemblyDefinition | None = None
-    table: Table | None = None
+    table: DocumentScope | None = None
     mounts: dict[str, ExtraMount] = field(default_factory=dict)
     unsound: bool = False
     unplaced: bool = False
@@ -63,7 +63,7 @@ class Node:
 
 
 @dataclass(slots=True, kw_only=True)
-class Table:
+class DocumentScope:
     """One document with one set of parameters. In `exports`, `joints` and `poses` None stands for one that was wrong.
 
     `parameters` include the `choices` made inside it (see `thingc.model.resolve.choices`). `unbuilt` and `unbuilt_joints` are the
@@ -81,7 +81,7 @@ class Table:
     choices: tuple[tuple[str, str], ...] = ()
     materials_unreadable: bool = False
     materials: dict[str, Material | None] = field(default_factory=dict)
-    nodes: dict[str, Node] = field(default_factory=dict)
+    nodes: dict[str, ComponentScope] = field(default_factory=dict)
     unbuilt: list[str] = field(default_factory=list)
     unbuilt_joints: list[str] = field(default_factory=list)
     exports: dict[str, Reference | None] = field(default_factory=dict)
@@ -94,7 +94,7 @@ class Table:
     images: dict[str, AssemblyDefinition] = field(default_factory=dict)
 
     @property
-    def doubts(self) -> Doubts:
+    def doubts(self) -> InvalidEntries:
         """What validation has left out of the document."""
         return self.scope.doubts
 
@@ -103,7 +103,7 @@ class Table:
         """What it is known by."""
         return self.document.relative, self.parameters
 
-    def inner(self) -> Iterator[Table]:
+    def inner(self) -> Iterator[DocumentScope]:
         """The tables of the documents nested in it, each as often as it is nested."""
         return (node.table for _, node in self.all_nodes() if node.table is not None)
 
@@ -115,7 +115,7 @@ class Table:
                 for path, joint in node.table.all_joints():
                     yield CoordinateName(f"{node.name}.{path}"), joint
 
-    def all_nodes(self) -> Iterator[tuple[str, Node]]:
+    def all_nodes(self) -> Iterator[tuple[str, ComponentScope]]:
         """Every component with its path in dots, parents before what is inside them."""
         for node in self.nodes.values():
             yield node.name, node
@@ -131,7 +131,7 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Declared:
+class DeclaredParameters:
     """The parameters of a document with nothing set: their values (absent where wrong), and the names that were wrong."""
 
     values: Mapping[str, ExpressionValue]
@@ -139,7 +139,7 @@ class Declared:
 
 
 @dataclass(slots=True, kw_only=True)
-class Context:
+class ResolveRun:
     """One run of `resolve`: its inputs, and what has been worked out or reported already.
 
     `tables` is keyed by document and canonical parameters (equal definitions are one object); `nesting` holds the
@@ -152,8 +152,8 @@ class Context:
     workspace: Workspace
     schemas: Mapping[str, PartSchema | PartFailure]
     report: Report
-    tables: dict[tuple[str, tuple[tuple[str, Value], ...]], Table] = field(default_factory=dict)
-    declared: dict[str, Declared] = field(default_factory=dict)
+    tables: dict[tuple[str, tuple[tuple[str, Value], ...]], DocumentScope] = field(default_factory=dict)
+    declared: dict[str, DeclaredParameters] = field(default_factory=dict)
     nesting: list[str] = field(default_factory=list)
     route: list[str] = field(default_factory=list)
     parts: dict[tuple[str, tuple[tuple[str, Value], ...]], PartDefinition] = field(default_factory=dict)
@@ -161,7 +161,7 @@ class Context:
     materials: dict[str, dict[str, Material | None]] = field(default_factory=dict)
     said: set[tuple[str, Code, Path, bool]] = field(default_factory=set)
     overfull: bool = False
-    recalled: Mapping[tuple[str, tuple[tuple[str, Value], ...]], Table] = field(default_factory=dict)
+    recalled: Mapping[tuple[str, tuple[tuple[str, Value], ...]], DocumentScope] = field(default_factory=dict)
     memo: Memo = field(default_factory=Memo)
     of_any_text: Memo = field(default_factory=Memo)
     digest: Callable[[str], str] = digest_of
@@ -181,7 +181,7 @@ class Context:
         root = self.documents.root
         return {path: one for path, one in self.documents.by_path.items() if one is not root}, self.schemas, self.workspace
 
-    def table(self, key: tuple[str, tuple[tuple[str, Value], ...]]) -> Table | None:
+    def table(self, key: tuple[str, tuple[tuple[str, Value], ...]]) -> DocumentScope | None:
         """What has been worked out of a document with these parameters, in this run or the last."""
         known = self.tables.get(key)
         if known is None and key in self.recalled:
@@ -194,14 +194,14 @@ class Context:
         names = self.memo(("names", scope.document.relative, place), names_in, model)
         return tuple(scope.names.get(name) for name in names)
 
-    def there(self, table: Table) -> list[tuple[object, ...]]:
+    def there(self, table: DocumentScope) -> list[tuple[object, ...]]:
         """The components of a document, as far as references can see them."""
         return [
             (node.name, node.spec, node.unsound, node.unplaced, node.definition if node.table is not None else node.definition is None)
             for node in table.nodes.values()
         ]
 
-    def around(self, table: Table) -> tuple[object, ...]:
+    def around(self, table: DocumentScope) -> tuple[object, ...]:
         """What a sound section of a document can see of the others: what is there, but no numbers."""
         return (
             self.there(table),
@@ -225,7 +225,7 @@ class Context:
         """What a document's text makes, each the equal object of the last run where it is no other: later passes know it then."""
         return tuple(self.memo.same((what, document, *self.route, one.name), one) for one in made)
 
-    def remember(self, top: Table) -> None:
+    def remember(self, top: DocumentScope) -> None:
         """Keep for the next run the nested documents that this one has used, if nothing at all was said; for one of another text of the top
         document alone, if what was said is of that. (Of a part that failed and what was allowed is told only once.)"""
         tables = {table.key: table for table in top.inner()}
@@ -251,7 +251,7 @@ class Context:
             document=document, report=self.report, names=names, broken=broken, said=self.said, doubts=self.doubts(document),
         )
 
-    def doubts(self, document: Document) -> Doubts:
+    def doubts(self, document: Document) -> InvalidEntries:
         """What validation has left out of a document."""
         return self.specs.doubts.get(document.relative, NO_DOUBTS)
 

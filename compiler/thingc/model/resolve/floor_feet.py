@@ -8,14 +8,14 @@ from thingc.base.source import Path
 from thingc.base.units import NUMBER
 from thingc.documents.spec.modes import StandingSpec
 from thingc.model.resolve import references
-from thingc.model.resolve.defaults import Layers
-from thingc.model.resolve.document_scope import Table
+from thingc.model.resolve.defaults import DefaultLayers
+from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.references import GLOB, suggested
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import Reference, Standing
 
 
-def standing(table: Table, scope: Scope, name: str, layers: Layers, base: BaseType) -> Standing | None:
+def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers, base: BaseType) -> Standing | None:
     """The mounts under `standing_on`, each once, and the friction that is stated, as far as they are sound (else reported); None where
     there are none."""
     said = layers.pick("standing_on")
@@ -41,7 +41,7 @@ def standing(table: Table, scope: Scope, name: str, layers: Layers, base: BaseTy
     return Standing(mounts=tuple(mounts.values()), friction=friction, origin=scope.origin(path))
 
 
-def mounts_fitting(table: Table, scope: Scope, text: str, path: Path) -> list[Reference]:
+def mounts_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) -> list[Reference]:
     """The mounts that a name or pattern fits: those that the document exports by their names, else `components.mount`."""
     if not GLOB.search(text):
         reference = references.shown_mount(table, scope, text, path)

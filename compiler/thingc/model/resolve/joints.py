@@ -20,8 +20,8 @@ from thingc.documents.spec.drives import DriveKind, DriveSpec
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
-from thingc.model.resolve.defaults import Layers
-from thingc.model.resolve.document_scope import Table
+from thingc.model.resolve.defaults import DefaultLayers
+from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.placement import Places
 from thingc.model.resolve.repeats import Unrolled
 from thingc.model.resolve.scope import Scope
@@ -36,7 +36,7 @@ NO_LIMIT = Limit()
 NO_DYNAMICS = Dynamics()
 
 
-def _said(scope: Scope, layers: Layers, key: str, coordinate: Dimension) -> tuple[Any, Path] | None:
+def _said(scope: Scope, layers: DefaultLayers, key: str, coordinate: Dimension) -> tuple[Any, Path] | None:
     """What is written for a key. A default of the document that is meant for turns is none for slides, and the other way."""
     said = layers.pick(key)
     if said is not None and said[1][0] == "defaults":
@@ -52,7 +52,7 @@ def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimensi
 
 
 def _values(
-    scope: Scope, name: str, coordinate: Dimension, section: str, layers: Layers, keys: tuple[str, ...],
+    scope: Scope, name: str, coordinate: Dimension, section: str, layers: DefaultLayers, keys: tuple[str, ...],
 ) -> dict[str, float | None]:
     """The values of keys that are at least 0; None where nothing is written or it is wrong (reported)."""
     of = dimensions_of(coordinate)
@@ -63,7 +63,7 @@ def _values(
     return values
 
 
-def joints(table: Table, items: Iterable[Unrolled[JointSpec]], places: Places) -> bool:
+def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: Places) -> bool:
     """Fill `table.joints` (without mimics) and note in `places` what each one places.
 
     A joint that is wrong in its kind or references is None there, and its child, where it has one, unplaced.
@@ -74,7 +74,7 @@ def joints(table: Table, items: Iterable[Unrolled[JointSpec]], places: Places) -
     unsure = False
     for item in items:
         spec, scope, path = item.spec, item.scope, item.path
-        layers = Layers(((spec, path), *below))
+        layers = DefaultLayers(((spec, path), *below))
         doubtful = bool(table.doubts) and (table.doubts.touch(path) or table.doubts.touch(("defaults", "joint")))
         child = references.mount(table, scope, spec.child, (*path, "child"))
         parent = references.mount(table, scope, spec.parent, (*path, "parent"))
@@ -104,7 +104,7 @@ def joints(table: Table, items: Iterable[Unrolled[JointSpec]], places: Places) -
     return unsure or lost or any(table.doubts.touch(("joints", name, "repeat")) for name in table.spec.joints)
 
 
-def _named(table: Table, scope: Scope, text: str) -> str | None:
+def _named(table: DocumentScope, scope: Scope, text: str) -> str | None:
     """The component that a wrong reference begins with, where there is one of that name."""
     first = text.split(".")[0]
     if scope.index is not None:
@@ -113,7 +113,7 @@ def _named(table: Table, scope: Scope, text: str) -> str | None:
 
 
 def _coordinates(
-    table: Table, item: Unrolled[JointSpec], kind: JointKind, parent: Reference, child: Reference, layers: Layers,
+    table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, parent: Reference, child: Reference, layers: DefaultLayers,
 ) -> tuple[Joint, ...]:
     """The joint; of one that has several coordinates one for each."""
     scope, path, count = item.scope, item.path, len(kind.twists)
@@ -146,7 +146,7 @@ def _coordinates(
 
 
 def _ball(
-    table: Table, item: Unrolled[JointSpec], kind: JointKind, mounts: tuple[Reference, Reference], layers: Layers,
+    table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, mounts: tuple[Reference, Reference], layers: DefaultLayers,
 ) -> tuple[Joint, ...]:
     """The coordinates of a ball. Its limit and its dynamics are of all of them; of up to three drives each has its own axis, and stands
     with one of the coordinates."""
@@ -178,7 +178,7 @@ def _ball(
     )
 
 
-def _drives_of_ball(table: Table, item: Unrolled[JointSpec]) -> dict[int, Drive]:
+def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int, Drive]:
     """The drives of a ball by their number; one that is wrong is left out (reported)."""
     scope, written, path, name = item.scope, item.spec.drive, (*item.path, "drive"), item.name
     if written is None:
@@ -222,7 +222,9 @@ def _direction(scope: Scope, written: Sequence[Any], place: Path, what: str, cod
 
 
 def _joint(
-    table: Table, item: Unrolled[JointSpec], kind: JointKind, twist: Twist | None, mounts: tuple[Reference, Reference], layers: Layers,
+    table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, twist: Twist | None, mounts: tuple[
+        Reference, Reference
+    ], layers: DefaultLayers,
     number: int | None,
 ) -> Joint:
     """A joint, or with a `number` that coordinate of it."""
@@ -311,7 +313,7 @@ def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
     return lead
 
 
-def _nodes(table: Table, layers: Layers, number: int | None) -> dict[str, Node]:
+def _nodes(table: DocumentScope, layers: DefaultLayers, number: int | None) -> dict[str, Node]:
     """What stands within the joint by dotted key (of a coordinate what is its own); what the document's defaults say where the joint
     itself is silent."""
     nodes: dict[str, Node] = {}
@@ -333,7 +335,7 @@ def _collect(node: Node | None, prefix: str, nodes: dict[str, Node], number: int
                 _collect(own, f"{prefix}{key}.", nodes, number)
 
 
-def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate: Dimension, layers: Layers) -> Limit:
+def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate: Dimension, layers: DefaultLayers) -> Limit:
     name, path = item.name, item.path
     lower, upper = (_said(scope, layers, key, coordinate) for key in ("lower", "upper"))
     low = high = None
@@ -377,7 +379,7 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
     return Limit(lower=low, upper=high, **_values(scope, name, coordinate, "limit", layers, ("effort", "velocity")))
 
 
-def _cone(scope: Scope, name: str, layers: Layers) -> Limit:
+def _cone(scope: Scope, name: str, layers: DefaultLayers) -> Limit:
     """The limit of a ball."""
     own = [(key, said[1]) for key in ("lower", "upper", "effort", "velocity") if (said := layers.pick(key)) and said[1][0] == "joints"]
     if own:
@@ -394,7 +396,7 @@ def _type(scope: Scope, item: Unrolled[JointSpec], said: tuple[Any, Path]) -> li
     return scope.beside(f"`{item.name}` is {item.spec.type} here", (*item.path, "type"), said[1])
 
 
-def _dynamics(scope: Scope, name: str, coordinate: Dimension, layers: Layers) -> Dynamics:
+def _dynamics(scope: Scope, name: str, coordinate: Dimension, layers: DefaultLayers) -> Dynamics:
     if not layers:
         return NO_DYNAMICS
     keys = ("damping", "friction", "armature", "stiffness")
@@ -409,7 +411,7 @@ def _dynamics(scope: Scope, name: str, coordinate: Dimension, layers: Layers) ->
     return Dynamics(**_values(scope, name, coordinate, "dynamics", layers, keys), rest=rest)
 
 
-def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, said: tuple[Any, Path] | None) -> Drive | None:
+def _drive(table: DocumentScope, scope: Scope, name: str, coordinate: Dimension, said: tuple[Any, Path] | None) -> Drive | None:
     if said is None or isinstance(said[0], (list, dict)):
         return None
     spec, path = said
@@ -421,7 +423,7 @@ def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, said: t
         reference = None if spec.component is None else _driving_part(table, scope, name, spec.component, (*path, "component"))
         if spec.component is not None and reference is None:
             return None
-        written = Layers(((spec, path),))
+        written = DefaultLayers(((spec, path),))
         values = _values(scope, name, coordinate, "drive", written, ("kp", "kv", "effort", "velocity", "armature"))
         if spec.kp is not None and values["kp"] is None:
             values["kp"] = 1.0  # a stand-in, so that no later pass says that there is none
@@ -442,7 +444,7 @@ def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, said: t
     return None if reference is None else Drive(component=reference, origin=scope.origin(path))
 
 
-def _driving_part(table: Table, scope: Scope, name: str, text: str, path: Path) -> Reference | None:
+def _driving_part(table: DocumentScope, scope: Scope, name: str, text: str, path: Path) -> Reference | None:
     """The reference to the part whose actuator drives the joint `name`; None if it is not a part (reported)."""
     component = references.component(table, scope, text, path)
     if component is None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from thingc.base.frozen import dataclass
 from thingc.base.mirror import Mirror
-from thingc.base.one_line_repr import Brief, counted
+from thingc.base.one_line_repr import OneLineRepr, counted
 from thingc.base.pose import NO_POSE, Pose
 from thingc.base.primitives import Primitive
 from thingc.base.source import Origin
@@ -23,7 +23,7 @@ NAMED = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ListedShape(Brief):
+class LinkShape(OneLineRepr):
     """A shape of a link, in its frame: whether it is `drawn`, and whether it `touches`. `pose` is that of a mesh file: a primitive has its
     own. `material`, `color` (`#rrggbb`) and `friction` (sliding, torsional, rolling) are what the shape itself says; None: as its
     link, and its material, have it. `name` is its name in files."""
@@ -52,7 +52,7 @@ class ListedShape(Brief):
         return (*shape, pose.rotation, pose.translation, self.drawn, self.touches, material, self.color, self.friction,
                 *([self.name] if self.name else []))
 
-    def mirrored(self, mirror: Mirror) -> ListedShape:
+    def mirrored(self, mirror: Mirror) -> LinkShape:
         """Its mirror image: every primitive is the image of itself, in a frame that is mirrored, and a mesh file is read mirrored."""
         if isinstance(self.solid, MeshFile):
             return replace(self, solid=replace(self.solid, scale=mirror.vector(self.solid.scale)), pose=mirror.frame(self.pose))
@@ -60,11 +60,11 @@ class ListedShape(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinkDefinition(Brief):
+class LinkDefinition(OneLineRepr):
     """The shapes of a link: equal ones are one node of the HAG. `text` is `link-` and 12 hex of the SHA-256 of what it lists (`link`
     where that is nothing), `label` for people. Of a mirror image `mirror` is the axis of its frame, `plain` what it mirrors."""
 
-    shapes: tuple[ListedShape, ...]
+    shapes: tuple[LinkShape, ...]
     text: str
     label: str
     mirror: str | None = None
@@ -85,7 +85,7 @@ def mesh_files_of(definition: object) -> tuple[MeshFile, ...]:
     return tuple(dict.fromkeys(shape.solid for shape in shapes if isinstance(shape.solid, MeshFile)))
 
 
-def link_of(shapes: tuple[ListedShape, ...]) -> LinkDefinition:
+def link_of(shapes: tuple[LinkShape, ...]) -> LinkDefinition:
     """The definition of a link with these shapes."""
     if not shapes:
         return LinkDefinition(shapes=(), text="link", label="link")

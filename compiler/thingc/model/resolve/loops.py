@@ -9,14 +9,14 @@ from thingc.base.source import Path
 from thingc.documents.spec.modes import HoldSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
-from thingc.model.resolve.defaults import Layers
-from thingc.model.resolve.document_scope import Table
+from thingc.model.resolve.defaults import DefaultLayers
+from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.references import GLOB, suggested
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import Cut, Hold
 
 
-def holds(table: Table, scope: Scope, layers: Layers) -> tuple[Hold, ...]:
+def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Hold, ...]:
     """The holds of a mode, key by key over what it extends. One that is wrong is left out (reported)."""
     merged: dict[str, tuple[object, Path]] = {}
     for model, path in reversed(layers.items):
@@ -36,7 +36,7 @@ def holds(table: Table, scope: Scope, layers: Layers) -> tuple[Hold, ...]:
     return tuple(held)
 
 
-def cuts(table: Table, scope: Scope, layers: Layers) -> tuple[Cut, ...]:
+def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut, ...]:
     """The joints that a mode wants loops cut at, in the order in which it names them; fixed ones only where they close a loop. One that is
     wrong is left out (reported)."""
     said = layers.pick("cut")

@@ -13,8 +13,8 @@ from thingc.base.suggestions import did_you_mean
 from thingc.base.units import DENSITY, LENGTH, NUMBER, shortened
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.materials import FrictionSpec, MaterialSpec, MaterialsSpec
-from thingc.model.resolve.defaults import Layers
-from thingc.model.resolve.document_scope import Context
+from thingc.model.resolve.defaults import DefaultLayers
+from thingc.model.resolve.document_scope import ResolveRun
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import Material, Process
 
@@ -26,7 +26,7 @@ BRIDGE_FLOWS = (0.1, 2.0)
 """What bridges can be laid with: less is no strand, more is no bridge."""
 
 
-def in_scope(context: Context, scope: Scope, spec: AssemblySpec) -> dict[str, Material | None]:
+def in_scope(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str, Material | None]:
     """Every material by name; None for names that must not be complained about (their document was wrong)."""
     if isinstance(spec.materials, Mapping):
         return _read(scope, spec.materials)
@@ -51,7 +51,7 @@ def in_scope(context: Context, scope: Scope, spec: AssemblySpec) -> dict[str, Ma
     return materials
 
 
-def unreadable(context: Context, scope: Scope, spec: AssemblySpec) -> bool:
+def unreadable(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> bool:
     """Whether a material document of this one could not be read: then an unknown name is no news."""
     if scope.doubts.lacks("materials"):
         return True
@@ -64,7 +64,7 @@ def unreadable(context: Context, scope: Scope, spec: AssemblySpec) -> bool:
     )
 
 
-def of_document(context: Context, document: Document) -> dict[str, Material | None]:
+def of_document(context: ResolveRun, document: Document) -> dict[str, Material | None]:
     """The materials of a `materials/1` document by name, worked out once per run; none where the document was wrong."""
     materials = context.materials.get(document.relative)
     if materials is None:
@@ -104,7 +104,7 @@ def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Materia
         density = scope.number(spec.density, (*path, "density"), DENSITY, f"the density of `{name}`", above=0.0, most=DENSEST)
         wrong = density is None
     slide, torsion, roll = friction(scope, spec.friction, (*path, "friction"))
-    made = process(scope, Layers(((spec.process, (*path, "process")),))) if spec.process is not None else None
+    made = process(scope, DefaultLayers(((spec.process, (*path, "process")),))) if spec.process is not None else None
     return Material(
         name=name, density=_STAND_IN if wrong and density is None else density, color=spec.color or base_color, slide=slide,
         torsion=torsion, roll=roll, process=made, origin=scope.origin(path, key=True),
@@ -125,7 +125,7 @@ def friction(scope: Scope, spec: FrictionSpec | None, path: Path) -> tuple[float
     return slide, torsion, roll
 
 
-def process(scope: Scope, layers: Layers) -> Process:
+def process(scope: Scope, layers: DefaultLayers) -> Process:
     """How something is made, key by key from the layers; keys that are wrong are reported and left out."""
 
     origins: dict[str, Origin] = {}

@@ -8,32 +8,32 @@ from typing import Any
 
 from thingc.base.diagnostics import Code, Note
 from thingc.base.frozen import dataclass
-from thingc.base.graphs import MAX_CIRCLE, circle_words, circles
+from thingc.base.graphs import MAX_CIRCLE, circle_words, find_cycles
 from thingc.base.source import Path
 from thingc.base.units import NUMBER, Dimension, Quantity
 from thingc.documents.spec.assembly import JointSpec, MimicSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName, Mimic
-from thingc.model.resolve.defaults import Layers
-from thingc.model.resolve.document_scope import Table
+from thingc.model.resolve.defaults import DefaultLayers
+from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.repeats import Unrolled
 from thingc.model.resolve.types import Joint
 
 
-def mimics(table: Table, items: Iterable[Unrolled[JointSpec]]) -> None:
+def mimics(table: DocumentScope, items: Iterable[Unrolled[JointSpec]]) -> None:
     """Add what mimics what to `table.joints`; a mimic that is wrong is reported and left out."""
     items = list(items)
     for item in items:
         own = [joint for joint in table.joints.values() if joint is not None and joint.name.joint == item.name]
         for number, joint in enumerate(own):
-            said = Layers(((item.spec, item.path),)).pick("mimic", None if len(own) == 1 else number)
+            said = DefaultLayers(((item.spec, item.path),)).pick("mimic", None if len(own) == 1 else number)
             mimic = _mimic(table, replace(item, name=joint.name), joint, *said) if said is not None else None
             if mimic is not None:
                 table.joints[joint.name] = replace(joint, mimic=mimic)
     _break_cycles(table, {name: item for item in items for name, joint in table.joints.items() if joint and joint.name.joint == item.name})
 
 
-def _mimic(table: Table, item: Unrolled[JointSpec], joint: Joint, spec: MimicSpec, path: Path) -> Mimic | None:
+def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: MimicSpec, path: Path) -> Mimic | None:
     scope = item.scope
     if not isinstance(spec, MimicSpec):
         return None  # a list where there is one coordinate: reported
@@ -107,7 +107,7 @@ class _Followed:
     coordinate: Dimension
 
 
-def _followed(table: Table, item: Unrolled[JointSpec], spec: MimicSpec, path: Path) -> _Followed | None:
+def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, path: Path) -> _Followed | None:
     """What `mimic.joint` names; reported, and None, where that is nothing that can be followed."""
     scope, place = item.scope, (*path, "joint")
     said = CoordinateName(spec.joint)
@@ -146,10 +146,10 @@ def _followed(table: Table, item: Unrolled[JointSpec], spec: MimicSpec, path: Pa
     return _Followed(name, other, other.twist.coordinate)
 
 
-def _break_cycles(table: Table, items: dict[str, Unrolled[JointSpec]]) -> None:
+def _break_cycles(table: DocumentScope, items: dict[str, Unrolled[JointSpec]]) -> None:
     """Report every circle of mimics once, and take its mimics out."""
     follows = {name: joint.mimic.joint for name, joint in table.joints.items() if joint is not None and joint.mimic is not None}
-    for circle in circles(follows, follows.get):
+    for circle in find_cycles(follows, follows.get):
         first = items[circle[0]]
         first.scope.error(
             Code.MIMIC, f"joints mimic each other in a circle: {circle_words(circle)}", (*first.path, "mimic", "joint"),

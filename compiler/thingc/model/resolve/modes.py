@@ -9,7 +9,7 @@ from itertools import product
 from typing import cast
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.graphs import MAX_CIRCLE, circle_words, circles
+from thingc.base.graphs import MAX_CIRCLE, circle_words, find_cycles
 from thingc.base.joints.bases import BaseType
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector
 from thingc.base.source import Origin, Path
@@ -17,8 +17,8 @@ from thingc.base.units import ACCELERATION, FORCE, LENGTH, NUMBER, TIME, Quantit
 from thingc.documents.spec.modes import ModeSpec, StandsOn
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
-from thingc.model.resolve.defaults import Layers
-from thingc.model.resolve.document_scope import Table
+from thingc.model.resolve.defaults import DefaultLayers
+from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.floor_feet import standing
 from thingc.model.resolve.loops import cuts, holds
 from thingc.model.resolve.references import GLOB, suggested
@@ -32,7 +32,7 @@ GRAVITY: Mapping[StandsOn, Vector] = {"floor": (0.0, 0.0, -9.81), "wall": (-9.81
 """Gravity [m/s^2] in the world frame by its word: what the robot stands on, clings to or hangs from."""
 
 
-def modes(table: Table, scope: Scope) -> tuple[Mode, ...]:
+def modes(table: DocumentScope, scope: Scope) -> tuple[Mode, ...]:
     """The modes of the document, or the one that a document without modes has. One that is wrong is left out (reported)."""
     spec = table.spec
     if not spec.modes:
@@ -57,7 +57,7 @@ def modes(table: Table, scope: Scope) -> tuple[Mode, ...]:
 def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
     """The modes that extend themselves, each circle reported once."""
     circular: set[str] = set()
-    for circle in circles(specs, lambda name: specs[name].extends if name in specs else None):
+    for circle in find_cycles(specs, lambda name: specs[name].extends if name in specs else None):
         circular.update(circle)
         several = len(circle) > 1
         scope.error(
@@ -69,7 +69,7 @@ def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
     return circular
 
 
-def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[str]) -> Layers | None:
+def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[str]) -> DefaultLayers | None:
     """The mode over what it extends; None where that cannot be told (reported)."""
     items: list[tuple[ModeSpec, Path]] = []
     step: str | None = name
@@ -95,10 +95,10 @@ def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[s
             return None
         items.append((specs[step], ("modes", step)))
         step = specs[step].extends
-    return Layers(tuple(items))
+    return DefaultLayers(tuple(items))
 
 
-def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode | None:
+def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers | None) -> Mode | None:
     if layers is None:
         return None
     base = layers.pick("base")
@@ -137,7 +137,7 @@ def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode 
     )
 
 
-def _at_in(table: Table, scope: Scope, layers: Layers, base: BaseType) -> dict[str, Pose]:
+def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: BaseType) -> dict[str, Pose]:
     """The world side of the root in some poses."""
     said, path = layers.pick("at_in") or ({}, ())
     poses: dict[str, Pose] = {}
@@ -153,7 +153,7 @@ def _at_in(table: Table, scope: Scope, layers: Layers, base: BaseType) -> dict[s
     return poses
 
 
-def _at(scope: Scope, name: str, layers: Layers) -> tuple[Pose, bool]:
+def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
     """The world side of the root, and whether its height is left to the floor: `on: floor`, unless a nearer `xyz` has a height."""
     at = layers.sub("at")
     if not at:
@@ -179,7 +179,7 @@ def _at(scope: Scope, name: str, layers: Layers) -> tuple[Pose, bool]:
     return replace(pose, translation=(x, y, 0.0)), True
 
 
-def _check_holds_on_floor(scope: Scope, name: str, layers: Layers, held: Sequence[Hold]) -> None:
+def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, held: Sequence[Hold]) -> None:
     """A hold at a place says how high the robot is, too."""
     on = layers.sub("at").pick("on")
     for hold in held:
@@ -192,7 +192,7 @@ def _check_holds_on_floor(scope: Scope, name: str, layers: Layers, held: Sequenc
             )
 
 
-def _gravity(scope: Scope, layers: Layers) -> tuple[Vector, Origin]:
+def _gravity(scope: Scope, layers: DefaultLayers) -> tuple[Vector, Origin]:
     """Gravity, and where it is written in numbers (empty where it is not)."""
     said = layers.pick("gravity")
     if said is None:
@@ -203,7 +203,7 @@ def _gravity(scope: Scope, layers: Layers) -> tuple[Vector, Origin]:
     return (GRAVITY["floor"], ()) if gravity is None else (gravity, scope.origin(said[1]))
 
 
-def _pose(table: Table, scope: Scope, layers: Layers) -> str | None:
+def _pose(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> str | None:
     said = layers.pick("pose")
     if said is None:
         return None
@@ -216,7 +216,7 @@ def _pose(table: Table, scope: Scope, layers: Layers) -> str | None:
     return None
 
 
-def _poses(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...]:
+def _poses(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[str, ...]:
     said = layers.pick("poses")
     if said is None:
         return tuple(table.poses)
@@ -235,7 +235,7 @@ def _poses(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...]:
     return tuple(poses)
 
 
-def _actuators(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...] | None:
+def _actuators(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[str, ...] | None:
     """Paths (with `/`) of the driven joints that are present, in document order."""
     said = layers.pick("actuators")
     if said is None:
@@ -243,7 +243,7 @@ def _actuators(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...] | 
     return driven(table, scope, [(pattern, (*said[1], index)) for index, pattern in enumerate(said[0])])
 
 
-def driven(table: Table, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> tuple[str, ...]:
+def driven(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> tuple[str, ...]:
     """Paths (with `/`) of the driven joints that names and patterns fit, in document order; `patterns` with their places."""
     joints = dict(table.all_joints())
     known = [name for name, joint in joints.items() if joint is not None and joint.drive is not None]
@@ -275,7 +275,7 @@ def driven(table: Table, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> 
     return tuple(name.path for name in known if name in chosen)
 
 
-def _exclude(table: Table, scope: Scope, contacts: Layers) -> tuple[tuple[Reference, Reference], ...]:
+def _exclude(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, Reference], ...]:
     said = contacts.pick("exclude")
     if said is None:
         return ()
@@ -300,7 +300,7 @@ def _exclude(table: Table, scope: Scope, contacts: Layers) -> tuple[tuple[Refere
     return tuple(pairs.values())
 
 
-def components_fitting(table: Table, scope: Scope, text: str, path: Path) -> list[str]:
+def components_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) -> list[str]:
     """The components that a name or pattern fits."""
     if not GLOB.search(text):
         component = references.component(table, scope, text, path)
@@ -313,7 +313,7 @@ def components_fitting(table: Table, scope: Scope, text: str, path: Path) -> lis
     return names
 
 
-def _adhesion(table: Table, scope: Scope, contacts: Layers) -> tuple[tuple[Reference, float], ...]:
+def _adhesion(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, float], ...]:
     """Force [N] per mount, key by key over what the mode extends."""
     merged: dict[str, tuple[object, Path]] = {}
     for model, path in reversed(contacts.items):
@@ -328,7 +328,7 @@ def _adhesion(table: Table, scope: Scope, contacts: Layers) -> tuple[tuple[Refer
     return tuple(forces)
 
 
-def simulation(scope: Scope, layers: Layers) -> dict[str, float | str]:
+def simulation(scope: Scope, layers: DefaultLayers) -> dict[str, float | str]:
     """`timestep` [s], `integrator`, `cone`, `impratio`, as far as they are written."""
     settings: dict[str, float | str] = {}
     timestep = layers.pick("timestep")
@@ -348,7 +348,7 @@ def simulation(scope: Scope, layers: Layers) -> dict[str, float | str]:
     return settings
 
 
-def step_origin(scope: Scope, layers: Layers) -> Origin:
+def step_origin(scope: Scope, layers: DefaultLayers) -> Origin:
     """Where `timestep` is written; empty where it is not."""
     said = layers.pick("timestep")
     return scope.origin(said[1]) if said is not None else ()

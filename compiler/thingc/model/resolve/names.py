@@ -8,13 +8,13 @@ from thingc.base.diagnostics import Code
 from thingc.base.export_names import TAKEN
 from thingc.base.source import Path
 from thingc.model.resolve.coordinates import CoordinateName
-from thingc.model.resolve.document_scope import Table
+from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.references import suggested
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import NamedKind, NameInFiles
 
 
-def names(table: Table, scope: Scope) -> Iterator[NameInFiles]:
+def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
     """Those that the document gives, in its order. One for what is not there, or two of one name, are left out (reported)."""
     spec = table.spec.names
     if spec is None:

@@ -9,9 +9,9 @@ from thingc.base.source import Path
 from thingc.base.suggestions import did_you_mean
 from thingc.base.summing import hypot
 from thingc.base.units import INERTIA, LENGTH, MASS, NUMBER
-from thingc.documents.spec.mass import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
-from thingc.model.resolve.defaults import Layers
-from thingc.model.resolve.document_scope import Node
+from thingc.documents.spec.mass import CentreOfMassSpec, InertiaMatrix, InertiaSpec, MassSpec
+from thingc.model.resolve.defaults import DefaultLayers
+from thingc.model.resolve.document_scope import ComponentScope
 from thingc.model.resolve.materials import process
 from thingc.model.resolve.references import ORIGIN
 from thingc.model.resolve.repeats import check_names
@@ -27,7 +27,7 @@ _OF_PARTS = ("material", "mass", "com", "inertia", "collision", "visual", "proce
 """Keys that only a part or a frame has a use for."""
 
 
-def refuse_on_assembly(node: Node) -> None:
+def refuse_on_assembly(node: ComponentScope) -> None:
     """Report overrides that are written on a nested assembly: they would not say which of its components they mean."""
     for key in _OF_PARTS:
         if key in node.spec.model_fields_set and getattr(node.spec, key) is not None:
@@ -38,7 +38,7 @@ def refuse_on_assembly(node: Node) -> None:
             )
 
 
-def overrides(scope: Scope, layers: Layers) -> Overrides:
+def overrides(scope: Scope, layers: DefaultLayers) -> Overrides:
     """Everything but material and BOM, key by key from the layers; keys that are wrong are reported and left out."""
     mass, com, inertia = _mass(scope, layers), _com(scope, layers), _inertia(scope, layers)
     collision, visual = layers.pick("collision"), layers.pick("visual")
@@ -52,34 +52,34 @@ def overrides(scope: Scope, layers: Layers) -> Overrides:
     )
 
 
-def _mass(scope: Scope, layers: Layers) -> StatedValue | None:
+def _mass(scope: Scope, layers: DefaultLayers) -> StatedValue | None:
     said = layers.pick("mass")
     if said is None:
         return None
     raw, path = said
-    source, at = (raw.source, (*path, "value")) if isinstance(raw, StatedMass) else ("stated", path)
-    value = scope.number(raw.value if isinstance(raw, StatedMass) else raw, at, MASS, "the mass", above=0.0, most=HEAVIEST)
+    source, at = (raw.source, (*path, "value")) if isinstance(raw, MassSpec) else ("stated", path)
+    value = scope.number(raw.value if isinstance(raw, MassSpec) else raw, at, MASS, "the mass", above=0.0, most=HEAVIEST)
     # Of a wrong one a stand-in stays, so that no later pass says that there is none.
     return StatedValue(value=(1.0 if value is None else value,), source=source, origin=scope.origin(path), stand_in=value is None)
 
 
-def _com(scope: Scope, layers: Layers) -> StatedValue | None:
+def _com(scope: Scope, layers: DefaultLayers) -> StatedValue | None:
     said = layers.pick("com")
     if said is None:
         return None
     raw, path = said
-    source, at = (raw.source, (*path, "value")) if isinstance(raw, StatedCentre) else ("stated", path)
-    value = scope.vector(raw.value if isinstance(raw, StatedCentre) else raw, at, LENGTH, "the centre of mass")
+    source, at = (raw.source, (*path, "value")) if isinstance(raw, CentreOfMassSpec) else ("stated", path)
+    value = scope.vector(raw.value if isinstance(raw, CentreOfMassSpec) else raw, at, LENGTH, "the centre of mass")
     return None if value is None else StatedValue(value=value, source=source, origin=scope.origin(path))
 
 
-def _inertia(scope: Scope, layers: Layers) -> StatedValue | None:
+def _inertia(scope: Scope, layers: DefaultLayers) -> StatedValue | None:
     said = layers.pick("inertia")
     if said is None:
         return None
     raw, path = said
-    source, at = (raw.source, (*path, "value")) if isinstance(raw, StatedInertia) else ("stated", path)
-    matrix: InertiaMatrix = raw.value if isinstance(raw, StatedInertia) else raw
+    source, at = (raw.source, (*path, "value")) if isinstance(raw, InertiaSpec) else ("stated", path)
+    matrix: InertiaMatrix = raw.value if isinstance(raw, InertiaSpec) else raw
     values = [
         scope.number(getattr(matrix, key), (*at, key), INERTIA, f"`{key}`", least=-LARGEST_MOMENT, most=LARGEST_MOMENT) for key in _MOMENTS
     ]
@@ -87,7 +87,7 @@ def _inertia(scope: Scope, layers: Layers) -> StatedValue | None:
     return StatedValue(value=sound, source=source, origin=scope.origin(path)) if len(sound) == len(_MOMENTS) else None
 
 
-def _up(scope: Scope, layers: Layers) -> Vector | None:
+def _up(scope: Scope, layers: DefaultLayers) -> Vector | None:
     said = layers.sub("print").pick("up")
     if said is None:
         return None
@@ -102,7 +102,7 @@ def _up(scope: Scope, layers: Layers) -> Vector | None:
     return x / length + 0.0, y / length + 0.0, z / length + 0.0
 
 
-def bom(layers: Layers) -> BomEntry:
+def bom(layers: DefaultLayers) -> BomEntry:
     """The line of the bill of materials."""
     lines = layers.sub("bom")
     if not lines:
@@ -114,7 +114,7 @@ def bom(layers: Layers) -> BomEntry:
     )
 
 
-def material(scope: Scope, layers: Layers, known: dict[str, Material | None], *, unreadable: bool) -> Material | None:
+def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | None], *, unreadable: bool) -> Material | None:
     """The material that the document names, or None; an unknown one is reported unless a material document was unreadable."""
     said = layers.pick("material")
     if said is None:
@@ -133,7 +133,7 @@ def material(scope: Scope, layers: Layers, known: dict[str, Material | None], *,
     )
 
 
-def extra_mounts(node: Node) -> dict[str, ExtraMount]:
+def extra_mounts(node: ComponentScope) -> dict[str, ExtraMount]:
     """The mounts that the document adds. One whose place is wrong is reported, and stays at the component's origin; one of a reserved name
     is reported, and stays, so that it is known where it is used."""
     scope = node.scope

@@ -16,9 +16,9 @@ from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.load.text import forbidden
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
-from thingc.documents.spec.invalid_entries import Doubts
+from thingc.documents.spec.invalid_entries import InvalidEntries
 from thingc.geometry.record import Value
-from thingc.model.resolve.document_scope import Context, Declared
+from thingc.model.resolve.document_scope import DeclaredParameters, ResolveRun
 from thingc.model.resolve.scope import Scope, dimension_message
 
 if TYPE_CHECKING:
@@ -30,19 +30,19 @@ Complain = Callable[..., None]
 """`complain(name, code, message, help=None, notes=())`: reports where a value was set."""
 
 
-def declared(context: Context, document: Document, spec: AssemblySpec) -> Declared:
+def declared(context: ResolveRun, document: Document, spec: AssemblySpec) -> DeclaredParameters:
     """The document's own values, worked out once per run; what is wrong with them is reported then."""
     known = context.declared.get(document.relative)
     if known is None:
         values, broken = worked_out(document, spec, {}, context.report, context.doubts(document))
         outside = check_bounds(context.scope(document, values, frozenset(broken)), spec, values)
-        known = Declared(values=values, broken=frozenset(broken | outside))
+        known = DeclaredParameters(values=values, broken=frozenset(broken | outside))
         context.declared[document.relative] = known
     return known
 
 
 def worked_out(
-    document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression], report: Report, doubts: Doubts,
+    document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression], report: Report, doubts: InvalidEntries,
 ) -> tuple[dict[str, ExpressionValue], set[str]]:
     """The value of every parameter with `given` in place of the document's own, and the names that were wrong.
 
@@ -114,7 +114,7 @@ def canonical(values: Mapping[str, ExpressionValue]) -> tuple[tuple[str, Value],
 
 
 def fitting(
-    context: Context, document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue], what: str, complain: Complain,
+    context: ResolveRun, document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue], what: str, complain: Complain,
     names: Collection[str] = (),
 ) -> dict[str, ExpressionValue]:
     """Those of the values somebody sets that fit their parameters: known, of the same dimension, within the bounds.
@@ -153,7 +153,7 @@ class AssemblyParameters:
         spec = specs[documents.root.relative]
         assert isinstance(spec, AssemblySpec)
         self._spec = spec
-        self._context = Context(documents=documents, specs=specs, workspace=workspace, schemas={}, report=Report())
+        self._context = ResolveRun(documents=documents, specs=specs, workspace=workspace, schemas={}, report=Report())
         self.name = spec.name
         self.values = declared(self._context, documents.root, spec).values
 
@@ -291,7 +291,7 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionVa
 
 
 def from_command_line(
-    context: Context, document: Document, spec: AssemblySpec, texts: Mapping[str, str],
+    context: ResolveRun, document: Document, spec: AssemblySpec, texts: Mapping[str, str],
 ) -> dict[str, ExpressionValue | Expression]:
     """The values of `-p NAME=VALUE`, read as the document would read them. What is wrong has no place, but a clear name."""
     report = context.report
@@ -323,7 +323,7 @@ def from_command_line(
 
 
 def _as_written(
-    context: Context, document: Document, spec: AssemblySpec, texts: Mapping[str, str], complain: Complain,
+    context: ResolveRun, document: Document, spec: AssemblySpec, texts: Mapping[str, str], complain: Complain,
 ) -> tuple[dict[str, ExpressionValue], dict[str, Expression]]:
     """Texts of the command line as values and as expressions; those that are neither are complained of."""
     table = declared(context, document, spec)

@@ -27,8 +27,8 @@ from thingc.geometry.record import (
     Value,
     definition_text,
 )
-from thingc.model.resolve.document_scope import Context, Node
-from thingc.model.resolve.scope import Enough, Scope, dimension_message
+from thingc.model.resolve.document_scope import ComponentScope, ResolveRun
+from thingc.model.resolve.scope import Scope, TooManyErrors, dimension_message
 
 _FAILURES: Mapping[FailureKind, Code] = {
     "missing": Code.PART_MISSING, "refused": Code.PART_REFUSED, "raised": Code.PART_RAISED, "hung": Code.PART_HUNG,
@@ -38,7 +38,7 @@ _FAILURES: Mapping[FailureKind, Code] = {
 }
 
 
-def of_code(context: Context, node: Node, reference: str) -> PartDefinition | None:
+def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDefinition | None:
     """The definition of a component that is a `part:`; None where it is wrong (reported, once per reference)."""
     schema = context.schemas.get(reference)
     if schema is None:
@@ -65,7 +65,7 @@ def of_code(context: Context, node: Node, reference: str) -> PartDefinition | No
     return definition
 
 
-def _given(node: Node, schema: PartSchema) -> dict[str, Value] | None:
+def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
     """The parameters that the document sets, canonical; None where one is unknown, wrong or missing (all reported)."""
     scope, path = node.scope, (*node.path, "params")
     by_name = {parameter.name: parameter for parameter in schema.parameters}
@@ -179,11 +179,11 @@ USES_SHOWN = 3
 """Of parts that one fault keeps from being loaded: those whose place in a document is shown."""
 
 
-def _report_failure(context: Context, node: Node, reference: str, failure: PartFailure) -> None:
+def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, failure: PartFailure) -> None:
     if reference in context.failed_parts:
         return
     if len(context.failed_parts) >= MAX_FAULTS:
-        raise Enough
+        raise TooManyErrors
     context.failed_parts.add(reference)
     path = (*node.path, "part")
     if failure.kind == "raised" and failure.file is not None and failure.line is not None:
@@ -218,7 +218,7 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
     )
 
 
-def _report_unloaded(context: Context, where: Span, reference: str, failure: PartFailure, file: str, line: int) -> None:
+def _report_unloaded(context: ResolveRun, where: Span, reference: str, failure: PartFailure, file: str, line: int) -> None:
     """What went wrong at a line of a part file: one fault, however many parts cannot be loaded for it. `where` is the part that was met."""
     from thingc.documents.spec.validation import part_references
 
@@ -239,7 +239,7 @@ def _report_unloaded(context: Context, where: Span, reference: str, failure: Par
     )
 
 
-def _reference_hint(context: Context, text: str) -> str:
+def _reference_hint(context: ResolveRun, text: str) -> str:
     """What to write for a text that is no `module:Class`."""
     called = re.fullmatch(r"([\w.]+:[\w.]+)\((.*)\)", text, re.DOTALL)
     if called is not None:
@@ -255,7 +255,7 @@ def _reference_hint(context: Context, text: str) -> str:
     return "write a module of a part folder and a class in it, for example `arm:BasePlate`"
 
 
-def missing_hint(context: Context, reference: str, failure: PartFailure) -> str:
+def missing_hint(context: ResolveRun, reference: str, failure: PartFailure) -> str:
     """What to write for a part that is not there: the class of this name in another module, else a name in the same module."""
     classes = [one for one in failure.candidates if ":" in one]
     namesakes = [one for one in classes if one.partition(":")[2] == reference.rpartition(":")[2]]
@@ -266,7 +266,7 @@ def missing_hint(context: Context, reference: str, failure: PartFailure) -> str:
     return _module_hint(context, reference, failure.candidates)
 
 
-def _module_hint(context: Context, reference: str, known: Collection[str]) -> str:
+def _module_hint(context: ResolveRun, reference: str, known: Collection[str]) -> str:
     """What to do where there is no module of this name: there may be a near one, or none at all yet."""
     module, _, name = reference.partition(":")
     close = near_hint(module, known)
@@ -286,7 +286,7 @@ FEWEST_FACES = 4
 """Of a closed surface: those of a tetrahedron."""
 
 
-def of_file(context: Context, node: Node, text: str) -> PartDefinition | None:
+def of_file(context: ResolveRun, node: ComponentScope, text: str) -> PartDefinition | None:
     """The definition of a component that is a `file:`, with the unit of its numbers where that is not mm, and its `faces`; None where the
     file cannot be used (which `load` has reported, unless it was chosen)."""
     beside = context.documents.root.path if "file" in node.chosen else node.scope.document.path

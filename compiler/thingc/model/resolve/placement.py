@@ -10,14 +10,14 @@ from thingc.base.source import Span
 from thingc.base.units import ANGLE, LENGTH
 from thingc.documents.spec.assembly import AttachSpec
 from thingc.model.resolve import references
-from thingc.model.resolve.document_scope import Context, Node, Table
+from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun
 from thingc.model.resolve.types import At, Attach
 
 Places = dict[str, list[tuple[str, Span]]]
 """By component name: how it is placed (`` `attach` ``, `` joint `yaw` ``) and where that is written."""
 
 
-def own_placements(context: Context, table: Table, places: Places) -> dict[str, Attach | At | None]:
+def own_placements(context: ResolveRun, table: DocumentScope, places: Places) -> dict[str, Attach | At | None]:
     """The placements that components write themselves; those that are wrong are reported and leave the component unplaced."""
     placements: dict[str, Attach | At | None] = {}
     there = context.there(table)
@@ -35,7 +35,7 @@ def own_placements(context: Context, table: Table, places: Places) -> dict[str, 
     return placements
 
 
-def _attach(table: Table, node: Node) -> Attach | None:
+def _attach(table: DocumentScope, node: ComponentScope) -> Attach | None:
     spec, scope = node.spec.attach, node.scope
     path = (*node.path, "attach")
     turn = gap = 0.0
@@ -71,13 +71,13 @@ def _attach(table: Table, node: Node) -> Attach | None:
     return Attach(mount=mine, to=to, turn=turn, gap=gap, origin=scope.origin(path, key=True))
 
 
-def _turned_around(table: Table, node: Node, name: str) -> bool:
+def _turned_around(table: DocumentScope, node: ComponentScope, name: str) -> bool:
     """Whether what `attach` names first is a mount of another component of the document."""
     first, dot, _ = name.partition(".")
     return bool(dot) and first in table.nodes and first != node.name and (node.table is None or first not in node.table.nodes)
 
 
-def _at(table: Table, node: Node) -> At | None:
+def _at(table: DocumentScope, node: ComponentScope) -> At | None:
     spec, scope = node.spec.at, node.scope
     if spec is None:
         return None
@@ -95,7 +95,7 @@ def _at(table: Table, node: Node) -> At | None:
     return At(to=to, pose=pose, origin=scope.origin(path, key=True))
 
 
-def check(table: Table, places: Places, *, unsure: bool) -> None:
+def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
     """Report components placed twice, and none or several that are placed by nothing; find the base.
 
     Whatever is placed twice or is a second base becomes unplaced; of those whose placement is in doubt nothing is said.
@@ -156,7 +156,7 @@ def _closes(way: str) -> str:
     return f"; or, where {way} closes a loop, write `loop: true` in it" if way.startswith("joint ") else ""
 
 
-def _report_bases(table: Table, free: list[str]) -> None:
+def _report_bases(table: DocumentScope, free: list[str]) -> None:
     message = f"{len(free)} components are placed by nothing: {quoted(free, 6)}; only one, the base, may be"
     if len(free) == 2:
         message = f"`{free[0]}` and `{free[1]}` are both placed by nothing; only one component, the base, may be"

@@ -23,7 +23,7 @@ _STEP = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Doubt:
+class Implausible:
     """What is odd about a number, in words that follow what has it, and the number that was probably meant, in SI (None: nobody
     can tell)."""
 
@@ -31,28 +31,28 @@ class Doubt:
     meant: float | None
 
 
-def density_doubt(density: float) -> Doubt | None:
+def density_doubt(density: float) -> Implausible | None:
     """About a density [kg/m^3] that no solid has; None for others."""
     if LIGHTEST <= density <= HEAVIEST:
         return None
     light = density < LIGHTEST
     meant = density * _STEP if light else density / _STEP
     than = f"{'less than foam' if light else 'more than any solid'} ({_plain(LIGHTEST)} to {_plain(HEAVIEST)})"
-    return Doubt(words=f"has a density of {_plain(density)} kg/m^3, {than}", meant=meant if LIGHTEST <= meant <= HEAVIEST else None)
+    return Implausible(words=f"has a density of {_plain(density)} kg/m^3, {than}", meant=meant if LIGHTEST <= meant <= HEAVIEST else None)
 
 
-def mass_doubt(mass: float, volume: float) -> Doubt | None:
+def mass_doubt(mass: float, volume: float) -> Implausible | None:
     """About a mass [kg] that no solid of this volume [m^3] has; None for others."""
     doubt = density_doubt(mass / volume)
     if doubt is None:
         return None
-    return Doubt(
+    return Implausible(
         words=f"weighs {mass_words(mass)} in {_plain(1e6 * volume)} cm^3: it {doubt.words}",
         meant=None if doubt.meant is None else doubt.meant * volume,
     )
 
 
-def density_cure(doubt: Doubt) -> str | None:
+def density_cure(doubt: Implausible) -> str | None:
     """What to write for a density that no solid has; None where nobody can tell."""
     return None if doubt.meant is None else f"write `{density_words(doubt.meant)}` if that is meant"
 

@@ -17,7 +17,7 @@ from thingc.documents.spec.assembly import TurnSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.defaults import numbered
-from thingc.model.resolve.document_scope import Table
+from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.references import GLOB, suggested
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import Joint, NamedPose
@@ -27,7 +27,7 @@ Settings = dict[str, tuple[float, Origin]]
 """By joint path (with `/`): q, and where it is written."""
 
 
-def poses(table: Table, scope: Scope) -> None:
+def poses(table: DocumentScope, scope: Scope) -> None:
     """Fill `table.poses`; keys that are wrong are reported and left out."""
     if not table.spec.poses:
         return
@@ -172,7 +172,7 @@ def _is_ball(joint: Joint | None) -> bool:
     return joint is not None and joint.kind.at_once
 
 
-def _pattern(table: Table, scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
+def _pattern(table: DocumentScope, scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
     fitting = [name for name in known if fnmatchcase(name, key)]
     movable = [name for name in fitting if _movable(known[name])]
     if movable:
@@ -207,7 +207,7 @@ def _pattern_of_several(scope: Scope, known: Joints, key: str, raw: Any, path: P
         )
 
 
-def _use(table: Table, scope: Scope, key: str, pose: str, path: Path, into: Settings) -> None:
+def _use(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, into: Settings) -> None:
     """`leg_*: folded`: the pose `folded` of the documents nested as `leg_0`, `leg_1`, ..."""
     matched = references.matching(table, key)
     assemblies = [(name, node) for name, node in matched if node.spec.assembly is not None]
@@ -255,7 +255,7 @@ def _use(table: Table, scope: Scope, key: str, pose: str, path: Path, into: Sett
             into[f"{prefix}/{joint}"] = (q, (*inner_pose.origins[joint], *scope.origin(path)))
 
 
-def _report_unknown(table: Table, scope: Scope, known: Joints, key: str, path: Path) -> None:
+def _report_unknown(table: DocumentScope, scope: Scope, known: Joints, key: str, path: Path) -> None:
     first = key.partition(".")[0]
     node = table.nodes.get(first)
     if table.unbuilt_joints and any(f"{key}_".startswith(prefix) for prefix in table.unbuilt_joints):

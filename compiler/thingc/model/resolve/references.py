@@ -11,7 +11,7 @@ from thingc.base.diagnostics import Code, Note
 from thingc.base.source import Origin, Path, Span
 from thingc.base.suggestions import did_you_mean, nearest
 from thingc.documents.spec.name_types import RESERVED
-from thingc.model.resolve.document_scope import Node, Table
+from thingc.model.resolve.document_scope import ComponentScope, DocumentScope
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Reference
 
@@ -93,7 +93,7 @@ def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[st
     return None
 
 
-def mount(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
+def mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
     """The reference to a mount, `component.mount`; None where it names nothing (reported, or wrong before)."""
     parts = words(scope, text, path, key=key)
     if parts is None:
@@ -106,7 +106,7 @@ def mount(table: Table, scope: Scope, text: str, path: Path, *, key: bool = Fals
     return Reference(path=parts[:-1], mount=parts[-1], origin=scope.origin(path, key=key), repeat_origin=counted(scope, path, key=key))
 
 
-def shown_mount(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
+def shown_mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
     """The reference to a mount, or to one that this document exports by its name; None where it names nothing (reported, or
     wrong before)."""
     if text not in table.exports:
@@ -121,7 +121,7 @@ def shown_mount(table: Table, scope: Scope, text: str, path: Path, *, key: bool 
     return None if shown is None else Reference(path=shown.path, mount=shown.mount, origin=scope.origin(path, key=key))
 
 
-def own_mount(node: Node, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
+def own_mount(node: ComponentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
     """The reference to a mount of the component itself, as `attach` names it: `back`, or `cap.pen` inside an assembly."""
     parts = words(scope, text, path, key=key)
     if parts is None:
@@ -139,7 +139,7 @@ def own_mount(node: Node, scope: Scope, text: str, path: Path, *, key: bool = Fa
     )
 
 
-def component(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[Reference, Node] | None:
+def component(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[Reference, ComponentScope] | None:
     """The reference to a component; None where it names nothing (reported, or wrong before)."""
     parts = words(scope, text, path, key=key)
     if parts is None:
@@ -150,7 +150,7 @@ def component(table: Table, scope: Scope, text: str, path: Path, *, key: bool = 
     return Reference(path=parts, mount=None, origin=scope.origin(path, key=key)), node
 
 
-def root(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
+def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
     """A component, a mount, or a mount that this document exports; None where it names nothing (reported, or wrong before)."""
     parts = words(scope, text, path, key=key)
     if parts is None:
@@ -176,7 +176,7 @@ def root(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False
             )
             return None
         return Reference(path=parts, mount=None, origin=origin) if _descend(table, scope, parts, path, key) is not None else None
-    inner: Table | None = table
+    inner: DocumentScope | None = table
     for step in parts[:-1]:
         node = inner.nodes.get(step) if inner is not None else None
         inner = node.table if node is not None else None
@@ -189,11 +189,11 @@ def root(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False
     return Reference(path=parts[:-1], mount=parts[-1], origin=origin)
 
 
-def matching(table: Table, pattern: str) -> list[tuple[str, Node]]:
+def matching(table: DocumentScope, pattern: str) -> list[tuple[str, ComponentScope]]:
     """The components whose path fits a pattern level by level, in document order; an exact name stands for itself alone."""
     steps = pattern.split(".")
-    level: list[tuple[str, Node]] = []
-    inside: list[tuple[str, Table]] = [("", table)]
+    level: list[tuple[str, ComponentScope]] = []
+    inside: list[tuple[str, DocumentScope]] = [("", table)]
     for step in steps:
         level = []
         for prefix, one in inside:
@@ -214,10 +214,10 @@ def _unbuilt(prefixes: list[str], name: str) -> bool:
     return any(name.startswith(prefix) or name == prefix[:-1] for prefix in prefixes)
 
 
-def _descend(table: Table, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> Node | None:
+def _descend(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> ComponentScope | None:
     """The component at a path; None where there is none (reported, or wrong before)."""
-    node: Node | None = None
-    inner: Table | None = table
+    node: ComponentScope | None = None
+    inner: DocumentScope | None = table
     for depth, part in enumerate(parts):
         if inner is None:
             if node is not None and not node.unsound:
@@ -233,7 +233,7 @@ def _descend(table: Table, scope: Scope, parts: tuple[str, ...], path: Path, key
     return node
 
 
-def _mount_below(table: Table, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> bool:
+def _mount_below(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> bool:
     """Whether `component...mount` names something, as far as documents can tell; what is wrong is reported."""
     node = table.nodes.get(parts[0])
     if node is None:
@@ -242,7 +242,7 @@ def _mount_below(table: Table, scope: Scope, parts: tuple[str, ...], path: Path,
     return _mount_of(node, scope, parts[1:], parts, path, key)
 
 
-def _mount_of(node: Node, scope: Scope, rest: tuple[str, ...], parts: tuple[str, ...], path: Path, key: bool) -> bool:
+def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: tuple[str, ...], path: Path, key: bool) -> bool:
     while len(rest) > 1 and node.table is not None:
         inner = node.table.nodes.get(rest[0])
         if inner is None:
@@ -290,12 +290,12 @@ def _mount_of(node: Node, scope: Scope, rest: tuple[str, ...], parts: tuple[str,
     return False
 
 
-def declared(node: Node) -> list[Note]:
+def declared(node: ComponentScope) -> list[Note]:
     """The note that shows where a component is written."""
     return [Note(message=f"`{node.name}` is written here", span=node.scope.span(node.path, key=True))]
 
 
-def defined(table: Table) -> list[Note]:
+def defined(table: DocumentScope) -> list[Note]:
     """The note that shows where the assembly of a nested document is written."""
     return [Note(message=f"`{table.spec.name}` is defined here", span=table.document.span(("name",)))]
 
@@ -305,7 +305,7 @@ def _repeated(scope: Scope, path: Path, key: bool) -> list[Note]:
     return scope.beside(COUNTED, (*path[:2], "repeat", "count"), path) if counted(scope, path, key=key) else []
 
 
-def _report_single(table: Table, scope: Scope, name: str, path: Path, key: bool) -> None:
+def _report_single(table: DocumentScope, scope: Scope, name: str, path: Path, key: bool) -> None:
     if _unbuilt(table.unbuilt, name):
         return
     notes: list[Note] = []
@@ -335,7 +335,7 @@ def _report_mount(scope: Scope, what: str, name: str, known: list[str], place: S
 
 
 def _report_component(
-    table: Table, inner: Table, scope: Scope, parts: tuple[str, ...], depth: int, path: Path, key: bool,
+    table: DocumentScope, inner: DocumentScope, scope: Scope, parts: tuple[str, ...], depth: int, path: Path, key: bool,
 ) -> None:
     name = parts[depth]
     if _unbuilt(inner.unbuilt, name):
@@ -371,12 +371,12 @@ def _report_component(
     )
 
 
-def _shows(node: Node, mount: str) -> bool:
+def _shows(node: ComponentScope, mount: str) -> bool:
     """Whether a component has a mount of that name, as far as documents tell: those of parts are their own."""
     return mount in node.mounts or (node.table is not None and mount in node.table.exports)
 
 
-def _report_leaf(node: Node, scope: Scope, parts: tuple[str, ...], depth: int, path: Path, key: bool) -> None:
+def _report_leaf(node: ComponentScope, scope: Scope, parts: tuple[str, ...], depth: int, path: Path, key: bool) -> None:
     if node.unsound and node.definition is None and not node.frame:
         return
     kind = f"a {node.bare}" if node.bare is not None else "an assembly" if isinstance(node.definition, AssemblyDefinition) else "a part"

@@ -25,15 +25,15 @@ def resolve(
     from thingc.documents.spec.assembly import AssemblySpec
     from thingc.model.resolve import choices as choose
     from thingc.model.resolve.assembly import resolved
-    from thingc.model.resolve.document_scope import Context
+    from thingc.model.resolve.document_scope import ResolveRun
     from thingc.model.resolve.parameters import from_command_line
-    from thingc.model.resolve.scope import Enough
+    from thingc.model.resolve.scope import TooManyErrors
 
     root = sources.documents.root
     spec = sources.specs.get(root.relative)
     if not isinstance(spec, AssemblySpec):
         return None
-    context = Context(
+    context = ResolveRun(
         documents=sources.documents, specs=sources.specs, workspace=sources.workspace, schemas=sources.schemas, report=report,
         digest=sources.digest, memo=memo or Memo(), of_any_text=Memo() if of_any_text is None or settings != Settings() else of_any_text,
     )
@@ -43,7 +43,7 @@ def resolve(
     chosen = choose.from_command_line(context, settings.choices) if settings.choices else ()
     try:
         table = resolved(context, root.relative, spec, given, chosen, top=True)
-    except Enough:
+    except TooManyErrors:
         report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} faults; the rest is not said", None)
         return None
     if context.overfull:
@@ -54,11 +54,11 @@ def resolve(
 
 def resolve_materials(sources: Sources, report: Report) -> None:
     """Report what is wrong with a `materials/1` document that is checked by itself, and what is odd."""
-    from thingc.model.resolve.document_scope import Context
+    from thingc.model.resolve.document_scope import ResolveRun
     from thingc.model.resolve.materials import of_document
     from thingc.model.resolve.plausibility import density_cure, density_doubt
 
-    context = Context(documents=sources.documents, specs=sources.specs, workspace=sources.workspace, schemas={}, report=report)
+    context = ResolveRun(documents=sources.documents, specs=sources.specs, workspace=sources.workspace, schemas={}, report=report)
     for material in of_document(context, context.documents.root).values():
         doubt = None if material is None or material.density is None else density_doubt(material.density)
         if material is not None and doubt is not None:

@@ -18,7 +18,7 @@ from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, k
 from thingc.documents.expressions.parsing import expression_hint
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.assembly import TurnSpec
-from thingc.documents.spec.invalid_entries import NO_DOUBTS, Doubts
+from thingc.documents.spec.invalid_entries import NO_DOUBTS, InvalidEntries
 from thingc.documents.spec.poses import PoseSpec
 
 NOTHING: frozenset[str] = frozenset()
@@ -28,7 +28,7 @@ UNIT = 1e-3
 _EXPRESSION_CODES = {"dimension": Code.DIMENSION, "unit": Code.DIMENSION, "value": Code.OUT_OF_RANGE}
 
 
-class Enough(Exception):
+class TooManyErrors(Exception):
     """More faults than anybody reads have been said: the pass ends here."""
 
 
@@ -48,7 +48,7 @@ class Scope:
     broken: Set[str] = NOTHING
     index: tuple[str, str] | None = None
     said: set[tuple[str, Code, Path, bool]] = field(default_factory=set)
-    doubts: Doubts = NO_DOUBTS
+    doubts: InvalidEntries = NO_DOUBTS
 
     def repeated(self, name: str, value: int) -> Scope:
         """The same inside one item of a `repeat`."""
@@ -90,7 +90,7 @@ class Scope:
         if known in self.said:
             return
         if len(self.said) >= MAX_FAULTS:
-            raise Enough
+            raise TooManyErrors
         self.said.add(known)
         self.report.add(code, message, span or self.document.span(path, key=key), help=help, notes=notes, path=dotted(path))
 

@@ -16,7 +16,7 @@ from thingc.base.units import ANGLE, LENGTH, Dimension, Quantity
 from thingc.documents.spec.sensors import SensorSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
-from thingc.model.resolve.document_scope import Table
+from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.references import suggested
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.shapes import primitive
@@ -26,7 +26,7 @@ FOVY = math.radians(45.0)
 """The angle of view [rad] of a camera that does not state one: MuJoCo's."""
 
 
-def sensors(table: Table, scope: Scope, tendons: Sequence[Tendon]) -> Iterator[Sensor]:
+def sensors(table: DocumentScope, scope: Scope, tendons: Sequence[Tendon]) -> Iterator[Sensor]:
     """The sensors of the document, which has these `tendons`, in its order. One that is wrong is left out (reported)."""
     by_name = {one.name: one for one in tendons}
     for name, spec in table.spec.sensors.items():
@@ -38,7 +38,7 @@ def sensors(table: Table, scope: Scope, tendons: Sequence[Tendon]) -> Iterator[S
 class _Reader:
     """Reads one sensor; `sound` until something that it needs is wrong, which has been reported."""
 
-    def __init__(self, table: Table, scope: Scope, name: str, spec: SensorSpec) -> None:
+    def __init__(self, table: DocumentScope, scope: Scope, name: str, spec: SensorSpec) -> None:
         self.table, self.scope, self.name, self.spec = table, scope, name, spec
         self.path: Path = ("sensors", name)
         self.sound = True

@@ -18,11 +18,11 @@ from thingc.base.units import shortened
 from thingc.documents.load.inline_values import is_flow, read_flow
 from thingc.documents.load.text import forbidden
 from thingc.documents.load.yaml_scalars import core_value
-from thingc.documents.spec.annotation_types import AnnotationShape, alternatives, model_keys, shape_of
+from thingc.documents.spec.annotation_types import FieldType, alternatives, model_keys, shape_of
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.settable_values import whole_drive
 from thingc.documents.spec.validation import validate_one
-from thingc.model.resolve.document_scope import Context
+from thingc.model.resolve.document_scope import ResolveRun
 
 FIXED = {
     "thingc": "it says what kind of document this is",
@@ -33,7 +33,7 @@ FIXED = {
 
 
 @dataclass(frozen=True, slots=True)
-class Astray:
+class PathNotFound:
     """Why a text cannot stand at a path, and what helps."""
 
     message: str
@@ -41,7 +41,7 @@ class Astray:
 
 
 def substituted(
-    context: Context, document: Document, spec: AssemblySpec, values: Mapping[str, str],
+    context: ResolveRun, document: Document, spec: AssemblySpec, values: Mapping[str, str],
 ) -> tuple[Document, AssemblySpec]:
     """The document and its model with the texts `values` at their paths in it; both as they were where one of them cannot stand there,
     which is reported. A document with faults of its own (reported) stays as it is."""
@@ -55,7 +55,7 @@ def substituted(
         if (drive := whole_drive(tree, keys)) is not None:
             tree = _with(tree, keys[:3], drive)
         read = _astray(document, tree, keys, text, context.from_top) or _read(path, text, place)
-        if isinstance(read, Astray):
+        if isinstance(read, PathNotFound):
             context.say_of_option(path, read.message, read.help)
             wrong = True
         else:
@@ -73,17 +73,17 @@ def substituted(
     return (changed, sound) if isinstance(sound, AssemblySpec) else (document, spec)
 
 
-def _read(path: str, text: str, place: Span) -> Node | Astray:
+def _read(path: str, text: str, place: Span) -> Node | PathNotFound:
     """What a text says at a path, all of it at one place."""
     if (bad := forbidden(text)) is not None:
-        return Astray(f"`{path}`: {bad[1]}", "take it out")
+        return PathNotFound(f"`{path}`: {bad[1]}", "take it out")
     if is_flow(text):
         tree = read_flow(text, place)
-        return Astray(f"`{path}` cannot be read: {tree.message}", tree.help) if isinstance(tree, Diagnostic) else tree
+        return PathNotFound(f"`{path}` cannot be read: {tree.message}", tree.help) if isinstance(tree, Diagnostic) else tree
     try:
         return ScalarNode(value=core_value(text), text=text, span=place)
     except OverflowError:
-        return Astray(f"`{path}` is a number that is not finite (`{shortened(text)}`)", "write a finite number")
+        return PathNotFound(f"`{path}` is a number that is not finite (`{shortened(text)}`)", "write a finite number")
 
 
 def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
@@ -97,19 +97,19 @@ def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
     return MappingNode(entries=entries, keys=spans, span=leaf.span if node is None else node.span)
 
 
-def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, whole: Callable[[str], str]) -> Astray | None:
+def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, whole: Callable[[str], str]) -> PathNotFound | None:
     """Where a path leaves what an assembly may have or, of things with names, what the `tree` has: a message, and the nearest path that
     does not. None where it leads to a value, or `text` is what holds values. `whole` gives paths as the top document has them."""
     if keys[0] in FIXED:
-        return Astray(f"`{keys[0]}` is not set by a path", FIXED[keys[0]])
+        return PathNotFound(f"`{keys[0]}` is not set by a path", FIXED[keys[0]])
     node: Node | None = tree
     shape = shape_of(AssemblySpec)
     for depth, key in enumerate(keys):
         here = whole(".".join(keys[:depth]))
         if isinstance(node, ScalarNode):
-            return Astray(f"`{here}` is `{shortened(node.text)}`: there is nothing inside it", f"set `{here}`")
+            return PathNotFound(f"`{here}` is `{shortened(node.text)}`: there is nothing inside it", f"set `{here}`")
         if isinstance(node, SequenceNode):
-            return Astray(f"`{here}` is a list: nothing inside it is set by a path", f"set `{here}` as a whole")
+            return PathNotFound(f"`{here}` is a list: nothing inside it is set by a path", f"set `{here}` as a whole")
         branches = alternatives(shape)
         inner = next((branch for branch in branches if branch.model is not None and key in model_keys(branch.model)), None)
         if inner is not None:
@@ -126,14 +126,14 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, wh
             there = [key for one in branches if one.model is not None for key in model_keys(one.model)]
             return _no_such(document, keys, depth, there, whole)
         else:
-            return Astray(f"`{here}` is a value: there is nothing inside it", f"set `{here}`")
+            return PathNotFound(f"`{here}` is a value: there is nothing inside it", f"set `{here}`")
         node = node.entries.get(key) if isinstance(node, MappingNode) else None
     return None if is_flow(text) else _unfinished(whole(".".join(keys)), shape, node)
 
 
 def _no_such(
     document: Document, keys: tuple[str, ...], depth: int, known: Iterable[str], whole: Callable[[str], str],
-) -> Astray:
+) -> PathNotFound:
     """What to say of the key at `depth`, which is none of those that are known there."""
     known, key = list(known), keys[depth]
     sections = [name for name, node in document.tree.entries.items() if isinstance(node, MappingNode) and keys[0] in node.entries]
@@ -145,10 +145,10 @@ def _no_such(
     else:
         help = did_you_mean(key, known, what=keys[0] if depth == 1 else "keys")
     here = f"`{whole('.'.join(keys[:depth]))}` has" if depth else "an assembly has"
-    return Astray(f"{here} no `{shortened(key)}`", help)
+    return PathNotFound(f"{here} no `{shortened(key)}`", help)
 
 
-def _unfinished(path: str, shape: AnnotationShape, node: Node | None) -> Astray | None:
+def _unfinished(path: str, shape: FieldType, node: Node | None) -> PathNotFound | None:
     """What to say where a path ends before a value: at something that is a mapping, or a list of them, and nothing else."""
     branches = alternatives(shape)
     kinds = {branch.kind for branch in branches}
@@ -158,4 +158,4 @@ def _unfinished(path: str, shape: AnnotationShape, node: Node | None) -> Astray 
     inside += node.entries if isinstance(node, MappingNode) else ()
     named = [f"`{path}.{key}`" for key in dict.fromkeys(inside[:6])]
     help = f"name one of them: {', '.join(named)}; or set all of it: `{path}={{...}}`" if named else f"set all of it: `{path}={{...}}`"
-    return Astray(f"`{path}` is no value, but has values inside", help)
+    return PathNotFound(f"`{path}` is no value, but has values inside", help)

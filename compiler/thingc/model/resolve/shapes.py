@@ -18,35 +18,35 @@ from thingc.documents.spec.sensors import VolumeSpec
 from thingc.geometry.mesh_bounds import LARGEST
 from thingc.geometry.meshes.files import MeshFile, mesh_file
 from thingc.geometry.record import FILE_UNIT
-from thingc.model.resolve.defaults import Layers
-from thingc.model.resolve.document_scope import Context, Node, Table
-from thingc.model.resolve.link_definition import LinkDefinition, ListedShape, link_of
+from thingc.model.resolve.defaults import DefaultLayers
+from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun
+from thingc.model.resolve.link_definition import LinkDefinition, LinkShape, link_of
 from thingc.model.resolve.materials import friction
 from thingc.model.resolve.overrides import material
 from thingc.model.resolve.scope import Scope
 
 
-def of_link(context: Context, table: Table, node: Node) -> LinkDefinition | None:
+def of_link(context: ResolveRun, table: DocumentScope, node: ComponentScope) -> LinkDefinition | None:
     """The definition of a component that is a `link`; None where one of its shapes is wrong (reported)."""
     shapes = [_shape(context, table, node.scope, spec, (*node.path, "shapes", index)) for index, spec in enumerate(node.spec.shapes)]
     sound = tuple(shape for shape in shapes if shape is not None)
     return link_of(sound) if len(sound) == len(shapes) else None
 
 
-def _shape(context: Context, table: Table, scope: Scope, spec: ShapeSpec, path: Path) -> ListedShape | None:
+def _shape(context: ResolveRun, table: DocumentScope, scope: Scope, spec: ShapeSpec, path: Path) -> LinkShape | None:
     pose = NO_POSE if spec.at is None else scope.pose(spec.at, (*path, "at"))
     solid = _mesh(context, scope, spec, path) if spec.mesh is not None else primitive(scope, spec, path, pose or NO_POSE)
     if solid is None or pose is None:
         return None
-    return ListedShape(
+    return LinkShape(
         solid=solid, pose=NO_POSE if isinstance(solid, Primitive) else pose, drawn=spec.for_ != "collision", touches=spec.for_ != "visual",
         color=spec.color, friction=friction(scope, spec.friction, (*path, "friction")), origin=scope.origin((*path, spec.kind)),
-        material=material(scope, Layers(((spec, path),)), table.materials, unreadable=table.materials_unreadable),
+        material=material(scope, DefaultLayers(((spec, path),)), table.materials, unreadable=table.materials_unreadable),
         name=spec.name,
     )
 
 
-def _mesh(context: Context, scope: Scope, spec: ShapeSpec, path: Path) -> MeshFile | None:
+def _mesh(context: ResolveRun, scope: Scope, spec: ShapeSpec, path: Path) -> MeshFile | None:
     """A mesh file, and its scale; None where that is wrong (reported), or the file cannot be used (which `load` has reported)."""
     scale = _scale(scope, spec, path)
     absolute, workspace = named(spec.mesh or "", scope.document.path), context.workspace

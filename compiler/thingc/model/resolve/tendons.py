@@ -13,13 +13,13 @@ from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 from thingc.documents.spec.tendons import AroundSpec, PulleySpec, TendonSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
-from thingc.model.resolve.document_scope import Table
+from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.references import suggested
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import Drive, PathStep, Tendon
 
 
-def tendons(table: Table, scope: Scope) -> Iterator[Tendon]:
+def tendons(table: DocumentScope, scope: Scope) -> Iterator[Tendon]:
     """The tendons of the document, in its order. One that is wrong is left out (reported)."""
     for name, spec in table.spec.tendons.items():
         path: Path = ("tendons", name)
@@ -38,7 +38,9 @@ def tendons(table: Table, scope: Scope) -> Iterator[Tendon]:
             yield _tendon(scope, name, spec, path, coordinate, moves)
 
 
-def _steps(table: Table, scope: Scope, name: str, written: Sequence[str | AroundSpec | PulleySpec], path: Path) -> Iterator[PathStep]:
+def _steps(
+    table: DocumentScope, scope: Scope, name: str, written: Sequence[str | AroundSpec | PulleySpec], path: Path,
+) -> Iterator[PathStep]:
     """The sound steps of a path; what is wrong with others is reported."""
     for number, one in enumerate(written):
         place: Path = (*path, number)
@@ -79,7 +81,7 @@ def _sound(scope: Scope, name: str, steps: Sequence[PathStep], path: Path) -> bo
 
 
 def _terms(
-    table: Table, scope: Scope, name: str, spec: TendonSpec, path: Path,
+    table: DocumentScope, scope: Scope, name: str, spec: TendonSpec, path: Path,
 ) -> tuple[Dimension, tuple[tuple[CoordinateName, float], ...]] | None:
     """The dimension of the length, that of its first term, and the factors by coordinate."""
     moves: list[tuple[CoordinateName, float]] = []

@@ -16,7 +16,7 @@ from thingc.documents.checks import kinds
 from thingc.documents.spec.tests import TestSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
-from thingc.model.resolve.document_scope import Context, Table
+from thingc.model.resolve.document_scope import DocumentScope, ResolveRun
 from thingc.model.resolve.modes import components_fitting, driven
 from thingc.model.resolve.references import GLOB, suggested
 from thingc.model.resolve.scope import Scope
@@ -28,7 +28,7 @@ Key = str | Path
 """Where in a test: a key of it, or a path from it on."""
 
 
-def tests(context: Context, table: Table, scope: Scope, modes: Sequence[Mode]) -> Iterator[Test]:
+def tests(context: ResolveRun, table: DocumentScope, scope: Scope, modes: Sequence[Mode]) -> Iterator[Test]:
     """The tests of the document, in its order. One that is wrong is left out (reported)."""
     around = context.around(table)
     by_name = {mode.name: mode for mode in modes}
@@ -40,7 +40,7 @@ def tests(context: Context, table: Table, scope: Scope, modes: Sequence[Mode]) -
             yield test
 
 
-def _test(table: Table, scope: Scope, modes: Mapping[str, Mode], name: str, written: TestSpec) -> Test | None:
+def _test(table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], name: str, written: TestSpec) -> Test | None:
     """One test; None where something of it was wrong (reported)."""
     path: Path = ("tests", name, written.kind)
     reader = Reader(table, scope, modes, path)
@@ -65,7 +65,7 @@ class Reader:
     mode). `sound` is False as soon as something was wrong, which has been reported.
     """
 
-    def __init__(self, table: Table, scope: Scope, modes: Mapping[str, Mode], path: Path) -> None:
+    def __init__(self, table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], path: Path) -> None:
         self.table = table
         self.scope = scope
         self.modes = modes

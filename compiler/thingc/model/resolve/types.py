@@ -13,7 +13,7 @@ from thingc.base.frozen import dataclass
 from thingc.base.joints.bases import BaseType
 from thingc.base.joints.kind import JointKind
 from thingc.base.joints.twist import Twist
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose, Vector
 from thingc.base.sensor_kinds import Measurement
 from thingc.base.source import Origin, Span
@@ -26,7 +26,7 @@ COUNTED = "the reference is repeated this often"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reference(Brief):
+class Reference(OneLineRepr):
     """`hand.cap.pen`: `path` the component names from this document down, `mount` the last word.
 
     `mount` None means the component itself (`links`, `drive`, a mode's root). A mount may be one that a nested
@@ -46,7 +46,7 @@ class Reference(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Process(Brief):
+class Process(OneLineRepr):
     """How a part is made. `kind` such as `fdm`; widths and layer [m]; infill and overlap 0..1, bridge flow a ratio; `estimate` is how
     the mass of a part with an infill is worked out, `layers | skin` (None: by the kind). `origins` are where the keys are written; those in
     `wrong` are written, and what is wrong with them has been said."""
@@ -66,7 +66,7 @@ class Process(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Material(Brief):
+class Material(OneLineRepr):
     """A material in scope. `density` [kg/m^3]; `color` `#rrggbb` or `#rrggbbaa`; `slide` the sliding friction (torsional and
     rolling likewise); `process_origin` is where its `process` is written, empty where it has none, `density_origin` the same of its
     density."""
@@ -84,7 +84,7 @@ class Material(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StatedValue(Brief):
+class StatedValue(OneLineRepr):
     """A number a document states (mass [kg], com [m], inertia [kg m^2] as ixx iyy izz ixy ixz iyz), its source and place. One that
     was wrong, which has been reported, is a `stand_in`."""
 
@@ -95,7 +95,7 @@ class StatedValue(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExtraMount(Brief):
+class ExtraMount(OneLineRepr):
     """A mount that the document adds to a component."""
 
     pose: Pose
@@ -104,7 +104,7 @@ class ExtraMount(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Overrides(Brief):
+class Overrides(OneLineRepr):
     """What a document says about one component on top of what its part says. None: not said. `up` is the direction away from the
     bed of a printer, a unit vector in the component's axes."""
 
@@ -118,7 +118,7 @@ class Overrides(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BomEntry(Brief):
+class BomEntry(OneLineRepr):
     """Of the bill of materials. `make` is `buy | print | machine`; `cost` as written (`12.50 EUR`)."""
 
     number: str | None = None
@@ -128,7 +128,7 @@ class BomEntry(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Attach(Brief):
+class Attach(OneLineRepr):
     """The rigid mate: this component's `mount` onto `to`; `turn` [rad] and `gap` [m] along the other mount's z.
 
     `mount` is a reference whose path starts with this component's own name.
@@ -142,7 +142,7 @@ class Attach(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class At(Brief):
+class At(OneLineRepr):
     """Plain placement: this component's frame at `pose` in the frame `to`."""
 
     to: Reference
@@ -151,7 +151,7 @@ class At(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Component(Brief):
+class Component(OneLineRepr):
     """A node placed in an assembly.
 
     Exactly one of: `definition` a part, a link or a nested assembly, or `frame` True. `definition` None without
@@ -182,7 +182,7 @@ class Component(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drive(Brief):
+class Drive(OneLineRepr):
     """What moves a joint: `component` whose Thing declares an actuator, or an inline one (`component` None); of a ball about an `axis`
     (a unit vector fixed in the child, in the parent mount's axes at q = 0)."""
 
@@ -198,7 +198,7 @@ class Drive(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Joint(Brief):
+class Joint(OneLineRepr):
     """An edge that moves (or a `fixed` one): it places the component that `child` belongs to, unless it closes a `loop`.
 
     One that has several coordinates is as many of these, next to each other: `name` is the coordinate's (`wrist[0]`), `twist` what that
@@ -234,7 +234,7 @@ class Joint(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wrap(Brief):
+class Wrap(OneLineRepr):
     """Of the path of a tendon: a `mount` that it goes through, or, with a `shape` of a `radius` [m], that it goes around, on the side of
     the mount `side` if there is one; or (without a mount) a pulley, behind which lengths are divided by `divisor`."""
 
@@ -253,7 +253,7 @@ class PathStep(Wrap):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tendon(Brief):
+class Tendon(OneLineRepr):
     """A sum of coordinates, its length: `moves` has the factor of each [by the units of q], `turns` says whether the length is an angle
     [rad], else it is [m]. Or the length of a `path`, drawn with a `width` [m]. Limit, dynamics and drive are along it."""
 
@@ -269,7 +269,7 @@ class Tendon(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinkName(Brief):
+class LinkName(OneLineRepr):
     """`links: {base_link: plate}`: names a link and picks its frame."""
 
     name: str
@@ -281,7 +281,7 @@ NamedKind = Literal["components", "mounts", "joints", "tendons", "actuators", "e
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NameInFiles(Brief):
+class NameInFiles(OneLineRepr):
     """`names: {joints: {joint_1: "1"}}`: what files call a thing of the document. `own` is what the document calls it, of coordinates as
     artifacts have it (`wrist_0`)."""
 
@@ -292,7 +292,7 @@ class NameInFiles(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NamedPose(Brief):
+class NamedPose(OneLineRepr):
     """A pose with its globs and nested poses worked out: joint path (`hand/finger`) to q [rad or m], and where each
     value was written. Joints not named are at 0."""
 
@@ -317,7 +317,7 @@ class Sensor(Measurement):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hold(Brief):
+class Hold(OneLineRepr):
     """A further mount that a mode holds to the world: mated to the world frame moved to `pose`, as a root is mated to `at`.
 
     `pose` None: `here`, where the mode's own pose puts it. `mount.mount` None: a component, whose origin lies on `pose`. One that
@@ -331,7 +331,7 @@ class Hold(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Standing(Brief):
+class Standing(OneLineRepr):
     """The mounts that a floating mode stands on, points that the floor pushes and does not pull. `friction` None: that of their
     materials."""
 
@@ -341,7 +341,7 @@ class Standing(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cut(Brief):
+class Cut(OneLineRepr):
     """A joint (its path) at which a mode wants a loop to be cut."""
 
     joint: JointPath
@@ -349,7 +349,7 @@ class Cut(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mode(Brief):
+class Mode(OneLineRepr):
     """One simulation model. `extends` has been merged. `root.mount` None: a component root.
 
     `at` is the world side's pose (without its height if `on_floor`), `at_in` that in some poses; `gravity` [m/s^2] in the world frame;
@@ -382,7 +382,7 @@ class Mode(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RawAttribute(Brief):
+class RawAttribute(OneLineRepr):
     """`raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}`: the target, the keys on the way, and the value as text (of `usd`, whose
     attributes have types, as JSON).
 
@@ -407,7 +407,7 @@ class RawAttribute(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RawElement(Brief):
+class RawElement(OneLineRepr):
     """An element that `raw: {mjcf: {add: ...}}` adds to a `section` of the model, with what it has in it."""
 
     section: str
@@ -429,7 +429,7 @@ class RawElement(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointRange(Brief):
+class JointRange(OneLineRepr):
     """A joint (its path) to move from `lower` to `upper` [rad or m]."""
 
     joint: str
@@ -438,7 +438,7 @@ class JointRange(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Test(Brief):
+class Test(OneLineRepr):
     """A test of a document, to be run in each of its `modes` (none: it does not depend on the mode) and `poses`.
 
     `kind` is the key in the document. In `poses` None is where the mode starts; `every_pose` asks for all keyframes of the mode,
@@ -458,7 +458,7 @@ class Test(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AssemblyDefinition(Brief):
+class AssemblyDefinition(OneLineRepr):
     """A document with its parameters worked out: equal definitions are one node of the HAG.
 
     `document` is its path in the workspace, `parameters` the complete canonical ones; `text` prints those that differ

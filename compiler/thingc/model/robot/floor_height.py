@@ -15,7 +15,7 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.memo import Memo
 from thingc.base.pose import Pose, Vector
 from thingc.base.primitives import Primitive
-from thingc.base.summing import plain_sum
+from thingc.base.summing import sum_of
 from thingc.geometry.record import Mesh
 from thingc.model.assembly.types import Assembly, LinkedMode, Occurrence
 from thingc.model.resolve.types import NamedPose
@@ -129,4 +129,4 @@ def of_points(points: Sequence[Vector], down: Vector) -> float:
 
 def of_box(box: tuple[Vector, Vector], down: Vector) -> float:
     """The same over the points of a box."""
-    return plain_sum(min(component * low, component * high) for component, low, high in zip(down, *box, strict=True))
+    return sum_of(min(component * low, component * high) for component, low, high in zip(down, *box, strict=True))

@@ -9,7 +9,7 @@ from thingc.base.joints.twist import Twist, moved, velocities
 from thingc.base.pose import NO_POSE, Pose
 from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.robot.tree import in_link
-from thingc.model.robot.types import Body, CoreJoint, Robot
+from thingc.model.robot.types import Body, Robot, TreeJoint
 
 
 def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
@@ -22,7 +22,7 @@ def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
     return pose
 
 
-def in_world(body: Body, pose: Pose, q: Mapping[str, float]) -> Iterator[tuple[CoreJoint, Twist]]:
+def in_world(body: Body, pose: Pose, q: Mapping[str, float]) -> Iterator[tuple[TreeJoint, Twist]]:
     """The coordinates by which a body moves in its tree parent, the last first, each with what it does as seen in the world (or whatever
     frame the body is at `pose` in); `q` [rad or m] of every joint by path."""
     values = tuple(q[joint.path] for joint in body.joints)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from thingc.base.summing import plain_sum
+from thingc.base.summing import sum_of
 
 
 def solve(columns: Sequence[Sequence[float]], error: Sequence[float], damping: float) -> list[float] | None:
@@ -20,17 +20,17 @@ def solve(columns: Sequence[Sequence[float]], error: Sequence[float], damping: f
     tall = n <= m
     vectors = columns if tall else rows
     size = len(vectors)
-    gram = [[plain_sum(a * b for a, b in zip(u, v, strict=True)) for v in vectors] for u in vectors]
-    trace = plain_sum(gram[k][k] for k in range(size))
+    gram = [[sum_of(a * b for a, b in zip(u, v, strict=True)) for v in vectors] for u in vectors]
+    trace = sum_of(gram[k][k] for k in range(size))
     if trace == 0.0:
         return [0.0] * n
     for k in range(size):
         gram[k][k] += damping * trace / size
     if tall:
-        right = [-plain_sum(a * b for a, b in zip(column, error, strict=True)) for column in columns]
+        right = [-sum_of(a * b for a, b in zip(column, error, strict=True)) for column in columns]
         return _cholesky_solve(gram, right)
     y = _cholesky_solve(gram, [-value for value in error])
-    return None if y is None else [plain_sum(a * b for a, b in zip(column, y, strict=True)) for column in columns]
+    return None if y is None else [sum_of(a * b for a, b in zip(column, y, strict=True)) for column in columns]
 
 
 def _cholesky_solve(matrix: Sequence[Sequence[float]], right: Sequence[float]) -> list[float] | None:
@@ -39,7 +39,7 @@ def _cholesky_solve(matrix: Sequence[Sequence[float]], right: Sequence[float]) -
     lower = [[0.0] * size for _ in range(size)]
     for i in range(size):
         for j in range(i + 1):
-            rest = matrix[i][j] - plain_sum(lower[i][k] * lower[j][k] for k in range(j))
+            rest = matrix[i][j] - sum_of(lower[i][k] * lower[j][k] for k in range(j))
             if i == j:
                 if not rest > 0.0:
                     return None
@@ -48,7 +48,7 @@ def _cholesky_solve(matrix: Sequence[Sequence[float]], right: Sequence[float]) -
                 lower[i][j] = rest / lower[j][j]
     x = [0.0] * size
     for i in range(size):
-        x[i] = (right[i] - plain_sum(lower[i][k] * x[k] for k in range(i))) / lower[i][i]
+        x[i] = (right[i] - sum_of(lower[i][k] * x[k] for k in range(i))) / lower[i][i]
     for i in reversed(range(size)):
-        x[i] = (x[i] - plain_sum(lower[k][i] * x[k] for k in range(i + 1, size))) / lower[i][i]
+        x[i] = (x[i] - sum_of(lower[k][i] * x[k] for k in range(i + 1, size))) / lower[i][i]
     return x

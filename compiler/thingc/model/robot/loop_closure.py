@@ -11,7 +11,7 @@ from thingc.base.joints.bases import stays
 from thingc.base.memo import Memo
 from thingc.base.pose import MATE, NO_POSE, Pose
 from thingc.base.suggestions import did_you_mean
-from thingc.base.summing import plain_sum
+from thingc.base.summing import sum_of
 from thingc.model.assembly.kinematics import coordinates, joints_of, on_loops
 from thingc.model.assembly.types import Assembly, LinkedHold, LinkedMode
 from thingc.model.resolve.types import NamedPose
@@ -266,7 +266,7 @@ def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
 
 def _measure(loops: Loops, solution: Solution) -> float:
     """How far from closed, in one number: what the method makes small."""
-    return plain_sum(p * p + (loops.length * w) ** 2 for p, w in solution.residuals)
+    return sum_of(p * p + (loops.length * w) ** 2 for p, w in solution.residuals)
 
 
 def _worst(loops: Loops, solution: Solution) -> tuple[Closure, tuple[float, float]]:

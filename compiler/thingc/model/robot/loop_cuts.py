@@ -8,7 +8,7 @@ from typing import NamedTuple
 from thingc.model.assembly.types import Assembly, LinkedMode, Mate
 
 
-class Worth(NamedTuple):
+class CutPriority(NamedTuple):
     """What of a mate only a tree can have, the weightiest first; of two on a loop, that with the lesser (as tuples compare) is cut."""
 
     uncut: int
@@ -20,9 +20,9 @@ class Worth(NamedTuple):
     placing: bool
     earlier: int
 
-    def over(self, other: Worth) -> str:
+    def over(self, other: CutPriority) -> str:
         """Why this one stays, and the `other` does not: what it has, for people."""
-        first = next((name for name, mine, theirs in zip(Worth._fields, self, other, strict=True) if mine != theirs), "earlier")
+        first = next((name for name, mine, theirs in zip(CutPriority._fields, self, other, strict=True) if mine != theirs), "earlier")
         return _WORDS[first]
 
 
@@ -40,7 +40,7 @@ _WORDS: Mapping[str, str] = {
 
 def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
     """The numbers of the mates that a mode's tree crosses: all joints of a robot without loops, else Kruskal's maximal tree by their
-    `Worth`: of each loop the joint is left out that is worth least."""
+    `CutPriority`: of each loop the joint is left out that is worth least."""
     worth = dict(worths(assembly, mode))
     groups = _Groups(len(assembly.links))
     ordered = sorted(worth, key=worth.__getitem__, reverse=True)
@@ -84,13 +84,13 @@ class _Groups:
         return k
 
 
-def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, Worth]]:
+def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPriority]]:
     """Of each mate that moves, by its number."""
     cut = {one.joint: rank for rank, one in enumerate(mode.cut)}
     mates = [(number, mate) for number, mate in enumerate(assembly.mates) if mate.joints]
     followed = {joint.mimic.joint.path for _, mate in mates for joint in mate.joints if joint.mimic is not None}
     for number, mate in mates:
-        yield number, Worth(
+        yield number, CutPriority(
             uncut=cut.get(mate.name or "", len(cut)),
             driven=any(j.actuator is not None and (mode.actuators is None or j.path in mode.actuators) for j in mate.joints),
             coupled=any(joint.mimic is not None or joint.path in followed for joint in mate.joints),

@@ -20,7 +20,7 @@ from dataclasses import replace
 from thingc.base.frozen import dataclass
 from thingc.base.joints.twist import Twist, moved, velocities
 from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, rotate, transpose, turn_of, turned_about
-from thingc.base.summing import dist, hypot, plain_sum
+from thingc.base.summing import dist, hypot, sum_of
 from thingc.model.assembly.kinematics import balls, bent, coordinates, in_cones, leaders
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.kinematics import carried, in_world
@@ -131,7 +131,7 @@ class Loops:
         places += [at[c.child].apply(c.X_CB.translation) for c in self.closures]
         if not places:
             return 1.0
-        middle = [plain_sum(place[k] for place in places) / len(places) for k in range(3)]
+        middle = [sum_of(place[k] for place in places) / len(places) for k in range(3)]
         far = max(dist(place, middle) for place in places)
         return far if far > 0.0 else 1.0
 
@@ -239,7 +239,7 @@ class Loops:
 
     def distance(self, start: SolverState, state: SolverState, given: Collection[str]) -> float:
         """The sum of squares that `nearest` minimizes."""
-        return plain_sum(((start.q[c.path] - state.q[c.path]) / c.unit) ** 2 for c in self.coordinates if c.path in given)
+        return sum_of(((start.q[c.path] - state.q[c.path]) / c.unit) ** 2 for c in self.coordinates if c.path in given)
 
     def _stacked(self, state: SolverState) -> list[float]:
         """All residuals in one list, rotations as the lengths that they make at the robot's size."""
@@ -459,4 +459,4 @@ def _linear(error: Sequence[float], columns: Sequence[Sequence[float]], step: Se
 
 
 def _square(values: Sequence[float]) -> float:
-    return plain_sum(value * value for value in values)
+    return sum_of(value * value for value in values)

@@ -11,7 +11,7 @@ from functools import partial
 from thingc.base.diagnostics import Code, Note, Report, allow_hint, shown_path
 from thingc.base.memo import Memo
 from thingc.base.pose import Pose, Vector
-from thingc.base.summing import hypot, plain_sum
+from thingc.base.summing import hypot, sum_of
 from thingc.base.units import LENGTH, Quantity
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import Assembly, Link, Occurrence
@@ -222,7 +222,7 @@ def _certain(box: Box, down: Vector) -> float:
     """The lowest that is certain of a part in a box, which it touches on every side: on each side the point that it touches is no
     higher than the highest of that side."""
     highest = [max(component * low, component * high) for component, low, high in zip(down, *box, strict=True)]
-    return min(plain_sum(highest) - highest[axis] + down[axis] * side[axis] for axis in range(3) for side in box)
+    return min(sum_of(highest) - highest[axis] + down[axis] * side[axis] for axis in range(3) for side in box)
 
 
 def _sphere(link: Link, assembly: Assembly) -> float:

@@ -10,7 +10,7 @@ from thingc.base.memo import Memo
 from thingc.base.pose import MATE, NO_POSE, Pose
 from thingc.model.assembly.types import Assembly, JointEdge, LinkedMode, Mate
 from thingc.model.resolve.coordinates import Dynamics, Limit
-from thingc.model.robot.types import Body, Closure, CoreJoint
+from thingc.model.robot.types import Body, Closure, TreeJoint
 
 BASE = "root"
 """What a joint is called by which a base moves; no joint of a document can be."""
@@ -65,7 +65,7 @@ def root_pose(assembly: Assembly, mode: LinkedMode) -> Pose:
     return X_WO @ in_link(assembly)[choice.occurrence].inverse()
 
 
-def base_moves(mode: LinkedMode, root: Pose) -> tuple[CoreJoint, ...]:
+def base_moves(mode: LinkedMode, root: Pose) -> tuple[TreeJoint, ...]:
     """The coordinates of a base that moves as a joint in the frame of `at` would: `planar` in its plane, `ball` about its origin, where the
     root's origin is; the root link is at `root`. None of any other."""
     kind = moving_as(mode.base)
@@ -73,7 +73,7 @@ def base_moves(mode: LinkedMode, root: Pose) -> tuple[CoreJoint, ...]:
         return ()
     seen = seen_at_zero(kind.twists, (0.0, 0.0, 0.0), root.inverse() @ mode.at)
     return tuple(
-        CoreJoint(
+        TreeJoint(
             path=f"{BASE}_{number}", kind=kind, twist=twist, reversed=False, offset=0.0, limit=Limit(), dynamics=Dynamics(), mimic=None,
             actuator=None, mate=-1, origin=mode.origin,
         )
@@ -144,8 +144,8 @@ def _lowered(
     return at_zero.inverse(), tuple(reversed(undone))
 
 
-def _core(joint: JointEdge, twist: Twist, number: int, reversed_: bool) -> CoreJoint:
-    return CoreJoint(
+def _core(joint: JointEdge, twist: Twist, number: int, reversed_: bool) -> TreeJoint:
+    return TreeJoint(
         path=joint.path, kind=joint.kind, twist=twist, reversed=reversed_, offset=joint.offset, limit=joint.limit, dynamics=joint.dynamics,
         mimic=joint.mimic, actuator=joint.actuator, mate=number, origin=joint.origin,
     )

@@ -11,7 +11,7 @@ from thingc.base.frozen import dataclass
 from thingc.base.joints.bases import BaseType
 from thingc.base.joints.kind import JointKind
 from thingc.base.joints.twist import Twist
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose, Vector
 from thingc.base.source import Origin
 from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge, LinkedMode
@@ -19,7 +19,7 @@ from thingc.model.resolve.coordinates import Dynamics, Limit, Mimic
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CoreJoint(Brief):
+class TreeJoint(OneLineRepr):
     """A coordinate of a joint as the tree crosses it: child link relative to its tree parent.
 
     `twist` is in the child link's frame with the coordinates after it in the body at 0, the same at every q of its own and of those
@@ -41,7 +41,7 @@ class CoreJoint(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Body(Brief):
+class Body(OneLineRepr):
     """A link in the tree. `parent` is an index into `Robot.bodies` (None: the world); `X_PL` the pose of its frame in the
     parent link's frame at q = 0 (of the root: in the world, as the mode's `at` puts it). It moves in it by its `joints`, one after
     the other, `X_PL @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...`, or those of a ball at once; the root has none."""
@@ -49,7 +49,7 @@ class Body(Brief):
     link: int
     parent: int | None
     X_PL: Pose
-    joints: tuple[CoreJoint, ...]
+    joints: tuple[TreeJoint, ...]
 
     @property
     def twists(self) -> tuple[Twist, ...]:
@@ -63,7 +63,7 @@ class Body(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Site(Brief):
+class Site(OneLineRepr):
     """A named frame on a link: `path`, the body's index, and its pose in the link's frame."""
 
     path: SitePath
@@ -78,7 +78,7 @@ right angles, or several coordinates."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Closure(Brief):
+class Closure(OneLineRepr):
     """A loop that the tree leaves open: body `parent` (None: the world) and body `child` meet. With A a frame on the parent and
     B one on the child, it is closed where
 
@@ -125,7 +125,7 @@ def residual_words(residual: tuple[float, float]) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Keyframe(Brief):
+class Keyframe(OneLineRepr):
     """A pose of this mode: q of every joint by path [rad or m], those that mimic included, and those that were cut.
 
     In a mode with closures it is the named pose with the loops closed: `moved` says by how much [rad or m] each joint had to
@@ -143,7 +143,7 @@ class Keyframe(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Unclosed(Brief):
+class Unclosed(OneLineRepr):
     """A pose that the mode has no keyframe for, because its loops do not close from there within the limits of the joints:
     `path` names the closure that stays open most, `residual` how far [m, rad] at best. Or they do close, but so far from the
     pose that it would be another: then `moved` is that of the keyframe it would have been."""
@@ -156,7 +156,7 @@ class Unclosed(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Robot(Brief):
+class Robot(OneLineRepr):
     """One mode. `bodies` in depth-first order, root first, parents before children, children in document order.
 
     `base` is `fixed | held | free | planar | ball`, `moves` the coordinates of the last two (the root body stands at 0 of them in every
@@ -180,7 +180,7 @@ class Robot(Brief):
     adhesion: dict[SitePath, float]
     closures: tuple[Closure, ...] = ()
     unclosed: tuple[Unclosed, ...] = ()
-    moves: tuple[CoreJoint, ...] = ()
+    moves: tuple[TreeJoint, ...] = ()
 
     @property
     def pulled(self) -> tuple[str, ...]:

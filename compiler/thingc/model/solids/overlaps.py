@@ -12,7 +12,7 @@ from thingc.base.frozen import dataclass
 from thingc.base.memo import Memo
 from thingc.base.pose import Pose, Vector
 from thingc.base.primitives import Primitive
-from thingc.base.summing import plain_sum
+from thingc.base.summing import sum_of
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Occurrence, Surface
 
@@ -165,7 +165,7 @@ def _volume(part: Occurrence) -> float:
     """What it holds [m^3]; of a link all its shapes, also where they overlap."""
     if part.record is not None:
         return part.record.volume if part.record.exact else 0.0
-    return plain_sum(one.solid.volume if isinstance(one.solid, Primitive) else one.volume for one in part.solids)
+    return sum_of(one.solid.volume if isinstance(one.solid, Primitive) else one.volume for one in part.solids)
 
 
 def _is_closed(surface: Surface) -> bool:

@@ -27,8 +27,8 @@ from thingc.base.summing import hypot
 from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.robot.loop_solver import Loops, SolverState
 from thingc.model.robot.types import Robot
-from thingc.model.statics.support import Stance, outside, stance
-from thingc.model.statics.types import DriveTransmission, Efforts, Fall, answer
+from thingc.model.statics.support import Support, outside, stance
+from thingc.model.statics.types import DriveTransmission, Efforts, Topple, answer
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ def balance_shared(
     )
 
 
-def _feet(robot: Robot, q: Mapping[str, float], stands: Stance, column: Mapping[str, int], size: float) -> list[Array]:
+def _feet(robot: Robot, q: Mapping[str, float], stands: Support, column: Mapping[str, int], size: float) -> list[Array]:
     """At `q` how each foot moves [m] with the coordinates (3 x n): the joints', then the base's, three shifts (in lengths of `size` [m])
     and three turns about its origin."""
     following = leaders(joints_of(robot.assembly), q)
@@ -96,7 +96,7 @@ def _feet(robot: Robot, q: Mapping[str, float], stands: Stance, column: Mapping[
     return jacobians
 
 
-def _fall(robot: Robot, stands: Stance) -> Fall | None:
+def _fall(robot: Robot, stands: Support) -> Topple | None:
     """Why the floor cannot carry the robot, however its drives hold it; None where it can, and where holds carry it, too."""
     if robot.closures and any(closure.hold for closure in robot.closures):
         return None
@@ -113,8 +113,8 @@ def _fall(robot: Robot, stands: Stance) -> Fall | None:
         return None
     far = outside(stands)
     if math.isinf(far):
-        return Fall("pulls" if stands.weight[2] > 1e-9 * hypot(*stands.weight) else "slides", far)
-    return Fall("tips" if far > 0.0 else "slides", far)
+        return Topple("pulls" if stands.weight[2] > 1e-9 * hypot(*stands.weight) else "slides", far)
+    return Topple("tips" if far > 0.0 else "slides", far)
 
 
 def edges(friction: float) -> Array:

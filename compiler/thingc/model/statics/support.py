@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from thingc.base.pose import Pose, Vector, cross
-from thingc.base.summing import dist, hypot, plain_sum
+from thingc.base.summing import dist, hypot, sum_of
 from thingc.model.robot.kinematics import in_world
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
@@ -16,7 +16,7 @@ LEVEL = 0.02
 """A foot that is higher above the lowest one than this part of the greatest distance of two feet does not stand on the floor."""
 
 
-class Footing(NamedTuple):
+class FootContact(NamedTuple):
     """A foot at `point` [m] in the world, where the floor pushes upwards. `moves` is its velocity by the speed of each joint that
     carries it [m/rad or 1], by path; `pull` [N] what its adhesion presses it onto the floor with."""
 
@@ -27,11 +27,11 @@ class Footing(NamedTuple):
     pull: float
 
 
-class Stance(NamedTuple):
+class Support(NamedTuple):
     """What a floating robot stands on: its feet, the `origin` of its root link and the `centre` of its mass in the world [m], and its
     `weight` [N]."""
 
-    feet: tuple[Footing, ...]
+    feet: tuple[FootContact, ...]
     origin: Vector
     centre: Vector
     weight: Vector
@@ -42,23 +42,23 @@ class Stance(NamedTuple):
         return cross(_less(self.centre, self.origin), self.weight)
 
 
-def stance(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Stance:
+def stance(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Support:
     """The feet of a mode at `q` (all joints by path, rad or m), its bodies at these poses in the world."""
     masses = [robot.assembly.links[body.link].properties for body in robot.bodies]
-    mass = plain_sum(own.mass for own in masses)
+    mass = sum_of(own.mass for own in masses)
     centres = [pose.apply(own.centre) for own, pose in zip(masses, bodies, strict=True)]
-    x, y, z = (plain_sum(own.mass * centre[k] for own, centre in zip(masses, centres, strict=True)) / mass for k in range(3))
+    x, y, z = (sum_of(own.mass * centre[k] for own, centre in zip(masses, centres, strict=True)) / mass for k in range(3))
     gx, gy, gz = robot.gravity
-    return Stance(
+    return Support(
         feet=tuple(_footings(robot, q, bodies)), origin=bodies[0].translation, centre=(x, y, z), weight=(mass * gx, mass * gy, mass * gz),
     )
 
 
-def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> list[Footing]:
+def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> list[FootContact]:
     assembly, placed = robot.assembly, in_link(robot.assembly)
     body_of = {body.link: index for index, body in enumerate(robot.bodies)}
     pulls = {(one.occurrence, one.mount): robot.adhesion.get(one.path, 0.0) for one in assembly.adhesions}
-    footings: list[Footing] = []
+    footings: list[FootContact] = []
     for foot in robot.mode.feet:
         choice = foot.mount
         mount = assembly.occurrences[choice.occurrence].mounts[choice.mount or "origin"]
@@ -70,23 +70,23 @@ def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> l
                 moves[joint.path] = twist.velocity(point)[0]
             body = robot.bodies[body].parent
         pull = pulls.get((choice.occurrence, choice.mount or "origin"), 0.0)
-        footings.append(Footing(choice.path, point, moves, foot.friction, pull))
+        footings.append(FootContact(choice.path, point, moves, foot.friction, pull))
     return footings
 
 
-def lifted(feet: Sequence[Footing]) -> dict[str, float]:
+def lifted(feet: Sequence[FootContact]) -> dict[str, float]:
     """How high [m] those feet are above the lowest one that are too high to stand on the same floor, by path."""
     lowest = min((foot.point[2] for foot in feet), default=0.0)
     widest = max((dist(a.point, b.point) for a in feet for b in feet), default=0.0)
     return {foot.path: foot.point[2] - lowest for foot in feet if foot.point[2] - lowest > LEVEL * widest}
 
 
-def outside(stance: Stance) -> float:
+def outside(stance: Support) -> float:
     """How far [m] along the floor the centre of mass, projected on it along gravity, is outside of the polygon of the feet: 0 within.
     Infinite where gravity does not pull towards the floor."""
     if stance.weight[2] >= -1e-9 * hypot(*stance.weight):
         return math.inf
-    floor = plain_sum(foot.point[2] for foot in stance.feet) / len(stance.feet)
+    floor = sum_of(foot.point[2] for foot in stance.feet) / len(stance.feet)
     down = (floor - stance.centre[2]) / stance.weight[2]
     x, y = stance.centre[0] + down * stance.weight[0], stance.centre[1] + down * stance.weight[1]
     corners = polygon([(foot.point[0] - x, foot.point[1] - y) for foot in stance.feet])

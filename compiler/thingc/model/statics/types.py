@@ -21,7 +21,7 @@ class DriveTransmission(NamedTuple):
     weight: float
 
 
-class Fall(NamedTuple):
+class Topple(NamedTuple):
     """Why the floor does not carry a robot on its feet, whatever its drives give: it `tips`, with its centre of mass `outside` [m] of
     the polygon of the feet, it `slides`, or gravity `pulls` it off."""
 
@@ -43,7 +43,7 @@ class Efforts(NamedTuple):
     unheld: float
     where: str
     choices: int
-    fall: Fall | None = None
+    fall: Topple | None = None
 
     @property
     def least_margin(self) -> float | None:
@@ -53,7 +53,7 @@ class Efforts(NamedTuple):
 
 def answer(
     drives: Iterable[DriveTransmission], efforts: dict[str, float], greatest: float, unheld: float, where: str, choices: int,
-    fall: Fall | None = None,
+    fall: Topple | None = None,
 ) -> Efforts:
     """The efforts found, with their margins; `unheld` [N m or N] of the load, which is `greatest` somewhere, is left at `where`."""
     margins = {path: margin(limit, efforts[path]) for path, _, limit, _ in drives if limit is not None}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import groupby
 
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 from thingc.model.assembly.hag import Definition, DefinitionEdge, Hag
 from thingc.targets import json_writer
 from thingc.targets.artifact import Artifacts
@@ -45,7 +45,7 @@ def text(hag: Hag) -> str:
     A nested assembly that is used again is not unrolled again; what a `repeat` made is one line.
     """
     below = children(hag)
-    labels = {definition.text: shown(definition.label) for definition in hag.definitions}
+    labels = {definition.text: escape_control(definition.label) for definition in hag.definitions}
     rows: list[tuple[str, str, str]] = []
     unrolled: set[str] = set()
 
@@ -75,7 +75,7 @@ def text(hag: Hag) -> str:
 def _remark(definition: Definition) -> str:
     """What kind of definition it is, unless it is a part, and what it mirrors."""
     kind = f" ({definition.kind})" if definition.kind != "part" else ""
-    return kind if definition.plain is None else f"{kind} mirrors {shown(definition.plain.label)}"
+    return kind if definition.plain is None else f"{kind} mirrors {escape_control(definition.plain.label)}"
 
 def dot(hag: Hag) -> str:
     """Graphviz: a node per definition, an edge per component with its mounts and joint."""
@@ -136,9 +136,9 @@ def _names(hag: Hag) -> dict[str, str]:
 
 def _dot_quoted(*lines: str) -> str:
     """A DOT string: `"` and, in labels, `\\` and `&` (HTML entities) are special; lines end with `\\n`."""
-    escaped = (shown(line).replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"') for line in lines)
+    escaped = (escape_control(line).replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"') for line in lines)
     return '"' + "\\n".join(escaped) + '"'
 
 def _mermaid_escaped(text: str) -> str:
     """Inside a quoted Mermaid label: characters that end it, begin an entity, HTML or Markdown, as entity codes."""
-    return "".join(f"#{ord(character)};" if character in "\"#&<`\\" else character for character in shown(text))
+    return "".join(f"#{ord(character)};" if character in "\"#&<`\\" else character for character in escape_control(text))

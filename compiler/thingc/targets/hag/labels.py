@@ -8,7 +8,7 @@ from typing import get_args
 
 from thingc.base.frozen import dataclass
 from thingc.base.one_line_repr import counted
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 from thingc.model.assembly.hag import Definition, DefinitionEdge, DefinitionKind, Hag
 
 KINDS: tuple[DefinitionKind, ...] = get_args(DefinitionKind)
@@ -16,19 +16,19 @@ KINDS: tuple[DefinitionKind, ...] = get_args(DefinitionKind)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bundle:
+class EdgeBundle:
     """All edges from one definition to another: drawn as one line."""
 
     parent: str
     child: str
     edges: tuple[DefinitionEdge, ...]
 
-def bundles(hag: Hag) -> tuple[Bundle, ...]:
+def bundles(hag: Hag) -> tuple[EdgeBundle, ...]:
     """The edges put together by their two ends, in the order first met."""
     grouped: dict[tuple[str, str], list[DefinitionEdge]] = {}
     for edge in hag.edges:
         grouped.setdefault((edge.parent, edge.child), []).append(edge)
-    return tuple(Bundle(parent=parent, child=child, edges=tuple(edges)) for (parent, child), edges in grouped.items())
+    return tuple(EdgeBundle(parent=parent, child=child, edges=tuple(edges)) for (parent, child), edges in grouped.items())
 
 def quantities(hag: Hag) -> dict[str, int]:
     """How often each definition stands in the whole robot, by its text: the number of paths from the root to it."""
@@ -52,7 +52,7 @@ def how(edge: DefinitionEdge) -> str:
     parts = [f"joint {edge.joint}"] if edge.joint is not None else []
     if edge.mounts:
         parts.append(edge.mounts)
-    return shown(": ".join(parts))
+    return escape_control(": ".join(parts))
 
 def mirrors(hag: Hag) -> list[tuple[Definition, str]]:
     """Every mirror image of a definition that stands in the graph as well, with the text of that."""
@@ -86,7 +86,7 @@ def entries(edges: Sequence[DefinitionEdge]) -> list[tuple[str, str]]:
 
 def short(definition: Definition) -> tuple[str, str, str]:
     """`(name, where, parameters)` of a definition, for a box: `("RotorBrace", "arm", "length=100 mm")`."""
-    text = shown(definition.label).removesuffix(f" [{shown(definition.reference)}]")
+    text = escape_control(definition.label).removesuffix(f" [{escape_control(definition.reference)}]")
     head, opening, rest = text.partition("(") if definition.kind != "file" else (text, "", "")
     parameters = rest[:-1] if opening and rest.endswith(")") else rest
     if definition.kind == "part" and ":" in head:
@@ -95,7 +95,7 @@ def short(definition: Definition) -> tuple[str, str, str]:
     if definition.kind == "file":
         where, _, name = head.rpartition("/")
         return name, where, parameters
-    return head, shown(definition.reference) if definition.kind == "assembly" else "", parameters
+    return head, escape_control(definition.reference) if definition.kind == "assembly" else "", parameters
 
 def _run(edges: Sequence[DefinitionEdge], start: int) -> int:
     """How many edges from `start` on are named `stem_k`, `stem_k+1`, ..."""

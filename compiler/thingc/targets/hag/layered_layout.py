@@ -14,7 +14,7 @@ from bisect import bisect_left, insort
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from thingc.base.summing import plain_sum
+from thingc.base.summing import sum_of
 
 GAP = 40.0
 """Between two columns, where the lines spread; more where they are steep."""
@@ -177,7 +177,7 @@ def _reduce_crossings(items: Sequence[_Item], columns: list[list[int]]) -> None:
             means: dict[int, float] = {}
             for position, k in enumerate(columns[number]):
                 neighbours = items[k].before if forward else items[k].after
-                means[k] = plain_sum(fixed[n] for n in neighbours) / len(neighbours) if neighbours else float(position)
+                means[k] = sum_of(fixed[n] for n in neighbours) / len(neighbours) if neighbours else float(position)
             columns[number].sort(key=means.__getitem__)
         now = _crossings(items, columns)
         if now < fewest:
@@ -207,7 +207,7 @@ def _set_heights(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> No
                 neighbours = (before or after) if sweep % 2 == 0 else (after or before)
                 if last and items[k].box is None:
                     neighbours = before + after
-                wanted.append(plain_sum(items[n].y for n in neighbours) / len(neighbours) if neighbours else items[k].y)
+                wanted.append(sum_of(items[n].y for n in neighbours) / len(neighbours) if neighbours else items[k].y)
                 weights.append(float(max(1, len(neighbours))) * (1.0 if items[k].box is not None else 2.0))
             separations = [_separation(items[a], items[b]) for a, b in zip(column, column[1:])]
             for k, y in zip(column, _nearest(wanted, weights, separations)):

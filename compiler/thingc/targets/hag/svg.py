@@ -7,9 +7,9 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
 from thingc.base.frozen import dataclass
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 from thingc.model.assembly.hag import Definition, DefinitionKind, Hag
-from thingc.targets.hag.labels import KINDS, Bundle, bundles, entries, how, quantities, short, total
+from thingc.targets.hag.labels import KINDS, EdgeBundle, bundles, entries, how, quantities, short, total
 from thingc.targets.hag.layered_layout import Drawing, Line, Rectangle, Route, Size, draw
 
 MARGIN = 28.0
@@ -57,7 +57,7 @@ def picture(hag: Hag) -> str:
 
 
 def _canvas(hag: Hag, drawing: Drawing) -> ET.Element:
-    width = max(drawing.width, 8.0 * LONGEST, _width(shown(hag.label), 16.0)) + 2.0 * MARGIN
+    width = max(drawing.width, 8.0 * LONGEST, _width(escape_control(hag.label), 16.0)) + 2.0 * MARGIN
     height = drawing.height + HEAD + MARGIN
     svg = ET.Element(
         "svg",
@@ -71,9 +71,9 @@ def _canvas(hag: Hag, drawing: Drawing) -> ET.Element:
             "fill": INK,
         },
     )
-    ET.SubElement(svg, "title").text = f"{shown(hag.label)}: hierarchical assembly graph"
+    ET.SubElement(svg, "title").text = f"{escape_control(hag.label)}: hierarchical assembly graph"
     ET.SubElement(svg, "rect", {"width": "100%", "height": "100%", "fill": "#ffffff"})
-    _text(svg, MARGIN, 26.0, shown(hag.label), {"font-size": "16", "font-weight": "bold"})
+    _text(svg, MARGIN, 26.0, escape_control(hag.label), {"font-size": "16", "font-weight": "bold"})
     _text(svg, MARGIN, 43.0, total(hag), {"fill": MUTED})
     used = [kind for kind in KINDS if any(definition.kind == kind for definition in hag.definitions)]
     x = MARGIN + _width(total(hag), 11.0) + 22.0
@@ -128,7 +128,7 @@ class _Words:
     baseline: float
 
 
-def _label_words(strand: Bundle) -> list[_Words]:
+def _label_words(strand: EdgeBundle) -> list[_Words]:
     """What a line says: components, each followed by how it is placed."""
     words: list[_Words] = []
     baseline = 11.0
@@ -150,7 +150,7 @@ def _label_size(words: Sequence[_Words]) -> Size:
     return Size(width=round(width + 10.0, 1), height=words[-1].baseline + 5.0)
 
 
-def _draw_line(board: ET.Element, strand: Bundle, route: Route) -> None:
+def _draw_line(board: ET.Element, strand: EdgeBundle, route: Route) -> None:
     (x, _, y) = route.stretches[0]
     path = [f"M{_n(x)} {_n(y)}"]
     for (_, x1, y1), (x2, _, y2) in zip(route.stretches, route.stretches[1:]):
@@ -162,11 +162,11 @@ def _draw_line(board: ET.Element, strand: Bundle, route: Route) -> None:
     ET.SubElement(board, "path", {"d": f"M{_n(x)} {_n(y)}l-8 -3.6v7.2z", "fill": color})
 
 
-def _color(strand: Bundle) -> str:
+def _color(strand: EdgeBundle) -> str:
     return JOINT if any(edge.joint is not None for edge in strand.edges) else LINE
 
 
-def _draw_label(board: ET.Element, strand: Bundle, place: Rectangle, words: Sequence[_Words]) -> None:
+def _draw_label(board: ET.Element, strand: EdgeBundle, place: Rectangle, words: Sequence[_Words]) -> None:
     group = ET.SubElement(board, "g", {"class": "label"})
     ET.SubElement(group, "title").text = "\n".join(": ".join(filter(None, (edge.component, how(edge)))) for edge in strand.edges)
     ET.SubElement(group, "rect", _rectangle(place) | {"fill": "#ffffff", "rx": "3"})
@@ -179,7 +179,7 @@ def _draw_label(board: ET.Element, strand: Bundle, place: Rectangle, words: Sequ
 
 def _draw_box(board: ET.Element, definition: Definition, place: Rectangle, lines: Sequence[str], count: int) -> None:
     group = ET.SubElement(board, "g", {"class": f"box {definition.kind}"})
-    ET.SubElement(group, "title").text = shown(definition.label)
+    ET.SubElement(group, "title").text = escape_control(definition.label)
     ET.SubElement(group, "rect", _rectangle(place) | _box_style(definition.kind) | {"rx": "7"})
     for row, line in enumerate(lines):
         style = {"font-size": "13", "font-weight": "bold"} if row == 0 else {"fill": MUTED}

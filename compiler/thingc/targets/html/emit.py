@@ -8,9 +8,9 @@ from importlib import resources
 
 from thingc.base.frozen import dataclass
 from thingc.base.html_page import in_script, pieces
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 from thingc.targets.artifact import Artifacts
-from thingc.targets.html.mesh_packing import Packed
+from thingc.targets.html.mesh_packing import PackedMeshes
 from thingc.targets.html.viewer_data import describe
 from thingc.targets.request import EmitRequest
 
@@ -48,7 +48,7 @@ def _framed(name: str, data: str, glb: bytes, *, live: str | None, editor: str |
     own = resources.files("thingc.targets.html") / "page"
     texts = {
         "@STYLE@": (own / "viewer.css").read_text(encoding="utf-8"), "@SCRIPT@": (own / "viewer.js").read_text(encoding="utf-8"),
-        "@TITLE@": html.escape(shown(name)), "@LIVE@": "\n".join(
+        "@TITLE@": html.escape(escape_control(name)), "@LIVE@": "\n".join(
             f'<meta name="thingc-{name}" content="{html.escape(content)}">'
             for name, content in (("live", live), ("editor", editor)) if content is not None
         ),
@@ -61,7 +61,7 @@ def _framed(name: str, data: str, glb: bytes, *, live: str | None, editor: str |
 
 def page_of(request: EmitRequest) -> Page:
     """The page of a robot in all chosen modes. Raises `BlobMissing`."""
-    packed = Packed(request.store)
+    packed = PackedMeshes(request.store)
     data = describe(request.assembly, request.robots, request.workspace, packed)
     return Page(name=request.assembly.name, data=in_script(data), glb=packed.glb())
 

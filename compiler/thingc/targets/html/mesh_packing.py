@@ -26,7 +26,7 @@ MOST = 32767
 """The largest number of 16 bits with a sign, which stands for 1."""
 
 
-class Packed:
+class PackedMeshes:
     """Meshes of a store, each numbered when it is first asked for."""
 
     def __init__(self, store: Store) -> None:

@@ -28,7 +28,7 @@ from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Body, Closure, Keyframe, Robot
 from thingc.model.statics.efforts import static_efforts
 from thingc.targets.bom import listed, make_of, with_pieces
-from thingc.targets.html.mesh_packing import Packed
+from thingc.targets.html.mesh_packing import PackedMeshes
 
 VERSION = 1
 """Of the form of the data: the page refuses another."""
@@ -39,7 +39,7 @@ SLACK = 1e-6
 Data = dict[str, object]
 
 
-def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, packed: Packed) -> Data:
+def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, packed: PackedMeshes) -> Data:
     """All that the page is told. Meshes are asked of `packed`, and named by their numbers there."""
     within = in_link(assembly)
     places = _Places(workspace)
@@ -118,7 +118,7 @@ def _definition(occurrence: Occurrence, places: _Places) -> Data:
     }
 
 
-def _occurrence(one: Occurrence, definition: int, link: int, pose: Pose, packed: Packed, places: _Places) -> Data:
+def _occurrence(one: Occurrence, definition: int, link: int, pose: Pose, packed: PackedMeshes, places: _Places) -> Data:
     return {
         "path": one.path, "definition": definition, "link": link, "pose": _rows(pose), "mass": one.properties.mass,
         "centre": one.properties.centre, "source": one.mass_source, "estimate": one.estimate,
@@ -135,7 +135,7 @@ def _occurrence(one: Occurrence, definition: int, link: int, pose: Pose, packed:
     }
 
 
-def _shape(surface: Surface, packed: Packed) -> Data:
+def _shape(surface: Surface, packed: PackedMeshes) -> Data:
     solid = surface.solid
     if isinstance(solid, Mesh):
         return {"shape": "mesh", "mesh": packed.number(solid), "pose": None if surface.pose == NO_POSE else _rows(surface.pose)}

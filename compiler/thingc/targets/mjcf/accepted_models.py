@@ -37,7 +37,7 @@ _BOX_SIDES = (
 """Of corners whose z changes first, then y, then x."""
 
 
-class Known:
+class AcceptedModels:
     """The memory of one version of MuJoCo, kept in a store, of models with these `meshes`."""
 
     def __init__(self, store: Store, version: str, meshes: Sequence[MeshAsset]) -> None:

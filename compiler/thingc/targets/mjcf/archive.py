@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from thingc.base.zip_files import MODEL, Deflated, deflate, zipped
+from thingc.base.zip_files import MODEL, ZipEntry, deflate, zipped
 from thingc.geometry.store.local import BlobMissing, Store
-from thingc.targets.artifact import Artifacts, Stored
+from thingc.targets.artifact import Artifacts, StoredArtifact
 from thingc.targets.mjcf.emit import models
 from thingc.targets.request import EmitRequest
 
@@ -29,17 +29,17 @@ def emit(request: EmitRequest) -> Artifacts:
     )
 
 
-def archive(model: bytes, assets: Mapping[str, Stored], store: Store) -> bytes:
+def archive(model: bytes, assets: Mapping[str, StoredArtifact], store: Store) -> bytes:
     """The zip file: the model, and each asset as `assets/<file>`."""
     return zipped({MODEL: model, **{f"assets/{file}": _asset(stored, store) for file, stored in assets.items()}})
 
 
-def _asset(stored: Stored, store: Store) -> Deflated:
+def _asset(stored: StoredArtifact, store: Store) -> ZipEntry:
     """An asset, compressed now or earlier."""
     deflated = store.get_json("deflated", stored.sha256)
     if deflated is not None:
         try:
-            return Deflated(data=store.read(deflated["sha256"]), crc=deflated["crc"], size=deflated["size"])
+            return ZipEntry(data=store.read(deflated["sha256"]), crc=deflated["crc"], size=deflated["size"])
         except BlobMissing:
             pass
     entry = deflate(store.read(stored.sha256))

@@ -8,10 +8,10 @@ from typing import Any, assert_never
 
 from thingc.base.memo import Memo
 from thingc.base.pose import Pose
-from thingc.base.summing import plain_sum
+from thingc.base.summing import sum_of
 from thingc.model.assembly.types import Link
 from thingc.model.robot.tree import BASE
-from thingc.model.robot.types import CoreJoint, Robot
+from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.artifact import Loss
 from thingc.targets.capabilities import drive_cell, written
 from thingc.targets.geometry import Geometry
@@ -63,7 +63,7 @@ def adhesion_name(robot: Robot, path: str) -> str:
     return f"{path}:adhesion" if taken else path
 
 
-def _joints(robot: Robot) -> list[CoreJoint]:
+def _joints(robot: Robot) -> list[TreeJoint]:
     return [joint for body in robot.bodies for joint in body.joints]
 
 
@@ -256,7 +256,7 @@ class _Builder:
             values += zip(("mpos", "mquat"), (tuple(chain(*column)) for column in zip(*mocap)))
             self.grow(section, ("key", self.robot.mode.name, frame.name), elements.key, tuple(values), frame.origin)
 
-    def name_of(self, joint: CoreJoint) -> str:
+    def name_of(self, joint: TreeJoint) -> str:
         """What the whole joint is called that a coordinate is of."""
         return FREE_JOINT if joint.mate < 0 else self.assembly.mates[joint.mate].name or joint.path
 
@@ -269,7 +269,7 @@ class _Builder:
             return 0.0
         if drive.axis is None:
             return q[path]
-        return plain_sum(part * q[one.path] for part, one in zip(drive.axis, self.assembly.mates[joint.mate].joints, strict=True))
+        return sum_of(part * q[one.path] for part, one in zip(drive.axis, self.assembly.mates[joint.mate].joints, strict=True))
 
 
 def _suffixes(words: tuple[str, ...]) -> Iterator[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from thingc.model.assembly.types import ActuatorModel, LinkedTendon
 from thingc.model.resolve.coordinates import Limit
-from thingc.model.robot.types import CoreJoint
+from thingc.model.robot.types import TreeJoint
 from thingc.targets.xml_writer import number, numbers
 
 UNBOUNDED = 1e6
@@ -21,7 +21,7 @@ def joint_range(limit: Limit) -> tuple[float, float] | None:
     return (-UNBOUNDED if limit.lower is None else limit.lower, UNBOUNDED if limit.upper is None else limit.upper)
 
 
-def drive_attributes(joint: CoreJoint | LinkedTendon, drive: ActuatorModel) -> dict[str, str]:
+def drive_attributes(joint: TreeJoint | LinkedTendon, drive: ActuatorModel) -> dict[str, str]:
     """Gains and ranges: of a position drive the joint's range, of a velocity drive its velocity limit, of a motor its
     effort. The joint's effort limit has the drive's as its default and counts where both are written."""
     effort = joint.limit.effort if joint.limit.effort is not None else drive.effort

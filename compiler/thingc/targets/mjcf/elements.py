@@ -12,13 +12,13 @@ from thingc.base.source import Origin
 from thingc.model.assembly.types import ActuatorModel
 from thingc.model.resolve.coordinates import Dynamics
 from thingc.model.resolve.types import Material
-from thingc.model.robot.types import CoreJoint
+from thingc.model.robot.types import TreeJoint
 from thingc.targets import geometry
 from thingc.targets.geometry import MeshAsset, Shape, Shapes, channels, material_name, numbered
 from thingc.targets.mjcf.drives import both_ways, drive_attributes, joint_range
 from thingc.targets.mjcf.inertial import inertial
 from thingc.targets.mjcf.limits import is_shell
-from thingc.targets.mjcf.lowering import ModelJoint, lowered
+from thingc.targets.mjcf.lowering import MujocoJoint, lowered
 from thingc.targets.mjcf.poses import pose_attributes
 from thingc.targets.xml_writer import Element, number, numbers
 
@@ -63,7 +63,7 @@ def site(path: str, pose: Pose, origin: Origin) -> tuple[Element, ...]:
     return (Element(tag="site", attributes={"name": path, **pose_attributes(pose)}, origin=origin),)
 
 
-def joint(joint: CoreJoint, driven: bool) -> tuple[Element, ...]:
+def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
     """A hinge or slide; of a screw both. An effort limit stands on its actuator; on the joint itself only where it is not `driven`."""
     own, *others = (_axis(one, joint.twist) for one in lowered(joint))
     attributes = {**own}
@@ -76,7 +76,7 @@ def joint(joint: CoreJoint, driven: bool) -> tuple[Element, ...]:
     return tuple(Element(tag="joint", attributes=one, origin=joint.origin) for one in (attributes, *others))
 
 
-def ball(name: str, joint: CoreJoint) -> tuple[Element, ...]:
+def ball(name: str, joint: TreeJoint) -> tuple[Element, ...]:
     """A ball, of any of its coordinates: they have all but the axis in common."""
     attributes = {"name": name, "type": "ball", **({"pos": numbers(joint.twist.anchor)} if any(joint.twist.anchor) else {})}
     if joint.limit.cone is not None:
@@ -94,7 +94,7 @@ def dynamics_attributes(dynamics: Dynamics) -> dict[str, str]:
     }
 
 
-def _axis(one: ModelJoint, twist: Twist) -> dict[str, str]:
+def _axis(one: MujocoJoint, twist: Twist) -> dict[str, str]:
     """What every joint says of itself."""
     pos = {"pos": numbers(twist.anchor)} if any(twist.anchor) else {}
     return {"name": one.name, "type": one.type, **pos, "axis": numbers(one.axis)}
@@ -123,13 +123,13 @@ def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str, ta
     return tuple(elements)
 
 
-def drive(joint: CoreJoint, drive: ActuatorModel) -> tuple[Element, ...]:
+def drive(joint: TreeJoint, drive: ActuatorModel) -> tuple[Element, ...]:
     """The actuator of a joint."""
     attributes = {"name": drive.name or joint.path, "joint": joint.path, **drive_attributes(joint, drive)}
     return (Element(tag=drive.kind, attributes=attributes, origin=drive.origin),)
 
 
-def drive_of_ball(name: str, joint: CoreJoint, drive: ActuatorModel, axis: Vector) -> tuple[Element, ...]:
+def drive_of_ball(name: str, joint: TreeJoint, drive: ActuatorModel, axis: Vector) -> tuple[Element, ...]:
     """An actuator of the ball `name`, about an axis that is given in its body's axes, as the gear of the torque. Where the tree crosses the
     joint backwards, the axis goes with the parent in the tree."""
     attributes = {"name": drive.name or joint.path, "jointinparent" if joint.reversed else "joint": name, **drive_attributes(joint, drive)}

@@ -6,7 +6,7 @@ from thingc.base.diagnostics import Code
 from thingc.base.frozen import dataclass
 from thingc.base.generated_header import heading
 from thingc.model.robot.types import Robot
-from thingc.targets.artifact import Artifacts, Content, Loss, Stored
+from thingc.targets.artifact import Artifacts, Content, Loss, StoredArtifact
 from thingc.targets.capabilities import losses
 from thingc.targets.custom_names import called
 from thingc.targets.geometry import Geometry
@@ -23,7 +23,7 @@ class Models:
     """What is written of every mode, before it is laid out as files: `assets` are the meshes, by their name in `assets/`."""
 
     candidates: tuple[verify.Candidate, ...]
-    assets: dict[str, Stored]
+    assets: dict[str, StoredArtifact]
     losses: tuple[Loss, ...]
 
 
@@ -82,7 +82,7 @@ def models(request: EmitRequest) -> Models:
     return made
 
 
-def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str], dict[str, Stored]]:
+def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str], dict[str, StoredArtifact]]:
     """The model of each chosen mode as text, by mode, with the `floor` of its scene or without, and the meshes that they name, by file;
     nothing else: MuJoCo is not asked."""
     request = called(request)

@@ -19,7 +19,7 @@ from thingc.base.one_line_repr import counted
 from thingc.base.safe_text import quoted
 from thingc.base.source import Origin
 from thingc.base.units import LENGTH, Quantity
-from thingc.model.robot.types import CoreJoint, Robot
+from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.mjcf.compat.pymjcf import SEPARATOR
 
 DEEP = 0.5e-3
@@ -44,7 +44,7 @@ def apart(text: str) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Inside:
+class Penetration:
     """Two parts, by path, that start in each other by `depth` [m]."""
 
     one: str
@@ -123,11 +123,11 @@ class Gains:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Start:
+class InitialState:
     """What was found of one mode: parts in each other, deepest first, and by joint the gains that chatter."""
 
     robot: Robot
-    inside: tuple[Inside, ...]
+    inside: tuple[Penetration, ...]
     gains: dict[str, Gains]
 
     @property
@@ -136,7 +136,7 @@ class Start:
         return not self.inside and not self.gains
 
 
-def look(model: Any, robot: Robot) -> Start:
+def look(model: Any, robot: Robot) -> InitialState:
     """The first instant of a compiled scene (an `mujoco.MjModel`): contacts where the mode starts, gains over all of its keyframes.
 
     A model that is too large for the memory that MuJoCo takes for a step is not looked at further.
@@ -146,7 +146,7 @@ def look(model: Any, robot: Robot) -> Start:
     data = mujoco.MjData(model)
     frames = {frame.name: model.key(frame.name).id for frame in robot.keyframes}
     start = frames.get(robot.mode.pose or "")
-    inside: tuple[Inside, ...] = ()
+    inside: tuple[Penetration, ...] = ()
     worst: dict[str, Gains] = {}
     drives = {name: path for path, name in robot.assembly.drives.items()}
     options = model.opt.jacobian, model.opt.disableflags  # who asked may look at the model again
@@ -170,7 +170,7 @@ def look(model: Any, robot: Robot) -> Start:
         pass
     finally:
         model.opt.jacobian, model.opt.disableflags = options
-    return Start(robot=robot, inside=inside, gains=worst)
+    return InitialState(robot=robot, inside=inside, gains=worst)
 
 
 def _pose(model: Any, data: Any, number: int | None) -> None:
@@ -183,7 +183,7 @@ def _pose(model: Any, data: Any, number: int | None) -> None:
         mujoco.mj_resetDataKeyframe(model, data, number)
 
 
-def _inside(model: Any, data: Any, robot: Robot) -> Iterator[Inside]:
+def _inside(model: Any, data: Any, robot: Robot) -> Iterator[Penetration]:
     """The pairs of parts of two links that are in each other, deepest first."""
     owners = {one.name_in_files(surface): one.path for one in robot.assembly.occurrences for surface in one.touching}
     deepest: dict[tuple[str, str], float] = {}
@@ -195,7 +195,7 @@ def _inside(model: Any, data: Any, robot: Robot) -> Iterator[Inside]:
         one, other = sorted(owners.get(name) or _path(name) for name in names)
         deepest[one, other] = max(deepest.get((one, other), 0.0), -float(contact.dist))
     for (one, other), depth in sorted(deepest.items(), key=lambda entry: (-entry[1], entry[0])):
-        yield Inside(one=one, other=other, depth=depth)
+        yield Penetration(one=one, other=other, depth=depth)
 
 
 def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
@@ -249,16 +249,16 @@ def _path(name: str) -> str:
 # --- words -------------------------------------------------------------------------------------------------------------
 
 
-def say(starts: Sequence[Start], report: Report) -> None:
+def say(starts: Sequence[InitialState], report: Report) -> None:
     """A warning for each mode that starts in itself (modes that start alike share one), and for each drive that chatters, where it is
     worst."""
-    alike: dict[tuple[tuple[str, str, float], ...], list[Start]] = {}
+    alike: dict[tuple[tuple[str, str, float], ...], list[InitialState]] = {}
     for start in starts:
         if start.inside and not report.allows(Code.START_CONTACT, start.robot.mode.origin):
             alike.setdefault(tuple((one.one, one.other, round(one.depth, 5)) for one in start.inside), []).append(start)
     for group in alike.values():
         _say_inside(group[0], [start.robot.mode.name for start in group[1:]], report)
-    worst: dict[str, tuple[Gains, CoreJoint, Robot]] = {}
+    worst: dict[str, tuple[Gains, TreeJoint, Robot]] = {}
     for start in starts:
         joints = {joint.path: joint for body in start.robot.bodies for joint in body.joints}
         for path, gains in start.gains.items():
@@ -274,11 +274,11 @@ def say(starts: Sequence[Start], report: Report) -> None:
         _say_gains(*worst[first], [path for path in paths if path != first], report)
 
 
-def _written_at(joint: CoreJoint) -> Origin:
+def _written_at(joint: TreeJoint) -> Origin:
     return joint.actuator.origin if joint.actuator is not None else joint.origin
 
 
-def _say_inside(start: Start, others: Sequence[str], report: Report) -> None:
+def _say_inside(start: InitialState, others: Sequence[str], report: Report) -> None:
     robot, first = start.robot, start.inside[0]
     origins = {part.path: part.origin for part in robot.assembly.occurrences}
     notes = [Note(message=f"`{path}` is here", span=origins[path][0]) for path in (first.one, first.other) if origins.get(path)]
@@ -303,7 +303,7 @@ def _say_inside(start: Start, others: Sequence[str], report: Report) -> None:
     )
 
 
-def _say_gains(gains: Gains, joint: CoreJoint, robot: Robot, others: Sequence[str], report: Report) -> None:
+def _say_gains(gains: Gains, joint: TreeJoint, robot: Robot, others: Sequence[str], report: Report) -> None:
     weight = "kg*m^2" if joint.twist.turns else "kg"
     name = joint.path.rpartition("/")[2]
     what, cure, needed = _of_kv(gains, joint) if gains.too_quick and gains.calmest > 0.0 else _of_stiffness(gains, joint)
@@ -320,7 +320,7 @@ def _say_gains(gains: Gains, joint: CoreJoint, robot: Robot, others: Sequence[st
     )
 
 
-def _of_kv(gains: Gains, joint: CoreJoint) -> tuple[str, str, float]:
+def _of_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
     """What a velocity gain does that is too great by itself, what cures it, and the armature [kg m^2 or kg] that would."""
     rate = "N*m*s/rad" if joint.twist.turns else "N*s/m"
     does = "swings it up from step to step" if gains.too_stiff else "turns its velocity round in one step"
@@ -331,7 +331,7 @@ def _of_kv(gains: Gains, joint: CoreJoint) -> tuple[str, str, float]:
     return f"`kv` of joint `{joint.path.rpartition('/')[2]}`, {gains.kv:.6g} {rate}, {does}", cure, needed
 
 
-def _of_stiffness(gains: Gains, joint: CoreJoint) -> tuple[str, str, float]:
+def _of_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
     """The same of a position gain, or of the joint's spring where there is none."""
     turn, dt, spring = "N*m/rad" if joint.twist.turns else "N/m", gains.dt, joint.dynamics.stiffness or 0.0
     kp = gains.stiffness - spring

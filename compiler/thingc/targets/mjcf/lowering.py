@@ -10,13 +10,13 @@ from typing import Literal, assert_never
 from thingc.base.frozen import dataclass
 from thingc.base.joints.twist import rotation_vector
 from thingc.base.pose import Vector, quaternion_of
-from thingc.model.robot.types import Body, CoreJoint, Robot
+from thingc.model.robot.types import Body, Robot, TreeJoint
 from thingc.targets.capabilities import joint_cell
 from thingc.targets.mjcf.capabilities import CAPABILITIES
 
 
 @dataclass(frozen=True, slots=True)
-class ModelJoint:
+class MujocoJoint:
     """A joint of MuJoCo's: its `name`, `type`, unit `axis`, and by how much it moves per unit of the coordinate (`ratio`)."""
 
     name: str
@@ -25,22 +25,22 @@ class ModelJoint:
     ratio: float = 1.0
 
 
-def lowered(joint: CoreJoint) -> tuple[ModelJoint, ...]:
+def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
     """The joints of a coordinate; the first has its name and its values. None of one of a ball, which is one joint for all of them."""
     path, twist = joint.path, joint.twist
     form = CAPABILITIES["joints"][joint_cell(joint.kind)].by
     match form:
         case "each":
-            return (ModelJoint(path, twist.core, twist.axis),)
+            return (MujocoJoint(path, twist.core, twist.axis),)
         case "threaded":
-            return (ModelJoint(path, twist.core, twist.axis), ModelJoint(f"{path}:slide", "slide", twist.axis, twist.pitch))
+            return (MujocoJoint(path, twist.core, twist.axis), MujocoJoint(f"{path}:slide", "slide", twist.axis, twist.pitch))
         case "ball":
             return ()
         case _:
             assert_never(form)
 
 
-def is_ball(joints: Sequence[CoreJoint]) -> bool:
+def is_ball(joints: Sequence[TreeJoint]) -> bool:
     """Whether these coordinates are one joint of MuJoCo's, a ball."""
     return bool(joints) and CAPABILITIES["joints"][joint_cell(joints[0].kind)].by == "ball"
 
@@ -64,7 +64,7 @@ def base_positions(robot: Robot) -> tuple[float, ...]:
     return positions(replace(robot.bodies[0], joints=robot.moves), {joint.path: 0.0 for joint in robot.moves})
 
 
-def sizes(joints: Sequence[CoreJoint]) -> tuple[int, int]:
+def sizes(joints: Sequence[TreeJoint]) -> tuple[int, int]:
     """How many entries of `qpos` and of `qvel` the joints of a body have."""
     if is_ball(joints):
         return 4, 3

@@ -9,12 +9,12 @@ from thingc.base.source import Origin
 from thingc.base.summing import dist
 from thingc.model.robot.types import Robot
 from thingc.targets.extent import Box, bounds, placements
-from thingc.targets.xml_writer import Element, Written, number, numbers, write
+from thingc.targets.xml_writer import Element, XmlText, number, numbers, write
 
 FLOOR = "floor"
 
 
-def scene(robot: Robot, file: str, heading: str, model: Written, memo: Memo | None = None, separator: str = "/") -> Written:
+def scene(robot: Robot, file: str, heading: str, model: XmlText, memo: Memo | None = None, separator: str = "/") -> XmlText:
     """The scene of a mode around `file`, which lies beside it; `model` is what that file holds, with `separator` in its paths."""
     memo, mode = memo or Memo(), robot.mode
     box = memo(("bounds", mode.name), bounds, *placements(robot))
@@ -22,7 +22,7 @@ def scene(robot: Robot, file: str, heading: str, model: Written, memo: Memo | No
     return memo(("scene", mode.name), _scene, title, box, file, floor_name(model), _held(robot, separator), heading, mode.origin)
 
 
-def floored(robot: Robot, model: Written, separator: str) -> str:
+def floored(robot: Robot, model: XmlText, separator: str) -> str:
     """The text of a model, which has `separator` in its paths, with the floor of its scene in it, and nothing that is only looked at."""
     root = Element(tag="mujoco")
     _lay_floor(root, root.add("worldbody"), floor_name(model), _held(robot, separator), {})
@@ -38,7 +38,7 @@ def _held(robot: Robot, separator: str) -> tuple[tuple[str, Origin], ...]:
 
 def _scene(
     title: str, box: Box | None, file: str, floor: str, held: Sequence[tuple[str, Origin]], heading: str, origin: Origin,
-) -> Written:
+) -> XmlText:
     """The text of a scene.
 
     What is stated before the `include` a raw attribute may override. The floor is z = 0 of the world, where a mode's root
@@ -80,7 +80,7 @@ def _lay_floor(root: Element, world: Element, floor: str, held: Sequence[tuple[s
         (root.find("contact") or root.add("contact")).add("exclude", {"body1": floor, "body2": link}, at)
 
 
-def floor_name(model: Written) -> str:
+def floor_name(model: XmlText) -> str:
     """`floor`, unless a component has the name: then `scene:floor`, which none can have."""
     taken = any(f'<{kind} name="{FLOOR}"' in model.text for kind in ("body", "geom"))  # the name is their first attribute
     return f"scene:{FLOOR}" if taken else FLOOR

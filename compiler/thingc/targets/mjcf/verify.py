@@ -20,8 +20,8 @@ from thingc.geometry.store.local import Store
 from thingc.model.robot.types import Robot
 from thingc.targets.geometry import Geometry, MeshAsset
 from thingc.targets.mjcf import elements, initial_state_checks
-from thingc.targets.mjcf.accepted_models import Known, about_meshes, box_bytes, mesh_bytes, mujoco_version
-from thingc.targets.xml_writer import Element, RawValue, Written, write
+from thingc.targets.mjcf.accepted_models import AcceptedModels, about_meshes, box_bytes, mesh_bytes, mujoco_version
+from thingc.targets.xml_writer import Element, RawValue, XmlText, write
 
 MANY = 20_000_000
 """Bytes of meshes that MuJoCo is given at once; it takes some fifteen times as many for them."""
@@ -36,8 +36,8 @@ class Candidate:
     file: str
     root: Element
     heading: str
-    model: Written
-    scene: Written
+    model: XmlText
+    scene: XmlText
     origin: Origin
     robot: Robot
 
@@ -48,7 +48,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class CompileResult:
     """What MuJoCo said of one text: why it refuses it (None: it compiled), its warnings, and the compiled `MjModel`."""
 
     error: str | None
@@ -65,7 +65,7 @@ def check(
     What MuJoCo has accepted before, it is not asked again (`known.py`): nor is one of several that start alike compiled where the first of
     them is accepted, and what it has of its own (names, limits, colours, gravity) was when it was compiled last in this session.
     """
-    known = Known(store, mujoco_version(), geometry.meshes)
+    known = AcceptedModels(store, mujoco_version(), geometry.meshes)
     waiting = [candidate for candidate in candidates if not known.model(candidate.texts, started=starts)]
     alike: dict[str, Candidate] = {}
     leaders: dict[str, Candidate] = {}  # whose first instant is looked at, by mode; of the other modes it was in order before
@@ -73,7 +73,7 @@ def check(
         key = initial_state_checks.key(one.model.text, one.robot)
         if key in alike or not known.start(key):
             leaders[one.mode] = alike.setdefault(key, one)
-    begun: dict[str, initial_state_checks.Start] = {}
+    begun: dict[str, initial_state_checks.InitialState] = {}
     settled: set[str] = set()
     touching = {shape.mesh for one in geometry.shapes for shape in one.collision if shape.mesh is not None}
     whole = any(about_meshes(one.root) for one in waiting)
@@ -101,9 +101,9 @@ def check(
 
 
 def _verdicts(
-    candidates: Sequence[Candidate], known: Known, looked: Collection[str], touching: Collection[str], settled: Collection[str],
+    candidates: Sequence[Candidate], known: AcceptedModels, looked: Collection[str], touching: Collection[str], settled: Collection[str],
     instead: Sequence[Mapping[str, bytes]],
-) -> Iterator[tuple[Candidate, Verdict, Any]]:
+) -> Iterator[tuple[Candidate, CompileResult, Any]]:
     """What MuJoCo says of each scene, which holds all that the model in it does, and the files that it has read. Modes that are `looked` at
     need the true meshes of what is `touching`, and come first; of the others those that are `settled` by then are left out. As long as
     nothing is said, what stands `instead` of the true meshes will do (see `_one_by_one`). One after the other, for it keeps what it reads
@@ -128,12 +128,12 @@ def _verdicts(
             first = False
 
 
-def _will_do(verdict: Verdict, robot: Robot, *, boxes: bool) -> bool:
+def _will_do(verdict: CompileResult, robot: Robot, *, boxes: bool) -> bool:
     """Whether nothing is said of a scene that has others in the place of its meshes; if these are boxes, nothing may be in another."""
     return verdict.error is None and not verdict.warnings and not (boxes and initial_state_checks.look(verdict.model, robot).inside)
 
 
-def _one_by_one(known: Known, touching: Collection[str]) -> list[Mapping[str, bytes]]:
+def _one_by_one(known: AcceptedModels, touching: Collection[str]) -> list[Mapping[str, bytes]]:
     """Where meshes are too many for once, have MuJoCo take each by itself; and what may stand for those of `touching` (names of meshes), by
     file: boxes around them, of which those that are not in each other hold nothing that is, then the convex hulls that MuJoCo touches. What
     anything is said against is left to be read with the model."""
@@ -219,7 +219,7 @@ def doubtful(
     has to find out what and why.
     """
     known = [one for one in candidates if memo.last(*_scene(one)) is not None]
-    accepted = Known(store, mujoco_version(), meshes)
+    accepted = AcceptedModels(store, mujoco_version(), meshes)
     if starts and known:
         known = [one for one in known if accepted.start(initial_state_checks.key(one.model.text, one.robot))]
     known = [one for one in known if not about_meshes(one.root)]
@@ -274,7 +274,7 @@ def _unpainted(scene: str) -> str:
     return re.sub(r'(<texture [^>]*) width="\d+" height="\d+"', r'\1 width="1" height="6"', scene)
 
 
-def attempt(text: str, files: Any) -> Verdict:
+def attempt(text: str, files: Any) -> CompileResult:
     """Compile one text, with the files that it names (see `in_memory`)."""
     import mujoco
 
@@ -283,7 +283,7 @@ def attempt(text: str, files: Any) -> Verdict:
             model, error = mujoco.MjModel.from_xml_string(text, vfs=files), None
         except (ValueError, mujoco.FatalError) as fault:
             model, error = None, str(fault)
-    return Verdict(error=error, warnings=tuple(warnings), model=model)
+    return CompileResult(error=error, warnings=tuple(warnings), model=model)
 
 
 @contextmanager
@@ -355,7 +355,7 @@ def _blame(
 
 
 def _say(
-    code: Code, verb: str, text: str, candidate: Candidate, written: Written, report: Report, *,
+    code: Code, verb: str, text: str, candidate: Candidate, written: XmlText, report: Report, *,
     severity: Severity = Severity.ERROR,
 ) -> None:
     """Report what MuJoCo said at the origin of the element it said it of, or of the raw attribute that it names."""
@@ -373,7 +373,7 @@ def _say(
     report.add(code, f"MuJoCo {verb} {subject}: {_words(text)}", origin, path=name_of, severity=severity)
 
 
-def _place(text: str, written: Written) -> Element | None:
+def _place(text: str, written: XmlText) -> Element | None:
     """The element that MuJoCo speaks of: by line, else by its name in the text."""
     line = re.search(r"\bline (?:number=)?(\d+)", text, re.IGNORECASE)
     if line:

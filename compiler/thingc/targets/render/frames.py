@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from thingc.base.frozen import dataclass
 from thingc.base.pose import Pose
-from thingc.base.summing import plain_sum
+from thingc.base.summing import sum_of
 from thingc.targets.render.camera import Array, Camera
 
 Colour = tuple[int, int, int]
@@ -196,4 +196,4 @@ def _shared(box: Box, others: Array) -> float:
     """The area that a box shares with others (n, 4), summed."""
     across = np.minimum(box[2], others[:, 2]) - np.maximum(box[0], others[:, 0])
     down = np.minimum(box[3], others[:, 3]) - np.maximum(box[1], others[:, 1])
-    return plain_sum((across * down)[(across > 0.0) & (down > 0.0)].tolist())
+    return sum_of((across * down)[(across > 0.0) & (down > 0.0)].tolist())

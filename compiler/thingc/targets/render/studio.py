@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from thingc.base.summing import plain_sum
+from thingc.base.summing import sum_of
 from thingc.targets.render.camera import Array, Camera
 
 KEY, DOME = 32, 36
@@ -103,7 +103,7 @@ def lamps(camera: Camera, normal: Array, counts: tuple[int, int] = (KEY, DOME)) 
         height, turn = HORIZON + (1.0 - HORIZON) * (number + 0.5) / dome, _golden(number)
         flat = math.sqrt(1.0 - height * height)
         toward.append((np.array([flat * math.cos(turn), flat * math.sin(turn), height]) @ frame, 1.0 - KEY_SHARE))
-    lit = {share: plain_sum(float(to @ normal) for to, own in toward if own == share) for _, share in toward}
+    lit = {share: sum_of(float(to @ normal) for to, own in toward if own == share) for _, share in toward}
     return [(-to, share / lit[share]) for to, share in toward]
 
 

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from typing import Literal, Never
 
-from thingc.targets.capabilities import Capabilities, Omits, Says
+from thingc.targets.capabilities import Capabilities, Omitted, Supported
 from thingc.targets.urdf.capabilities import BALL_DRIVE, JointForm, ShapeForm
 from thingc.targets.urdf.capabilities import CAPABILITIES as URDF
 
 DriveForm = Literal["command interface"]
 
-_CONTROL: Says[DriveForm] = Says("command interface", "ros2_control")
+_CONTROL: Supported[DriveForm] = Supported("command interface", "ros2_control")
 
 CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
     **URDF,
     "drives": {"position": _CONTROL, "velocity": _CONTROL, "motor": _CONTROL, "universal": _CONTROL, "ball": BALL_DRIVE},
     "modes": {
-        **URDF["modes"], "gravity": Omits(": URDF has none"), "poses": Says(None, "group states of the SRDF"),
-        "exclude": Says(None, "disabled collisions of the SRDF"),
+        **URDF["modes"], "gravity": Omitted(": URDF has none"), "poses": Supported(None, "group states of the SRDF"),
+        "exclude": Supported(None, "disabled collisions of the SRDF"),
     },
 }

@@ -38,7 +38,7 @@ Pair = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Meetings:
+class CollisionMatrix:
     """In how many of `samples` configurations each pair of links meets (a pair that never does is left out), and which meet in each of the
     configurations that were asked for, by name. Names within a pair are sorted."""
 
@@ -62,7 +62,7 @@ def pair_of(one: str, other: str) -> Pair:
 def meetings(
     tree: Element, meshes: str, assets: Sequence[MeshAsset], starts: Mapping[str, Mapping[str, float]], neighbours: Collection[Pair],
     store: Store,
-) -> Meetings:
+) -> CollisionMatrix:
     """Of a mode's URDF, `meshes` being the URI of the folder of its `assets`; `starts` are further configurations, q by joint, and
     `neighbours` pairs that nobody asks for. Remembered in the store by what it depends on. Raises `ValueError` where MuJoCo does not
     take the links' shapes."""
@@ -86,7 +86,7 @@ def meetings(
             "at": {name: sorted(pairs) for name, pairs in at.items()},
         }
         store.put_json(MEETING, key, known)
-    return Meetings(
+    return CollisionMatrix(
         samples=known["samples"], counts={(one, other): count for one, other, count in known["counts"]},
         at={name: frozenset((one, other) for one, other in pairs) for name, pairs in known["at"].items()},
     )

@@ -8,7 +8,7 @@ from thingc.base.frozen import dataclass
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import ActuatorModel
 from thingc.model.robot.types import Robot
-from thingc.targets.ros.joints import Moving, joints, start, values
+from thingc.targets.ros.joints import MovingJoint, joints, start, values
 from thingc.targets.xml_writer import Element, number
 
 PLUGIN = "mock_components/GenericSystem"
@@ -115,7 +115,7 @@ def _of_controller(one: Controller) -> Iterator[str]:
                 yield f"  {_quoted(name)}: {{{', '.join(said)}}}"
 
 
-def _bounds(joint: Moving, interface: str) -> tuple[float | None, float | None]:
+def _bounds(joint: MovingJoint, interface: str) -> tuple[float | None, float | None]:
     """Between which values a command may be."""
     limit = joint.move.joint.limit
     if interface == "position":

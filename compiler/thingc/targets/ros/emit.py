@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from thingc.base.generated_header import heading
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 from thingc.model.robot.types import Robot
 from thingc.targets import raw
 from thingc.targets.artifact import Artifacts, Content, Loss
@@ -12,7 +12,7 @@ from thingc.targets.geometry import Geometry, solid_geometry
 from thingc.targets.name_mangling import package_name, safe
 from thingc.targets.request import EmitRequest
 from thingc.targets.ros.capabilities import CAPABILITIES
-from thingc.targets.ros.collision_matrix import Meetings, adjacent, meetings
+from thingc.targets.ros.collision_matrix import CollisionMatrix, adjacent, meetings
 from thingc.targets.ros.control import controllers, controllers_yaml, ros2_control
 from thingc.targets.ros.joints import start, values
 from thingc.targets.ros.package import cmake_lists, package_xml
@@ -49,7 +49,9 @@ def emit(request: EmitRequest) -> Artifacts:
     files["launch/display.launch.py"] = launch_file(robots, commanded, said).encode()
     files["CMakeLists.txt"] = cmake_lists(assembly.name, {path.partition("/")[0] for path in files}, said).encode()
     description = " ".join(assembly.definition.description.split()) or f"The robot {assembly.name}."
-    files["package.xml"] = package_xml(assembly.name, shown(description, most=len(description)), request.workspace.about, said).encode()
+    files["package.xml"] = package_xml(
+        assembly.name, escape_control(description, most=len(description)), request.workspace.about, said,
+    ).encode()
     lost = (*flat, *unmet, *losses("ros", CAPABILITIES, assembly, robots))
     return Artifacts(files={f"{folder}/{path}": content for path, content in sorted(files.items())}, losses=tuple(dict.fromkeys(lost)))
 
@@ -60,13 +62,13 @@ def _touching(request: EmitRequest, shapes: Geometry) -> frozenset[str]:
     return frozenset(safe(links[link_of[index]].name) for index, one in enumerate(shapes.shapes) if one.collision)
 
 
-def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri: str) -> tuple[dict[str, Meetings], list[Loss]]:
+def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri: str) -> tuple[dict[str, CollisionMatrix], list[Loss]]:
     """Which links meet, by mode; and what nobody could find out. Where the same joints are cut the root changes nothing of it, so that it
     is looked for once."""
     alike: dict[frozenset[str], list[tuple[Robot, Element]]] = {}
     for robot, tree in zip(request.robots, trees, strict=True):
         alike.setdefault(frozenset(joint.path for body in robot.bodies for joint in body.joints), []).append((robot, tree))
-    by_mode: dict[str, Meetings] = {}
+    by_mode: dict[str, CollisionMatrix] = {}
     lost: list[Loss] = []
     for group in alike.values():
         first, tree = group[0]

@@ -10,7 +10,7 @@ from thingc.base.pose import NO_POSE, Vector, cross, dot, multiply, rpy_of, tran
 from thingc.geometry.record import DriveType
 from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import ActuatorModel
-from thingc.model.robot.types import Body, CoreJoint, Robot
+from thingc.model.robot.types import Body, Robot, TreeJoint
 from thingc.targets.capabilities import drive_cell, written
 from thingc.targets.name_mangling import safe
 from thingc.targets.ros.capabilities import CAPABILITIES
@@ -21,7 +21,7 @@ INTERFACES: Mapping[DriveType, str] = {"position": "position", "velocity": "velo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moving:
+class MovingJoint:
     """A joint of URDF's that moves: its `name` there, the `body` (index) that it leads to, what it does, whether it `follows` another, and
     the `drive` that commands it in this mode. The three turns of a ball have none: the axes of its drives are not theirs."""
 
@@ -37,11 +37,11 @@ class Moving:
         return None if self.drive is None else INTERFACES[self.drive.kind]
 
 
-def joints(robot: Robot) -> tuple[Moving, ...]:
+def joints(robot: Robot) -> tuple[MovingJoint, ...]:
     """Those of a mode, parents before children; those of a base that moves first."""
     in_tree = {joint.path for body in robot.bodies for joint in body.joints}
     follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in in_tree)
-    moving: list[Moving] = []
+    moving: list[MovingJoint] = []
     for index, body in enumerate(robot.bodies):
         for move in moves(_lead(robot, body), NO_POSE):
             path = move.joint.path
@@ -49,7 +49,7 @@ def joints(robot: Robot) -> tuple[Moving, ...]:
             drive = move.joint.actuator if path in robot.present and not following else None
             if drive is not None and written(CAPABILITIES["drives"][drive_cell(move.joint, drive)]) is None:
                 drive = None
-            moving.append(Moving(name=safe(move.path), body=index, move=move, follows=following, drive=drive))
+            moving.append(MovingJoint(name=safe(move.path), body=index, move=move, follows=following, drive=drive))
     return tuple(moving)
 
 
@@ -72,12 +72,12 @@ def start(robot: Robot) -> Mapping[str, float]:
     return robot.start.q if robot.start is not None else {}
 
 
-def _lead(robot: Robot, body: Body) -> tuple[CoreJoint, ...]:
+def _lead(robot: Robot, body: Body) -> tuple[TreeJoint, ...]:
     """What a body moves by: the root by its base."""
     return robot.moves if body.parent is None else body.joints
 
 
-def _turns(ball: tuple[CoreJoint, ...], q: tuple[float, ...]) -> Vector:
+def _turns(ball: tuple[TreeJoint, ...], q: tuple[float, ...]) -> Vector:
     """The angles [rad] of three turns, one after the other about the axes of a ball, that turn as its rotation vector `q` does.
 
     In the frame U of the axes R = U Rx(a) Ry(b) Rz(c) U', so that U' R' U = Rz(-c) Ry(-b) Rx(-a), whose roll, pitch and yaw are -a, -b and

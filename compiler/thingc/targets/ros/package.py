@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from thingc.base.package_info import About
+from thingc.base.package_info import PackageInfo
 from thingc.targets.name_mangling import package_name
 from thingc.targets.xml_writer import Element, write
 
@@ -16,7 +16,7 @@ RUN = (
 """The packages that its launch file and its controllers come from."""
 
 
-def package_xml(robot: str, description: str, said: About, heading: str) -> str:
+def package_xml(robot: str, description: str, said: PackageInfo, heading: str) -> str:
     """The manifest of the package of a robot; `description` is what its document says of it."""
     root = Element(tag="package", attributes={"format": "3"})
     root.say("name", package_name(robot))

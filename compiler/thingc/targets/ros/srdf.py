@@ -10,9 +10,9 @@ from thingc.base.frozen import dataclass
 from thingc.base.source import Origin
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Robot, Site
-from thingc.targets.name_mangling import Names, safe
-from thingc.targets.ros.collision_matrix import Meetings, adjacent, pair_of
-from thingc.targets.ros.joints import Moving, joints, values
+from thingc.targets.name_mangling import MangledNames, safe
+from thingc.targets.ros.collision_matrix import CollisionMatrix, adjacent, pair_of
+from thingc.targets.ros.joints import MovingJoint, joints, values
 from thingc.targets.urdf.links import WORLD
 from thingc.targets.xml_writer import Element, number
 
@@ -26,11 +26,11 @@ class Group:
 
     name: str
     tip: str | None
-    joints: tuple[Moving, ...]
+    joints: tuple[MovingJoint, ...]
     origin: Origin
 
 
-def srdf(robot: Robot, touching: frozenset[str], meetings: Meetings | None, report: Report) -> Element:
+def srdf(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | None, report: Report) -> Element:
     """The `<robot>` of a mode's SRDF. `touching` are the links that have shapes to collide with; without `meetings` nobody knows which of
     them meet. Names of groups that are equal are reported."""
     root = Element(tag="robot", attributes={"name": robot.assembly.name}, origin=robot.mode.origin)
@@ -61,12 +61,12 @@ def srdf(robot: Robot, touching: frozenset[str], meetings: Meetings | None, repo
     return root
 
 
-def groups(robot: Robot, moving: tuple[Moving, ...], report: Report) -> list[Group]:
+def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> list[Group]:
     """All joints, by the name of the robot (first: of states of one name some readers know the first alone); then a chain from the root
     to every exported mount that moves against it, of several that are the same frame to the first. The joints of a base that moves are
     of none."""
-    names = Names("be the group", "SRDF", report)
-    of_body: dict[int, tuple[Moving, ...]] = {}
+    names = MangledNames("be the group", "SRDF", report)
+    of_body: dict[int, tuple[MovingJoint, ...]] = {}
     for index, body in enumerate(robot.bodies):
         before = of_body[body.parent] if body.parent is not None else ()
         of_body[index] = (*before, *(joint for joint in moving if joint.body == index and body.parent is not None))
@@ -91,7 +91,7 @@ def _exported(robot: Robot) -> Iterator[Site]:
             yield site
 
 
-def _unchecked(robot: Robot, touching: frozenset[str], meetings: Meetings | None) -> Iterator[tuple[str, str, str]]:
+def _unchecked(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | None) -> Iterator[tuple[str, str, str]]:
     """Pairs of links in the order of the robot, with the reason why MoveIt need not look at them, in the words of its setup assistant."""
     names, mode = [safe(link.name) for link in robot.assembly.links], robot.mode
     neighbours, own = adjacent(robot.assembly), {pair_of(names[one], names[other]) for one, other in mode.exclude}

@@ -13,7 +13,7 @@ from thingc.base.frozen import dataclass
 from thingc.base.joints.twist import Twist
 from thingc.base.pose import NO_POSE, Vector
 from thingc.model.assembly.types import JointEdge
-from thingc.model.robot.types import CoreJoint
+from thingc.model.robot.types import TreeJoint
 from thingc.targets.capabilities import joint_cell
 from thingc.targets.connections import Connection
 from thingc.targets.sdf.capabilities import CAPABILITIES
@@ -28,7 +28,7 @@ LINK = "_link"
 class SdfAxis:
     """A coordinate of a joint, and what it does, seen in the child link's frame where the file has it."""
 
-    joint: CoreJoint | JointEdge
+    joint: TreeJoint | JointEdge
     twist: Twist
 
 

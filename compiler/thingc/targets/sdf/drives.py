@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from thingc.model.assembly.types import ActuatorModel, JointEdge
-from thingc.model.robot.types import CoreJoint, Robot
+from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.capabilities import drive_cell, written
 from thingc.targets.sdf.capabilities import CAPABILITIES, DriveForm
 from thingc.targets.sdf.chain import SdfJoint
@@ -34,7 +34,7 @@ def plugin(robot: Robot, zero: ZeroState, steps: Iterable[SdfJoint], names: Mapp
 
 
 def _controller(
-    robot: Robot, zero: ZeroState, name: str, joint: CoreJoint | JointEdge, drive: ActuatorModel, form: DriveForm,
+    robot: Robot, zero: ZeroState, name: str, joint: TreeJoint | JointEdge, drive: ActuatorModel, form: DriveForm,
 ) -> Element:
     file, system = SYSTEMS[form]
     element = Element(

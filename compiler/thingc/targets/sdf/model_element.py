@@ -21,7 +21,7 @@ from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
 from thingc.targets.connections import Connection, connections
 from thingc.targets.geometry import ENDLESS, Geometry, Shape, channels, shape_names
-from thingc.targets.name_mangling import Names, frames
+from thingc.targets.name_mangling import MangledNames, frames
 from thingc.targets.sdf.capabilities import CAPABILITIES
 from thingc.targets.sdf.chain import LINK, SdfAxis, SdfJoint, chain
 from thingc.targets.sdf.drives import plugin
@@ -65,9 +65,9 @@ class _Builder:
         self.geometry = geometry
         self.zero = zero
         self.assembly = robot.assembly
-        self.robots = Names("have the name", "SDF", report)
-        self.parts = Names("have the name", "SDF", report)
-        self.names: dict[Kind, Names] = {kind: Names("have the name", "SDF", report) for kind in get_args(Kind)}
+        self.robots = MangledNames("have the name", "SDF", report)
+        self.parts = MangledNames("have the name", "SDF", report)
+        self.names: dict[Kind, MangledNames] = {kind: MangledNames("have the name", "SDF", report) for kind in get_args(Kind)}
         self.taken: dict[str, str] = {}
         self.losses: list[Loss] = []
         links = [self._link_of(index) for index in range(len(robot.bodies))]

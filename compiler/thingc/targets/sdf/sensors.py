@@ -10,7 +10,7 @@ from thingc.base.pose import Pose, Vector, rpy_of, shifted
 from thingc.model.assembly.types import LinkedSensor
 from thingc.model.robot.types import Robot, Site
 from thingc.targets.capabilities import written
-from thingc.targets.name_mangling import Names
+from thingc.targets.name_mangling import MangledNames
 from thingc.targets.sdf.capabilities import CAPABILITIES, SensorForm
 from thingc.targets.sensors import body_of, on_free_root
 from thingc.targets.xml_writer import Element, number, numbers
@@ -28,7 +28,7 @@ RATE = 30.0
 """How many pictures a camera takes in a second."""
 
 
-def sensors_of_link(robot: Robot, body: int, link: Element, names: Names) -> None:
+def sensors_of_link(robot: Robot, body: int, link: Element, names: MangledNames) -> None:
     """The sensors on a link, whose collisions are in it already: all but those of forces."""
     for sensor, site in _on(robot, body):
         form = written(CAPABILITIES["sensors"][sensor.kind])
@@ -52,7 +52,7 @@ def sensors_of_link(robot: Robot, body: int, link: Element, names: Names) -> Non
                 contact.say("collision", name)
 
 
-def _sensor(parent: Element, sensor: LinkedSensor, form: SensorForm, pose: Pose | None, names: Names) -> Element:
+def _sensor(parent: Element, sensor: LinkedSensor, form: SensorForm, pose: Pose | None, names: MangledNames) -> Element:
     element = parent.add("sensor", {"name": names.take(sensor.path, sensor.origin), "type": form}, sensor.origin)
     if pose is not None:
         _place(element, pose)
@@ -85,7 +85,7 @@ def _ray(element: Element, reach: float) -> None:
     distance.say("max", "inf" if math.isinf(reach) else number(reach))
 
 
-def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names: Names) -> None:
+def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names: MangledNames) -> None:
     """The force sensors on a link, in the joint that carries it, whose origin is `at` in the link's frame [m]. As in MuJoCo it is
     what the link does to its parent."""
     for sensor, site in _on(robot, body):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, Never
 
-from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Loses, Omits, Says, all_sensors
+from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
 JointForm = Literal["each", "threaded"]
 """How a joint is written: a turn or a slide for each coordinate, or a turn and a slide that follows it."""
@@ -13,28 +13,28 @@ DriveForm = Literal["transmission"]
 
 ShapeForm = Literal["itself", "cylinder and balls"]
 
-_EACH: Says[JointForm] = Says("each")
-_CHAIN: Loses[JointForm] = Loses("each", "approximated", " as one joint's: its coordinates are joints here, with links of 1e-9 kg between")
-_BALL: Loses[JointForm] = Loses(
+_EACH: Supported[JointForm] = Supported("each")
+_CHAIN: Lossy[JointForm] = Lossy("each", "approximated", " as one joint's: its coordinates are joints here, with links of 1e-9 kg between")
+_BALL: Lossy[JointForm] = Lossy(
     "each", "approximated", " as a ball's: three turns here, one after the other, whose angles are no coordinates of it",
 )
-_LOOP = Omits(", which stays open here: URDF has trees alone")
-_GAINS: Loses[DriveForm] = Loses("transmission", "approximated", ": a transmission without gains")
-_NONE = Omits(": URDF has none")
-_ITSELF: Says[ShapeForm] = Says("itself")
-BALL_DRIVE = Omits(": its axis is none of a joint's here")
+_LOOP = Omitted(", which stays open here: URDF has trees alone")
+_GAINS: Lossy[DriveForm] = Lossy("transmission", "approximated", ": a transmission without gains")
+_NONE = Omitted(": URDF has none")
+_ITSELF: Supported[ShapeForm] = Supported("itself")
+BALL_DRIVE = Omitted(": its axis is none of a joint's here")
 
 CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
     "joints": {
         "revolute": _EACH, "continuous": _EACH, "prismatic": _EACH, "cylindrical": _CHAIN, "universal": _CHAIN, "planar": _CHAIN,
-        "screw": Loses("threaded", "approximated", ": a slide mimics the turn, and readers without mimics leave it loose"), "ball": _BALL,
+        "screw": Lossy("threaded", "approximated", ": a slide mimics the turn, and readers without mimics leave it loose"), "ball": _BALL,
     },
     "of_joints": {
         "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": OMITTED, "mimic": SAYS,
-        "polynomial": Loses(None, "approximated", ": straight, as it is near q = 0 of that one"), "tendon": OMITTED,
+        "polynomial": Lossy(None, "approximated", ": straight, as it is near q = 0 of that one"), "tendon": OMITTED,
     },
     "drives": {
-        "position": _GAINS, "velocity": _GAINS, "motor": Says("transmission", "`<transmission>`"), "universal": _GAINS,
+        "position": _GAINS, "velocity": _GAINS, "motor": Supported("transmission", "`<transmission>`"), "universal": _GAINS,
         "ball": BALL_DRIVE,
     },
     "loops": {
@@ -42,22 +42,22 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
         "universal": _LOOP, "several": _LOOP,
     },
     "bases": {
-        "held": Loses(None, "approximated", ": it is fixed here"), "free": Says(None, "no link `world`, `<static>` false"),
-        "start": Omits(": a free base begins wherever a reader puts it"), "planar": Loses(None, _CHAIN.how, _CHAIN.words),
-        "ball": Loses(None, _BALL.how, _BALL.words),
+        "held": Lossy(None, "approximated", ": it is fixed here"), "free": Supported(None, "no link `world`, `<static>` false"),
+        "start": Omitted(": a free base begins wherever a reader puts it"), "planar": Lossy(None, _CHAIN.how, _CHAIN.words),
+        "ball": Lossy(None, _BALL.how, _BALL.words),
     },
     "modes": {
-        "gravity": Loses(None, "carried as custom data", ", which MuJoCo alone reads"), "poses": _NONE, "exclude": OMITTED,
+        "gravity": Lossy(None, "carried as custom data", ", which MuJoCo alone reads"), "poses": _NONE, "exclude": OMITTED,
         "timestep": OMITTED, "simulation": OMITTED,
     },
     "links": {
-        "frames": Says(None, "massless links"), "colours": SAYS, "friction": OMITTED, "rolling": OMITTED, "adhesion": OMITTED,
-        "weightless": Loses(None, "approximated", ": what moves weighs 1e-9 kg here"), "weightless_base": SAYS,
-        "point": SAYS, "line": Loses(None, "approximated", ": it has none here, as a point"),
+        "frames": Supported(None, "massless links"), "colours": SAYS, "friction": OMITTED, "rolling": OMITTED, "adhesion": OMITTED,
+        "weightless": Lossy(None, "approximated", ": what moves weighs 1e-9 kg here"), "weightless_base": SAYS,
+        "point": SAYS, "line": Lossy(None, "approximated", ": it has none here, as a point"),
     },
     "shapes": {
-        "box": _ITSELF, "cylinder": _ITSELF, "capsule": Says("cylinder and balls", "a cylinder between two balls"), "sphere": _ITSELF,
-        "ellipsoid": Omits(": URDF has none"), "plane": Omits(": URDF has none"), "hull": _ITSELF, "mesh": _ITSELF,
+        "box": _ITSELF, "cylinder": _ITSELF, "capsule": Supported("cylinder and balls", "a cylinder between two balls"), "sphere": _ITSELF,
+        "ellipsoid": Omitted(": URDF has none"), "plane": Omitted(": URDF has none"), "hull": _ITSELF, "mesh": _ITSELF,
     },
     "sensors": all_sensors(_NONE),
     "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},

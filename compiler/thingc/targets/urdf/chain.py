@@ -11,7 +11,7 @@ from typing import Literal, assert_never
 
 from thingc.base.frozen import dataclass
 from thingc.base.pose import NO_POSE, Pose, Vector, shifted
-from thingc.model.robot.types import CoreJoint
+from thingc.model.robot.types import TreeJoint
 from thingc.targets.capabilities import joint_cell
 from thingc.targets.urdf.capabilities import CAPABILITIES
 
@@ -28,16 +28,16 @@ class Move:
     type: Literal["turn", "slide"]
     axis: Vector
     origin: Pose
-    joint: CoreJoint
+    joint: TreeJoint
     follows: tuple[str, float] | None = None
 
 
-def own_frame(joints: Sequence[CoreJoint]) -> Pose:
+def own_frame(joints: Sequence[TreeJoint]) -> Pose:
     """The frame of a link as URDF has it, on the last of the `joints` that lead to it, in the link's own."""
     return shifted(*joints[-1].twist.anchor) if joints else NO_POSE
 
 
-def moves(joints: Sequence[CoreJoint], X_PL: Pose) -> Iterator[Move]:
+def moves(joints: Sequence[TreeJoint], X_PL: Pose) -> Iterator[Move]:
     """The joints of URDF's that lead to a link, which the `joints` move one after the other; `X_PL` is the link's own frame in that of its
     parent as URDF has it."""
     before = X_PL

@@ -14,15 +14,15 @@ from thingc.base.diagnostics import Report
 from thingc.base.inertia import ZERO, MassProperties, physical_fault, within_triangle
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, rpy_of, shifted
 from thingc.base.source import Origin
-from thingc.base.summing import plain_sum
+from thingc.base.summing import sum_of
 from thingc.geometry.record import DriveType
 from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import ActuatorModel, JointEdge, Link
 from thingc.model.robot.tree import BASE
-from thingc.model.robot.types import Body, CoreJoint, Robot
+from thingc.model.robot.types import Body, Robot, TreeJoint
 from thingc.targets.capabilities import drive_cell, shape_cell, written
 from thingc.targets.geometry import Geometry, Shape, channels, material_name, materials, numbered, shape_names
-from thingc.targets.name_mangling import Names, frames, safe
+from thingc.targets.name_mangling import MangledNames, frames, safe
 from thingc.targets.urdf.capabilities import CAPABILITIES
 from thingc.targets.urdf.chain import Move, moves, own_frame
 from thingc.targets.xml_writer import Element, number, numbers
@@ -70,8 +70,8 @@ class _Builder:
         self.meshes = meshes
         self.geometry = geometry
         self.assembly = robot.assembly
-        self.links = Names("be the link", "URDF", report)
-        self.joints = Names("be the joint", "URDF", report)
+        self.links = MangledNames("be the link", "URDF", report)
+        self.joints = MangledNames("be the joint", "URDF", report)
         self.root = Element(tag="robot", attributes={"name": robot.assembly.name}, origin=robot.mode.origin)
         self.followers: list[Element] = []
         self.frames: list[Element] = []
@@ -181,11 +181,11 @@ class _Builder:
             effort, velocity = 0.0, None if velocity is None else velocity * abs(move.follows[1])
         return {"effort": number(effort), "velocity": number(UNBOUNDED if velocity is None else velocity)}
 
-    def _effort(self, joint: CoreJoint | JointEdge) -> float:
+    def _effort(self, joint: TreeJoint | JointEdge) -> float:
         driven = joint.actuator is not None and joint.path in self.robot.present
         return joint.limit.effort if joint.limit.effort is not None else UNBOUNDED if driven else 0.0
 
-    def _strength_of_turn(self, joint: CoreJoint) -> tuple[float, float | None]:
+    def _strength_of_turn(self, joint: TreeJoint) -> tuple[float, float | None]:
         """Of one of the three turns of a ball, at q = 0: the most that its drives, whose axes are their own, give about it together, and
         how fast the slowest of them lets it go."""
         joints = self.assembly.mates[joint.mate].joints
@@ -193,7 +193,7 @@ class _Builder:
         drives = [(one, abs(one.actuator.axis[about])) for one in joints if one.actuator is not None and one.actuator.axis is not None]
         efforts = [share * self._effort(one) for one, share in drives]
         speeds = [one.limit.velocity / share for one, share in drives if share and one.limit.velocity is not None]
-        return min(UNBOUNDED, plain_sum(efforts)), min(speeds, default=None)
+        return min(UNBOUNDED, sum_of(efforts)), min(speeds, default=None)
 
     def _joint(
         self, path: str, kind: str, parent: str, child: str, origin: Pose, made_by: Origin, made: str | None = None,

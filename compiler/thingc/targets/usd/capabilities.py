@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, Never
 
-from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Loses, Omits, Says, all_sensors
+from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
 JointForm = Literal["single", "generic", "spherical"]
 """How a joint is written: a `PhysicsRevoluteJoint` or a `PhysicsPrismaticJoint`, a `PhysicsJoint`, or a `PhysicsSphericalJoint`."""
@@ -16,50 +16,50 @@ LoopForm = Literal["joint"]
 ShapeForm = Literal["Cube", "Cylinder", "Capsule", "Sphere", "Plane", "Mesh"]
 """The type of the prim."""
 
-_SINGLE: Says[JointForm] = Says("single")
-_GENERIC: Says[JointForm] = Says("generic", "a generic joint (D6)")
-_EXCLUDED: Says[LoopForm] = Says("joint", "a joint that is excluded from the articulation")
-_CUSTOM = Loses(None, "carried as custom data", ", which Newton and, but of balls, PhysX read, and of no generic joint")
-_LIGHT = Loses(None, "approximated", ": a link weighs 1e-9 kg here")
-_SMALL = Loses(None, "approximated", ": its moments of inertia are 1e-12 kg m^2 here")
-_DRIVE: Says[DriveForm] = Says("drive")
-_NONE = Omits(": UsdPhysics has none")
+_SINGLE: Supported[JointForm] = Supported("single")
+_GENERIC: Supported[JointForm] = Supported("generic", "a generic joint (D6)")
+_EXCLUDED: Supported[LoopForm] = Supported("joint", "a joint that is excluded from the articulation")
+_CUSTOM = Lossy(None, "carried as custom data", ", which Newton and, but of balls, PhysX read, and of no generic joint")
+_LIGHT = Lossy(None, "approximated", ": a link weighs 1e-9 kg here")
+_SMALL = Lossy(None, "approximated", ": its moments of inertia are 1e-12 kg m^2 here")
+_DRIVE: Supported[DriveForm] = Supported("drive")
+_NONE = Omitted(": UsdPhysics has none")
 
 CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
     "joints": {
         "revolute": _SINGLE, "continuous": _SINGLE, "prismatic": _SINGLE, "cylindrical": _GENERIC, "planar": _GENERIC,
-        "ball": Says("spherical"),
-        "universal": Loses("generic", "approximated", ": X turns first and then Y, which is Newton's order, and UsdPhysics has none"),
-        "screw": Loses("generic", "approximated", ": it turns and slides, each by itself"),
+        "ball": Supported("spherical"),
+        "universal": Lossy("generic", "approximated", ": X turns first and then Y, which is Newton's order, and UsdPhysics has none"),
+        "screw": Lossy("generic", "approximated", ": it turns and slides, each by itself"),
     },
     "of_joints": {
-        "cone": Loses(None, "approximated", ": here it bounds how far an axis leans, not how far the ball turns about it"),
+        "cone": Lossy(None, "approximated", ": here it bounds how far an axis leans, not how far the ball turns about it"),
         "velocity": _CUSTOM, "damping": _CUSTOM, "friction": _CUSTOM, "armature": _CUSTOM, "stiffness": OMITTED,
-        "mimic": Loses(
+        "mimic": Lossy(
             None, "carried as custom data", ", which Newton and, of turns with limits, PhysX read, where both turn or both slide",
         ),
-        "polynomial": Loses(None, "approximated", ": straight, as it is near q = 0 of that one"), "tendon": OMITTED,
+        "polynomial": Lossy(None, "approximated", ": straight, as it is near q = 0 of that one"), "tendon": OMITTED,
     },
     "drives": {"position": _DRIVE, "velocity": _DRIVE, "motor": _DRIVE, "universal": _DRIVE, "ball": OMITTED},
     "loops": {
         "hold": _EXCLUDED, "weld": _EXCLUDED, "ball": _EXCLUDED, "hinge": _EXCLUDED, "slide": _EXCLUDED,
-        "screw": Loses("joint", "approximated", ", which turns and slides there, each by itself"),
+        "screw": Lossy("joint", "approximated", ", which turns and slides there, each by itself"),
         "universal": _EXCLUDED, "several": _EXCLUDED,
     },
     "bases": {
-        "held": Loses(None, "approximated", ": it is fixed here"), "free": SAYS, "start": SAYS, "planar": Says(None, _GENERIC.how),
+        "held": Lossy(None, "approximated", ": it is fixed here"), "free": SAYS, "start": SAYS, "planar": Supported(None, _GENERIC.how),
         "ball": SAYS,
     },
-    "modes": {"gravity": SAYS, "poses": _NONE, "exclude": Says(None, "filtered pairs"), "timestep": OMITTED, "simulation": OMITTED},
+    "modes": {"gravity": SAYS, "poses": _NONE, "exclude": Supported(None, "filtered pairs"), "timestep": OMITTED, "simulation": OMITTED},
     "links": {
-        "frames": Says(None, "`Xform`"), "colours": SAYS, "friction": SAYS,
-        "rolling": Loses(None, "carried as custom data", ", which Newton alone reads"), "adhesion": OMITTED, "weightless": _LIGHT,
+        "frames": Supported(None, "`Xform`"), "colours": SAYS, "friction": SAYS,
+        "rolling": Lossy(None, "carried as custom data", ", which Newton alone reads"), "adhesion": OMITTED, "weightless": _LIGHT,
         "weightless_base": _LIGHT, "point": _SMALL, "line": _SMALL,
     },
     "shapes": {
-        "box": Says("Cube"), "cylinder": Says("Cylinder"), "capsule": Says("Capsule"), "sphere": Says("Sphere"),
-        "ellipsoid": Says("Sphere", "a sphere that is stretched"), "plane": Says("Plane"), "hull": Says("Mesh"),
-        "mesh": Loses("Mesh", "approximated", ": its convex hull touches"),
+        "box": Supported("Cube"), "cylinder": Supported("Cylinder"), "capsule": Supported("Capsule"), "sphere": Supported("Sphere"),
+        "ellipsoid": Supported("Sphere", "a sphere that is stretched"), "plane": Supported("Plane"), "hull": Supported("Mesh"),
+        "mesh": Lossy("Mesh", "approximated", ": its convex hull touches"),
     },
     "sensors": all_sensors(_NONE),
     "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},

@@ -16,7 +16,7 @@ from thingc.base.frozen import dataclass
 from thingc.base.joints.twist import Twist
 from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, along, cross, dot, shifted, transpose
 from thingc.model.assembly.types import JointEdge
-from thingc.model.robot.types import CoreJoint
+from thingc.model.robot.types import TreeJoint
 from thingc.targets.capabilities import joint_cell
 from thingc.targets.connections import Connection
 from thingc.targets.usd.capabilities import CAPABILITIES
@@ -36,7 +36,7 @@ class Freedom:
     `ball`); it moves by `ratio` [1 or m/rad] of the `joint`'s q."""
 
     name: str
-    joint: CoreJoint | JointEdge
+    joint: TreeJoint | JointEdge
     ratio: float = 1.0
 
     @property
@@ -56,7 +56,7 @@ class UsdJoint:
     freedoms: tuple[Freedom, ...] = ()
 
     @property
-    def single(self) -> CoreJoint | JointEdge | None:
+    def single(self) -> TreeJoint | JointEdge | None:
         """The coordinate of one that only turns or only slides."""
         return self.freedoms[0].joint if self.type in ("Revolute", "Prismatic") else None
 
@@ -79,9 +79,9 @@ def chain(connection: Connection) -> tuple[UsdJoint, ...]:
             assert_never(form)
 
 
-def _spherical(path: str, joints: Sequence[CoreJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
+def _spherical(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
     """A ball."""
-    backwards = isinstance(joints[0], CoreJoint) and joints[0].reversed
+    backwards = isinstance(joints[0], TreeJoint) and joints[0].reversed
     # Backwards the tree has the coordinates the other way round, and each of them negated.
     axes = [(-x, -y, -z) for x, y, z in (twist.angular for twist in reversed(twists))] if backwards else [one.angular for one in twists]
     ordered = joints[::-1] if backwards else joints
@@ -89,7 +89,7 @@ def _spherical(path: str, joints: Sequence[CoreJoint | JointEdge], twists: Seque
     return UsdJoint(path=path, type="Spherical", frame=frame, freedoms=tuple(Freedom(name="ball", joint=one) for one in ordered))
 
 
-def _single(path: str, joint: CoreJoint | JointEdge, twist: Twist) -> UsdJoint:
+def _single(path: str, joint: TreeJoint | JointEdge, twist: Twist) -> UsdJoint:
     """A turn or a slide."""
     freedom = Freedom(name="angular" if twist.turns else "linear", joint=joint)
     return UsdJoint(
@@ -97,7 +97,7 @@ def _single(path: str, joint: CoreJoint | JointEdge, twist: Twist) -> UsdJoint:
     )
 
 
-def _generic(path: str, joints: Sequence[CoreJoint | JointEdge], twists: Sequence[Twist]) -> Iterator[UsdJoint]:
+def _generic(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> Iterator[UsdJoint]:
     """A generic joint, or several where a slide comes after a turn about another axis."""
     groups: list[list[int]] = [[]]
     for k, twist in enumerate(twists):
@@ -111,7 +111,7 @@ def _generic(path: str, joints: Sequence[CoreJoint | JointEdge], twists: Sequenc
             yield _several(path, [joints[k] for k in group], [twists[k] for k in group])
 
 
-def _several(path: str, joints: Sequence[CoreJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
+def _several(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
     """One joint with all of the coordinates, whose axes are parallel or at right angles."""
     anchor = next((twist.anchor for twist in twists if twist.turns), twists[0].anchor)
     directions: list[Vector] = []

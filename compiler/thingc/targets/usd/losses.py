@@ -9,7 +9,7 @@ from thingc.base.source import Origin
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.loop_solver import Loops, SolverState
-from thingc.model.robot.types import CoreJoint, Robot
+from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.artifact import How, Loss
 from thingc.targets.connections import connections
 from thingc.targets.usd.capabilities import CAPABILITIES
@@ -50,7 +50,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
             yield _loss(None, one.material.name, what, "carried as custom data", one.material.origin)
 
 
-def _of_floats(joint: CoreJoint | JointEdge) -> Iterator[Loss]:
+def _of_floats(joint: TreeJoint | JointEdge) -> Iterator[Loss]:
     """What numbers of a joint are too large for USD's floats."""
     turns, drive, dynamics = joint.twist.turns, joint.actuator, joint.dynamics
     q, push = ("rad", "N m") if turns else ("m", "N")

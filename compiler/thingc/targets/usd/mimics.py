@@ -13,7 +13,7 @@ from thingc.targets.usd.chain import chain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Follower:
+class MimicJoint:
     """A joint at `path` that follows the `leader`, which moves by itself: q = offset + multiplier q(leader) [rad or m]. `said`: both are
     joints of one coordinate and of one kind, as Newton's schema has them. `reach`: between which values the leader's limits take it, None
     where that has no two."""
@@ -28,13 +28,13 @@ class Follower:
     origin: Origin
 
 
-def followers(robot: Robot) -> dict[str, Follower]:
+def followers(robot: Robot) -> dict[str, MimicJoint]:
     """Of every joint that follows another one, by path."""
     steps = [step for connection in connections(robot, CAPABILITIES["loops"]) for step in chain(connection)]
     single = {step.single.path: step.type for step in steps if step.single is not None}
     joints = {joint.path: joint for joint in joints_of(robot.assembly)}
     return {
-        path: Follower(
+        path: MimicJoint(
             path=path, leader=leader, multiplier=multiplier, offset=offset, turns=joints[path].twist.turns,
             said=path in single and single.get(leader) == single[path],
             reach=_reach(joints[leader].limit, multiplier, offset), origin=mimic.origin,

@@ -15,7 +15,7 @@ import sys
 from collections.abc import Sequence
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 from thingc.base.suggestions import did_you_mean
 from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.types import RawAttribute
@@ -83,7 +83,7 @@ def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
     key, value, last = attribute.path[-1], json.loads(attribute.value), len(attribute.path)
     strange = NO_CHARACTER.search("".join(one for one in (value if isinstance(value, list) else [value]) if isinstance(one, str)))
     if strange is not None:
-        return f"a text of USD has no character `{shown(strange[0])}`", "leave it out", last
+        return f"a text of USD has no character `{escape_control(strange[0])}`", "leave it out", last
     if key == SCHEMAS:
         schemas = value if isinstance(value, list) else [value]
         if not all(isinstance(one, str) and re.fullmatch(_NAME, one, re.ASCII) for one in schemas):
@@ -109,7 +109,7 @@ def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
         return f"`{type}` is no type of raw attributes", f"write one of {types}", last - 1
     literal = _literal(type, value)
     if literal is None:
-        return f"`{shown(attribute.value)}` is no `{type}`", _expected(type), last
+        return f"`{escape_control(attribute.value)}` is no `{type}`", _expected(type), last
     prim.properties[place : place + 1] = [f"{written or type} {name} = {literal}"]
     return None
 

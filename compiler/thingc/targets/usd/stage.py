@@ -27,7 +27,7 @@ from thingc.model.robot.types import Robot
 from thingc.targets.capabilities import shape_cell, written
 from thingc.targets.connections import Connection, connections
 from thingc.targets.geometry import ENDLESS, Geometry, Shape, channels, linear, material_name, materials, numbered
-from thingc.targets.name_mangling import Names, frames, safe
+from thingc.targets.name_mangling import MangledNames, frames, safe
 from thingc.targets.usd.capabilities import CAPABILITIES
 from thingc.targets.usd.chain import UsdJoint, chain
 from thingc.targets.usd.drives import equip
@@ -66,8 +66,8 @@ class _Builder:
         self.geometry = geometry
         self.meshes = meshes
         self.report = report
-        self.names = Names("have the name", "USD", report)
-        self.joints = Names("be the joint", "USD", report)
+        self.names = MangledNames("have the name", "USD", report)
+        self.joints = MangledNames("be the joint", "USD", report)
         self.path = f"/{self.assembly.name}"
         self.root = Prim(type="Xform", name=self.assembly.name)
         self.followers = followers(robot)
@@ -95,7 +95,7 @@ class _Builder:
             if apart:
                 prim.schemas.append("PhysicsFilteredPairsAPI")
                 prim.say("rel physics:filteredPairs", f"[{', '.join(f'<{self.path}/{other}>' for other in apart)}]")
-            inside = Names("have the name", f"USD, below `{name}`,", self.report)
+            inside = MangledNames("have the name", f"USD, below `{name}`,", self.report)
             for site in sites.get(index, ()):
                 if inside.free(site.path, site.origin):
                     prim.add("Xform", safe(site.path)).place(site.pose)

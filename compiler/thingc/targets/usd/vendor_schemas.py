@@ -10,7 +10,7 @@ import math
 
 from thingc.targets.usd.chain import UsdJoint
 from thingc.targets.usd.drives import ends, passive
-from thingc.targets.usd.mimics import Follower
+from thingc.targets.usd.mimics import MimicJoint
 from thingc.targets.usd.usda import Prim
 
 AXIS = "rotZ"
@@ -49,7 +49,7 @@ def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
                 prim.say(f"float physxJointAxis:{axis}:{word}", value)
 
 
-def follow(prim: Prim, joint: UsdJoint, follower: Follower, leader: str) -> None:
+def follow(prim: Prim, joint: UsdJoint, follower: MimicJoint, leader: str) -> None:
     """What follows the joint at the path `leader`, in degrees where it turns. Without limits of its own it has those to which the leader's
     take it: PhysX takes no turn without, and counts the other way round: q + gearing * q(leader) + offset = 0."""
     unit = math.degrees(1.0) if follower.turns else 1.0

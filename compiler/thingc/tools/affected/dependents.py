@@ -19,7 +19,7 @@ KINDS = ("assembly", "materials", "variants")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Touched:
+class AffectedDocuments:
     """`documents` (absolute paths, sorted) depend on a file that changed; `roots` are what there is to build: the assemblies
     among them that have modes of their own, or that no other of them nests."""
 
@@ -41,7 +41,7 @@ class _Needs:
     varies: frozenset[str]
 
 
-def touched(changed: Collection[str] | None, folder: str, store: Store | None) -> Touched:
+def touched(changed: Collection[str] | None, folder: str, store: Store | None) -> AffectedDocuments:
     """The documents below a folder that depend on one of the files `changed` (paths, there or not; None: all documents).
 
     A document depends on the documents that it names, on the files of the code of its parts (and what that imports in the
@@ -51,7 +51,7 @@ def touched(changed: Collection[str] | None, folder: str, store: Store | None) -
     """
     real = None if changed is None else frozenset(os.path.realpath(path) for path in changed)
     if real is not None and not real:
-        return Touched(documents=(), roots=())
+        return AffectedDocuments(documents=(), roots=())
     needs = {path: _needs(path, store) for path in documents_in(folder)}
     met = sorted(path for path, need in needs.items() if real is None or _meets(path, need, real))
     # variants are touched with the assemblies that they vary, which the document itself does not read
@@ -59,7 +59,7 @@ def touched(changed: Collection[str] | None, folder: str, store: Store | None) -
     met = sorted({*met, *(path for path, need in needs.items() if need.varies & varied)})
     inside = {inner for path in met for inner in needs[path].nested}
     roots = [path for path in met if needs[path].modes or (needs[path].assembly and os.path.realpath(path) not in inside)]
-    return Touched(documents=tuple(met), roots=tuple(roots))
+    return AffectedDocuments(documents=tuple(met), roots=tuple(roots))
 
 
 def _meets(path: str, need: _Needs, changed: frozenset[str]) -> bool:

@@ -15,12 +15,12 @@ from thingc.base.memo import Memo
 from thingc.base.replacement import Change, provisional
 from thingc.base.source import Document
 from thingc.documents.format.formatting import format_document, is_laid_out
-from thingc.documents.format.value_edits import Unsettable, with_values, without
+from thingc.documents.format.value_edits import CannotSetValue, set_values, without
 from thingc.documents.load.documents import Documents, read_tree, remember
 from thingc.driver.edit_document import checked, document_change, opened
 from thingc.driver.environment import Options
 from thingc.tools.cli import console, signals
-from thingc.tools.cli.add_templates import BASES, STUBS, Addition
+from thingc.tools.cli.add_templates import BASES, STUBS, DocumentEdit
 
 EPILOG = """\
 Nothing is written unless all of the document would be right with what is added. It is a stub: change it as you like.
@@ -127,7 +127,7 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
 
 
 def _write(
-    arguments: argparse.Namespace, options: Options, documents: Documents | None, addition: Addition, memo: Memo | None = None,
+    arguments: argparse.Namespace, options: Options, documents: Documents | None, addition: DocumentEdit, memo: Memo | None = None,
 ) -> int:
     """Write files and document, unless something would be wrong then. `memo` knows the documents. Raises `ReplacementRefused`."""
     with provisional(addition.files) as keep:
@@ -154,14 +154,14 @@ def _wrong(diagnostics: Sequence[Diagnostic]) -> bool:
     return any(one.severity is Severity.ERROR for one in diagnostics)
 
 
-def _with_addition(root: Document, addition: Addition) -> Document:
+def _with_addition(root: Document, addition: DocumentEdit) -> Document:
     """The document with it; laid out, where it was laid out before. Raises `WrongCommandLine` where that cannot be."""
     document = root
     try:
         for keys in addition.placed:
             document = without(document, keys)
-        document = with_values(document, addition.values)
-    except Unsettable as fault:
+        document = set_values(document, addition.values)
+    except CannotSetValue as fault:
         raise console.WrongCommandLine(str(fault), "write it by hand") from fault
     laid_out = format_document(document.path, document.text.encode(), Report(), tree=document.tree) if is_laid_out(root) else None
     if laid_out is None or laid_out == document.text.encode():

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, get_args
 
 from thingc.base.diagnostics import Report, shown_path
 from thingc.base.joints.bases import BaseType, stays
-from thingc.base.python_source import syntax_tree
+from thingc.base.python_source import parse_python
 from thingc.base.replacement import Change
 from thingc.base.source import Document, MappingNode, SequenceNode, node_at
-from thingc.base.suggestions import did_you_mean, meant, nearest
+from thingc.base.suggestions import closest_name, did_you_mean, nearest
 from thingc.base.units import shortened
 from thingc.documents.format.value_edits import Keys, Written
 from thingc.documents.load.documents import Documents, read_tree
@@ -38,7 +38,7 @@ NAME = r"[A-Za-z][A-Za-z0-9_]*"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Addition:
+class DocumentEdit:
     """What is added: `values` in the document at their keys, of which `placed` (if any) is taken out before; `files` that are
     new, or change, by path."""
 
@@ -47,7 +47,7 @@ class Addition:
     files: Mapping[str, Change] = field(default_factory=dict)
 
 
-def _part(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
+def _part(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
     """A component that is a part: one that is there, or one of a class to begin with."""
     from thingc.documents.workspace import Workspace
     from thingc.driver.environment import geometry_of
@@ -66,7 +66,7 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Additio
             source = geometry.part_code.sources.source(module)
             if elsewhere or place.workspace and source is not None and name in source.facts.names:
                 return _placed_part(arguments, documents, geometry, reference)
-            near = meant(reference, geometry.catalogue()) if told else None
+            near = closest_name(reference, geometry.catalogue()) if told else None
             if near is not None:
                 raise console.WrongCommandLine(
                     f"there is no part `{reference}`", f"did you mean `{near}`? With --new it is a class to begin with",
@@ -81,7 +81,7 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Additio
 
 def _placed_part(
     arguments: argparse.Namespace, documents: Documents | None, geometry: GeometryService, reference: str,
-) -> Addition:
+) -> DocumentEdit:
     """A component that is a part which is there, or which only `check` can tell what is wrong with."""
     if documents is None:
         raise console.WrongCommandLine(
@@ -101,7 +101,7 @@ def _placed_part(
             mount = _sole_mount(reference, list(record.mounts) or ["origin"], "bottom")
     elif isinstance(answer, PartSchema) and definition is None and arguments.on is not None and arguments.by is None:
         raise console.WrongCommandLine(f"which mount of `{reference}` meets --on is not said", "name it with --by")
-    return Addition(values={("components", component): {**value, **_place(arguments, documents.root, component, mount)}})
+    return DocumentEdit(values={("components", component): {**value, **_place(arguments, documents.root, component, mount)}})
 
 
 def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
@@ -115,13 +115,13 @@ def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
     return mounts[0]
 
 
-def _new_part(arguments: argparse.Namespace, documents: Documents | None, reference: str, path: str) -> Addition:
+def _new_part(arguments: argparse.Namespace, documents: Documents | None, reference: str, path: str) -> DocumentEdit:
     """A class behind what its module has, or in a new one at that path, and a component that is one."""
     from thingc.tools.templates import new_part
 
     told, _, given = reference.partition(":")
     module, name = _identifier(told), _class_name(given)
-    if keyword.iskeyword(name) or name in _bound(syntax_tree(new_part("_", None))):
+    if keyword.iskeyword(name) or name in _bound(parse_python(new_part("_", None))):
         raise console.WrongCommandLine(f"`{name}` is no name for a class of parts: it means something else there", "choose another name")
     component = arguments.component or _snake(name)
     placed = None if documents is None else _place(arguments, documents.root, component, "bottom")
@@ -135,9 +135,9 @@ def _new_part(arguments: argparse.Namespace, documents: Documents | None, refere
         what = "a word of Python" if keyword.iskeyword(module) else "a module that Python has already"
         raise console.WrongCommandLine(f"`{module}` is {what}", f"name the module yourself: `thingc add part {module}_parts:{name}`")
     if documents is None or placed is None:
-        return Addition(values={}, files={path: change})
+        return DocumentEdit(values={}, files={path: change})
     value = {"part": f"{module}:{name}", **_params(arguments), **weight, **placed}
-    return Addition(values={("components", component): value}, files={path: change})
+    return DocumentEdit(values={("components", component): value}, files={path: change})
 
 
 def _reference(word: str) -> str:
@@ -155,7 +155,7 @@ def _snake(name: str) -> str:
     return re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Z][a-z])", "_", name).lower()
 
 
-def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
+def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
     """A component that is another document: one that is there, or one to begin with."""
     path = _nested_path(arguments.name, None if documents is None else documents.root.path)
     there = os.path.lexists(path)
@@ -166,12 +166,12 @@ def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Add
     text = ASSEMBLY_TOML if path.lower().endswith(".toml") else ASSEMBLY
     files: dict[str, Change] = {} if there else {path: (None, text.replace("NAME", name).encode())}
     if documents is None:
-        return Addition(values={}, files=files)
+        return DocumentEdit(values={}, files=files)
     root, component = documents.root, arguments.component or name
     mount = _own_mount(path) if there and arguments.on is not None and arguments.by is None else "base"
     nested = os.path.relpath(path, os.path.dirname(root.path)).replace(os.sep, "/")
     value = {"assembly": nested, **_params(arguments, "parameters"), **_place(arguments, root, component, mount)}
-    return Addition(values={("components", component): value}, files=files)
+    return DocumentEdit(values={("components", component): value}, files=files)
 
 
 def _nested_path(name: str, beside: str | None) -> str:
@@ -220,7 +220,7 @@ base = "frame.origin"
 """
 
 
-def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
+def _mode(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
     assert documents is not None
     root = documents.root
     name = _new(root, "modes", arguments.name)
@@ -248,7 +248,7 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Additio
     if arguments.gravity is not None:
         value["gravity"] = arguments.gravity
     pose = arguments.pose or first.get("pose")
-    return Addition(values={("modes", name): {**value, **({"pose": str(pose)} if pose else {})}})
+    return DocumentEdit(values={("modes", name): {**value, **({"pose": str(pose)} if pose else {})}})
 
 
 def _written(plain: object) -> Written:
@@ -258,7 +258,7 @@ def _written(plain: object) -> Written:
     return [_written(one) for one in plain] if isinstance(plain, list) else str(plain)
 
 
-def _joint(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
+def _joint(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
     from thingc.base.joints.kinds import kind_of
 
     assert documents is not None
@@ -282,10 +282,10 @@ def _joint(arguments: argparse.Namespace, documents: Documents | None) -> Additi
     component = arguments.child.partition(".")[0]
     ways = () if arguments.loop else ("attach", "at")
     placed = tuple(("components", component, way) for way in ways if node_at(root.tree, ("components", component, way)) is not None)
-    return Addition(values={("joints", name): value}, placed=placed)
+    return DocumentEdit(values={("joints", name): value}, placed=placed)
 
 
-def _test(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
+def _test(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
     from thingc.documents.checks import kinds
 
     assert documents is not None
@@ -301,10 +301,10 @@ def _test(arguments: argparse.Namespace, documents: Documents | None) -> Additio
     last = list(_section(root.tree, "components"))[-1]
     words = {"$base": f"{_base(root)}.origin", "$mount": next(iter(mounts), f"{last}.origin")}
     stub = {key: words.get(value, value) if isinstance(value, str) else value for key, value in kinds()[arguments.kind].stub.items()}
-    return Addition(values={("tests", name): {arguments.kind: stub}})
+    return DocumentEdit(values={("tests", name): {arguments.kind: stub}})
 
 
-STUBS: dict[str, Callable[[argparse.Namespace, Documents | None], Addition]] = {
+STUBS: dict[str, Callable[[argparse.Namespace, Documents | None], DocumentEdit]] = {
     "part": _part, "assembly": _assembly, "mode": _mode, "joint": _joint, "test": _test,
 }
 
@@ -420,7 +420,7 @@ def _appended(path: str, name: str, text: str) -> Change:
         data = stream.read()
     before = data.decode()
     try:
-        module = syntax_tree(before)
+        module = parse_python(before)
     except SyntaxError as fault:
         message = f"`{shown_path(path)}` cannot be read as Python: {fault.msg}"
         raise console.WrongCommandLine(message, f"correct line {fault.lineno}") from fault
@@ -428,7 +428,7 @@ def _appended(path: str, name: str, text: str) -> Change:
     if name in bound:
         raise console.WrongCommandLine(f"`{shown_path(path)}` has a `{name}` already", "choose another name")
     missing = []
-    for node in syntax_tree(text).body:
+    for node in parse_python(text).body:
         if isinstance(node, ast.ImportFrom) and f"{node.module}.*" not in bound:
             names = [alias.name for alias in node.names if alias.name not in bound]
             missing += [f"from {node.module} import {', '.join(names)}\n"] if names else []

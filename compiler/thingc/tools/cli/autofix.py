@@ -10,7 +10,7 @@ from dataclasses import replace
 from thingc.base.diagnostics import Diagnostic, Report, shown_path
 from thingc.base.one_line_repr import counted
 from thingc.base.replacement import replace_files
-from thingc.documents.format.autofix import Looked, TextEdit, autofix
+from thingc.documents.format.autofix import CheckResult, TextEdit, autofix
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES
 from thingc.documents.workspace import Workspace
 from thingc.driver import pipeline
@@ -54,14 +54,14 @@ def _autofix(
 ) -> tuple[list[TextEdit], dict[str, bytes], Sequence[Diagnostic]]:
     spaces: list[Workspace] = []
 
-    def look(contents: Mapping[str, bytes]) -> Looked:
+    def look(contents: Mapping[str, bytes]) -> CheckResult:
         with Environment(document, replace(options, texts=contents)) as environment:
             compilation = pipeline.check(environment)
             report = report_of(environment, compilation)
         if environment.workspace is not None:
             spaces.append(environment.workspace)
         read = () if compilation.documents is None else tuple(compilation.documents.by_path.values())
-        return Looked(found=console.final(report, strict=strict), documents=read)
+        return CheckResult(found=console.final(report, strict=strict), documents=read)
 
     def allowed(file: str) -> bool:
         return file.lower().endswith(DOCUMENT_SUFFIXES) and bool(spaces) and spaces[-1].contains(file)

@@ -20,7 +20,7 @@ from thingc.tools.cli import console
 from thingc.tools.cli.signals import INTERRUPTED
 
 if TYPE_CHECKING:
-    from thingc.batch.dry_run import Forecast
+    from thingc.batch.dry_run import DryRun
     from thingc.batch.planning import Plan
     from thingc.batch.progress import Progress, Summary
 
@@ -323,12 +323,12 @@ def _unpack(arguments: argparse.Namespace, options: Options) -> int:
 
 def _adopt(arguments: argparse.Namespace, options: Options) -> int:
     """Write the settings of a variant into the document of the assembly, as `thingc set` does."""
-    from thingc.batch.adopt_variant import meant
+    from thingc.batch.adopt_variant import find_variant
     from thingc.batch.variants_document import plan
     from thingc.tools.cli.set import write
 
     planned = plan(arguments.document, options=options)
-    adopted = meant(planned, arguments.adopt, planned.folder_in(arguments.output))
+    adopted = find_variant(planned, arguments.adopt, planned.folder_in(arguments.output))
     if adopted is None:
         raise console.WrongCommandLine(
             f"`{planned.name}` has no variant `{arguments.adopt}`",
@@ -344,7 +344,7 @@ def _adopt(arguments: argparse.Namespace, options: Options) -> int:
     return write(shown_path(planned.assembly), settings, options, arguments)
 
 
-def _told(planned: Plan, forecast: Forecast) -> list[str]:
+def _told(planned: Plan, forecast: DryRun) -> list[str]:
     """A forecast for people."""
     all_of_them = counted(planned.count, "variant")
     some = f"{forecast.count} of {all_of_them}" if forecast.count != planned.count else all_of_them

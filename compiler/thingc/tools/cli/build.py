@@ -16,7 +16,7 @@ from thingc.base.diagnostics import Diagnostic, shown_path
 from thingc.base.one_line_repr import counted
 from thingc.base.safe_text import quoted
 from thingc.driver import build_document, dependencies, pipeline, up_to_date
-from thingc.driver.build_document import Built, Wish
+from thingc.driver.build_document import BuildRequest, BuildResult
 from thingc.driver.environment import Environment, Options, attempted, store_of
 from thingc.driver.output import OutputError, build_folder, listed, unswept, verify
 from thingc.driver.pipeline import UnknownChoice
@@ -90,15 +90,15 @@ def _build(
     return attempted(arguments.document, options, partial(_built, wish_of(arguments, targets), key))
 
 
-def wish_of(arguments: argparse.Namespace, targets: tuple[str, ...]) -> Wish:
+def wish_of(arguments: argparse.Namespace, targets: tuple[str, ...]) -> BuildRequest:
     """What the command line wishes the build to be."""
-    return Wish(
+    return BuildRequest(
         targets=targets, modes=arguments.mode, output=arguments.output, strict=arguments.strict,
         deny_loss=arguments.deny_loss, force=arguments.force, twice=getattr(arguments, "twice", False),
     )
 
 
-def _built(wish: Wish, key: str, environment: Environment) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
+def _built(wish: BuildRequest, key: str, environment: Environment) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
     """Build, write, and remember it under `key`."""
     built = build_document.build(environment, wish)
     diagnostics = list(built.diagnostics)
@@ -121,7 +121,7 @@ def _some(paths: Collection[str]) -> str:
     return quoted(sorted({path.partition("/")[0] + ("/" if "/" in path else "") for path in paths}), 4)
 
 
-def answer_of(built: Built, folder: str) -> dict[str, Any]:
+def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:
     """What there is to tell of a build that was written."""
     targets = dict.fromkeys(loss.target for loss in built.losses)
     lost = {target: counts_of(loss for loss in built.losses if loss.target == target) for target in targets}

@@ -15,7 +15,7 @@ from thingc.base.diagnostic_output import as_json, as_text, summary
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.base.filesystem import NO_ROOM, listing, working_folder
 from thingc.base.replacement import ReplacementRefused
-from thingc.base.safe_text import json_text, shown, shown_line
+from thingc.base.safe_text import escape_control, json_text, shown_line
 from thingc.base.suggestions import did_you_mean, file_meant, nearest
 from thingc.driver.environment import Options
 
@@ -304,10 +304,10 @@ def say_waiting(folder: str) -> None:
 def say(*lines: str, stream: TextIO | None = None) -> None:
     """Lines for people, on standard output unless told otherwise: the one way by which what is no diagnostic gets there.
 
-    Whatever a document, a part or a file name has put into a line stays a piece of that line (see `shown`).
+    Whatever a document, a part or a file name has put into a line stays a piece of that line (see `escape_control`).
     """
     stream = stream or sys.stdout
-    stream.write("".join(f"{shown(line)}\n" for line in lines))
+    stream.write("".join(f"{escape_control(line)}\n" for line in lines))
     stream.flush()
 
 
@@ -333,7 +333,7 @@ def hand_on(content: bytes | str) -> None:
 def say_in_place(line: str = "") -> None:
     """A line on standard error that the next one replaces, where that is a terminal; else nothing."""
     if sys.stderr.isatty():
-        sys.stderr.write(f"\r\x1b[K{shown(line)}")
+        sys.stderr.write(f"\r\x1b[K{escape_control(line)}")
         sys.stderr.flush()
 
 

@@ -18,10 +18,10 @@ from thingc.tools.cli import console
 
 if TYPE_CHECKING:
     from thingc.driver.environment import Options
-    from thingc.tools.diff.arguments import Asked
-    from thingc.tools.diff.checkouts import Both, BrokenSide
+    from thingc.tools.diff.arguments import ComparisonRequest
+    from thingc.tools.diff.checkouts import BrokenSide, DocumentPair
     from thingc.tools.diff.comparing import Comparison
-    from thingc.tools.diff.results import Differences
+    from thingc.tools.diff.results import DiffResult
 
 EPILOG = """\
 Meaning, not text: components, joints, mates, parameters, modes, poses, materials, tests, and what follows for masses, geometry,
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Exit code 0, or 1 where something changed that must not; 1 where a side does not compile."""
     from thingc.targets.render.picture import NoGraphics
     from thingc.tools.affected.git_changes import NotARepository
-    from thingc.tools.diff.arguments import UnknownSide, asked
+    from thingc.tools.diff.arguments import UnknownComparison, asked
     from thingc.tools.diff.checkouts import BrokenSide
     from thingc.tools.diff.results import as_json
     from thingc.tools.diff.text_report import as_markdown, as_text
@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
         wanted = asked(arguments.side, arguments.behind)
         with ExitStack() as stack:
             answer = _answer(arguments, wanted, options, stack)
-    except UnknownSide as fault:
+    except UnknownComparison as fault:
         raise console.WrongCommandLine(str(fault), fault.hint) from fault
     except NotARepository as fault:
         raise console.WrongCommandLine(f"git cannot say: {fault}", "run this in a repository, or name two documents") from fault
@@ -105,7 +105,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 1 if any(change.what in watched for change in answer.changes) else 0
 
 
-def _written(arguments: argparse.Namespace, answer: Differences) -> Callable[[str, str], str] | None:
+def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str, str], str] | None:
     """Write the page and the pictures that were asked for; where each picture is, by document and what it shows. Raises OSError."""
     from thingc.tools.diff.page import as_html
 
@@ -143,8 +143,8 @@ def fail_on(words: Sequence[str]) -> frozenset[str]:
     return frozenset(named)
 
 
-def _answer(arguments: argparse.Namespace, wanted: Asked, options: Options, stack: ExitStack) -> Differences | BrokenSide:
-    """Raises `UnknownSide`, `NotARepository`, `NoGraphics`, `WrongCommandLine`."""
+def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: Options, stack: ExitStack) -> DiffResult | BrokenSide:
+    """Raises `UnknownComparison`, `NotARepository`, `NoGraphics`, `WrongCommandLine`."""
     from thingc.targets.render.picture import ready
     from thingc.tools.diff.checkouts import compared, laid_out
     from thingc.tools.diff.results import answered
@@ -154,14 +154,14 @@ def _answer(arguments: argparse.Namespace, wanted: Asked, options: Options, stac
     tests, draw = not (arguments.no_tests or arguments.no_code), bool(arguments.html or arguments.pictures)
     if draw and options.code:
         ready()  # before the tests import MuJoCo, which decides then how it draws
-    work: Callable[[Both], Comparison | BrokenSide] = partial(compared, options=options, tests=tests, names=names, draw=draw)
+    work: Callable[[DocumentPair], Comparison | BrokenSide] = partial(compared, options=options, tests=tests, names=names, draw=draw)
     if arguments.no_code:
         console.refuse_modules_of_others()
         work = partial(_apart, work, console.time_of("--time-limit", arguments.time_limit))
     return answered(*names, laid_out(wanted, stack, code=options.code), work)
 
 
-def _apart(work: Callable[[Both], Comparison | BrokenSide], seconds: float, both: Both) -> Comparison | BrokenSide:
+def _apart(work: Callable[[DocumentPair], Comparison | BrokenSide], seconds: float, both: DocumentPair) -> Comparison | BrokenSide:
     """A document compared in a bounded process of its own."""
     from thingc.tools.cli.sandboxed_check import confined
     from thingc.tools.diff.checkouts import BrokenSide

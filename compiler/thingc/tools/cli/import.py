@@ -18,7 +18,7 @@ from thingc.tools.cli import console, signals
 
 if TYPE_CHECKING:
     from thingc.tools.importing.importing import Imported
-    from thingc.tools.importing.update_import import Earlier, Update
+    from thingc.tools.importing.update_import import PreviousImport, Update
 
 MOST_SAID = 20
 """Changes that are printed; `git diff` shows all."""
@@ -95,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
     return console.exit_code(report.diagnostics)
 
 
-def _again(arguments: argparse.Namespace, imported: Imported, earlier: Earlier, report: Report) -> dict[str, str]:
+def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousImport, report: Report) -> dict[str, str]:
     """Import into a folder that has an import already; the text of the document that is spoken of. Raises `OutputError`."""
     from thingc.tools.importing.update_import import update
 

@@ -7,7 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from thingc.base.one_line_repr import counted
-from thingc.base.summing import plain_sum
+from thingc.base.summing import sum_of
 from thingc.driver.environment import attempted
 from thingc.driver.pipeline import compile
 from thingc.model.assembly.types import Assembly, Occurrence
@@ -175,7 +175,7 @@ def _shares(assembly: Assembly) -> str:
     mass: dict[str, float] = {}
     for o in assembly.occurrences:
         mass[o.mass_source] = mass.get(o.mass_source, 0.0) + o.properties.mass
-    whole = plain_sum(mass.values()) or 1.0
+    whole = sum_of(mass.values()) or 1.0
     return ", ".join(f"{source} {_grams(m)} ({100.0 * m / whole:.1f} %)" for source, m in sorted(mass.items()) if m)
 
 

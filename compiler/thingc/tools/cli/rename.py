@@ -15,7 +15,7 @@ from thingc.tools.cli import console, signals
 
 if TYPE_CHECKING:
     from thingc.documents.names.index import Name
-    from thingc.documents.names.workspace_index import Sight
+    from thingc.documents.names.workspace_index import WorkspaceIndex
 
 EPILOG = """\
 What is renamed is named by its path. Documents that use it, tests, variants, and the Python of parts follow; where something would
@@ -37,8 +37,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 where it is renamed (with `--diff`: could be)."""
-    from thingc.documents.names.rename import RenameRefused, renamed
-    from thingc.documents.names.workspace_index import on_disk, sight_of
+    from thingc.documents.names.rename import RenameRefused, rename_edits
+    from thingc.documents.names.workspace_index import index_workspace, on_disk
     from thingc.documents.workspace import Workspace
 
     report = Report()
@@ -48,9 +48,9 @@ def run(arguments: argparse.Namespace) -> int:
         if workspace is None:
             console.print_text(report.ordered(), stream=sys.stdout, debug=False)
             return console.exit_code(report.diagnostics)
-        sight = sight_of(workspace, {}, disk=cache(on_disk))  # of each file one state is read
+        sight = index_workspace(workspace, {}, disk=cache(on_disk))  # of each file one state is read
         declared = _named(sight, arguments.document, arguments.path)
-        done = renamed(sight, declared, arguments.name)
+        done = rename_edits(sight, declared, arguments.name)
     except console.WrongCommandLine as fault:
         console.print_text([fault.diagnostic], stream=sys.stdout, debug=False)
         return console.USAGE
@@ -71,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _named(sight: Sight, document: str, path: str) -> Name:
+def _named(sight: WorkspaceIndex, document: str, path: str) -> Name:
     """What a document declares at a path. Raises `common.WrongCommandLine`."""
     from thingc.base.source import node_at
     from thingc.base.suggestions import did_you_mean

@@ -31,7 +31,7 @@ _REFUSED = (
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
-class Refused(Exception):
+class SandboxRefusal(Exception):
     """Something that work on untrusted documents never does: a defect of thingc, stopped before it happens."""
 
 
@@ -167,6 +167,6 @@ def _refuse(event: str, arguments: tuple[Any, ...]) -> None:
     if event == "open":
         _, mode, flags = arguments
         if isinstance(flags, int) and flags & _WRITING or isinstance(mode, str) and set(mode) & set("wax+"):
-            raise Refused("a file was to be written")
+            raise SandboxRefusal("a file was to be written")
     elif event.startswith(_REFUSED):
-        raise Refused(f"`{event}` was to be done")
+        raise SandboxRefusal(f"`{event}` was to be done")

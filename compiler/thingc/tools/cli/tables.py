@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from thingc.base.pose import Matrix, Vector
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 
 
 def table(rows: Sequence[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[str]:
     """The lines of rows of as many cells each; columns `right` are set to the right."""
-    rows = [tuple(map(shown, row)) for row in rows]
+    rows = [tuple(map(escape_control, row)) for row in rows]
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     return [
         "  ".join(cell.rjust(w) if k in right else cell.ljust(w) for k, (cell, w) in enumerate(zip(row, widths))).rstrip()

@@ -18,13 +18,13 @@ from urllib.parse import quote
 from thingc.base.diagnostics import Code, Diagnostic, shown_path
 from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
-from thingc.driver.build_document import Wish
+from thingc.driver.build_document import BuildRequest
 from thingc.driver.environment import Environment, Options, attempted
 from thingc.targets.artifact import MANIFEST
 from thingc.targets.html.emit import Page, page_of
 from thingc.tools.cli import console
 from thingc.tools.cli.watch import Lines, hopeless, until_interrupted
-from thingc.tools.live.rebuild_loop import Live, Round
+from thingc.tools.live.rebuild_loop import Rebuild, RebuildLoop
 from thingc.tools.live.server import Server, findings_of
 
 EDITOR = "vscode://file{file}:{line}"
@@ -81,13 +81,13 @@ def run(arguments: argparse.Namespace) -> int:
             if before is None:
                 console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
                 return console.exit_code(diagnostics)
-    live = Live(arguments.document, options, partial(_wish, arguments), console.of_exception, writes=False, turn=turn)
+    live = RebuildLoop(arguments.document, options, partial(_wish, arguments), console.of_exception, writes=False, turn=turn)
     server = _server(arguments)
     if before is not None:
         server.tell_against(before)
     lines = Lines(arguments, "showing")
 
-    def hear(made: Round) -> None:
+    def hear(made: Rebuild) -> None:
         with turn:
             made, page, diagnostics = _shown(live, made)
         server.tell(page, made.seconds, diagnostics, kernel=made.kernel)
@@ -101,11 +101,11 @@ def run(arguments: argparse.Namespace) -> int:
         return until_interrupted(live, hear)
 
 
-def _wish(arguments: argparse.Namespace) -> Wish:
-    return Wish(targets=(), modes=arguments.mode, strict=arguments.strict)
+def _wish(arguments: argparse.Namespace) -> BuildRequest:
+    return BuildRequest(targets=(), modes=arguments.mode, strict=arguments.strict)
 
 
-def _shown(live: Live, made: Round) -> tuple[Round, Page | None, list[dict[str, object]]]:
+def _shown(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list[dict[str, object]]]:
     """A round, its page (None where it has errors), and what the page takes of what is said."""
     environment = live.environment
     assert environment is not None
@@ -124,8 +124,8 @@ class _Beside:
 
     def __init__(self, arguments: argparse.Namespace, options: Options, turn: threading.Lock) -> None:
         self._turn = turn
-        wish = Wish(targets=(), strict=arguments.strict)
-        self._live = Live(arguments.against, options, lambda: wish, console.of_exception, writes=False, turn=turn)
+        wish = BuildRequest(targets=(), strict=arguments.strict)
+        self._live = RebuildLoop(arguments.against, options, lambda: wish, console.of_exception, writes=False, turn=turn)
         self._lines = Lines(arguments, of=shown_path(arguments.against))
         self._stop = threading.Event()
 

@@ -16,11 +16,11 @@ from thingc.base.diagnostics import Diagnostic, shown_path
 from thingc.base.one_line_repr import counted
 from thingc.base.safe_text import json_text
 from thingc.driver import pipeline
-from thingc.driver.build_document import Wish
+from thingc.driver.build_document import BuildRequest
 from thingc.tools.cli import console, signals
 from thingc.tools.cli.build import answer_of, tell, wish_of
 from thingc.tools.cli.emit_option import add_building, chosen_targets
-from thingc.tools.live.rebuild_loop import Live, Round
+from thingc.tools.live.rebuild_loop import Rebuild, RebuildLoop
 
 EPILOG = """\
 Whatever the build depends on is watched: documents, part modules and the files that they read, materials, thingc.toml. A save with errors
@@ -54,21 +54,21 @@ def run(arguments: argparse.Namespace) -> int:
     return until_interrupted(live, Lines(arguments).say if arguments.format == "text" else say_json)
 
 
-def live_of(arguments: argparse.Namespace) -> Live:
+def live_of(arguments: argparse.Namespace) -> RebuildLoop:
     """What the command line wants built after every save. Raises `WrongCommandLine`."""
     console.require_document(arguments.document)
     options = console.options_of(arguments)
     targets, _ = chosen_targets(arguments)
     options = replace(options, ahead=pipeline.modules_of_build(targets))
 
-    def wish() -> Wish | Sequence[Diagnostic]:
+    def wish() -> BuildRequest | Sequence[Diagnostic]:
         targets, wrong = chosen_targets(arguments)
         return wrong or wish_of(arguments, targets)
 
-    return Live(arguments.document, options, wish, console.of_exception, console.say_waiting)
+    return RebuildLoop(arguments.document, options, wish, console.of_exception, console.say_waiting)
 
 
-def until_interrupted(live: Live, hear: Callable[[Round], None]) -> int:
+def until_interrupted(live: RebuildLoop, hear: Callable[[Rebuild], None]) -> int:
     """Go through the rounds until Ctrl-C or SIGTERM; nothing of them is alive then."""
     signals.heed(ignored=True)
     with contextlib.suppress(KeyboardInterrupt), live:
@@ -80,12 +80,12 @@ def until_interrupted(live: Live, hear: Callable[[Round], None]) -> int:
     return 0
 
 
-def hopeless(made: Round) -> bool:
+def hopeless(made: Rebuild) -> bool:
     """Whether nothing is followed after this round: the first one, where the command line is to blame, and no save mends that."""
     return made.number == 1 and console.exit_code(made.diagnostics) == console.USAGE
 
 
-def say_json(made: Round) -> None:
+def say_json(made: Rebuild) -> None:
     """A round as one line of JSON on standard output: what `thingc build --format json` says, and what is of a round alone."""
     folder = made.folder or ""
     _say_line({
@@ -117,7 +117,7 @@ class Lines:
         self._said: tuple[Diagnostic, ...] = ()
         self._built = False
 
-    def say(self, made: Round) -> None:
+    def say(self, made: Rebuild) -> None:
         """Say what came of a save."""
         console.say_in_place()
         known = made.good and made.diagnostics == self._said
@@ -137,7 +137,7 @@ class Lines:
             console.say(f"{'' if made.good else 'nothing is built yet; '}{self._doing}; Ctrl-C ends it", stream=sys.stderr)
 
 
-def _outcome(made: Round) -> str:
+def _outcome(made: Rebuild) -> str:
     """What a save has changed, in words."""
     if made.built is None or not made.good:
         return f"not built ({made.seconds:.2f} s); {'the last good build stays' if made.kept else 'there is no good build yet'}"

@@ -17,7 +17,7 @@ MANIFEST = "manifest.json"
 CHECKOUT = "working tree"
 
 
-class UnknownSide(Exception):
+class UnknownComparison(Exception):
     """A word that is no side, in words; `hint` says what to write."""
 
     def __init__(self, message: str, hint: str) -> None:
@@ -36,7 +36,7 @@ class Side:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class ComparisonRequest:
     """Two sides, and the documents (as named on the command line) that are compared where both are states of a repository; none: those
     that the change concerns."""
 
@@ -45,45 +45,45 @@ class Asked:
     documents: tuple[str, ...] = ()
 
 
-def asked(words: Sequence[str], documents: Sequence[str]) -> Asked:
-    """What the words of a command line ask for; `documents` are those behind `--`. Raises `UnknownSide`, `NotARepository`."""
+def asked(words: Sequence[str], documents: Sequence[str]) -> ComparisonRequest:
+    """What the words of a command line ask for; `documents` are those behind `--`. Raises `UnknownComparison`, `NotARepository`."""
     words = list(words)
     if len(words) > 2:
-        raise UnknownSide(
+        raise UnknownComparison(
             f"expected two sides, found {len(words)} words", "documents that are compared in two revisions follow `--`",
         )
     if not words:
         words = ["HEAD"]
     sides = [side for word in words for side in _sides(word)]
     if len(sides) > 2:
-        raise UnknownSide(f"`{' '.join(words)}` are more than two sides", "write `OLD..NEW`, or two words")
+        raise UnknownComparison(f"`{' '.join(words)}` are more than two sides", "write `OLD..NEW`, or two words")
     if len(sides) == 1 and sides[0].kind == "document" and not documents:
         return _asked([_revision("HEAD"), sides[0]], ())
     if len(sides) == 1:
         if sides[0].kind != "revision":
-            raise UnknownSide(f"`{words[0]}` is one side: with what is it compared?", "name two, the old one first")
+            raise UnknownComparison(f"`{words[0]}` is one side: with what is it compared?", "name two, the old one first")
         sides.append(Side(kind="checkout", name=CHECKOUT))
     return _asked(sides, documents)
 
 
-def _asked(sides: Sequence[Side], documents: Sequence[str]) -> Asked:
+def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest:
     old, new = sides
     kinds = {old.kind, new.kind}
     if documents and not kinds <= {"revision", "checkout"}:
-        raise UnknownSide(
+        raise UnknownComparison(
             "documents behind `--` are those of revisions, and no two revisions are named", "write `thingc diff OLD.yaml NEW.yaml`",
         )
     if kinds == {"revision", "document"}:  # of one document its state there and here
         document = next(side for side in sides if side.kind == "document").place
         checkout = Side(kind="checkout", name=CHECKOUT)
         one, other = (side if side.kind == "revision" else checkout for side in sides)
-        return Asked(old=one, new=other, documents=(document,))
+        return ComparisonRequest(old=one, new=other, documents=(document,))
     if "lock" in kinds and kinds != {"lock"} or "revision" in kinds and not kinds <= {"revision", "checkout"}:
-        raise UnknownSide(
+        raise UnknownComparison(
             f"`{old.name}` and `{new.name}` cannot be compared: one is a {_CALLED[old.kind]}, the other a {_CALLED[new.kind]}",
             "compare two revisions, two locks, or documents and build folders",
         )
-    return Asked(old=old, new=new, documents=tuple(documents))
+    return ComparisonRequest(old=old, new=new, documents=tuple(documents))
 
 
 _CALLED: dict[SideKind, str] = {
@@ -98,14 +98,16 @@ def _sides(word: str) -> list[Side]:
             return [Side(kind="lock", name=word, place=os.path.abspath(word))]
         if word.lower().endswith(DOCUMENTS):
             return [Side(kind="document", name=word, place=os.path.abspath(word))]
-        raise UnknownSide(f"`{word}` is no document ({', '.join(DOCUMENTS)}), build folder or lock", f"a lock is called `{LOCK_FILE}`")
+        raise UnknownComparison(
+            f"`{word}` is no document ({', '.join(DOCUMENTS)}), build folder or lock", f"a lock is called `{LOCK_FILE}`",
+        )
     if os.path.isdir(word):
         if os.path.isfile(os.path.join(word, MANIFEST)):
             return [Side(kind="build", name=word.rstrip("/"), place=os.path.abspath(word))]
         inner = [name for name in listing(word) if os.path.isfile(os.path.join(word, name, MANIFEST))]
         hint = "name a folder that `thingc build` has written, or a document"
         hint = f"did you mean `{os.path.join(word, inner[0])}`?" if inner else hint
-        raise UnknownSide(f"`{word}` is a folder without a {MANIFEST}: no build", hint)
+        raise UnknownComparison(f"`{word}` is a folder without a {MANIFEST}: no build", hint)
     between = "..." if "..." in word else ".." if ".." in word else None
     if between is None or os.sep in word.partition(between)[2][:1]:
         return [_revision(word)]
@@ -124,14 +126,14 @@ def _revision(word: str) -> Side:
     except NotARepository as fault:
         if _looks_like_file(word):
             raise _absent(word) from None
-        raise UnknownSide(
+        raise UnknownComparison(
             f"`{word}` is no file or folder here, and no revision: {fault}", "name two documents, or run this in a git repository",
         ) from fault
     except UnknownRevision as fault:
         if _looks_like_file(word):
             raise _absent(word) from None
         hint = did_you_mean(word, [*fault.names, "HEAD"], what="revisions")
-        raise UnknownSide(f"there is no revision, document or build folder `{word}`", hint) from None
+        raise UnknownComparison(f"there is no revision, document or build folder `{word}`", hint) from None
     return Side(kind="revision", name=word, place=commit)
 
 
@@ -139,7 +141,7 @@ def _looks_like_file(word: str) -> bool:
     return word.lower().endswith((*DOCUMENTS, ".json"))
 
 
-def _absent(word: str) -> UnknownSide:
+def _absent(word: str) -> UnknownComparison:
     folder = os.path.dirname(word)
     names = [os.path.join(folder, name) for name in listing(folder or ".") if name.lower().endswith(DOCUMENTS)]
-    return UnknownSide(f"there is no document `{word}`", did_you_mean(word, names, what="documents"))
+    return UnknownComparison(f"there is no document `{word}`", did_you_mean(word, names, what="documents"))

@@ -14,7 +14,7 @@ from thingc.documents.workspace import Workspace
 from thingc.geometry.lock.lock import read_lock
 from thingc.geometry.record import PartRecord
 from thingc.tools.diff.arguments import MANIFEST
-from thingc.tools.diff.snapshot import ComponentNode, Fact, OccurrenceOf, PartShape, Portrait, Row, StatedThing, Value
+from thingc.tools.diff.snapshot import ComponentNode, Fact, OccurrenceSnapshot, PartShape, Row, Snapshot, SnapshotElement, Value
 
 OF_BUILDS = "parameters, mates, limits, drives, poses, materials, sensors, mounts, geometry and tests, which no build folder holds"
 OF_LOCKS = "what documents say, which no lock holds"
@@ -28,7 +28,7 @@ class UnreadableSide(Exception):
         self.diagnostics = diagnostics
 
 
-def portrait_of_build(folder: str) -> Portrait:
+def portrait_of_build(folder: str) -> Snapshot:
     """What a build folder holds of a robot: components with definitions and masses, modes, joints, the bill of materials, print files.
     Raises `UnreadableSide`."""
     manifest = _json(folder, MANIFEST, dict)
@@ -39,18 +39,18 @@ def portrait_of_build(folder: str) -> Portrait:
         raise UnreadableSide(f"`{folder}` is no build of this thingc: {type(fault).__name__}: {fault}") from fault
 
 
-def _of_build(manifest: Mapping[str, Any], modes: Mapping[str, Any], rows: list[Any]) -> Portrait:
+def _of_build(manifest: Mapping[str, Any], modes: Mapping[str, Any], rows: list[Any]) -> Snapshot:
     occurrences = manifest["occurrences"]
     joints = {joint["name"]: joint for mode in modes.values() for joint in mode["joints"]}
     things = [
         *(_component(one["path"], one["definition"]) for one in occurrences),
-        *(StatedThing(what="joint", path=name, facts={"type": Fact(value=joint["kind"])}) for name, joint in joints.items()),
+        *(SnapshotElement(what="joint", path=name, facts={"type": Fact(value=joint["kind"])}) for name, joint in joints.items()),
         *(_mode(name, mode["base"], tuple(mode["gravity"])) for name, mode in modes.items()),
     ]
     members: dict[str, list[str]] = {}
     for one in occurrences:
         members.setdefault(one["definition"], []).append(one["path"])
-    return Portrait(
+    return Snapshot(
         name=manifest["name"],
         nodes=tuple(_node(one["path"], one["definition"]) for one in occurrences),
         things={(thing.what, thing.path): thing for thing in things},
@@ -70,7 +70,7 @@ def _of_build(manifest: Mapping[str, Any], modes: Mapping[str, Any], rows: list[
     )
 
 
-def outline(portrait: Portrait) -> Portrait:
+def outline(portrait: Snapshot) -> Snapshot:
     """Of a document what a build folder would hold, too."""
     things = [_component(path, one.definition) for path, one in portrait.occurrences.items()]
     for (what, _), thing in portrait.things.items():
@@ -78,7 +78,7 @@ def outline(portrait: Portrait) -> Portrait:
             things.append(replace(thing, facts={"type": thing.facts["type"]}, of=""))
         elif what == "mode":
             things.append(replace(thing, facts={key: thing.facts[key] for key in ("base", "gravity")}))
-    return Portrait(
+    return Snapshot(
         name=portrait.name, nodes=tuple(_node(path, one.definition) for path, one in portrait.occurrences.items()),
         things={(thing.what, thing.path): thing for thing in things},
         occurrences={path: _occurrence(path, one.definition, one.mass, one.source) for path, one in portrait.occurrences.items()},
@@ -86,7 +86,7 @@ def outline(portrait: Portrait) -> Portrait:
     )
 
 
-def portrait_of_lock(path: str) -> Portrait:
+def portrait_of_lock(path: str) -> Snapshot:
     """What a lock says of parts: the parameters of each with defaults and bounds; of every definition volume, area, box, mounts and what
     mass it states. Raises `UnreadableSide`."""
     report = Report()
@@ -94,8 +94,8 @@ def portrait_of_lock(path: str) -> Portrait:
     lock = read_lock(workspace, report) if workspace is not None else None
     if lock is None:
         raise UnreadableSide(f"`{path}` cannot be read", tuple(report.ordered()))
-    things: dict[str, StatedThing] = {}
-    occurrences: dict[str, OccurrenceOf] = {}
+    things: dict[str, SnapshotElement] = {}
+    occurrences: dict[str, OccurrenceSnapshot] = {}
     for reference in sorted(lock.things):
         schema = lock.schema(reference)
         facts: dict[str, Value] = {}
@@ -109,15 +109,17 @@ def portrait_of_lock(path: str) -> Portrait:
             own = facts if record.text == reference else {}
             things[record.text] = _stated(record.text, {**own, **_said(record)}, path)
             occurrences[record.text] = _of_record(record)
-    return Portrait(
+    return Snapshot(
         name=os.path.basename(path), nodes=tuple(_node(text, text) for text in things),
         things={(thing.what, thing.path): thing for thing in things.values()}, occurrences=occurrences, lacks=frozenset({OF_LOCKS}),
     )
 
 
-def _stated(text: str, facts: Mapping[str, Value], file: str) -> StatedThing:
+def _stated(text: str, facts: Mapping[str, Value], file: str) -> SnapshotElement:
     span = line_of(file)
-    return StatedThing(what="component", path=text, facts={key: Fact(value=value) for key, value in facts.items()}, label=text, span=span)
+    return SnapshotElement(
+        what="component", path=text, facts={key: Fact(value=value) for key, value in facts.items()}, label=text, span=span
+    )
 
 
 def _said(record: PartRecord) -> dict[str, Value]:
@@ -132,30 +134,32 @@ def _said(record: PartRecord) -> dict[str, Value]:
     return said
 
 
-def _of_record(record: PartRecord) -> OccurrenceOf:
+def _of_record(record: PartRecord) -> OccurrenceSnapshot:
     shape = None if record.box is None else PartShape(
         volume=record.volume, area=record.area, centre=record.centre, inertia=record.inertia, box=record.box,
     )
-    return OccurrenceOf(
+    return OccurrenceSnapshot(
         path=record.text, definition=record.text, properties=None, mass=0.0, source="", shape=shape,
         mounts={name: mount.pose for name, mount in record.mounts.items()}, place=None,
     )
 
 
-def _component(path: str, definition: str) -> StatedThing:
-    return StatedThing(what="component", path=path, facts={"part": Fact(value=definition)}, label=definition)
+def _component(path: str, definition: str) -> SnapshotElement:
+    return SnapshotElement(what="component", path=path, facts={"part": Fact(value=definition)}, label=definition)
 
 
-def _mode(name: str, base: str, gravity: Value) -> StatedThing:
-    return StatedThing(what="mode", path=name, facts={"base": Fact(value=base), "gravity": Fact(value=gravity)})
+def _mode(name: str, base: str, gravity: Value) -> SnapshotElement:
+    return SnapshotElement(what="mode", path=name, facts={"base": Fact(value=base), "gravity": Fact(value=gravity)})
 
 
 def _node(path: str, definition: str) -> ComponentNode:
     return ComponentNode(path=path, kind="part", reference=definition.partition("(")[0], text=definition, place=None)
 
 
-def _occurrence(path: str, definition: str, mass: float, source: str) -> OccurrenceOf:
-    return OccurrenceOf(path=path, definition=definition, properties=None, mass=mass, source=source, shape=None, mounts={}, place=None)
+def _occurrence(path: str, definition: str, mass: float, source: str) -> OccurrenceSnapshot:
+    return OccurrenceSnapshot(
+        path=path, definition=definition, properties=None, mass=mass, source=source, shape=None, mounts={}, place=None,
+    )
 
 
 def _json(folder: str, name: str, kind: type, otherwise: Any = None) -> Any:

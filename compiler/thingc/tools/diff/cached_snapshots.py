@@ -16,7 +16,7 @@ from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation
 from thingc.driver.up_to_date import fingerprint
 from thingc.tools.diff.reading import portrait
-from thingc.tools.diff.snapshot import Portrait, TestOutcome
+from thingc.tools.diff.snapshot import Snapshot, TestOutcome
 
 if TYPE_CHECKING:
     from thingc.geometry.store.local import Store
@@ -26,7 +26,7 @@ ASSETS = "mjcf/assets/"
 """Where the meshes of models are."""
 
 
-class Broken(Exception):
+class BrokenDocument(Exception):
     """A document that does not compile. `diagnostics` say why."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
@@ -37,7 +37,7 @@ class Broken(Exception):
 class Subject:
     """A document, compiled once; its tests are run when that is asked. A context manager: leaving it ends its workers.
 
-    Raises `Broken` where it does not compile.
+    Raises `BrokenDocument` where it does not compile.
     """
 
     def __init__(self, document: str, options: Options) -> None:
@@ -46,8 +46,8 @@ class Subject:
         errors = [d for d in self._compilation.report.ordered() if d.severity is Severity.ERROR]
         if errors or self._compilation.assembly is None:
             self._environment.__exit__()
-            raise Broken(errors)
-        self.portrait: Portrait = portrait(self._compilation)
+            raise BrokenDocument(errors)
+        self.portrait: Snapshot = portrait(self._compilation)
 
     def __enter__(self) -> Subject:
         return self
@@ -60,7 +60,7 @@ class Subject:
         """Where what is modelled is kept."""
         return self._environment.store
 
-    def tested(self) -> Portrait:
+    def tested(self) -> Snapshot:
         """The portrait with the outcomes of the tests; those that have been run before are in the store."""
         from thingc.geometry.store.local import StoreUnusable
 

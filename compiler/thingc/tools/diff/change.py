@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Literal, Union, get_args
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Span
 
 What = Literal[
@@ -18,7 +18,7 @@ WHATS: tuple[What, ...] = get_args(What)
 How = Literal["added", "removed", "renamed", "moved", "changed"]
 _BACKWARD: dict[How, How] = {"added": "removed", "removed": "added"}
 
-Told = Union[None, bool, int, float, str, tuple["Told", ...]]
+DisplayValue = Union[None, bool, int, float, str, tuple["DisplayValue", ...]]
 """A value as an answer tells it: SI, names as documents write them."""
 
 PERHAPS = "perhaps"
@@ -26,7 +26,7 @@ PERHAPS = "perhaps"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Change(Brief):
+class Change(OneLineRepr):
     """`path` is the occurrence, joint, mode, ... in the old robot (of what is added in the new one), `new_path` in the new one where it is
     called otherwise there. `field` is the key whose value was `old` and is `new` (SI; `words` both for people, where their dimension is
     known). `because` are paths of the changes that caused it: empty for what somebody changed himself. `reason` says by what
@@ -38,8 +38,8 @@ class Change(Brief):
     path: str
     new_path: str | None = None
     field: str | None = None
-    old: Told = None
-    new: Told = None
+    old: DisplayValue = None
+    new: DisplayValue = None
     because: tuple[str, ...] = ()
     reason: str = ""
     words: tuple[str, str] | None = None

@@ -9,24 +9,24 @@ from dataclasses import replace
 
 from thingc.base.diagnostics import Diagnostic
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Span
 from thingc.base.suggestions import did_you_mean
 from thingc.driver.environment import Options
 from thingc.tools.affected.dependents import touched
 from thingc.tools.affected.git_changes import changed_paths
-from thingc.tools.diff.arguments import Asked, Side, SideKind, UnknownSide
+from thingc.tools.diff.arguments import ComparisonRequest, Side, SideKind, UnknownComparison
 from thingc.tools.diff.build_folder_snapshot import UnreadableSide, outline, portrait_of_build, portrait_of_lock
-from thingc.tools.diff.cached_snapshots import Broken, Subject
+from thingc.tools.diff.cached_snapshots import BrokenDocument, Subject
 from thingc.tools.diff.change import Change
 from thingc.tools.diff.comparing import Comparison, compare
 from thingc.tools.diff.revisions import Repository, Revision
-from thingc.tools.diff.snapshot import Portrait
-from thingc.tools.diff.surface_distance import Surfaces
+from thingc.tools.diff.snapshot import Snapshot
+from thingc.tools.diff.surface_distance import SurfaceDistances
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Laid(Brief):
+class Checkout(OneLineRepr):
     """A document of one state: `path` is where it is laid out, `revision` the state, None where it lies there anyway. Or a build folder or
     lock, as `kind` says."""
 
@@ -43,16 +43,16 @@ class Laid(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Both(Brief):
+class DocumentPair(OneLineRepr):
     """A document in both states; `name` is what it is called on the command line. One that is in one state alone has no other."""
 
     name: str
-    old: Laid | None
-    new: Laid | None
+    old: Checkout | None
+    new: Checkout | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BrokenSide(Brief):
+class BrokenSide(OneLineRepr):
     """A side that does not compile: what is wrong, at places that say which state they are of, and the texts of those documents."""
 
     name: str
@@ -60,14 +60,14 @@ class BrokenSide(Brief):
     texts: Mapping[str, str]
 
 
-def laid_out(asked: Asked, stack: ExitStack, *, code: bool) -> list[Both]:
+def laid_out(asked: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[DocumentPair]:
     """The documents that are compared, laid out until the stack is left; `code`: whether code of the repository may run.
 
-    Raises `UnknownSide`, `NotARepository`.
+    Raises `UnknownComparison`, `NotARepository`.
     """
     if asked.old.kind in ("document", "build", "lock"):
-        old, new = (Laid(path=side.place, kind=side.kind) for side in (asked.old, asked.new))
-        return [Both(name=asked.new.name, old=old, new=new)]
+        old, new = (Checkout(path=side.place, kind=side.kind) for side in (asked.old, asked.new))
+        return [DocumentPair(name=asked.new.name, old=old, new=new)]
     here = os.getcwd()
     repository = Repository.of(here, trusted=code)
     states = [_state(repository, side, stack) for side in (asked.old, asked.new)]
@@ -76,7 +76,7 @@ def laid_out(asked: Asked, stack: ExitStack, *, code: bool) -> list[Both]:
         for document, path in zip(asked.documents, paths, strict=True):
             if not any(_has(repository, state, path) for state in states):
                 known = [one for state in states if state is not None for one in state.documents(repository.path("."))]
-                raise UnknownSide(
+                raise UnknownComparison(
                     f"there is no document `{document}` in {asked.old.name} or {asked.new.name}",
                     did_you_mean(path, known, what="documents") if known else "name a document",
                 )
@@ -86,7 +86,7 @@ def laid_out(asked: Asked, stack: ExitStack, *, code: bool) -> list[Both]:
         if state is not None:
             state.lay_out(paths)
     return [
-        Both(
+        DocumentPair(
             name=os.path.relpath(os.path.join(repository.top, path)),
             old=_laid(repository, states[0], path), new=_laid(repository, states[1], path),
         )
@@ -102,13 +102,13 @@ def _has(repository: Repository, state: Revision | None, path: str) -> bool:
     return os.path.isfile(os.path.join(repository.top, path)) if state is None else state.has(path)
 
 
-def _laid(repository: Repository, state: Revision | None, path: str) -> Laid | None:
+def _laid(repository: Repository, state: Revision | None, path: str) -> Checkout | None:
     if not _has(repository, state, path):
         return None
-    return Laid(path=os.path.join(repository.top, path)) if state is None else Laid(path=state.file(path), revision=state)
+    return Checkout(path=os.path.join(repository.top, path)) if state is None else Checkout(path=state.file(path), revision=state)
 
 
-def _concerned(repository: Repository, asked: Asked, states: Sequence[Revision | None], here: str) -> list[str]:
+def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequence[Revision | None], here: str) -> list[str]:
     """The documents below the working folder that depend on a file which differs: those that nothing else nests, or with modes."""
     changed = changed_paths(here, asked.old.place, *filter(None, [asked.new.place]), trusted=repository.trusted)
     if not changed:
@@ -128,17 +128,17 @@ def _concerned(repository: Repository, asked: Asked, states: Sequence[Revision |
 
 
 def compared(
-    both: Both, options: Options, *, tests: bool, names: tuple[str, str], draw: bool = False,
+    both: DocumentPair, options: Options, *, tests: bool, names: tuple[str, str], draw: bool = False,
 ) -> Comparison | BrokenSide:
     """What changed of a document that is in both states, with its `tests`, and pictures where something did (`draw`). Places are in the
-    checkout; those of a broken side begin with its name. Raises `UnknownSide`."""
+    checkout; those of a broken side begin with its name. Raises `UnknownComparison`."""
     assert both.old is not None and both.new is not None, "there is nothing to compare it with"
     with ExitStack() as stack:
-        sides: list[Subject | Portrait] = []
+        sides: list[Subject | Snapshot] = []
         for laid, name in ((both.old, names[0]), (both.new, names[1])):
             try:
                 sides.append(_portrait(laid) if laid.kind != "document" else stack.enter_context(_subject(laid, options)))
-            except Broken as broken:
+            except BrokenDocument as broken:
                 return _broken(laid, name, broken)
         old, new = sides
         answer = _compared(old, new, options, tests=tests)
@@ -149,39 +149,39 @@ def compared(
         return replace(answer, changes=tuple(_at_home(change, both) for change in answer.changes))
 
 
-def _compared(old: Subject | Portrait, new: Subject | Portrait, options: Options, *, tests: bool) -> Comparison:
+def _compared(old: Subject | Snapshot, new: Subject | Snapshot, options: Options, *, tests: bool) -> Comparison:
     """Of two documents all that there is to compare; else what a build folder, or a lock, holds."""
     if not isinstance(old, Subject) or not isinstance(new, Subject):
         before, after = (outline(one.portrait) if isinstance(one, Subject) else one for one in (old, new))
         return compare(before, after)
     if not options.code:
         return compare(old.portrait, new.portrait)
-    farthest = Surfaces(new.store).farthest
+    farthest = SurfaceDistances(new.store).farthest
     comparison = compare(old.portrait, new.portrait, farthest)
     return compare(old.tested(), new.tested(), farthest) if tests and comparison.changes else comparison
 
 
-def _portrait(laid: Laid) -> Portrait:
-    """Of a build folder or a lock. Raises `UnknownSide`, and `Broken` where a lock is."""
+def _portrait(laid: Checkout) -> Snapshot:
+    """Of a build folder or a lock. Raises `UnknownComparison`, and `BrokenDocument` where a lock is."""
     try:
         return portrait_of_build(laid.path) if laid.kind == "build" else portrait_of_lock(laid.path)
     except UnreadableSide as fault:
         if fault.diagnostics:
-            raise Broken(fault.diagnostics) from fault
-        raise UnknownSide(str(fault), "build it again, or compare documents") from fault
+            raise BrokenDocument(fault.diagnostics) from fault
+        raise UnknownComparison(str(fault), "build it again, or compare documents") from fault
 
 
-def _subject(laid: Laid, options: Options) -> Subject:
-    """Raises `Broken`. Where what was laid out is not enough, all of the state is."""
+def _subject(laid: Checkout, options: Options) -> Subject:
+    """Raises `BrokenDocument`. Where what was laid out is not enough, all of the state is."""
     try:
         return Subject(laid.path, options)
-    except Broken:
+    except BrokenDocument:
         if laid.revision is None or not options.code or not laid.revision.everything():
             raise
     return Subject(laid.path, options)
 
 
-def _at_home(change: Change, both: Both) -> Change:
+def _at_home(change: Change, both: DocumentPair) -> Change:
     span = change.span
     if span is None:
         return change
@@ -191,7 +191,7 @@ def _at_home(change: Change, both: Both) -> Change:
     return change
 
 
-def _broken(laid: Laid, name: str, broken: Broken) -> BrokenSide:
+def _broken(laid: Checkout, name: str, broken: BrokenDocument) -> BrokenSide:
     """What is wrong with a side; a file of a revision is called as git calls it, `main:arm.yaml`."""
     texts: dict[str, str] = {}
 

@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from dataclasses import field
 
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.tools.diff.change import Change
-from thingc.tools.diff.consequences import Farthest, compare_following
+from thingc.tools.diff.consequences import Farthest, add_consequences
 from thingc.tools.diff.document_changes import compare_stated
-from thingc.tools.diff.name_mapping import Pairing
-from thingc.tools.diff.snapshot import Portrait
+from thingc.tools.diff.name_mapping import NameMapping
+from thingc.tools.diff.snapshot import Snapshot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison(Brief):
+class Comparison(OneLineRepr):
     """What changed of one robot: what somebody changed first, then what follows; `unknown` says what could not be compared. `pictures` are
     PNG files, `before`, `after` and `overlay`, where they were asked for."""
 
@@ -25,10 +25,10 @@ class Comparison(Brief):
     pictures: Mapping[str, bytes] = field(default_factory=dict)
 
 
-def compare(old: Portrait, new: Portrait, farthest: Farthest = lambda old, new: None) -> Comparison:
+def compare(old: Snapshot, new: Snapshot, farthest: Farthest = lambda old, new: None) -> Comparison:
     """What changed from one portrait to another. `farthest` measures how far surfaces are apart; without it nothing says so."""
-    pairing = Pairing(old, new)
+    pairing = NameMapping(old, new)
     changes = compare_stated(pairing)
-    compare_following(pairing, changes, farthest)
+    add_consequences(pairing, changes, farthest)
     ordered = sorted(changes.found, key=lambda change: change.caused)
     return Comparison(name=new.name, changes=tuple(ordered), unknown=tuple(sorted(old.lacks | new.lacks)))

@@ -9,15 +9,15 @@ from thingc.base.inertia import MassProperties
 from thingc.base.pose import Pose, rpy_of
 from thingc.base.source import Span
 from thingc.base.summing import hypot
-from thingc.tools.diff.change import Change, How, Told, What
-from thingc.tools.diff.document_changes import Changes, above_of
-from thingc.tools.diff.name_mapping import Pairing, equal, shared_order
-from thingc.tools.diff.snapshot import OccurrenceOf, Portrait, Row
+from thingc.tools.diff.change import Change, DisplayValue, How, What
+from thingc.tools.diff.document_changes import DocumentChanges, above_of
+from thingc.tools.diff.name_mapping import NameMapping, equal, shared_order
+from thingc.tools.diff.snapshot import OccurrenceSnapshot, Row, Snapshot
 
 Farthest = Callable[[str, str], float | None]
 """The largest distance [m] of two surfaces, by the SHA-256 of their meshes; None where they cannot be had."""
 
-Difference = tuple[str, Told, Told]
+Difference = tuple[str, DisplayValue, DisplayValue]
 """A field, and what it was and is."""
 
 MADE = ("part", "file", "assembly", "link", "frame", "mirror", "faces", "unit")
@@ -26,16 +26,16 @@ SHAPES = 1e-7
 """By how much of itself an integral over a shape may differ that is the same: the kernel adds up faces in the order it meets them."""
 
 
-def compare_following(pairing: Pairing, changes: Changes, farthest: Farthest = lambda old, new: None) -> None:
+def add_consequences(pairing: NameMapping, changes: DocumentChanges, farthest: Farthest = lambda old, new: None) -> None:
     """Adds what follows to the changes of what is stated."""
     _Following(pairing, changes, farthest).all()
 
 
 class _Following:
-    def __init__(self, pairing: Pairing, changes: Changes, farthest: Farthest) -> None:
+    def __init__(self, pairing: NameMapping, changes: DocumentChanges, farthest: Farthest) -> None:
         self.pairing, self.changes, self.farthest = pairing, changes, farthest
-        self.old: Portrait = pairing.old
-        self.new: Portrait = pairing.new
+        self.old: Snapshot = pairing.old
+        self.new: Snapshot = pairing.new
         self.occurrences = [
             (one, self.new.occurrences[there]) for path, one in self.old.occurrences.items()
             if (there := pairing.path("component", path)) is not None and there in self.new.occurrences
@@ -70,12 +70,12 @@ class _Following:
 
     # --- parts -------------------------------------------------------------------------------------------------------
 
-    def _made(self, old: OccurrenceOf, new: OccurrenceOf) -> dict[str, None]:
+    def _made(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> dict[str, None]:
         """What gave a part another shape: what it is, and its parameters. Its code alone is the cause itself."""
         paths = (old.path, new.path)
         return self.changes.causes("component", paths, MADE) | self.changes.causes("parameter", paths, ("params.",))
 
-    def _geometry(self, old: OccurrenceOf, new: OccurrenceOf) -> None:
+    def _geometry(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> None:
         one, other = old.shape, new.shape
         if one == other or one is None and other is None:
             return
@@ -100,7 +100,7 @@ class _Following:
         if distance:
             self._add("geometry", paths, ("surface", distance, distance), because or [old.path], span)
 
-    def _mounts(self, old: OccurrenceOf, new: OccurrenceOf) -> None:
+    def _mounts(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> None:
         paths = (old.path, new.path)
         because: dict[str, None] | None = None
         for name in {**old.mounts, **new.mounts}:
@@ -114,7 +114,7 @@ class _Following:
             difference = ("pose", _told(before), _told(after))
             self._add("mount", (f"{old.path}/{name}", f"{new.path}/{name}"), difference, because, span, how)
 
-    def _mass(self, old: OccurrenceOf, new: OccurrenceOf) -> None:
+    def _mass(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> None:
         fields: list[Difference] = []
         if old.properties is not None and new.properties is not None:
             fields += _masses(old.properties, new.properties, "")
@@ -174,7 +174,7 @@ class _Following:
                 self._moved[path] = tuple(causes)
         return self._moved[path]
 
-    def _hangs_as_before(self, old: OccurrenceOf, new: OccurrenceOf) -> bool:
+    def _hangs_as_before(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> bool:
         if old.parent is None or new.parent is None or self.pairing.path("component", old.parent) != new.parent:
             return False
         places = (self.old.occurrences[old.parent].place, old.place, self.new.occurrences[new.parent].place, new.place)
@@ -183,7 +183,7 @@ class _Following:
             above.inverse() @ own, there.inverse() @ here,
         )
 
-    def _hung(self, occurrence: OccurrenceOf) -> dict[str, None]:
+    def _hung(self, occurrence: OccurrenceSnapshot) -> dict[str, None]:
         """What was changed where a part hangs: the mate, the joint, the mounts that meet, the parts that have them."""
         ends = [occurrence.path, *([occurrence.parent] if occurrence.parent is not None else [])]
         above = [path for end in ends for path in above_of(end)]
@@ -359,7 +359,7 @@ class _Following:
 
 def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Difference]:
     """What is another in the mass of a body. What weighs nothing is nowhere."""
-    told: list[tuple[str, Told, Told]] = []
+    told: list[tuple[str, DisplayValue, DisplayValue]] = []
     if not _near(old.mass, new.mass):
         told.append((f"{prefix}mass", old.mass, new.mass))
     if old.mass or new.mass:
@@ -370,7 +370,7 @@ def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Diffe
     return told
 
 
-def _reach(robot: Portrait) -> float:
+def _reach(robot: Snapshot) -> float:
     """How far from the base's origin the farthest frame or mount is at q = 0 [m]."""
     base = next(occurrence.place for occurrence in robot.occurrences.values() if occurrence.parent is None)
     assert base is not None
@@ -382,7 +382,7 @@ def _reach(robot: Portrait) -> float:
     )
 
 
-def _near(old: Told, new: Told, scale: float = 0.0) -> bool:
+def _near(old: DisplayValue, new: DisplayValue, scale: float = 0.0) -> bool:
     """`equal` at the precision of integrals over shapes."""
     if isinstance(old, tuple) and isinstance(new, tuple):
         largest = max((abs(x) for one in (old, new) for x in _flat(one)), default=0.0)
@@ -394,7 +394,7 @@ def _near(old: Told, new: Told, scale: float = 0.0) -> bool:
     return equal(old, new)
 
 
-def _flat(value: Told) -> Iterable[float]:
+def _flat(value: DisplayValue) -> Iterable[float]:
     if isinstance(value, tuple):
         for one in value:
             yield from _flat(one)
@@ -414,7 +414,7 @@ def _same(old: Sequence[float], new: Sequence[float]) -> bool:
     return all(abs(a - b) < 1e-9 for a, b in zip(old, new, strict=True))
 
 
-def _told(pose: Pose | None) -> Told:
+def _told(pose: Pose | None) -> DisplayValue:
     return None if pose is None else (tuple(pose.translation), tuple(rpy_of(pose.rotation)))
 
 

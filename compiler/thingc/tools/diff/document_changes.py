@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 
 from thingc.base.source import Span
 from thingc.tools.diff.change import PERHAPS, Change, How, What
-from thingc.tools.diff.name_mapping import Pair, Pairing
-from thingc.tools.diff.snapshot import Fact, Named, StatedThing, Value, told
+from thingc.tools.diff.name_mapping import NameMapping, Pair
+from thingc.tools.diff.snapshot import Fact, Named, SnapshotElement, Value, told
 from thingc.tools.diff.source_locations import names_in
 from thingc.tools.diff.wording import worded
 
@@ -18,7 +18,7 @@ _INNER: frozenset[What] = frozenset({"parameter", "mate", "mount"})
 """What is not told of a component that is new or gone: it comes and goes with it."""
 
 
-class Changes:
+class DocumentChanges:
     """The changes that have been found, each with its causes; later ones ask for those of earlier ones."""
 
     def __init__(self) -> None:
@@ -73,15 +73,15 @@ def _is_of(change: Change, fields: tuple[str, ...]) -> bool:
     return any(field == one or one.endswith(".") and field.startswith(one) for one in fields)
 
 
-def compare_stated(pairing: Pairing) -> Changes:
+def compare_stated(pairing: NameMapping) -> DocumentChanges:
     """All changes of what the documents state."""
     return _StatedChanges(pairing).changes
 
 
 class _StatedChanges:
-    def __init__(self, pairing: Pairing) -> None:
+    def __init__(self, pairing: NameMapping) -> None:
         self.pairing = pairing
-        self.changes = Changes()
+        self.changes = DocumentChanges()
         self._parameters = {
             pair.new.path: pair for pair in pairing.pairs if pair.new.what == "parameter"
         }
@@ -98,7 +98,7 @@ class _StatedChanges:
         for pair in pairing.pairs:
             self._facts(pair)
 
-    def _alone(self, thing: StatedThing, how: How) -> None:
+    def _alone(self, thing: SnapshotElement, how: How) -> None:
         """What is new or gone."""
         there = self.pairing.path("component", thing.of) if how == "removed" else self.pairing.old_component(thing.of)
         inner = thing.of != "" and there is None and thing.what != "component"
@@ -214,7 +214,7 @@ class _StatedChanges:
         return self._known[path]
 
 
-def _what(thing: StatedThing, key: str) -> What:
+def _what(thing: SnapshotElement, key: str) -> What:
     """What a fact is of: parameters of parts and lines of the bill of materials are written at components."""
     return "parameter" if key.startswith("params.") else "bom" if key.startswith("bom.") else thing.what
 

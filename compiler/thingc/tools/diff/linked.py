@@ -10,7 +10,7 @@ from thingc.base.source import line_of
 from thingc.geometry.record import PartDefinition, PartRecord
 from thingc.model.assembly.types import Assembly, Mate, Occurrence
 from thingc.targets.bom import with_pieces
-from thingc.tools.diff.snapshot import Edge, LinkOf, OccurrenceOf, PartShape, Row
+from thingc.tools.diff.snapshot import Edge, LinkOf, OccurrenceSnapshot, PartShape, Row
 
 
 def edges_of(assembly: Assembly) -> Iterator[Edge]:
@@ -23,12 +23,12 @@ def edges_of(assembly: Assembly) -> Iterator[Edge]:
         )
 
 
-def occurrences_of(assembly: Assembly, whole: bool) -> Iterator[OccurrenceOf]:
+def occurrences_of(assembly: Assembly, whole: bool) -> Iterator[OccurrenceSnapshot]:
     """Its occurrences, in document order; `whole`: everything is known of all parts, else geometry and mass properties are left out."""
     placed = {mate.child: mate for mate in _placing(assembly)}
     for occurrence in assembly.occurrences:
         mate = placed.get(occurrence.index)
-        yield OccurrenceOf(
+        yield OccurrenceSnapshot(
             path=occurrence.path, definition=occurrence.definition.text,
             properties=occurrence.properties if whole else None, mass=occurrence.properties.mass, source=occurrence.mass_source,
             shape=_shape(occurrence.record) if whole else None,

@@ -17,7 +17,7 @@ from typing import Any
 
 from thingc.base.frozen import dataclass
 from thingc.base.summing import dist
-from thingc.tools.diff.snapshot import ComponentNode, Portrait
+from thingc.tools.diff.snapshot import ComponentNode, Snapshot
 
 RESIDUE = 30
 """Components that may be left for an isomorphism to be looked for."""
@@ -37,7 +37,7 @@ class Match:
     perhaps: bool = False
 
 
-def match(old: Portrait, new: Portrait) -> dict[str, Match]:
+def match(old: Snapshot, new: Snapshot) -> dict[str, Match]:
     """The components that are in both, by their old path."""
     if _order(new) < _order(old):
         return {
@@ -47,14 +47,14 @@ def match(old: Portrait, new: Portrait) -> dict[str, Match]:
     return _Matching(old, new).found
 
 
-def _order(portrait: Portrait) -> list[str]:
+def _order(portrait: Snapshot) -> list[str]:
     return sorted(node.path for node in portrait.nodes)
 
 
 class _Side:
     """One robot as a graph: its components by path, and whom each meets and how."""
 
-    def __init__(self, portrait: Portrait) -> None:
+    def __init__(self, portrait: Snapshot) -> None:
         self.nodes = {node.path: node for node in portrait.nodes}
         self.left = dict.fromkeys(self.nodes)
         self.beside: dict[str, list[tuple[tuple[str, ...], str]]] = defaultdict(list)
@@ -72,7 +72,7 @@ class _Side:
 class _Matching:
     """What has been found so far, and the ways to find more, from the surest to the least."""
 
-    def __init__(self, old: Portrait, new: Portrait) -> None:
+    def __init__(self, old: Snapshot, new: Snapshot) -> None:
         self.old, self.new = _Side(old), _Side(new)
         self.found: dict[str, Match] = {}
         self._back: dict[str, str] = {}

@@ -9,7 +9,7 @@ from typing import TypeGuard
 from thingc.base.frozen import dataclass
 from thingc.tools.diff.change import What
 from thingc.tools.diff.matching import match
-from thingc.tools.diff.snapshot import Named, Portrait, StatedThing, Value
+from thingc.tools.diff.snapshot import Named, Snapshot, SnapshotElement, Value
 
 RELATIVE = 1e-9
 """By how much of themselves two numbers may differ that are the same one in other words (`0.1 m`, `100 mm`)."""
@@ -24,8 +24,8 @@ _OWNED: tuple[What, ...] = ("component", "mate")
 class Pair:
     """A thing in both robots, by what it was known if its name is another one, and whether that leaves room for doubt."""
 
-    old: StatedThing
-    new: StatedThing
+    old: SnapshotElement
+    new: SnapshotElement
     reason: str = ""
     perhaps: bool = False
 
@@ -35,18 +35,18 @@ class Pair:
         return self.new.path if self.new.path != self.old.path else None
 
 
-class Pairing:
+class NameMapping:
     """Who is who in two robots. `pairs` are the things that are in both, `gone` and `come` the others."""
 
-    def __init__(self, old: Portrait, new: Portrait) -> None:
+    def __init__(self, old: Snapshot, new: Snapshot) -> None:
         self.old, self.new = old, new
         self.components = match(old, new)
         self._paths: dict[What, dict[str, str]] = {what: {} for what in (*_ORDER, "mate")}
         self._paths["component"] = {"": "", **{path: counterpart.new for path, counterpart in self.components.items()}}
         self._back = {counterpart.new: path for path, counterpart in self.components.items()}
         self.pairs: list[Pair] = []
-        self.gone: list[StatedThing] = []
-        self.come: list[StatedThing] = []
+        self.gone: list[SnapshotElement] = []
+        self.come: list[SnapshotElement] = []
         for what in (*_OWNED, *_ORDER):
             self._pair(what)
 
@@ -94,7 +94,7 @@ class Pairing:
         self.gone += olds.values()
         self.come += news.values()
 
-    def _called(self, thing: StatedThing) -> str | None:
+    def _called(self, thing: SnapshotElement) -> str | None:
         """Where a thing of the old robot is expected in the new one: where its component is; None where that is gone."""
         if thing.what in _OWNED:
             return self._paths["component"].get(thing.path)
@@ -103,11 +103,11 @@ class Pairing:
         there = self._paths["component"].get(thing.of)
         return None if there is None else there + thing.path.removeprefix(thing.of)
 
-    def _take(self, old: StatedThing, new: StatedThing, reason: str, perhaps: bool = False) -> None:
+    def _take(self, old: SnapshotElement, new: SnapshotElement, reason: str, perhaps: bool = False) -> None:
         self.pairs.append(Pair(old=old, new=new, reason=reason if old.path != new.path else "", perhaps=perhaps))
         self._paths[old.what].setdefault(old.path, new.path)
 
-    def _renamed(self, what: What, olds: dict[str, StatedThing], news: dict[str, StatedThing]) -> None:
+    def _renamed(self, what: What, olds: dict[str, SnapshotElement], news: dict[str, SnapshotElement]) -> None:
         """What has another name and says the same; joints also that connect the same."""
         tests = [(self._says_the_same, "it says the same", False)]
         if what == "joint":
@@ -131,28 +131,28 @@ class Pairing:
                     olds.pop(pair.old.path, None)
                     news.pop(pair.new.path, None)
 
-    def _in_one_document(self, old: StatedThing, new: StatedThing) -> bool:
+    def _in_one_document(self, old: SnapshotElement, new: SnapshotElement) -> bool:
         return self._paths["component"].get(old.of) == new.of
 
-    def _says_the_same(self, old: StatedThing, new: StatedThing) -> bool:
+    def _says_the_same(self, old: SnapshotElement, new: SnapshotElement) -> bool:
         return self._in_one_document(old, new) and bool(new.facts) and self._shared(old, new) == len(dict(self._values(old, new)))
 
-    def _says_nearly_the_same(self, old: StatedThing, new: StatedThing) -> bool:
+    def _says_nearly_the_same(self, old: SnapshotElement, new: SnapshotElement) -> bool:
         return self._in_one_document(old, new) and 2 * self._shared(old, new) > len(dict(self._values(old, new)))
 
-    def _connects_the_same(self, old: StatedThing, new: StatedThing) -> bool:
+    def _connects_the_same(self, old: SnapshotElement, new: SnapshotElement) -> bool:
         return "parent" in old.facts and "parent" in new.facts and all(
             self.same(old.facts[key].value, new.facts[key].value) for key in ("parent", "child")
         )
 
-    def _values(self, old: StatedThing, new: StatedThing) -> Iterator[tuple[str, Value]]:
+    def _values(self, old: SnapshotElement, new: SnapshotElement) -> Iterator[tuple[str, Value]]:
         return ((key, after) for key, _, after in self.facts(old, new))
 
-    def _shared(self, old: StatedThing, new: StatedThing) -> int:
+    def _shared(self, old: SnapshotElement, new: SnapshotElement) -> int:
         """How many facts of two things are the same."""
         return sum(1 for _, before, after in self.facts(old, new) if self.same(before, after))
 
-    def facts(self, old: StatedThing, new: StatedThing) -> Iterator[tuple[str, Value, Value]]:
+    def facts(self, old: SnapshotElement, new: SnapshotElement) -> Iterator[tuple[str, Value, Value]]:
         """The values of two things by key; keys with names of the old robot in them have those of the new one."""
         before = {self._key(old.what, key): fact.value for key, fact in old.facts.items()}
         for key in {**before, **dict.fromkeys(new.facts)}:
@@ -169,7 +169,7 @@ class Pairing:
             return f"{head}.{now.text}" if isinstance(now, Named) else key
         return key
 
-    def old_fact(self, thing: StatedThing, key: str) -> str:
+    def old_fact(self, thing: SnapshotElement, key: str) -> str:
         """The key of a fact of the old robot that is called `key` in the new one."""
         return next((one for one in thing.facts if self._key(thing.what, one) == key), key)
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from thingc.base.source import Span
 from thingc.driver.up_to_date import packed, unpacked
-from thingc.tools.diff.change import Change, Told
+from thingc.tools.diff.change import Change, DisplayValue
 from thingc.tools.diff.checkouts import BrokenSide
 from thingc.tools.diff.comparing import Comparison
 
@@ -44,5 +44,5 @@ def _back(values: list[Any]) -> Change:
     )
 
 
-def _tuples(value: Any) -> Told:
+def _tuples(value: Any) -> DisplayValue:
     return tuple(_tuples(one) for one in value) if isinstance(value, list) else value

@@ -6,9 +6,9 @@ import base64
 from collections.abc import Iterable, Iterator
 from html import escape
 
-from thingc.base.safe_text import shown
-from thingc.tools.diff.results import Differences
-from thingc.tools.diff.text_report import NOTHING, TITLES, Sentence, made, outcomes_and_more
+from thingc.base.safe_text import escape_control
+from thingc.tools.diff.results import DiffResult
+from thingc.tools.diff.text_report import NOTHING, TITLES, ReportLine, made, outcomes_and_more
 
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1d1d22; background: #fff }
@@ -24,7 +24,7 @@ code { background: #f1f1f4; padding: 0 .25em; border-radius: .25em } li { margin
 """
 
 
-def as_html(differences: Differences) -> str:
+def as_html(differences: DiffResult) -> str:
     """A page that stands alone: it asks nothing of a network."""
     title = f"{_text(differences.old)} → {_text(differences.new)}"
     return "\n".join([
@@ -34,7 +34,7 @@ def as_html(differences: Differences) -> str:
     ])
 
 
-def _body(differences: Differences) -> Iterator[str]:
+def _body(differences: DiffResult) -> Iterator[str]:
     for words, names in (("new", differences.come), ("gone", differences.gone)):
         yield from (f"<p><code>{_text(name)}</code> is {words}</p>" for name in names)
     for name, comparison in differences.documents:
@@ -64,7 +64,7 @@ def _body(differences: Differences) -> Iterator[str]:
         yield from (f"<p>Not compared: {_text(unknown)}.</p>" for unknown in comparison.unknown)
 
 
-def _list(sentences: Iterable[Sentence]) -> Iterator[str]:
+def _list(sentences: Iterable[ReportLine]) -> Iterator[str]:
     yield "<ul>"
     for one in sentences:
         causes = ", ".join(path or "robot" for path in one.because)
@@ -75,7 +75,7 @@ def _list(sentences: Iterable[Sentence]) -> Iterator[str]:
 
 
 def _text(text: str) -> str:
-    return escape(shown(text))
+    return escape(escape_control(text))
 
 
 def _source(png: bytes) -> str:

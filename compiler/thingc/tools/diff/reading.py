@@ -32,8 +32,8 @@ from thingc.tools.diff.snapshot import (
     ComponentNode,
     Fact,
     Named,
-    Portrait,
-    StatedThing,
+    Snapshot,
+    SnapshotElement,
     TestOutcome,
     Value,
 )
@@ -52,7 +52,7 @@ KEYS = {"minimum": "min", "maximum": "max", "base": "from"}
 """Keys of tests, where what is read of them is called otherwise."""
 
 
-def portrait(compilation: Compilation, outcomes: Sequence[TestOutcome] | None = None) -> Portrait:
+def portrait(compilation: Compilation, outcomes: Sequence[TestOutcome] | None = None) -> Snapshot:
     """The portrait of a compilation without errors, with the outcomes of its tests where they were run."""
     assembly, documents = compilation.assembly, compilation.documents
     assert assembly is not None and documents is not None, "the compilation failed"
@@ -60,7 +60,7 @@ def portrait(compilation: Compilation, outcomes: Sequence[TestOutcome] | None = 
     reader.assembly_at("", assembly.definition)
     reader.top()
     whole = all(occurrence.record is None or occurrence.record.exact for occurrence in assembly.occurrences)
-    return Portrait(
+    return Snapshot(
         name=assembly.name,
         nodes=tuple(reader.nodes),
         edges=tuple(edges_of(assembly)),
@@ -83,7 +83,7 @@ class _Reader:
     def __init__(self, assembly: Assembly, written: DocumentTrees) -> None:
         self.assembly = assembly
         self.written = written
-        self.things: list[StatedThing] = []
+        self.things: list[SnapshotElement] = []
         self.nodes: list[ComponentNode] = []
         self._occurrences = {occurrence.path: occurrence for occurrence in assembly.occurrences}
         self._edges = {joint.path: joint for mate in assembly.mates for joint in mate.joints}
@@ -111,7 +111,7 @@ class _Reader:
     def _add(
         self, what: What, path: str, facts: Mapping[str, Fact], *, of: str = "", label: str | None = None, span: Span | None = None,
     ) -> None:
-        self.things.append(StatedThing(what=what, path=path, facts=facts, label=label, of=of, span=span))
+        self.things.append(SnapshotElement(what=what, path=path, facts=facts, label=label, of=of, span=span))
 
     def _parameters(self, prefix: str, definition: AssemblyDefinition) -> None:
         """The parameters of a document where it is placed: what they come to there, and their bounds."""

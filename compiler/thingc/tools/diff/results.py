@@ -6,14 +6,14 @@ from collections.abc import Callable, Sequence
 
 from thingc.base.diagnostics import shown_path
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
-from thingc.tools.diff.change import Change, Told
-from thingc.tools.diff.checkouts import Both, BrokenSide
+from thingc.base.one_line_repr import OneLineRepr
+from thingc.tools.diff.change import Change, DisplayValue
+from thingc.tools.diff.checkouts import BrokenSide, DocumentPair
 from thingc.tools.diff.comparing import Comparison
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Differences(Brief):
+class DiffResult(OneLineRepr):
     """`old` and `new` name the two sides; `documents` what changed in each that is in both, by name; `come` and `gone` are those
     that are in one alone."""
 
@@ -32,8 +32,8 @@ class Differences(Brief):
 
 
 def answered(
-    old: str, new: str, pairs: Sequence[Both], compare: Callable[[Both], Comparison | BrokenSide],
-) -> Differences | BrokenSide:
+    old: str, new: str, pairs: Sequence[DocumentPair], compare: Callable[[DocumentPair], Comparison | BrokenSide],
+) -> DiffResult | BrokenSide:
     """The answer for documents; the first side that does not compile in its place."""
     documents: list[tuple[str, Comparison]] = []
     for both in pairs:
@@ -42,13 +42,13 @@ def answered(
             if isinstance(comparison, BrokenSide):
                 return comparison
             documents.append((both.name, comparison))
-    return Differences(
+    return DiffResult(
         old=old, new=new, documents=tuple(documents), come=tuple(both.name for both in pairs if both.old is None),
         gone=tuple(both.name for both in pairs if both.new is None),
     )
 
 
-def as_json(answer: Differences) -> dict[str, object]:
+def as_json(answer: DiffResult) -> dict[str, object]:
     """`{"old", "new", "changes"}`; where several documents are compared, each change of one has its `document`. Numbers are SI."""
     several = len(answer.documents) > 1
     alone = len(answer.come) + len(answer.gone)
@@ -67,5 +67,5 @@ def _entry(change: Change) -> dict[str, object]:
     }
 
 
-def _plain(value: Told) -> object:
+def _plain(value: DisplayValue) -> object:
     return [_plain(one) for one in value] if isinstance(value, tuple) else value

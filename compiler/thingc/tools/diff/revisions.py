@@ -16,7 +16,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from thingc.base.filesystem import BadPath, check_tree, write_tree
 from thingc.base.frozen import dataclass
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.documents.workspace import DEFAULT_PARTS, OWN_FILE, SHARED_FILE
 from thingc.tools.affected.git_changes import NotARepository, git, run_git
 
@@ -36,7 +36,7 @@ class UnknownRevision(Exception):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Repository(Brief):
+class Repository(OneLineRepr):
     """The repository that a folder is in; `top` is the absolute path of its checkout. The filters of its own configuration run only if
     it is `trusted`."""
 

@@ -8,14 +8,14 @@ from typing import Union
 
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import MassProperties
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Matrix, Pose, Vector
 from thingc.base.source import Span
-from thingc.tools.diff.change import Told, What
+from thingc.tools.diff.change import DisplayValue, What
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Named(Brief):
+class Named(OneLineRepr):
     """The name of something of the robot: the component, joint, pose, ... `path`, and of a component perhaps one of its mounts."""
 
     what: What
@@ -33,7 +33,7 @@ Value = Union[None, bool, int, float, str, Named, tuple["Value", ...]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fact(Brief):
+class Fact(OneLineRepr):
     """A value, as it is `written` in its document where it is written there, and the path of the assembly whose parameters the names of
     an expression mean (`scope`). `words` is the value for people, where its own dimension is known."""
 
@@ -45,7 +45,7 @@ class Fact(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StatedThing(Brief):
+class SnapshotElement(OneLineRepr):
     """Something that a document states, with its facts by dotted key. `label` says for people what it is; `of` is the path of the component
     that it belongs to, empty for what is of the whole document."""
 
@@ -58,7 +58,7 @@ class StatedThing(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ComponentNode(Brief):
+class ComponentNode(OneLineRepr):
     """A component to be known again: `kind` is `part | file | assembly | frame`, `reference` its class, file or document, `text` its
     definition, `place` where its frame is at q = 0 in the base's (None: an assembly)."""
 
@@ -75,7 +75,7 @@ class ComponentNode(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Edge(Brief):
+class Edge(OneLineRepr):
     """Two components that meet, by path: `mounts` are the names of the mounts, `joint` the kind of what moves there, if anything does."""
 
     parent: str
@@ -85,7 +85,7 @@ class Edge(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartShape(Brief):
+class PartShape(OneLineRepr):
     """The geometry of a part: volume [m^3], area [m^2], centre [m], inertia at density 1 [m^5], the corners of its box [m]; `mesh` is the
     SHA-256 of what is drawn of it (None: not known here), `made` where its code stands."""
 
@@ -99,7 +99,7 @@ class PartShape(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OccurrenceOf(Brief):
+class OccurrenceSnapshot(OneLineRepr):
     """What came of a part or frame: its mass in its own frame and where that is from, its shape (None: it has none), mounts of its part
     by name, and its place at q = 0. It hangs on `parent` (None: the base) by the joint `joint` (None: rigidly)."""
 
@@ -117,7 +117,7 @@ class OccurrenceOf(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinkOf(Brief):
+class LinkOf(OneLineRepr):
     """A link by its name: the occurrence whose frame it has, its members, and its mass in its frame."""
 
     name: str
@@ -127,7 +127,7 @@ class LinkOf(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row(Brief):
+class Row(OneLineRepr):
     """A line of the bill of materials: how many of a definition, and who they are. `stem` is what its print file is called (None: it has
     none)."""
 
@@ -141,7 +141,7 @@ class Row(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TestOutcome(Brief):
+class TestOutcome(OneLineRepr):
     """What a test came to in one mode and pose: whether it passed, and what was measured, by name (SI)."""
 
     test: str
@@ -151,7 +151,7 @@ class TestOutcome(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Portrait(Brief):
+class Snapshot(OneLineRepr):
     """A robot, ready to be compared. `things` by what they are and path, in document order; `lacks` says in words what is not known of it.
 
     `coordinates` are the joints of every mode in the order in which its model has them, `prints` the SHA-256 of print files by path,
@@ -160,8 +160,8 @@ class Portrait(Brief):
     name: str
     nodes: tuple[ComponentNode, ...] = ()
     edges: tuple[Edge, ...] = ()
-    things: Mapping[tuple[What, str], StatedThing] = field(default_factory=dict)
-    occurrences: Mapping[str, OccurrenceOf] = field(default_factory=dict)
+    things: Mapping[tuple[What, str], SnapshotElement] = field(default_factory=dict)
+    occurrences: Mapping[str, OccurrenceSnapshot] = field(default_factory=dict)
     links: tuple[LinkOf, ...] = ()
     whole: MassProperties | None = None
     rows: tuple[Row, ...] = ()
@@ -171,7 +171,7 @@ class Portrait(Brief):
     lacks: frozenset[str] = frozenset()
 
 
-def told(value: Value) -> Told:
+def told(value: Value) -> DisplayValue:
     """A value as an answer has it."""
     if isinstance(value, Named):
         return value.text

@@ -20,7 +20,7 @@ MOST = 60_000_000
 """Pairs that are looked at altogether: beyond it nothing is said."""
 
 
-class Surfaces:
+class SurfaceDistances:
     """Distances of meshes in a store. Each is worked out once, and kept there."""
 
     def __init__(self, store: Store) -> None:

@@ -10,12 +10,12 @@ from typing import Any
 from thingc.base.frozen import dataclass
 from thingc.base.one_line_repr import counted
 from thingc.base.pose import placed, turn_of
-from thingc.base.safe_text import shown, some
+from thingc.base.safe_text import escape_control, some
 from thingc.base.summing import dist, hypot
 from thingc.base.units import ANGLE, LENGTH, MASS, Dimension, Quantity
-from thingc.tools.diff.change import PERHAPS, Change, How, Told, What
+from thingc.tools.diff.change import PERHAPS, Change, DisplayValue, How, What
 from thingc.tools.diff.comparing import Comparison
-from thingc.tools.diff.results import Differences
+from thingc.tools.diff.results import DiffResult
 
 MOVED = ": moved"
 NOTHING = "nothing changed in meaning"
@@ -45,7 +45,7 @@ _VOLUME, _AREA = Dimension(length=3), Dimension(length=2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sentence:
+class ReportLine:
     """Changes that say the same of several things: `paths` and what is said of them, `words`. `decides`: a test has another outcome."""
 
     what: What
@@ -61,7 +61,7 @@ class Sentence:
         return _listed(self.paths)
 
 
-def as_text(answer: Differences) -> Iterator[str]:
+def as_text(answer: DiffResult) -> Iterator[str]:
     """Lines for a terminal."""
     for sign, names in (("+", answer.come), ("-", answer.gone)):
         yield from (f"{sign} {name}" for name in names)
@@ -84,7 +84,7 @@ def as_text(answer: Differences) -> Iterator[str]:
         yield from (f"  not compared: {unknown}" for unknown in comparison.unknown)
 
 
-def as_markdown(answer: Differences, pictures: Callable[[str, str], str] | None = None) -> str:
+def as_markdown(answer: DiffResult, pictures: Callable[[str, str], str] | None = None) -> str:
     """Markdown for a comment: what somebody changed, what fails now, then what else follows, folded by kind; at most `LARGEST` bytes.
     `pictures` gives the address of a picture, by the document's name and `before`, `after` or `overlay`."""
     for most in (10_000, 200, 50, 20, 5, 1):
@@ -94,7 +94,7 @@ def as_markdown(answer: Differences, pictures: Callable[[str, str], str] | None 
     return text.encode()[:LARGEST].decode(errors="ignore")
 
 
-def _markdown(answer: Differences, most: int, pictures: Callable[[str, str], str] | None) -> Iterator[str]:
+def _markdown(answer: DiffResult, most: int, pictures: Callable[[str, str], str] | None) -> Iterator[str]:
     yield f"### {_code(answer.old)} → {_code(answer.new)}"
     for words, names in (("new", answer.come), ("gone", answer.gone)):
         yield from (f"- {_code(name)} is {words}" for name in names[:most])
@@ -119,7 +119,7 @@ def _markdown(answer: Differences, most: int, pictures: Callable[[str, str], str
         yield from (f"\nNot compared: {unknown}." for unknown in comparison.unknown)
 
 
-def _items(lines: Sequence[Sentence], most: int) -> Iterator[str]:
+def _items(lines: Sequence[ReportLine], most: int) -> Iterator[str]:
     for line in lines[:most]:
         because = f" — because of {_code(_listed(line.because))}" if line.because else ""
         sign = {"+": "**new** ", "-": "**gone** ", "~": ""}.get(line.sign, "")
@@ -130,24 +130,24 @@ def _items(lines: Sequence[Sentence], most: int) -> Iterator[str]:
 
 def _plain(text: str) -> str:
     """A name where Markdown is read: without what means something there."""
-    return "".join(letter if letter.isalnum() or letter in " ./_-" else "?" for letter in shown(text))
+    return "".join(letter if letter.isalnum() or letter in " ./_-" else "?" for letter in escape_control(text))
 
 
 def _code(text: str) -> str:
     """A code span: what others wrote is no Markdown of ours."""
-    return f"`{shown(text).replace('`', chr(39))}`"
+    return f"`{escape_control(text).replace('`', chr(39))}`"
 
 
 def _listed(paths: Sequence[str]) -> str:
     return some([path or "robot" for path in paths], SHOWN)
 
 
-def made(comparison: Comparison) -> Iterator[Sentence]:
+def made(comparison: Comparison) -> Iterator[ReportLine]:
     """What somebody changed."""
     return _lines(change for change in comparison.changes if not change.caused)
 
 
-def following(comparison: Comparison) -> Iterator[Sentence]:
+def following(comparison: Comparison) -> Iterator[ReportLine]:
     """What follows, the most important first: what fails now, the whole robot before its parts; what tests have measured behind what
     is to be printed and bought."""
     consequences = [change for change in comparison.changes if change.caused and not _of_a_part(change)]
@@ -165,10 +165,10 @@ def _field(change: Change) -> str:
     return (change.field or "").partition(" [")[0]
 
 
-def outcomes_and_more(comparison: Comparison) -> tuple[list[Sentence], dict[What, list[Sentence]]]:
+def outcomes_and_more(comparison: Comparison) -> tuple[list[ReportLine], dict[What, list[ReportLine]]]:
     """What follows: the tests that pass or fail now, which are not folded away, and the rest by kind."""
     follows = list(following(comparison))
-    kinds: dict[What, list[Sentence]] = {}
+    kinds: dict[What, list[ReportLine]] = {}
     for line in follows:
         if not line.decides:
             kinds.setdefault(line.what, []).append(line)
@@ -184,7 +184,7 @@ def _of_a_part(change: Change) -> bool:
     return change.what == "mass" and change.field in ("centre", "inertia", "link.centre", "link.inertia")
 
 
-def _lines(changes: Iterable[Change]) -> Iterator[Sentence]:
+def _lines(changes: Iterable[Change]) -> Iterator[ReportLine]:
     grouped: dict[tuple[What, str, str], list[Change]] = {}
     for change in changes:
         everywhere = replace(change, field=_field(change)) if _is_measured(change) else change
@@ -200,7 +200,7 @@ def _lines(changes: Iterable[Change]) -> Iterator[Sentence]:
             ])
         paths = dict.fromkeys(one.path for one in ones)
         causes = dict.fromkeys(word for one in ones for word in one.because if word != PERHAPS)
-        yield Sentence(what=what, sign=sign, paths=tuple(paths), words=words, because=tuple(causes), decides=_decides(ones[0]))
+        yield ReportLine(what=what, sign=sign, paths=tuple(paths), words=words, because=tuple(causes), decides=_decides(ones[0]))
 
 
 def _motion(change: Change) -> tuple[float, float]:
@@ -234,7 +234,7 @@ def _words(change: Change) -> str:
     return f": {field} {old} -> {new}{_share(change.old, change.new)}"
 
 
-def _share(old: Told, new: Told) -> str:
+def _share(old: DisplayValue, new: DisplayValue) -> str:
     """How much more or less, of masses and the like."""
     if not isinstance(old, float) or not isinstance(new, float) or old == 0.0 or not math.isfinite(new / old):
         return ""
@@ -242,7 +242,7 @@ def _share(old: Told, new: Told) -> str:
     return f" ({share:+.3g} %)"
 
 
-def _value(field: str, value: Told) -> str:
+def _value(field: str, value: DisplayValue) -> str:
     """A value without a dimension of its own, by what it is called."""
     if value is None:
         return "nothing"

@@ -5,14 +5,14 @@ from __future__ import annotations
 from thingc.base.joints.kinds import KINDS
 from thingc.base.units import Dimension, Quantity, UnitError, parse_quantity
 from thingc.tools.diff.name_mapping import Pair
-from thingc.tools.diff.snapshot import Fact, Portrait, StatedThing, Value
+from thingc.tools.diff.snapshot import Fact, Snapshot, SnapshotElement, Value
 
 POSITIONS = frozenset({"limit.lower", "limit.upper", "limit.cone", "offset"})
 LONGEST = 40
 """Characters of what is shown as it is written."""
 
 
-def worded(pair: Pair, key: str, old: Fact | None, new: Fact | None, robots: tuple[Portrait, Portrait]) -> tuple[str, str] | None:
+def worded(pair: Pair, key: str, old: Fact | None, new: Fact | None, robots: tuple[Snapshot, Snapshot]) -> tuple[str, str] | None:
     """The values of a fact in both robots; None where nobody knows their dimension."""
     words = tuple(_said(fact) for fact in (old, new))
     if words[0] is not None and words[1] is not None:
@@ -34,7 +34,7 @@ def _said(fact: Fact | None) -> str | None:
     return written if plain and isinstance(fact.value, (int, float)) and not isinstance(fact.value, bool) else None
 
 
-def _dimension(thing: StatedThing, key: str, robot: Portrait) -> Dimension | None:
+def _dimension(thing: SnapshotElement, key: str, robot: Snapshot) -> Dimension | None:
     if thing.what == "pose" or thing.what == "joint" and key in POSITIONS:
         joint = robot.things.get(("joint", key)) if thing.what == "pose" else thing
         return None if joint is None else _coordinate(joint)
@@ -47,7 +47,7 @@ def _dimension(thing: StatedThing, key: str, robot: Portrait) -> Dimension | Non
     return None
 
 
-def _coordinate(joint: StatedThing) -> Dimension | None:
+def _coordinate(joint: SnapshotElement) -> Dimension | None:
     """Of q of a joint, or of one coordinate of it, whose path ends with its number: `wrist_1`."""
     kind = KINDS.get(joint.label or "")
     if kind is None or kind.coordinate is not None:

@@ -10,17 +10,17 @@ from thingc.base.pose import Pose
 from thingc.documents.spec.name_types import RESERVED
 from thingc.tools.importing.naming import distinct, plain_name
 from thingc.tools.importing.quantities import same_place
-from thingc.tools.importing.source_model import Hanging, SourceJoint, SourceLink, SourceRobot, SourceShape, SourceTendon
+from thingc.tools.importing.source_model import Attachment, SourceJoint, SourceLink, SourceRobot, SourceShape, SourceTendon
 from thingc.tools.importing.tree import by_parent, downwards
-from thingc.tools.importing.update_import import Earlier
+from thingc.tools.importing.update_import import PreviousImport
 
 
-class Words:
+class DocumentNaming:
     """`links` are components, `frames` links that are mounts, and so on, each by the name in the source; `order` is the tree from the root
     on, `shown` are the mounts that are exported. `meshes` is where files are that shapes name, and what an `earlier` import has named keeps
     its name."""
 
-    def __init__(self, robot: SourceRobot, meshes: Mapping[str, str], earlier: Earlier | None) -> None:
+    def __init__(self, robot: SourceRobot, meshes: Mapping[str, str], earlier: PreviousImport | None) -> None:
         self.robot, self.meshes = robot, meshes
         self.name = plain_name(robot.name, "robot")
         self.link_of = {link.name: link for link in robot.links}
@@ -100,7 +100,7 @@ class Words:
         yield from ((self.sites[site.name], site.pose) for site in self.link_of[link].sites)
         yield from ((self.frames[one.child], one.pose) for one in self.below.get(link, ()) if one.child in self.frames)
 
-    def _is_mount(self, one: Hanging) -> bool:
+    def _is_mount(self, one: Attachment) -> bool:
         link = self.link_of[one.child]
         return not (one.joints or link.weight or link.shapes or one.child in self.below)
 

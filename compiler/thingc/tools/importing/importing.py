@@ -12,9 +12,9 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.filesystem import beginning
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import MassProperties
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 from thingc.base.suggestions import did_you_mean
-from thingc.tools.importing.inertias import Repair, Repaired, repaired, warn_of_mirror_pairs
+from thingc.tools.importing.inertias import Repair, RepairedLink, repaired, warn_of_mirror_pairs
 from thingc.tools.importing.meshes import gathered, matter_of, warn_of_units
 from thingc.tools.importing.mjcf.reader import read_mjcf
 from thingc.tools.importing.naming import plain_name
@@ -23,9 +23,9 @@ from thingc.tools.importing.sdf import read_sdf
 from thingc.tools.importing.size_checks import refuse_endless
 from thingc.tools.importing.source_model import SourceLoss, SourceRobot
 from thingc.tools.importing.tree import warn_of_depth
-from thingc.tools.importing.update_import import RECORD, Earlier
+from thingc.tools.importing.update_import import RECORD, PreviousImport
 from thingc.tools.importing.urdf import read_urdf
-from thingc.tools.importing.write_document import Draft, document_of
+from thingc.tools.importing.write_document import DocumentWriter, document_of
 from thingc.tools.importing.xacro import expanded
 from thingc.tools.importing.xml_source import MOST_BYTES, read_xml
 
@@ -43,13 +43,13 @@ class Imported:
     files: Mapping[str, bytes]
     losses: tuple[SourceLoss, ...]
     renamed: Mapping[str, str]
-    repaired: tuple[Repaired, ...]
-    earlier: Earlier | None = None
+    repaired: tuple[RepairedLink, ...]
+    earlier: PreviousImport | None = None
 
 
 def import_robot(
     path: str, report: Report, *, roots: Sequence[str] = (), repair: Repair | None = None, packages: Mapping[str, str] | None = None,
-    arguments: Mapping[str, str] | None = None, meshes: bool = True, earlier: Callable[[str], Earlier | None] = lambda _: None,
+    arguments: Mapping[str, str] | None = None, meshes: bool = True, earlier: Callable[[str], PreviousImport | None] = lambda _: None,
     update: bool = False, mesh_roots: Sequence[str] = (),
 ) -> Imported | None:
     """Read the file at `path`, and write down what it says; `roots` are links of it, each of which gets a mode, and `repair` says what to
@@ -87,7 +87,9 @@ def import_robot(
     warn_of_units(robot, files, placed_meshes, report)
     if report.failed:
         return None
-    written = document_of(robot, roots, shown(os.path.basename(path)), {one.link.name: one.how for one in mended}, placed_meshes, before)
+    written = document_of(
+        robot, roots, escape_control(os.path.basename(path)), {one.link.name: one.how for one in mended}, placed_meshes, before
+    )
     document = f"{written.name}.yaml" if before is None else before.document
     renamed = {name: word for kind in ("links", "frames", "joints") for name, word in written.names[kind].items() if name != word}
     imported = Imported(
@@ -135,7 +137,7 @@ def _read(
     return read_urdf(path, data, report)
 
 
-def _record(imported: Imported, written: Draft, asked: Mapping[str, object], path: str, data: bytes) -> bytes:
+def _record(imported: Imported, written: DocumentWriter, asked: Mapping[str, object], path: str, data: bytes) -> bytes:
     """`import.json`: what was read, what everything is called now, and what is not in the document, with its line in the source; and the
     document as it is written, with which the next import compares it."""
     losses = [

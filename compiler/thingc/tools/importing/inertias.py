@@ -41,7 +41,7 @@ LEAST = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Repaired:
+class RepairedLink:
     """A link whose weight was changed: what it was (None: nothing), what it is, and how."""
 
     link: SourceLink
@@ -51,11 +51,11 @@ class Repaired:
 
 def repaired(
     robot: SourceRobot, roots: Sequence[str], how: Repair | None, report: Report, matter: Matter = lambda _: None,
-) -> tuple[SourceRobot, tuple[Repaired, ...]]:
+) -> tuple[SourceRobot, tuple[RepairedLink, ...]]:
     """The robot with every link that moves as a solid can, in the mode `source` and rooted at each of `roots`, and no other inertia that no
     solid has; what could not be, or was not asked for, is reported at its line. `matter` is what a mesh holds."""
     between = _between(robot)
-    bodies, done = _bodies(robot), dict[str, Repaired]()
+    bodies, done = _bodies(robot), dict[str, RepairedLink]()
     head = {link.name: body for body, members in bodies.items() for link, _ in members}
     still = {None if robot.base == "free" else robot.root, *(head[name] for name in roots)}
     for body, members in bodies.items():
@@ -142,21 +142,21 @@ def _refuse(said: str, worst: Sequence[SourceLink], members: Sequence[SourceLink
     report.add(Code.SOURCE_INERTIA, said, where, help=help, notes=notes)
 
 
-def _with(one: Repaired) -> SourceLink:
+def _with(one: RepairedLink) -> SourceLink:
     where = one.link.where if one.link.weight is None else one.link.weight.where
     return replace(one.link, weight=Weight(properties=one.new, where=where))
 
 
-def _mended(link: SourceLink, how: Repair | None, matter: Matter) -> Repaired | None:
+def _mended(link: SourceLink, how: Repair | None, matter: Matter) -> RepairedLink | None:
     """A link that a solid of its mass can be; None where nothing says how."""
     old = MassProperties(mass=0.0) if link.weight is None else link.weight.properties
     if how is None:
         return None
     if how == "shapes":
         solid = _solid(link.shapes, matter)
-        return None if solid is None or old.mass <= 0.0 else Repaired(link=link, new=solid.with_mass(old.mass), how=how)
+        return None if solid is None or old.mass <= 0.0 else RepairedLink(link=link, new=solid.with_mass(old.mass), how=how)
     mass = old.mass if old.mass > LEAST_MASS else LEAST
-    return Repaired(link=link, new=replace(old, mass=mass, inertia=nearest(old.inertia, mass)), how=how)
+    return RepairedLink(link=link, new=replace(old, mass=mass, inertia=nearest(old.inertia, mass)), how=how)
 
 
 def nearest(inertia: Matrix, mass: float) -> Matrix:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from thingc.tools.importing.document_names import Words
+from thingc.tools.importing.document_names import DocumentNaming
 from thingc.tools.importing.quantities import TURNS, angle, length, quantity, scaled, was
 from thingc.tools.importing.source_model import SourceDrive, SourceJoint, SourceStep, SourceTendon
 
@@ -27,7 +27,7 @@ def drive_words(drive: SourceDrive, turns: bool) -> dict[str, str]:
     return {"kind": drive.kind, **{key: quantity(value, unit) for key, (value, unit) in values.items() if value is not None}}
 
 
-def tendon_lines(words: Words) -> Iterator[str]:
+def tendon_lines(words: DocumentNaming) -> Iterator[str]:
     """The section `tendons`, where there are any."""
     if words.robot.tendons:
         yield "tendons:"
@@ -60,7 +60,7 @@ def _factor(tendon: SourceTendon, turns: bool, value: float) -> str:
     return f"{scaled(value, 0)} {unit}".rstrip()
 
 
-def _step(words: Words, step: SourceStep) -> str:
+def _step(words: DocumentNaming, step: SourceStep) -> str:
     if step.around is not None:
         side = "" if step.around.side is None else f", side: {words.sites[step.around.side]}"
         centre = f"{words.links[step.around.link]}.{words.centres[step.around.name]}"

@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from thingc.base.pose import MATE, NO_POSE
 from thingc.base.sensor_kinds import SENSORS
 from thingc.base.units import ACCELERATION, ANGLE, ANGULAR_VELOCITY, FORCE, LENGTH, TORQUE, VELOCITY, Dimension
-from thingc.tools.importing.document_names import Words
+from thingc.tools.importing.document_names import DocumentNaming
 from thingc.tools.importing.naming import distinct
 from thingc.tools.importing.quantities import TURNS, angle, length, pose_words, quantity, quaternion_words, shape_words, was
 from thingc.tools.importing.source_model import SOURCE_MODE, SourcePose, SourceSensor
 
 
-def _start(words: Words) -> tuple[dict[str, str], str | None]:
+def _start(words: DocumentNaming) -> tuple[dict[str, str], str | None]:
     """Where the joints start that do not start at 0; and the first pose of the source in which all joints are within their limits that are
     not where the source starts, if there are any."""
     moving = [joint for one in words.order for joint in one.joints if joint.follows is None]
@@ -34,7 +34,7 @@ def _start(words: Words) -> tuple[dict[str, str], str | None]:
     return {words.joints[one.name]: (angle if one.kind in TURNS else length)(value) for one, value in begins.items()}, next(stated, None)
 
 
-def mode_lines(words: Words, roots: Sequence[str]) -> Iterator[str]:
+def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
     """Poses, the mode `source`, one for each of `roots`, and what is said of their simulation."""
     start, stated = _start(words)
     word = stated or distinct(["start"], "pose", taken=words.poses.values())["start"]
@@ -79,7 +79,7 @@ def mode_lines(words: Words, roots: Sequence[str]) -> Iterator[str]:
         yield f"simulation: {{{', '.join(f'{key}: {value}' for key, value in said.items())}}}"
 
 
-def _state(words: Words, state: SourcePose) -> dict[str, str]:
+def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
     """The values of a pose. Zeros are left out if the robot has no loops: a joint without a value may move to close a loop."""
     kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
     said: dict[str, str] = {}
@@ -92,7 +92,7 @@ def _state(words: Words, state: SourcePose) -> dict[str, str]:
     return said
 
 
-def _shared(words: Words) -> dict[str, str]:
+def _shared(words: DocumentNaming) -> dict[str, str]:
     """What modes have in common that the language does not take for granted."""
     robot, contacts = words.robot, []
     if robot.excluded:
@@ -106,7 +106,7 @@ def _shared(words: Words) -> dict[str, str]:
     return said | ({"contacts": f"{{{', '.join(contacts)}}}"} if contacts else {})
 
 
-def sensor_lines(words: Words) -> Iterator[str]:
+def sensor_lines(words: DocumentNaming) -> Iterator[str]:
     """The section `sensors`, where there are any."""
     if words.robot.sensors:
         yield from ("", "sensors:")

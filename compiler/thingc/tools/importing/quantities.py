@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from decimal import Decimal
 
 from thingc.base.pose import Pose, Vector, rpy_of
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 from thingc.tools.importing.source_model import ShapeKind, Sizes
 
 TURNS = ("revolute", "continuous", "ball", "screw")
@@ -117,7 +117,7 @@ def quantity(value: float, unit: str) -> str:
 
 def was(word: str, name: str) -> str:
     """A comment where the source has another name."""
-    return "" if word == name else f"  # {shown(repr(name))} in the source"
+    return "" if word == name else f"  # {escape_control(repr(name))} in the source"
 
 
 def pose_words(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> str:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from thingc.documents.load.yaml_scalars import core_value
-from thingc.tools.importing.document_names import Words
+from thingc.tools.importing.document_names import DocumentNaming
 from thingc.tools.importing.quantities import quantity
 from thingc.tools.importing.source_model import (
     Raw,
@@ -22,7 +22,7 @@ from thingc.tools.importing.source_model import (
 )
 
 
-def raw_of(words: Words) -> dict[tuple[str, ...], str]:
+def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
     """What is laid over MuJoCo's model, by path. What all shapes that touch have in common is said of their class."""
     robot, by_path = words.robot, dict[tuple[str, ...], str]()
 
@@ -62,14 +62,14 @@ def raw_of(words: Words) -> dict[tuple[str, ...], str]:
     return by_path
 
 
-def _touching(words: Words, link: SourceLink) -> Iterator[tuple[str, SourceShape]]:
+def _touching(words: DocumentNaming, link: SourceLink) -> Iterator[tuple[str, SourceShape]]:
     """What of a link touches, by its names in MuJoCo's model."""
     for _, touch in words.items(link):
         if touch is not None:
             yield words.title(touch) or words.usual[id(touch)], touch
 
 
-def _controls(words: Words, state: SourcePose) -> Raw:
+def _controls(words: DocumentNaming, state: SourcePose) -> Raw:
     """`ctrl` of a keyframe in the order of the source, if it is not that of ours: drives of positions at q, adhesions as the mode has them,
     all others at 0."""
     usual: dict[str, float | None] = {one.name: one.force for one in words.robot.adhesions}
@@ -83,7 +83,7 @@ def _controls(words: Words, state: SourcePose) -> Raw:
     return () if alike else (("ctrl", " ".join(quantity(value, "") for _, value in wanted)),)
 
 
-def order_of(words: Words, kind: str) -> dict[str, str]:
+def order_of(words: DocumentNaming, kind: str) -> dict[str, str]:
     """What the actuators or sensors of the source that are in the document are called there, in the order of the source."""
     names = words.others().get(f"{kind}s", {})
     return {name: names[name] for name in words.robot.order.get(kind, ()) if name in names}
@@ -94,7 +94,7 @@ def _says(shape: SourceShape, attribute: str) -> bool:
     return {"friction": 0, "priority": 0, "condim": 1}.get(attribute, 3) < len(shape.friction)
 
 
-def name_lines(words: Words) -> Iterator[str]:
+def name_lines(words: DocumentNaming) -> Iterator[str]:
     """`names:`, what files call things as the source does; nothing where nothing has another name."""
     kinds = words.in_files()
     if kinds:
@@ -110,7 +110,7 @@ def quoted(name: str) -> str:
     return name if plain else json.dumps(name, ensure_ascii=False)
 
 
-def raw_lines(words: Words) -> Iterator[str]:
+def raw_lines(words: DocumentNaming) -> Iterator[str]:
     """`raw: {mjcf: ...}`; nothing where there is nothing."""
     attributes, added = raw_of(words), words.robot.added
     orders = {kind: order for kind in words.robot.order if len(order := order_of(words, kind)) > 1}
@@ -139,13 +139,13 @@ def raw_lines(words: Words) -> Iterator[str]:
         yield from (f"        - {one.tag}: {_flow(_element(words, one))}" for one in added if one.section == section)
 
 
-def _element(words: Words, one: SourceAdded) -> dict[str, str]:
+def _element(words: DocumentNaming, one: SourceAdded) -> dict[str, str]:
     """Its attributes, by the names of the document."""
     name = words.added[one.section, one.name]
     return ({"name": name} if name else {}) | {key: _named(words, value) for key, value in one.attributes}
 
 
-def _named(words: Words, value: str | SourceTarget) -> str:
+def _named(words: DocumentNaming, value: str | SourceTarget) -> str:
     if isinstance(value, str):
         return value
     names = {"joint": words.joints, "site": words.sites, "tendon": words.tendons, "body": words.links}

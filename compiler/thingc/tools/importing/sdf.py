@@ -21,14 +21,14 @@ from thingc.tools.importing.sdf_frames import WORLD, Frames, NamedFrame, key_of
 from thingc.tools.importing.sdf_includes import Includes
 from thingc.tools.importing.source_model import (
     FAR,
-    Ends,
-    Following,
-    Hanging,
+    Attachment,
     Kind,
     SourceDrive,
     SourceJoint,
+    SourceLimits,
     SourceLink,
     SourceLoop,
+    SourceMimic,
     SourceRobot,
     SourceShape,
     SourceSite,
@@ -213,7 +213,7 @@ class _Sdf:
         kinds = KINDS.get(self.frames.named[key].element.attributes.get("type", ""), ()) if key in self.frames.named else ()
         return [f"{key}_{number}" for number in range(len(kinds))] if len(kinds) > 1 else [key]
 
-    def _hangings(self, key: str, frame: NamedFrame) -> Iterator[Hanging]:
+    def _hangings(self, key: str, frame: NamedFrame) -> Iterator[Attachment]:
         """How the child of a joint is attached to its parent, with massless links between several axes. Errors are reported."""
         element, kind = frame.element, self.values.word(frame.element, "type")
         ends = {side: end for side in ("parent", "child") if (end := self._end(frame, side)) is not None}
@@ -241,7 +241,7 @@ class _Sdf:
                     message = f"`lower` and `upper` are both {joint.ends.lower:g}: this joint cannot move, and not be at 0"
                     self.values.fault(element, None, message, "make it `fixed`, or give it ends")
                 self.losses.note(f"joint `{names[number]}`, whose ends are both 0", "it is read as one that is fixed", element.where)
-            yield Hanging(
+            yield Attachment(
                 name=names[number], parent=above, child=child, pose=NO_POSE if number else pose, where=element.where,
                 joints=() if joint is None or still else (joint,),
             )
@@ -318,10 +318,10 @@ class _Sdf:
             within = frame.scope
         return _rounded(rotate((here @ self.frames.poses[within]).rotation, direction))
 
-    def _ends(self, axis: SourceElement) -> Ends:
+    def _ends(self, axis: SourceElement) -> SourceLimits:
         limit = self.values.one(axis, "limit")
         if limit is None:
-            return Ends()
+            return SourceLimits()
         lower, upper, effort, velocity = (
             None if self.values.written(limit, key) is None else self._bound(limit, key) for key in ("lower", "upper", "effort", "velocity")
         )
@@ -330,7 +330,7 @@ class _Sdf:
             lower = upper = None
         if lower is not None and upper is not None and lower > upper:
             self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or mend the number")
-        return Ends(
+        return SourceLimits(
             lower=lower, upper=upper, effort=None if effort is None or effort < 0.0 else effort,
             velocity=None if velocity is None or velocity < 0.0 else velocity,
         )
@@ -342,7 +342,7 @@ class _Sdf:
         value = self.values.number(limit, key)
         return None if value is None or abs(value) >= ENDLESS else value
 
-    def _mimic(self, axis: SourceElement, scope: str) -> Following | None:
+    def _mimic(self, axis: SourceElement, scope: str) -> SourceMimic | None:
         """q is `multiplier (q(leader) - reference) + offset`."""
         mimic = self.values.one(axis, "mimic")
         if mimic is None:
@@ -356,9 +356,9 @@ class _Sdf:
         offset -= multiplier * reference
         leaders = self._coordinates(key_of(joint, scope))
         leader = leaders[-1 if mimic.attributes.get("axis") == "axis2" else 0]
-        return Following(joint=leader, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
+        return SourceMimic(joint=leader, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
 
-    def _stood(self, model: SourceElement, name: str, links: list[SourceLink], hangings: list[Hanging]) -> SourceRobot | None:
+    def _stood(self, model: SourceElement, name: str, links: list[SourceLink], hangings: list[Attachment]) -> SourceRobot | None:
         """The robot on its root: fixed where a joint holds it to the world, else free. What moves in the world stands on a link that weighs
         nothing."""
         sites: dict[str | None, tuple[SourceSite, ...]] = {}
@@ -389,11 +389,11 @@ class _Sdf:
             loops=loops,
         )
 
-    def _loop(self, one: Hanging) -> SourceLoop:
+    def _loop(self, one: Attachment) -> SourceLoop:
         """What a joint keeps together of two links that are in the tree already."""
         joint = next(iter(one.joints), None)
         at = NO_POSE if joint is None else along(joint.axis, joint.anchor)
-        if joint is not None and (joint.ends != Ends() or joint.damping or joint.friction or joint.stiffness or joint.follows):
+        if joint is not None and (joint.ends != SourceLimits() or joint.damping or joint.friction or joint.stiffness or joint.follows):
             why = "a joint that closes a loop has none of that"
             self.losses.note(f"limits, drive and dynamics of joint `{one.name}`", why, one.where)
         kind = "fixed" if joint is None else "continuous" if joint.kind == "revolute" else joint.kind

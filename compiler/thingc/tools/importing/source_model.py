@@ -1,6 +1,6 @@
 """A robot as another format has it: what every reader gives, and all that the writer knows. SI; each thing with its place in the source.
 
-A link is a rigid body; how it hangs on another is a `Hanging`, with the joints between them one after the other, none of a body that is
+A link is a rigid body; how it hangs on another is a `Attachment`, with the joints between them one after the other, none of a body that is
 fixed (URDF has at most one, MJCF several). Defaults of the format are resolved, angles are radians, names are the source's own.
 """
 
@@ -13,7 +13,7 @@ from typing import Literal
 
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import MassProperties
-from thingc.base.one_line_repr import Brief
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import NO_POSE, Pose, Quaternion, Vector, rotate
 from thingc.base.sensor_kinds import SensorType
 from thingc.base.source import Span
@@ -69,7 +69,7 @@ class SourceSite:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SourceLink(Brief):
+class SourceLink(OneLineRepr):
     """A rigid body: it weighs nothing where `weight` is None. `frames` are names that the source has for its frame, besides its own."""
 
     name: str
@@ -87,7 +87,7 @@ class SourceLink(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ends:
+class SourceLimits:
     """Where a joint stops [rad or m], and what it is driven with at most [N m or N, rad/s or m/s]; None where nothing is said. Of a ball
     `upper` is its cone. Those of a slide that has none are `made_up`."""
 
@@ -103,7 +103,7 @@ class Ends:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Following:
+class SourceMimic:
     """`name` is that of an equality.
 
     q is `multiplier * q(joint) + offset`, or the `polynomial` of q(joint) with these coefficients, from that of q^0 on, all in rad and
@@ -141,7 +141,7 @@ class SourceDrive:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SourceJoint(Brief):
+class SourceJoint(OneLineRepr):
     """A motion of a link: about, or along, the unit vector `axis` through `anchor` [m], both in the frame of the link as it hangs, where q
     is `start` [rad or m], or `begin` if that is beyond its ends (None: the middle of these).
     `damping` [N m s/rad or N s/m], `friction` [N m or N], `armature` [kg m^2 or kg], `stiffness` [N m/rad or N/m] of
@@ -152,7 +152,7 @@ class SourceJoint(Brief):
     axis: Vector
     where: Span
     anchor: Vector = (0.0, 0.0, 0.0)
-    ends: Ends = Ends()
+    ends: SourceLimits = SourceLimits()
     damping: float = 0.0
     friction: float = 0.0
     armature: float = 0.0
@@ -160,7 +160,7 @@ class SourceJoint(Brief):
     rest: float = 0.0
     start: float = 0.0
     begin: float | None = None
-    follows: Following | None = None
+    follows: SourceMimic | None = None
     drive: SourceDrive | None = None
     raw: Raw = ()
     lead: float = 0.0
@@ -190,7 +190,7 @@ class SourceStep:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SourceTendon(Brief):
+class SourceTendon(OneLineRepr):
     """A length: of one over joints the sum of these factors times their q, an angle if it `turns`; of one with `steps` that of the path,
     `width` [m] how thick it is. What it does by itself, and its drive, are along that length, as of a joint."""
 
@@ -200,7 +200,7 @@ class SourceTendon(Brief):
     turns: bool = False
     steps: tuple[SourceStep, ...] = ()
     width: float | None = None
-    ends: Ends = Ends()
+    ends: SourceLimits = SourceLimits()
     damping: float = 0.0
     friction: float = 0.0
     armature: float = 0.0
@@ -211,7 +211,7 @@ class SourceTendon(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hanging:
+class Attachment:
     """How the link `child` hangs on the link `parent`: at `pose` in it at q = 0, moved by the joints one after the other. `name` is what
     the source calls it; `rpy` [rad] are the angles that it states the pose with, if it does; `floating` where nothing holds the two
     together, which the world alone may be a parent of."""
@@ -225,7 +225,7 @@ class Hanging:
     joints: tuple[SourceJoint, ...] = ()
     floating: bool = False
 
-    def turned(self) -> Hanging:
+    def turned(self) -> Attachment:
         """The same, of at most one joint, with the parent hung on the child: q means what it did."""
         joints = tuple(
             replace(
@@ -322,7 +322,7 @@ class SourceLoss:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SourceRobot(Brief):
+class SourceRobot(OneLineRepr):
     """All that a reader has found. A robot stands with its link `root` at `pose` in the world; `links` and `hangings` are in the order of
     the source. Links that are `excluded` never touch; `gravity` [m/s^2] where it is not 9.81 downwards; `simulation` as the language has
     it, `options` as MuJoCo has what the language has not, by their paths, `added` whole elements; `order` lists the names of the actuators
@@ -334,7 +334,7 @@ class SourceRobot(Brief):
     where: Span
     root: str
     links: tuple[SourceLink, ...]
-    hangings: tuple[Hanging, ...]
+    hangings: tuple[Attachment, ...]
     base: SourceBase = "fixed"
     pose: Pose = NO_POSE
     losses: tuple[SourceLoss, ...] = ()

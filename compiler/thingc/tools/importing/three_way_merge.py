@@ -59,7 +59,7 @@ class Merged:
     conflicts: tuple[Conflict, ...]
 
 
-class Unmergeable(Exception):
+class MergeConflict(Exception):
     """A document that is written so that the changes cannot be put into it; the message says where."""
 
 
@@ -70,7 +70,7 @@ def read_text(path: str, text: str, report: Report) -> Text | None:
 
 
 def merged(base: Text, new: Text, ours: Text) -> Merged:
-    """The one text. Raises `Unmergeable`."""
+    """The one text. Raises `MergeConflict`."""
     return _Merging(base, new, ours).merged()
 
 
@@ -99,7 +99,7 @@ class _Merging:
         wrong = [] if after is None else [*_changed((), expected, after.tree.plain())] if after.tree.plain() != expected else None
         if wrong is not None:
             place = dotted(wrong[0]) if wrong else "the document"
-            raise Unmergeable(f"`{place}` would not be what it should, for something is used twice there, or written in a way of its own")
+            raise MergeConflict(f"`{place}` would not be what it should, for something is used twice there, or written in a way of its own")
         return Merged(text=whole, taken=tuple(self.taken), kept=tuple(self.kept), conflicts=tuple(self.conflicts))
 
     def _whole(self, path: Path, base: Any, new: Any, ours: Any) -> Any:

@@ -6,19 +6,19 @@ from collections.abc import Iterable, Iterator, Sequence, Set
 from typing import TypeVar
 
 from thingc.base.diagnostics import Code, Note, Report
-from thingc.base.graphs import circle_words, circles
+from thingc.base.graphs import circle_words, find_cycles
 from thingc.base.safe_text import quoted
 from thingc.base.source import Span
 from thingc.base.suggestions import did_you_mean
-from thingc.tools.importing.source_model import Hanging, SourceLink, SourceRobot
+from thingc.tools.importing.source_model import Attachment, SourceLink, SourceRobot
 
-Named = TypeVar("Named", SourceLink, Hanging)
+Named = TypeVar("Named", SourceLink, Attachment)
 MOST_LINKS = 10_000
 MOST_BELOW = 496
 """Bodies one in another, the first among them, of which MuJoCo reads models: 500 levels of XML."""
 
 
-def root_of(links: Sequence[SourceLink], hangings: Sequence[Hanging], where: Span, report: Report) -> str | None:
+def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: Span, report: Report) -> str | None:
     """The name of the one link that hangs on no other and that all others hang on; None where there is none such, which has been
     reported, all of it: links of one name, joints to links that are not there, two parents, circles, no root or several."""
     before = len(report.diagnostics)
@@ -27,7 +27,7 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Hanging], where: Spa
         return None
     named = _distinct("links", links, report)
     _distinct("joints", hangings, report)
-    above: dict[str, Hanging] = {}
+    above: dict[str, Attachment] = {}
     for one in hangings:
         for side, name in (("parent", one.parent), ("child", one.child)):
             if name not in named:
@@ -77,11 +77,11 @@ def warn_of_depth(robot: SourceRobot, report: Report) -> None:
             waiting.append((one.child, there))
 
 
-def spanned(hangings: Sequence[Hanging]) -> tuple[tuple[Hanging, ...], tuple[Hanging, ...]]:
+def spanned(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tuple[Attachment, ...]]:
     """Of joints that may go either way, and in loops: those of a tree, turned around where one comes to a link from what is below it, and
     those that close a loop. What can be neither is among the first, and `root_of` says so."""
-    tree: list[Hanging] = []
-    closing: list[Hanging] = []
+    tree: list[Attachment] = []
+    closing: list[Attachment] = []
     below: set[str] = set()
     whole: dict[str, str] = {}
 
@@ -104,10 +104,10 @@ def spanned(hangings: Sequence[Hanging]) -> tuple[tuple[Hanging, ...], tuple[Han
     return tuple(tree), tuple(closing)
 
 
-def look_at_mimics(hangings: Sequence[Hanging], moving: Set[str], report: Report) -> None:
+def look_at_mimics(hangings: Sequence[Attachment], moving: Set[str], report: Report) -> None:
     """Report each joint that mimics itself, or none of those that move along one coordinate; and each circle."""
     follows = {joint.name: joint.follows for one in hangings for joint in one.joints if joint.follows is not None}
-    for circle in circles(follows, lambda name: follows[name].joint if name in follows else None):
+    for circle in find_cycles(follows, lambda name: follows[name].joint if name in follows else None):
         if len(circle) > 1:
             message = f"joints mimic each other in a circle: {circle_words(circle)}"
             report.add(Code.SOURCE_VALUE, message, follows[circle[0]].where, help="let one of them move by itself")
@@ -130,15 +130,15 @@ def _distinct(kind: str, things: Sequence[Named], report: Report) -> dict[str, N
     return first
 
 
-def by_parent(hangings: Iterable[Hanging]) -> dict[str, list[Hanging]]:
+def by_parent(hangings: Iterable[Attachment]) -> dict[str, list[Attachment]]:
     """Return what hangs on each link, in the order of the source."""
-    below: dict[str, list[Hanging]] = {}
+    below: dict[str, list[Attachment]] = {}
     for one in hangings:
         below.setdefault(one.parent, []).append(one)
     return below
 
 
-def downwards(root: str, hangings: Iterable[Hanging]) -> Iterator[Hanging]:
+def downwards(root: str, hangings: Iterable[Attachment]) -> Iterator[Attachment]:
     """Return the tree from the root on, each branch to its end, in the order of the source."""
     below = by_parent(hangings)
     waiting = [*reversed(below.get(root, ()))]
@@ -148,9 +148,9 @@ def downwards(root: str, hangings: Iterable[Hanging]) -> Iterator[Hanging]:
         waiting += reversed(below.get(one.child, ()))
 
 
-def _circles(named: dict[str, SourceLink], above: dict[str, Hanging], report: Report) -> None:
+def _circles(named: dict[str, SourceLink], above: dict[str, Attachment], report: Report) -> None:
     """Say each circle once, at the joint of its first link."""
-    for upwards in circles(named, lambda name: above[name].parent if name in above else None):
+    for upwards in find_cycles(named, lambda name: above[name].parent if name in above else None):
         circle = upwards[::-1]
         report.add(
             Code.SOURCE_TREE, f"links hang on one another in a circle: {circle_words(circle)}", above[circle[0]].where,

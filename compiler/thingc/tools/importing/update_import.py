@@ -14,13 +14,13 @@ from thingc.base.frozen import dataclass
 from thingc.base.replacement import Change
 from thingc.base.source import dotted, span_at
 from thingc.tools.importing.inertias import Repair
-from thingc.tools.importing.three_way_merge import Merged, Text, Unmergeable, merged, read_text
+from thingc.tools.importing.three_way_merge import MergeConflict, Merged, Text, merged, read_text
 
 RECORD = "import.json"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Earlier:
+class PreviousImport:
     """An import that lies in `folder`, an absolute path, of the `robot` of that name in a file called `source`: the `document` (its file)
     and its `text` as they were written, the SHA-256 of the meshes, what things of the source were called, and the roots and the repair
     that were asked for."""
@@ -60,7 +60,7 @@ class Update:
     kept: tuple[str, ...]
 
 
-def earlier_import(folder: str) -> Earlier | None:
+def earlier_import(folder: str) -> PreviousImport | None:
     """The import that lies in a folder; None where its `import.json` is not there, or not as it was written."""
     folder = os.path.realpath(folder)
     try:
@@ -68,7 +68,7 @@ def earlier_import(folder: str) -> Earlier | None:
             record: Any = json.load(stream)
         document, asked, names, source = record["document"], record["asked"], record["names"], record["source"]
         text = "".join(f"{line}\n" for line in document["lines"])
-        earlier = Earlier(
+        earlier = PreviousImport(
             folder=folder, source=str(source["file"]), robot=str(source["robot"]), document=_inside(document["file"]), text=text,
             roots=tuple(asked["roots"]), repair=_repair(asked["repair"]),
             meshes={_inside(name): str(sha256) for name, sha256 in record["meshes"].items()}, with_meshes=bool(asked["meshes"]),
@@ -79,7 +79,7 @@ def earlier_import(folder: str) -> Earlier | None:
         return None
 
 
-def update(earlier: Earlier, document: str, files: Mapping[str, bytes], report: Report) -> Update | None:
+def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], report: Report) -> Update | None:
     """What becomes of an import whose `files` would be these now, `document` among them. What both have changed is reported, and stays as
     the person has it; None where nothing can be merged, which has been reported too. A document that is not there is written anew."""
     path = os.path.join(earlier.folder, document)
@@ -101,7 +101,7 @@ def update(earlier: Earlier, document: str, files: Mapping[str, bytes], report: 
         one = merged(*texts)
         if ours == earlier.text:  # with the comments of now
             one = replace(one, text=new)
-    except Unmergeable as fault:
+    except MergeConflict as fault:
         report.add(Code.SOURCE_CONFLICT, f"the changes cannot be merged: {fault}", None, help="write it out, and import again")
         return None
     _say_conflicts(one, read_text(path, one.text, Report()) or texts[2], report)

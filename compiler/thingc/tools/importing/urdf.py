@@ -12,13 +12,13 @@ from thingc.base.pose import NO_POSE
 from thingc.base.suggestions import did_you_mean
 from thingc.tools.importing.losses import Losses
 from thingc.tools.importing.source_model import (
-    Ends,
-    Following,
-    Hanging,
+    Attachment,
     Kind,
     SourceDrive,
     SourceJoint,
+    SourceLimits,
     SourceLink,
+    SourceMimic,
     SourceRobot,
     SourceSensor,
     SourceShape,
@@ -119,7 +119,7 @@ class _Urdf:
         return self._grounded(robot)
 
     def _sensed(
-        self, links: tuple[SourceLink, ...], hangings: tuple[Hanging, ...],
+        self, links: tuple[SourceLink, ...], hangings: tuple[Attachment, ...],
     ) -> tuple[tuple[SourceLink, ...], tuple[SourceSensor, ...]]:
         """The links with the mounts of their sensors, and these. One on a link that is but a frame is on what that is fixed to."""
         named, above = {link.name: link for link in links}, {one.child: one for one in hangings}
@@ -221,7 +221,7 @@ class _Urdf:
         rgba = None if color is None else self.values.numbers(color, "rgba", 4)
         return None if rgba is None else (rgba[0], rgba[1], rgba[2], rgba[3])
 
-    def _hanging(self, element: SourceElement) -> Hanging | None:
+    def _hanging(self, element: SourceElement) -> Attachment | None:
         name, kind = self.values.word(element, "name"), self.values.word(element, "type")
         ends = {side: end for side in ("parent", "child") if (end := self._end(element, side)) is not None}
         pose, rpy = self.values.origin(element)
@@ -232,7 +232,7 @@ class _Urdf:
         joint = None if name is None or kind is None else self._joint(element, name, kind)
         if name is None or kind is None or len(ends) < 2:
             return None
-        return Hanging(
+        return Attachment(
             name=name, parent=ends["parent"], child=ends["child"], pose=pose, rpy=rpy, where=element.where,
             joints=() if joint is None else (joint,), floating=kind == "floating",
         )
@@ -272,7 +272,7 @@ class _Urdf:
             drive=SourceDrive(name=name, kind="motor", where=element.where, effort=ends.effort) if controlled and follows is None else None,
         )
 
-    def _mimic(self, mimic: SourceElement, name: str) -> Following | None:
+    def _mimic(self, mimic: SourceElement, name: str) -> SourceMimic | None:
         """What a joint follows: nothing where that is no joint that moves, as pinocchio and MoveIt have it."""
         joint = self.values.word(mimic, "joint")
         multiplier, offset = self.values.number(mimic, "multiplier", 1.0), self.values.number(mimic, "offset", 0.0)
@@ -285,15 +285,15 @@ class _Urdf:
                 mimic.place("joint"), help=did_you_mean(joint, sorted(self.moving - {name}), what="joints"),
             )
             return None
-        return Following(joint=joint, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
+        return SourceMimic(joint=joint, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
 
-    def _ends(self, element: SourceElement, kind: Kind, follows: bool) -> Ends:
+    def _ends(self, element: SourceElement, kind: Kind, follows: bool) -> SourceLimits:
         limit = self.values.one(element, "limit")
         if limit is None:
             if kind in ("revolute", "prismatic") and not follows:
                 help = 'write <limit lower="..." upper="..." effort="..." velocity="..."/>'
                 self.values.fault(element, None, f"this joint is `{kind}` and has no `<limit>`", help)
-            return Ends()
+            return SourceLimits()
         effort, velocity = (
             self.values.from_zero(limit, key) if key in limit.attributes else None for key in ("effort", "velocity")
         )
@@ -301,9 +301,9 @@ class _Urdf:
         if kind not in ("revolute", "prismatic"):
             if lower != upper:
                 self.losses.note("`lower` and `upper` of a joint", f"one that is `{kind}` has no ends", limit.where)
-            return Ends(effort=effort, velocity=velocity)
+            return SourceLimits(effort=effort, velocity=velocity)
         if lower is None or upper is None:
-            return Ends()
+            return SourceLimits()
         if lower > upper:
             self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or mend the number")
         if lower == upper:
@@ -314,8 +314,8 @@ class _Urdf:
                 self.losses.note(
                     f"`lower` and `upper` of a joint, both {lower:g}", "it is read as one without ends, as simulators do", limit.where,
                 )
-            return Ends(effort=effort, velocity=velocity)
-        return Ends(lower=lower, upper=upper, effort=effort, velocity=velocity)
+            return SourceLimits(effort=effort, velocity=velocity)
+        return SourceLimits(lower=lower, upper=upper, effort=effort, velocity=velocity)
 
     def _grounded(self, robot: SourceRobot) -> SourceRobot | None:
         """Without a root link that stands for the world, where one link alone hangs on it and nothing moves that."""

@@ -16,13 +16,13 @@ from thingc.base.diagnostics import Report
 from thingc.base.frozen import dataclass
 from thingc.base.pose import MATE, NO_POSE, Pose, Vector, along, shifted
 from thingc.documents.format.formatting import format_document
-from thingc.tools.importing.document_names import Words
+from thingc.tools.importing.document_names import DocumentNaming
 from thingc.tools.importing.joint_values import drive_words, dynamics_words, tendon_lines
 from thingc.tools.importing.modes import mode_lines, sensor_lines
 from thingc.tools.importing.quantities import TURNS, angle, length, lengths, mass, pose_words, quantity, shape_words, was
 from thingc.tools.importing.raw import name_lines, quoted, raw_lines
-from thingc.tools.importing.source_model import Hanging, SourceJoint, SourceLink, SourceRobot, SourceShape
-from thingc.tools.importing.update_import import Earlier
+from thingc.tools.importing.source_model import Attachment, SourceJoint, SourceLink, SourceRobot, SourceShape
+from thingc.tools.importing.update_import import PreviousImport
 
 _ALIGNED = 1e-12
 ROUNDED = 1e-15
@@ -36,7 +36,7 @@ UNITS: dict[tuple[float, ...], str] = {(1.0, 1.0, 1.0): "m", (0.01, 0.01, 0.01):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Draft:
+class DocumentWriter:
     """A document: its name, its text, and what the things of the source are called in it, by their kinds."""
 
     name: str
@@ -46,23 +46,23 @@ class Draft:
 
 def document_of(
     robot: SourceRobot, roots: Sequence[str], origin: str, repaired: Mapping[str, str], meshes: Mapping[str, str],
-    earlier: Earlier | None = None,
-) -> Draft:
+    earlier: PreviousImport | None = None,
+) -> DocumentWriter:
     """The document of a robot, with a mode `source` and one for each link of `roots`, which are links of it; `origin` says where it is
     from, in its first line, `repaired` how the weight of some links was changed, and `meshes` where the files are that shapes name: those
     that are not there are left out. What an `earlier` import has named keeps its name."""
     return _Document(robot, roots, origin, repaired, meshes, earlier).written()
 
 
-class _Document(Words):
+class _Document(DocumentNaming):
     def __init__(
         self, robot: SourceRobot, roots: Sequence[str], origin: str, repaired: Mapping[str, str], meshes: Mapping[str, str],
-        earlier: Earlier | None,
+        earlier: PreviousImport | None,
     ) -> None:
         super().__init__(robot, meshes, earlier)
         self.roots, self.origin, self.repaired = roots, origin, repaired
 
-    def written(self) -> Draft:
+    def written(self) -> DocumentWriter:
         """The text in canonical layout."""
         text = "\n".join((
             f"# From {self.origin}. What is not in it is listed in import.json.", "thingc: assembly/1", f"name: {self.name}", "",
@@ -73,7 +73,7 @@ class _Document(Words):
         formatted = format_document(f"{self.name}.yaml", text.encode(), report)
         assert formatted is not None, report.diagnostics
         names = {"links": self.links, "frames": self.frames, "joints": self.joints, **self.others()}
-        return Draft(name=self.name, text=formatted.decode(), names=names)
+        return DocumentWriter(name=self.name, text=formatted.decode(), names=names)
 
     def _components(self) -> Iterator[str]:
         yield "components:"
@@ -258,7 +258,7 @@ def _entries(values: Mapping[str, str]) -> str:
     return ", ".join(f"{name}: {value}" for name, value in values.items())
 
 
-def _parent_mount(one: Hanging, joint: SourceJoint) -> str:
+def _parent_mount(one: Attachment, joint: SourceJoint) -> str:
     """Where a joint is on the link that carries it."""
     onto = _onto(joint)
     return pose_words(one.pose @ shifted(*joint.anchor) @ onto, one.rpy if onto == NO_POSE else None)

@@ -19,11 +19,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Diagnostic, Report
-from thingc.base.file_watcher import Watched, looks, stat_of
+from thingc.base.file_watcher import FileWatcher, looks, stat_of
 from thingc.base.frozen import dataclass
 from thingc.base.memo import Memo
 from thingc.driver import build_document, dependencies, pipeline
-from thingc.driver.build_document import Built, Wish
+from thingc.driver.build_document import BuildRequest, BuildResult
 from thingc.driver.environment import Environment, Options, geometry_of
 from thingc.driver.output import Waiting
 from thingc.driver.up_to_date import state_of
@@ -48,7 +48,7 @@ CLOCK = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Round:
+class Rebuild:
     """What came of one save. `saved` are the absolute paths of the files that had changed (none in the first round), `seconds` how long it
     took from when they were quiet; `good`: it has no errors; `folder` is the build folder that was written (None with errors: it is as
     it was; and where nothing is written at all), `built` the rest of what came of it, where it came so far. `changed` are the artifacts,
@@ -62,7 +62,7 @@ class Round:
     seconds: float
     diagnostics: tuple[Diagnostic, ...]
     good: bool = False
-    built: Built | None = None
+    built: BuildResult | None = None
     folder: str | None = None
     changed: tuple[str, ...] = ()
     mended: bool = False
@@ -71,7 +71,7 @@ class Round:
     kernel: float = 0.0
 
 
-class Live:
+class RebuildLoop:
     """One document and its rounds. A context manager: leaving it ends the workers.
 
     `wish` is asked in every round (what the workspace says may have changed): it gives what to build, or what is wrong with that. `refused`
@@ -80,7 +80,7 @@ class Live:
     """
 
     def __init__(
-        self, document: str, options: Options, wish: Callable[[], Wish | Sequence[Diagnostic]],
+        self, document: str, options: Options, wish: Callable[[], BuildRequest | Sequence[Diagnostic]],
         refused: Callable[[Exception], Diagnostic], on_wait: Waiting | None = None, *, writes: bool = True,
         turn: contextlib.AbstractContextManager[object] | None = None,
     ) -> None:
@@ -99,7 +99,7 @@ class Live:
         self._memo = Memo()
         self._geometry: GeometryService | None = None
         self._last_geometry: GeometryService | None = None
-        self._watched = Watched([self.document], content=state_of)
+        self._watched = FileWatcher([self.document], content=state_of)
         self._last: Mapping[str, str] | None = None
         self._documents: frozenset[str] = frozenset()
         self._number = 0
@@ -109,13 +109,13 @@ class Live:
     def _fresh_workers(self) -> EndingWorkers:
         return EndingWorkers(self.options.jobs or os.cpu_count() or 1)
 
-    def __enter__(self) -> Live:
+    def __enter__(self) -> RebuildLoop:
         return self
 
     def __exit__(self, *exception: object) -> None:
         self._workers.end()
 
-    def rounds(self, stop: threading.Event) -> Iterator[Round]:
+    def rounds(self, stop: threading.Event) -> Iterator[Rebuild]:
         """The first round, then one after every save, until `stop` is set."""
         saved: tuple[str, ...] = ()
         first = True
@@ -157,13 +157,13 @@ class Live:
             time.sleep(0.01 if absent else unquiet)
             saved = tuple(dict.fromkeys((*saved, *self._watched.changed())))
 
-    def _round(self, saved: tuple[str, ...]) -> tuple[Round, tuple[str, ...]]:
+    def _round(self, saved: tuple[str, ...]) -> tuple[Rebuild, tuple[str, ...]]:
         """What comes of the document now, and what was saved while it was looked at: then nothing has been written."""
         started, clock, begun = time.perf_counter(), time.time(), time.monotonic()
         self._abandoned, self._saved = (), saved
         with contextlib.suppress(OSError):  # it may be another folder of that name by now, as after a branch without it
             os.chdir(self._here)
-        built: Built | None = None
+        built: BuildResult | None = None
         folder: str | None = None
         good = False
         if self._failed or self._geometry is not None and not self._geometry.inputs.isdisjoint(saved):
@@ -174,14 +174,14 @@ class Live:
         try:
             wish = self._wish()
             with self.environment.store.hurried():
-                if isinstance(wish, Wish):
+                if isinstance(wish, BuildRequest):
                     built = self._built(wish)
                     said = built.diagnostics
                 else:
                     said = wish
                 time.sleep(_unquiet(saved))
                 more = self._look(clock, built) or self._abandoned
-                if not more and built is not None and built.files is not None and isinstance(wish, Wish):
+                if not more and built is not None and built.files is not None and isinstance(wish, BuildRequest):
                     folder = build_document.write(self.environment, built, wish, self._on_wait) if self._writes else None
                     good = True
         except Exception as fault:  # whatever it is, the next save may mend it
@@ -189,14 +189,14 @@ class Live:
             more = self._look(clock, built) or self._abandoned
         self._modelled |= _modelled(built)
         if more:
-            return Round(number=self._number, saved=saved, seconds=0.0, diagnostics=()), more
+            return Rebuild(number=self._number, saved=saved, seconds=0.0, diagnostics=()), more
         now = _digests(built.files) if good and built is not None and built.files is not None else None
         before = self._last if self._last is not None and now is not None else now
         changed = () if now is None or before is None else tuple(sorted(
             path for path in {*before, *now} if before.get(path) != now.get(path)
         ))
         self._number += 1
-        made = Round(
+        made = Rebuild(
             number=self._number, saved=saved, seconds=time.perf_counter() - started, diagnostics=tuple(said), good=good, built=built,
             folder=folder, changed=changed, mended=self._failed and good, kept=not good and self._last is not None,
             modelled=self._modelled, kernel=self._workers.busy(begun),
@@ -204,7 +204,7 @@ class Live:
         self._failed, self._last = not good, now if now is not None else self._last
         return made, ()
 
-    def _built(self, wish: Wish) -> Built:
+    def _built(self, wish: BuildRequest) -> BuildResult:
         assert self.environment is not None
         with self._abandoning():
             try:
@@ -252,7 +252,7 @@ class Live:
                 self._geometry.expect(self._last_geometry, self._saved)
         return self._geometry
 
-    def _look(self, clock: float, built: Built | None) -> tuple[str, ...]:
+    def _look(self, clock: float, built: BuildResult | None) -> tuple[str, ...]:
         """Watch what this round has looked at; what of that was saved since it began, at the time `clock` [s]."""
         assert self.environment is not None
         nothing = pipeline.Compilation(settings=pipeline.settings_of(self.options), report=Report())
@@ -269,7 +269,7 @@ class Live:
         return tuple(dict.fromkeys((*late, *self._watched.changed())))
 
 
-def _modelled(built: Built | None) -> dict[str, str]:
+def _modelled(built: BuildResult | None) -> dict[str, str]:
     """The parts that were modelled for a build: definition texts, and what they are called."""
     if built is None:
         return {}

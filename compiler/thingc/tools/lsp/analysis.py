@@ -17,7 +17,7 @@ from thingc.documents.workspace import OWN_FILE
 from thingc.driver import dependencies, pipeline
 from thingc.driver.environment import Environment, Lend, Options
 from thingc.tools.lsp.positions import TextLines, uri_of
-from thingc.tools.schemas.document_facts import Facts, facts_of
+from thingc.tools.schemas.document_facts import DocumentFacts, facts_of
 
 if TYPE_CHECKING:
     from thingc.documents.load.documents import Documents
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from thingc.model.assembly.types import Assembly
     from thingc.model.resolve.types import AssemblyDefinition
     from thingc.model.robot.types import Robot
-    from thingc.tools.lsp.available_names import InReach
+    from thingc.tools.lsp.available_names import AvailableNames
 
 SUFFIXES = (".yaml", ".yml", ".toml")
 
@@ -66,7 +66,7 @@ class Analysis:
     whole: bool = True
     last: Analysis | None = None
     looked_at: frozenset[str] = frozenset()
-    in_reach: InReach | None = None
+    in_reach: AvailableNames | None = None
     _kept: dict[str, Any] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     @property
@@ -127,12 +127,12 @@ class Analysis:
         return self._kept[name]
 
     @property
-    def facts(self) -> Facts:
+    def facts(self) -> DocumentFacts:
         """What the schemas of editors know of it (`editor`): its names, those of its wrong lines as well."""
         if "facts" not in self._kept:
             tree = self.tree
-            self._kept["facts"] = Facts() if tree is None else facts_of(tree, self.model, self.records, self.schemas, {})
-        facts: Facts = self._kept["facts"]
+            self._kept["facts"] = DocumentFacts() if tree is None else facts_of(tree, self.model, self.records, self.schemas, {})
+        facts: DocumentFacts = self._kept["facts"]
         return facts
 
 

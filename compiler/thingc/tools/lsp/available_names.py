@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.base.source import Path
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
-from thingc.tools.lsp.cached_parts import WAITED_FOR, AtHand
+from thingc.tools.lsp.cached_parts import WAITED_FOR, CachedParts
 from thingc.tools.schemas.refresh_schemas import Schemas
 
 if TYPE_CHECKING:
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from thingc.tools.lsp.analysis import Analysis
 
 
-class InReach:
+class AvailableNames:
     """The surroundings of the documents of one workspace. `at_hand` answers for parts; None where nothing of the workspace may run: then
     none are known but those that a document names. `wake` is called where workers are to be asked for more."""
 
-    def __init__(self, workspace: Workspace, at_hand: AtHand | None, wake: Callable[[], None]) -> None:
+    def __init__(self, workspace: Workspace, at_hand: CachedParts | None, wake: Callable[[], None]) -> None:
         self.workspace = workspace
         self.at_hand = at_hand
         self._schemas = Schemas(workspace, _Parts(at_hand, wake))
@@ -39,7 +39,7 @@ class InReach:
 class _Parts:
     """Parts in reach, as far as they are known at once. What their classes take is asked of workers, too; nothing is modelled for it."""
 
-    def __init__(self, at_hand: AtHand | None, wake: Callable[[], None]) -> None:
+    def __init__(self, at_hand: CachedParts | None, wake: Callable[[], None]) -> None:
         self._at_hand = at_hand
         self._wake = wake
 

@@ -11,7 +11,7 @@ from thingc.driver.environment import Options, geometry_of
 from thingc.geometry.client import EndingWorkers
 from thingc.geometry.record import PartFailure
 from thingc.geometry.store.local import StoreUnusable
-from thingc.tools.lsp.cached_parts import Unanswered
+from thingc.tools.lsp.cached_parts import PendingRequests
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
@@ -26,7 +26,7 @@ Answered = Callable[["Workspace", Mapping[str, PartFailure], Mapping[str, PartFa
 """`answered(workspace, undescribed, failed)`: what was wanted is in the store, but for these, by reference and by definition text."""
 
 
-class WorkersBeside:
+class BackgroundWorkers:
     """One thread that asks workers for what is wanted last. `answered` is called in it."""
 
     def __init__(self, workspace: Workspace, store: Store, options: Options, answered: Answered) -> None:
@@ -34,13 +34,13 @@ class WorkersBeside:
         self._store, self._options, self._answered = store, options, answered
         self._workers = EndingWorkers(options.jobs or 1)
         self._changed = threading.Condition()
-        self._wanted = Unanswered()
-        self._at_work: Unanswered | None = None
-        self._asked = Unanswered()
+        self._wanted = PendingRequests()
+        self._at_work: PendingRequests | None = None
+        self._asked = PendingRequests()
         self._ended = False
         self._thread: threading.Thread | None = None
 
-    def want(self, wanted: Unanswered) -> None:
+    def want(self, wanted: PendingRequests) -> None:
         """Find this out, and nothing else. What was asked before is not asked again."""
         with self._changed:
             if self._ended or wanted == self._wanted or wanted.within(self._asked):
@@ -55,7 +55,7 @@ class WorkersBeside:
     def renew(self) -> None:
         """A file that parts depend on was saved: whatever is asked from now on is another question."""
         with self._changed:
-            self._asked, self._wanted = Unanswered(), Unanswered()
+            self._asked, self._wanted = PendingRequests(), PendingRequests()
             self._give_up_soon()
 
     def end(self) -> None:
@@ -71,7 +71,7 @@ class WorkersBeside:
             timer.daemon = True
             timer.start()
 
-    def _give_up(self, work: Unanswered) -> None:
+    def _give_up(self, work: PendingRequests) -> None:
         """End the workers where they still do what is not wanted."""
         with self._changed:
             if self._at_work is not work or self._wanted is work or self._ended:
@@ -98,11 +98,11 @@ class WorkersBeside:
                 if self._wanted is not work:  # something else is wanted now, or the same of other files
                     undescribed, failed = {}, {}
                 else:
-                    self._wanted = Unanswered()
+                    self._wanted = PendingRequests()
                     self._asked.add(work)
             self._answered(self.workspace, undescribed, failed)
 
-    def _found_out(self, work: Unanswered, workers: EndingWorkers) -> tuple[dict[str, PartFailure], dict[str, PartFailure]]:
+    def _found_out(self, work: PendingRequests, workers: EndingWorkers) -> tuple[dict[str, PartFailure], dict[str, PartFailure]]:
         """What failed of what is wanted, which is in the store then."""
         service = geometry_of(self.workspace, self._options, self._store, workers=workers)
         definitions = [definition for definition, _ in work.definitions.values()]

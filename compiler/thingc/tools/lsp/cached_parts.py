@@ -11,7 +11,7 @@ from thingc.geometry.record import FailureKind, PartDefinition, PartFailure, Par
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
-    from thingc.geometry.build_reasons import Decision
+    from thingc.geometry.build_reasons import BuildReason
     from thingc.geometry.key.modules import Module
     from thingc.geometry.lock.json_format import BadLock
     from thingc.geometry.print_slices import Slicing
@@ -24,7 +24,7 @@ WAITED_FOR: FailureKind = "unlocked"
 
 
 @dataclass(slots=True)
-class Unanswered:
+class PendingRequests:
     """What is asked of workers: `references` to describe; `definitions` to model by text, with whether convex pieces are wanted; and how
     records of such definitions are sliced."""
 
@@ -35,21 +35,21 @@ class Unanswered:
     def __bool__(self) -> bool:
         return bool(self.references or self.definitions or self.slices)
 
-    def within(self, other: Unanswered) -> bool:
+    def within(self, other: PendingRequests) -> bool:
         """Whether the other one wants all of this, too."""
         return (
             self.references.keys() <= other.references.keys() and self.definitions.keys() <= other.definitions.keys()
             and self.slices.keys() <= other.slices.keys()
         )
 
-    def add(self, other: Unanswered) -> None:
+    def add(self, other: PendingRequests) -> None:
         """Want what the other one wants, too."""
         self.references.update(other.references)
         self.definitions.update(other.definitions)
         self.slices.update(other.slices)
 
 
-class AtHand:
+class CachedParts:
     """What a geometry service without workers knows of parts. Others have failed with `WAITED_FOR`, and whoever compiles with these answers
     leaves out what is said of that: so nothing is said of what depends on them either.
 
@@ -64,10 +64,10 @@ class AtHand:
         self.broken: list[BadLock] = service.broken
         self.failed: dict[str, PartFailure] = {}
         self.undescribed: dict[str, PartFailure] = {}
-        self.unanswered = Unanswered()
+        self.unanswered = PendingRequests()
 
     @property
-    def decisions(self) -> Mapping[str, Decision]:
+    def decisions(self) -> Mapping[str, BuildReason]:
         """Why each record was found, by definition text."""
         return self.service.decisions
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from thingc.base.diagnostics import Code, Diagnostic
 from thingc.base.source import MappingNode, Span
-from thingc.documents.format.autofix import Looked, TextEdit, located, sure_edits
-from thingc.documents.format.value_edits import Unsettable, with_values
+from thingc.documents.format.autofix import CheckResult, TextEdit, located, safe_edits
+from thingc.documents.format.value_edits import CannotSetValue, set_values
 from thingc.tools.lsp.analysis import Analysis, is_document_path
 from thingc.tools.lsp.diagnostics import as_protocol
 from thingc.tools.lsp.line_edits import edits
@@ -48,8 +48,8 @@ def _fixes(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any
 def _sure(diagnostic: Diagnostic, analysis: Analysis) -> list[TextEdit]:
     """What `--fix` would do about a finding."""
     documents = () if analysis.documents is None else tuple(analysis.documents.by_path.values())
-    return sure_edits(
-        Looked(found=[diagnostic], documents=documents), {}, is_document_path,
+    return safe_edits(
+        CheckResult(found=[diagnostic], documents=documents), {}, is_document_path,
         lambda file: analysis.text_of(file).encode(errors="surrogatepass"),
     )
 
@@ -73,8 +73,8 @@ def _missing_component(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[d
         mounts.pop("origin", None)
         value = {"frame": "true", **({"mounts": {mount: {} for mount in mounts}} if mounts else {})}
     try:
-        after = with_values(document, {("components", name[1]): value})
-    except Unsettable:
+        after = set_values(document, {("components", name[1]): value})
+    except CannotSetValue:
         return
     what = f"`{part}`" if part is not None else "a frame"
     yield _action(f"add the component `{name[1]}`, {what}", diagnostic, analysis, analysis.path, edits(lines, after.text), preferred=False)

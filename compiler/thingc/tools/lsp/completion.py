@@ -17,7 +17,7 @@ from thingc.base.units import ANGLE, LENGTH, UNITS, Dimension, Quantity, fits, p
 from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.cursor import Cursor, cursor_at
-from thingc.tools.lsp.expression_values import bounds_of, comes_to, parameters_of
+from thingc.tools.lsp.expression_values import bounds_of, evaluate_expression, parameters_of
 from thingc.tools.lsp.mount_frames import frame_words
 from thingc.tools.lsp.positions import TextPlace
 from thingc.tools.lsp.schema_walk import KeyOffer, SchemaWalk
@@ -241,7 +241,9 @@ class _Asked:
             name = "" if match is None else f"{match[1]}${index}{match[2] or ''}"
             if match is not None and not self._own(name):
                 numbered[name] = numbered.get(name, 0) + 1
-        wanted = comes_to(self.analysis, (*path[:2], "repeat", "count"), self.cursor.scalars.get((*path[:2], "repeat", "count"), ""))
+        wanted = evaluate_expression(
+            self.analysis, (*path[:2], "repeat", "count"), self.cursor.scalars.get((*path[:2], "repeat", "count"), ""),
+        )
         least = wanted[0].value if wanted and isinstance(wanted[0], Quantity) else 2
         for name, count in numbered.items():
             if count >= max(2, least):

@@ -25,7 +25,7 @@ def parameters_of(analysis: Analysis) -> Mapping[str, ExpressionValue]:
     return known
 
 
-def comes_to(analysis: Analysis, path: Path, text: str) -> tuple[ExpressionValue, ...]:
+def evaluate_expression(analysis: Analysis, path: Path, text: str) -> tuple[ExpressionValue, ...]:
     """What the text of the value at a path comes to: a quantity, an expression over the parameters; inside a `repeat` of its first and its
     last item where they differ. Empty for what is none, or unsound."""
     parameters = parameters_of(analysis)

@@ -9,12 +9,12 @@ from typing import Any
 
 from thingc.base.diagnostics import Code
 from thingc.base.source import MappingNode, Path, node_at
-from thingc.base.summing import plain_sum
+from thingc.base.summing import sum_of
 from thingc.base.units import ANGLE, FORCE, MASS, TORQUE, Dimension, Quantity
 from thingc.model.assembly.types import Assembly, JointEdge, Mate
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.cursor import Cursor, cursor_at
-from thingc.tools.lsp.expression_values import comes_to, parameters_of, shown
+from thingc.tools.lsp.expression_values import evaluate_expression, parameters_of, shown
 from thingc.tools.lsp.mount_frames import direction_words, frame_words, in_words, length_words
 from thingc.tools.lsp.positions import TextPlace
 from thingc.tools.lsp.schema_walk import SchemaWalk, described, described_as
@@ -55,7 +55,7 @@ def _of_code(code: Code) -> str:
 
 def _of_value(analysis: Analysis, cursor: Cursor, written: str) -> str:
     """What a quantity or an expression comes to."""
-    values = comes_to(analysis, cursor.path, written)
+    values = evaluate_expression(analysis, cursor.path, written)
     if not values or (not written.startswith("=") and not written.strip()[-1:].isalpha()):
         return ""
     if written.startswith("="):
@@ -138,7 +138,7 @@ def _measured(assembly: Assembly, name: str) -> Iterator[str]:
     inside = [one for one in assembly.occurrences if one.path == path or one.path.startswith(f"{path}/")]
     if not inside:
         return
-    mass = plain_sum(one.properties.mass for one in inside)
+    mass = sum_of(one.properties.mass for one in inside)
     sources = dict.fromkeys(one.mass_source for one in inside if one.properties.mass)
     if mass:
         yield f"Mass {_shown(mass, MASS)} ({', '.join(sources)})" + (f", {len(inside)} parts." if len(inside) > 1 else ".")

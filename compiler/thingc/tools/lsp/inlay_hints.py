@@ -7,7 +7,7 @@ from typing import Any
 
 from thingc.base.source import ScalarNode, walk
 from thingc.tools.lsp.analysis import Analysis
-from thingc.tools.lsp.expression_values import comes_to, shown
+from thingc.tools.lsp.expression_values import evaluate_expression, shown
 from thingc.tools.lsp.positions import TextPlace
 
 _TYPE = 1
@@ -27,7 +27,7 @@ def hints(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, 
         line = node.span.end_line
         if not first <= line <= last or lines.line(line) != before.line(line):
             continue
-        values = comes_to(known, path, node.value)
+        values = evaluate_expression(known, path, node.value)
         if values:
             answer.append({
                 "position": lines.position(line, node.span.end_column), "label": f"= {shown(values)}", "kind": _TYPE, "paddingLeft": True,

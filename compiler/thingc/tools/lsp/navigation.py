@@ -13,8 +13,8 @@ from typing import Any
 from thingc.base.diagnostics import Report
 from thingc.base.source import Span, line_of
 from thingc.documents.names.index import NamePlace
-from thingc.documents.names.rename import RenameRefused, renamable, renamed
-from thingc.documents.names.workspace_index import Sight, sight_of
+from thingc.documents.names.rename import RenameRefused, renamable, rename_edits
+from thingc.documents.names.workspace_index import WorkspaceIndex, index_workspace
 from thingc.documents.workspace import Workspace
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.line_map import steady
@@ -32,7 +32,7 @@ MAX_SYMBOLS = 500
 class _Names:
     """What can be seen of names from one document, and its places as its text stands now."""
 
-    def __init__(self, analysis: Analysis, sight: Sight) -> None:
+    def __init__(self, analysis: Analysis, sight: WorkspaceIndex) -> None:
         self.analysis = analysis
         self.sight = sight
         known = analysis.known.text if not analysis.whole else analysis.text
@@ -64,7 +64,7 @@ def _names(analysis: Analysis, *, near: bool = False) -> _Names | None:
     last = [documents.root] if documents is not None and not analysis.whole else []
     near = near and analysis.known.kind == "assembly"  # what variants name is not among their documents
     only = [one.path for one in documents.by_path.values()] if near and documents is not None else None
-    return _Names(analysis, sight_of(workspace, {path: one.text for path, one in analysis.open.items()}, last, only))
+    return _Names(analysis, index_workspace(workspace, {path: one.text for path, one in analysis.open.items()}, last, only))
 
 
 def _found(analysis: Analysis, place: TextPlace, *, near: bool = False) -> tuple[_Names, NamePlace] | None:
@@ -129,7 +129,7 @@ def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
         raise RenameRefused("there is no name here")
     names, here = named
     prepare_rename(analysis, text, place, params)
-    done = renamed(names.sight, here.name, params["newName"])
+    done = rename_edits(names.sight, here.name, params["newName"])
     changes: dict[str, list[dict[str, Any]]] = {}
     for span in done.places:
         changes.setdefault(span.file, []).append({"range": names.range(span), "newText": params["newName"]})

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import Diagnostic, Report
-from thingc.base.file_watcher import Watched, looks
+from thingc.base.file_watcher import FileWatcher, looks
 from thingc.base.memo import Memo
 from thingc.documents.load.discovery import has_header
 from thingc.documents.workspace import OWN_FILE
@@ -20,16 +20,16 @@ from thingc.driver.up_to_date import state_of
 from thingc.geometry.client import NoWorkers
 from thingc.geometry.lock.lock import read_lock
 from thingc.tools.lsp.analysis import Analysis, OpenText, analyse, is_document_path
-from thingc.tools.lsp.available_names import InReach
-from thingc.tools.lsp.background_workers import WorkersBeside
-from thingc.tools.lsp.cached_parts import AtHand, Unanswered
+from thingc.tools.lsp.available_names import AvailableNames
+from thingc.tools.lsp.background_workers import BackgroundWorkers
+from thingc.tools.lsp.cached_parts import CachedParts, PendingRequests
 from thingc.tools.lsp.diagnostics import by_file
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Mapping
 
     from thingc.documents.workspace import Workspace
-    from thingc.geometry.part_source import PartAnswers
+    from thingc.geometry.part_source import PartSource
     from thingc.geometry.record import PartFailure
     from thingc.geometry.store.local import Store
 
@@ -70,12 +70,12 @@ class OpenDocuments:
         self._memos: dict[str, _SupersededMemo] = {}
         self._outdated: dict[str, None] = {}
         self._published: dict[str, list[dict[str, Any]]] = {}
-        self._at_hand: dict[str, AtHand] = {}
-        self._reach: dict[str, InReach] = {}
-        self._unanswered: dict[str, tuple[str, Unanswered]] = {}
-        self._workers: dict[str, WorkersBeside] = {}
+        self._at_hand: dict[str, CachedParts] = {}
+        self._reach: dict[str, AvailableNames] = {}
+        self._unanswered: dict[str, tuple[str, PendingRequests]] = {}
+        self._workers: dict[str, BackgroundWorkers] = {}
         self._ended = threading.Event()
-        self._watched = Watched(content=state_of)
+        self._watched = FileWatcher(content=state_of)
         threading.Thread(target=self._look, name="looking", daemon=True).start()
 
     # --- texts ---------------------------------------------------------------------------------------------------
@@ -207,34 +207,34 @@ class OpenDocuments:
 
     # --- parts ---------------------------------------------------------------------------------------------------
 
-    def _lend(self, path: str) -> Callable[[Workspace, Store], PartAnswers]:
+    def _lend(self, path: str) -> Callable[[Workspace, Store], PartSource]:
         """Who answers for the parts of a document: the store, at once."""
-        def lend(workspace: Workspace, store: Store) -> PartAnswers:
+        def lend(workspace: Workspace, store: Store) -> PartSource:
             at_hand = self._at_hand.get(workspace.root)
             if at_hand is None or at_hand.workspace != workspace:
                 service = geometry_of(workspace, self.options, store, lambda: read_lock(workspace, Report()), workers=NoWorkers())
-                at_hand = self._at_hand[workspace.root] = AtHand(service)
-            at_hand.unanswered = Unanswered()
+                at_hand = self._at_hand[workspace.root] = CachedParts(service)
+            at_hand.unanswered = PendingRequests()
             self._unanswered[path] = (workspace.root, at_hand.unanswered)
             if workspace.root not in self._workers:
-                self._workers[workspace.root] = WorkersBeside(workspace, store, self.options, self._answered)
+                self._workers[workspace.root] = BackgroundWorkers(workspace, store, self.options, self._answered)
             return at_hand
 
         return lend
 
-    def _reach_of(self, workspace: Workspace) -> InReach:
+    def _reach_of(self, workspace: Workspace) -> AvailableNames:
         """What documents of a workspace can name besides what they hold."""
         at_hand = self._at_hand.get(workspace.root)
         known = self._reach.get(workspace.root)
         if known is None or known.workspace != workspace or known.at_hand is not at_hand:
-            known = self._reach[workspace.root] = InReach(workspace, at_hand, self._wake)
+            known = self._reach[workspace.root] = AvailableNames(workspace, at_hand, self._wake)
         return known
 
     def _ask_workers(self) -> None:
         """Have workers find out what was asked in vain."""
         with self._lock:
             for root, workers in self._workers.items():
-                wanted = Unanswered()
+                wanted = PendingRequests()
                 for of_root, one in self._unanswered.values():
                     if of_root == root:
                         wanted.add(one)

@@ -8,8 +8,8 @@ from typing import Any
 from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import ExpressionError, words_in
-from thingc.documents.names.document_names import WrittenDocument
-from thingc.documents.spec.name_types import Means
+from thingc.documents.names.document_names import DocumentNames
+from thingc.documents.spec.name_types import RefersTo
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.line_map import steady
 from thingc.tools.lsp.positions import TextPlace
@@ -66,12 +66,12 @@ def tokens(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     known = analysis.known
     if known.documents is None:
         return None
-    written = WrittenDocument(known.documents.root)
+    written = DocumentNames(known.documents.root)
     parameters = written.section("parameters") if known.kind == "assembly" else {}
     coloured: list[tuple[int, int, int, int]] = []
     for mention in written.mentions:
-        if mention.names in (Means("expression"), Means("rule")):
-            for start, end, kind in _words(mention.text, mention.names == Means("rule"), parameters):
+        if mention.names in (RefersTo("expression"), RefersTo("rule")):
+            for start, end, kind in _words(mention.text, mention.names == RefersTo("rule"), parameters):
                 span = written.place(written.around(mention), mention.text, start, end)
                 now = _now(analysis, span) if span is not None else None
                 if now is not None:

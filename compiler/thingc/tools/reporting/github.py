@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from thingc.base.diagnostics import Diagnostic, Note, Severity
-from thingc.base.safe_text import shown
+from thingc.base.safe_text import escape_control
 from thingc.base.source import Span
 from thingc.tools.reporting.repository_paths import within
 
@@ -29,7 +29,7 @@ def _command(d: Diagnostic, base: str) -> str:
 
 
 def _place(span: Span, base: str) -> dict[str, str]:
-    place = {"file": shown(within(span.file, base) or span.file), "line": str(span.line)}
+    place = {"file": escape_control(within(span.file, base) or span.file), "line": str(span.line)}
     if span.line == span.end_line and span.column != span.end_column:
         place["col"] = str(span.column)
     place["endLine"] = str(span.end_line)
@@ -41,17 +41,17 @@ def _place(span: Span, base: str) -> dict[str, str]:
 def _words(d: Diagnostic, base: str) -> str:
     """The message, the second places and the help, a line each: an annotation has one place only. Whatever they quote stays on
     its line."""
-    lines = [shown(d.message), *(f"note: {_note(note, base)}" for note in d.notes)]
+    lines = [escape_control(d.message), *(f"note: {_note(note, base)}" for note in d.notes)]
     if d.help:
-        lines.append(f"help: {shown(d.help)}")
+        lines.append(f"help: {escape_control(d.help)}")
     return "\n".join(lines)
 
 
 def _note(note: Note, base: str) -> str:
     if note.span is None:
-        return shown(note.message)
+        return escape_control(note.message)
     file = within(note.span.file, base) or note.span.file
-    return shown(f"{note.message} ({file}:{note.span.line}:{note.span.column})")
+    return escape_control(f"{note.message} ({file}:{note.span.line}:{note.span.column})")
 
 
 def _data(text: str) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import quote
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity
-from thingc.base.safe_text import json_text, shown
+from thingc.base.safe_text import escape_control, json_text
 from thingc.base.source import Span
 from thingc.tools.reporting.repository_paths import within
 
@@ -85,7 +85,7 @@ def _results(placed: Iterable[Diagnostic], rules: Sequence[Code], base: str) -> 
             "locations": [{"physicalLocation": _physical(d.span, base)}],
         }
         related = [
-            {"id": number, "message": {"text": shown(note.message)}, "physicalLocation": _physical(note.span, base)}
+            {"id": number, "message": {"text": escape_control(note.message)}, "physicalLocation": _physical(note.span, base)}
             for number, note in enumerate((note for note in d.notes if note.span is not None), 1)
             if note.span is not None
         ]
@@ -99,9 +99,9 @@ def _results(placed: Iterable[Diagnostic], rules: Sequence[Code], base: str) -> 
 
 
 def _words(d: Diagnostic) -> str:
-    lines = [shown(d.message), *(f"note: {shown(note.message)}" for note in d.notes if note.span is None)]
+    lines = [escape_control(d.message), *(f"note: {escape_control(note.message)}" for note in d.notes if note.span is None)]
     if d.help:
-        lines.append(f"help: {shown(d.help)}")
+        lines.append(f"help: {escape_control(d.help)}")
     return "\n".join(lines)
 
 

@@ -10,7 +10,7 @@ from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, Part
 from thingc.tools.schemas.document_facts import Names, Records, usual_mounts
 
 
-class PartsInReach(Protocol):
+class AvailableParts(Protocol):
     """Who answers for parts, and can say which there are: a geometry service, or what stands before one."""
 
     def catalogue(self) -> list[str]:
@@ -30,7 +30,7 @@ class PartsInReach(Protocol):
 class Parts:
     """The answers of one geometry service."""
 
-    service: PartsInReach
+    service: AvailableParts
     schemas: dict[str, PartSchema | PartFailure] = field(default_factory=dict)
     records: dict[str, PartRecord | PartFailure] = field(default_factory=dict)
     unreadable: frozenset[str] = frozenset()

@@ -49,7 +49,7 @@ class WrittenComponent:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Facts:
+class DocumentFacts:
     """The names of a document. `mounts` are references (`plate.servo_seat`), `components` and `joints` paths in dots, those
     of nested documents included; `parameters` are those of the document with what they come to, `poses` of nested documents
     are by component. `materials_sure`: no other material is in scope."""
@@ -81,7 +81,7 @@ class JointFacts:
 def facts_of(
     tree: MappingNode, model: AssemblyDefinition | None, records: Records, schemas: Mapping[str, PartSchema | PartFailure],
     usual: Mapping[str, Names],
-) -> Facts:
+) -> DocumentFacts:
     """The facts of a document. `usual` are the mounts that a part of a reference has as a rule, where its own are not known."""
     made = {} if model is None else _by_item(model)
     pieces = tuple(
@@ -101,7 +101,7 @@ def facts_of(
         name: _material(one.density, one.slide) for name, one in sorted(model.materials.items())
     }
     inline = _entries(tree, "materials")
-    return Facts(
+    return DocumentFacts(
         pieces=pieces, mounts=_first(mounts), components=_first(components), joints=_joints(tree, model),
         exports={name: _text(node) for name, node in _entries(tree, "mounts").items()},
         poses={name: _summary(node) for name, node in _entries(tree, "poses").items()},

@@ -18,7 +18,7 @@ from thingc.base.units import ANGLE, LENGTH
 from thingc.documents.spec.fields import REFERENCE_PATTERN
 from thingc.geometry.record import PartSchema
 from thingc.tools.schemas import part_schema, values
-from thingc.tools.schemas.document_facts import Facts, JointFacts, Names, WrittenComponent
+from thingc.tools.schemas.document_facts import DocumentFacts, JointFacts, Names, WrittenComponent
 from thingc.tools.schemas.symbols import DocumentSymbols, parameters_schema
 from thingc.tools.schemas.values import Schema, one_of
 
@@ -29,7 +29,7 @@ MAX_CHECKED = 500
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Surroundings:
+class SchemaContext:
     """What a document can name outside of itself, by the text that it would write.
 
     `parts`: what the Things in reach take; `usual`: the mounts that they have as a rule; `assemblies`, `materials`: other
@@ -43,7 +43,7 @@ class Surroundings:
     lost: Mapping[str, Schema] = field(default_factory=dict)
 
 
-def narrowed(general: Schema, facts: Facts, around: Surroundings) -> Schema:
+def narrowed(general: Schema, facts: DocumentFacts, around: SchemaContext) -> Schema:
     """The schema of an assembly document: `general` is that of its kind, and is not changed."""
     schema = copy.deepcopy(general)
     return _Narrowing(schema, facts, around).done()
@@ -83,7 +83,7 @@ def _ref(name: str) -> Schema:
 class _Narrowing:
     """One schema on its way; each method narrows one thing."""
 
-    def __init__(self, schema: Schema, facts: Facts, around: Surroundings) -> None:
+    def __init__(self, schema: Schema, facts: DocumentFacts, around: SchemaContext) -> None:
         self.schema = schema
         self.definitions: Schema = schema["$defs"]
         self.properties: Schema = schema["properties"]

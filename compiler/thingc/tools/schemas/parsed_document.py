@@ -19,7 +19,7 @@ KINDS = ("assembly", "materials", "variants", "workspace")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reading:
+class ParsedDocument:
     """One document with those that it names, and the parts (`references`) that they name. `broken`: it is not well-formed, and this is what
     could be read of it."""
 
@@ -42,7 +42,7 @@ class Reading:
         return resolve(sources, Settings(), Report())
 
 
-def read_document(path: str, workspace: Workspace) -> Reading | None:
+def read_document(path: str, workspace: Workspace) -> ParsedDocument | None:
     """Read a document; None if nothing of it can be read. Its errors are not reported here: `thingc check` does that."""
     from thingc.documents.load.documents import load
     from thingc.documents.spec.invalid_entries import Specs
@@ -53,7 +53,7 @@ def read_document(path: str, workspace: Workspace) -> Reading | None:
     if documents is None:
         return None
     specs = validate(documents, Report()) if documents.root.kind == "assembly" else Specs()
-    return Reading(
+    return ParsedDocument(
         documents=documents, specs=specs,
         references=tuple(dict.fromkeys(reference for reference, _ in part_references(specs, documents))),
         broken=any(d.code is Code.SYNTAX and d.span is not None and d.span.file == path for d in report.diagnostics),

@@ -15,10 +15,10 @@ from thingc.documents.load.packaged import packaged_documents
 from thingc.documents.workspace import OWN_FILE, Workspace
 from thingc.geometry.record import PartDefinition, PartFailure, PartSchema
 from thingc.tools.schemas import folder
-from thingc.tools.schemas.available_parts import Parts, PartsInReach
-from thingc.tools.schemas.document_facts import Facts, Records, facts_of
-from thingc.tools.schemas.narrow_schema import Surroundings, narrowed, remembered
-from thingc.tools.schemas.parsed_document import KINDS, Reading, read_document
+from thingc.tools.schemas.available_parts import AvailableParts, Parts
+from thingc.tools.schemas.document_facts import DocumentFacts, Records, facts_of
+from thingc.tools.schemas.narrow_schema import SchemaContext, narrowed, remembered
+from thingc.tools.schemas.parsed_document import KINDS, ParsedDocument, read_document
 from thingc.tools.schemas.symbols import DocumentSymbols, near, of_variants, read_symbols, symbols_of
 
 if TYPE_CHECKING:
@@ -45,13 +45,13 @@ class RefreshOutcome:
 class Schemas:
     """The schemas of one workspace. `geometry` is asked for parts."""
 
-    def __init__(self, workspace: Workspace, geometry: PartsInReach) -> None:
+    def __init__(self, workspace: Workspace, geometry: AvailableParts) -> None:
         self.workspace = workspace
         self._parts = Parts(geometry)
         self._general: dict[str, dict[str, Any]] = {}
         self._seen: dict[str, Stat] = {}
         self._symbols: dict[str, DocumentSymbols] = {}
-        self._narrowed: dict[str, tuple[tuple[Facts, Surroundings], dict[str, Any]]] = {}
+        self._narrowed: dict[str, tuple[tuple[DocumentFacts, SchemaContext], dict[str, Any]]] = {}
         self._looked = float("-inf")
 
     def _scan(self) -> dict[str, Stat]:
@@ -134,14 +134,14 @@ class Schemas:
         assembly = tree.entries.get("assembly")
         return of_variants(general, others.get(str(assembly.value)) if isinstance(assembly, ScalarNode) else None, others)
 
-    def _around(self, name: str, usual: Mapping[str, Any], lost: dict[str, Any]) -> Surroundings:
-        return Surroundings(
+    def _around(self, name: str, usual: Mapping[str, Any], lost: dict[str, Any]) -> SchemaContext:
+        return SchemaContext(
             parts=self._parts.things(), usual=dict(usual), assemblies=self._others(name, "assembly"),
             materials={**self._others(name, "materials"), **self._packaged()}, lost=lost,
         )
 
     def _write(
-        self, name: str, reading: Reading | None, model: AssemblyDefinition | None, usual: Mapping[str, Any],
+        self, name: str, reading: ParsedDocument | None, model: AssemblyDefinition | None, usual: Mapping[str, Any],
     ) -> bool | None:
         """Whether the schema of a document was written; None if the document is broken and keeps its last one."""
         root, kind = self.workspace.root, reading.kind if reading is not None else self._symbols[name].kind
@@ -159,7 +159,7 @@ class Schemas:
             if unsure:
                 lost, mounts = remembered(folder.read(root, name), unsure)
                 usual = {**mounts, **usual}
-            facts = Facts() if reading is None else facts_of(
+            facts = DocumentFacts() if reading is None else facts_of(
                 reading.documents.root.tree, model, self._parts.records, self._parts.schemas, usual,
             )
             schema = narrowed(schema, facts, self._around(name, usual, lost))

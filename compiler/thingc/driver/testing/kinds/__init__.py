@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar
 from thingc.base.diagnostics import Report
 from thingc.base.frozen import dataclass
 from thingc.driver.testing.outcome import Outcome
-from thingc.driver.testing.results import Case
+from thingc.driver.testing.results import TestCase
 from thingc.model.assembly.types import LinkedTest
 from thingc.model.resolve.types import NamedPose
 
@@ -28,7 +28,7 @@ class CheckRunner(Generic[Stated]):
     after. `finish(linked, outcomes, report)` gets all outcomes, if the test was run in all of its modes.
     """
 
-    measure: Callable[[Case, Stated], Outcome]
+    measure: Callable[[TestCase, Stated], Outcome]
     poses: Callable[[Stated, NamedPose], Sequence[NamedPose]] = _one_pose
     finish: Callable[[LinkedTest, Sequence[Outcome], Report], None] | None = None
 

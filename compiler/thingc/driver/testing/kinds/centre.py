@@ -8,11 +8,11 @@ from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.centre import CentreCheck
 from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.outcome import ROUNDING, Failure, Measure, Outcome, shown
-from thingc.driver.testing.results import Case
+from thingc.driver.testing.results import TestCase
 from thingc.model.robot.kinematics import occurrence_poses
 
 
-def measure(case: Case, check: CentreCheck) -> Outcome:
+def measure(case: TestCase, check: CentreCheck) -> Outcome:
     """The centre of mass [m] in the frame of a mount, or in the world."""
     robot, frame = case.robot, case.frames[0]
     at = occurrence_poses(robot, frame.q, frame.base)

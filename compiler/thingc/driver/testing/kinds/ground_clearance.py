@@ -14,7 +14,7 @@ from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.ground_clearance import GroundClearance
 from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
-from thingc.driver.testing.results import Case
+from thingc.driver.testing.results import TestCase
 from thingc.geometry.store.meshes import vertices
 from thingc.model.assembly.types import Occurrence, Surface
 from thingc.model.robot.floor_height import DECIMALS, ROUNDING, of_box, of_points, vertices_of
@@ -24,7 +24,7 @@ LISTED = 5
 """Further parts that a message names."""
 
 
-def measure(case: Case, check: GroundClearance) -> Outcome:
+def measure(case: TestCase, check: GroundClearance) -> Outcome:
     """The height of the lowest part over the plane."""
     expected: dict[str, Measure] = {"at_least": check.least, "plane": check.plane}
     heights = sorted(_heights(case, check))
@@ -49,7 +49,7 @@ def measure(case: Case, check: GroundClearance) -> Outcome:
     )
 
 
-def _heights(case: Case, check: GroundClearance) -> Iterator[tuple[float, str]]:
+def _heights(case: TestCase, check: GroundClearance) -> Iterator[tuple[float, str]]:
     """How high [m] the lowest points of parts and links are over the plane, each with its path: of the lowest one, and of every one that is
     too low. Others are left out where their boxes show that they are higher."""
     spared = {index for reference in check.spared for index in case.linked.components[reference]}
@@ -73,7 +73,7 @@ def _has_end(surface: Surface) -> bool:
     return not isinstance(surface.solid, Primitive) or surface.solid.shape != "plane"
 
 
-def _low(case: Case, occurrence: Occurrence, number: int, pose: Pose) -> float:
+def _low(case: TestCase, occurrence: Occurrence, number: int, pose: Pose) -> float:
     """The lowest z [m] of one of the solids of an occurrence, which stands at a pose."""
     surface = occurrence.solids[number]
     if isinstance(surface.solid, Primitive):

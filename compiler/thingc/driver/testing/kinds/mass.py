@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from thingc.base.diagnostics import Code
-from thingc.base.summing import plain_sum
+from thingc.base.summing import sum_of
 from thingc.base.units import MASS
 from thingc.documents.checks.mass import MassCheck
 from thingc.driver.testing.kinds import CheckRunner
-from thingc.driver.testing.outcome import Outcome, bounded
-from thingc.driver.testing.results import Case
+from thingc.driver.testing.outcome import Outcome, check_bounds
+from thingc.driver.testing.results import TestCase
 
 
-def measure(case: Case, check: MassCheck) -> Outcome:
+def measure(case: TestCase, check: MassCheck) -> Outcome:
     """The sum of the masses [kg]."""
     occurrences = case.robot.assembly.occurrences
-    value = plain_sum(occurrences[index].properties.mass for index in case.components(check.of))
-    return bounded("mass", "the mass", value, check.minimum, check.maximum, MASS, Code.TEST_MASS)
+    value = sum_of(occurrences[index].properties.mass for index in case.components(check.of))
+    return check_bounds("mass", "the mass", value, check.minimum, check.maximum, MASS, Code.TEST_MASS)
 
 
 RUNNER = CheckRunner(measure=measure)

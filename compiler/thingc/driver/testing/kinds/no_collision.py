@@ -9,11 +9,11 @@ from thingc.base.diagnostics import Code, Note, Report, allow_hint
 from thingc.base.one_line_repr import counted
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.no_collision import CollisionCheck
-from thingc.driver.testing.collisions import LOOK, Collisions, Near, collisions_of
+from thingc.driver.testing.collisions import LOOK, Collisions, NearPair, collisions_of
 from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
 from thingc.driver.testing.poses import joints_text, swept
-from thingc.driver.testing.results import Case
+from thingc.driver.testing.results import TestCase
 from thingc.model.assembly.types import Assembly, LinkedTest
 from thingc.model.resolve.types import NamedPose
 from thingc.model.robot.kinematics import occurrence_poses
@@ -27,12 +27,12 @@ def poses(check: CollisionCheck, pose: NamedPose) -> Sequence[NamedPose]:
     return swept(pose, check.ranges, check.samples) if check.ranges else [pose]
 
 
-def measure(case: Case, check: CollisionCheck) -> Outcome:
+def measure(case: TestCase, check: CollisionCheck) -> Outcome:
     """The keyframes looked at: one of a pose, or those of a sweep."""
     collisions = collisions_of(case.request)
     allowed = _allowed(case.linked, check)
-    nearest: Near | None = None
-    worst: dict[tuple[int, int], Near] = {}
+    nearest: NearPair | None = None
+    worst: dict[tuple[int, int], NearPair] = {}
     needed: set[int] = set()
     seen: set[object] = set()
     for frame in case.frames:
@@ -100,7 +100,7 @@ def _allowed(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int, int],
     return allowed
 
 
-def _failure(case: Case, check: CollisionCheck, worst: Sequence[Near], collisions: Collisions) -> Failure:
+def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], collisions: Collisions) -> Failure:
     """The worst pair in the message, the others in notes."""
     assembly, first = collisions.assembly, worst[0]
     notes = [
@@ -129,12 +129,12 @@ def _skipped_text(collisions: Collisions) -> str:
     )
 
 
-def _pair_text(assembly: Assembly, near: Near, tick: str) -> str:
+def _pair_text(assembly: Assembly, near: NearPair, tick: str) -> str:
     one, other = (assembly.occurrences[index].path for index in (near.one, near.other))
     return f"{tick}{one}{tick} and {tick}{other}{tick}"
 
 
-def _how(assembly: Assembly, near: Near, clearance: float) -> str:
+def _how(assembly: Assembly, near: NearPair, clearance: float) -> str:
     text = _pair_text(assembly, near, "`")
     if near.gap > 0.0:
         return f"{text} are {shown(near.gap, LENGTH)} apart, and {Quantity(clearance, LENGTH)} were asked for"
@@ -143,7 +143,7 @@ def _how(assembly: Assembly, near: Near, clearance: float) -> str:
     return f"{text} overlap by {shown(near.depth, LENGTH)} on average ({float(f'{1e9 * near.volume:.3g}'):g} mm^3)"
 
 
-def _at(case: Case, check: CollisionCheck, near: Near) -> str:
+def _at(case: TestCase, check: CollisionCheck, near: NearPair) -> str:
     """Where in a sweep."""
     if not check.ranges:
         return ""

@@ -8,13 +8,13 @@ from thingc.documents.checks.point import PointCheck
 from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
 from thingc.driver.testing.poses import joints_text
-from thingc.driver.testing.reach_search import Goal, nearest
-from thingc.driver.testing.results import Case
+from thingc.driver.testing.reach_search import ReachGoal, nearest
+from thingc.driver.testing.results import TestCase
 
 
-def measure(case: Case, check: PointCheck) -> Outcome:
+def measure(case: TestCase, check: PointCheck) -> Outcome:
     """The nearest that the mount gets to the point, and how far off the direction it is there."""
-    best = nearest(case.robot, case.frames[0], Goal(
+    best = nearest(case.robot, case.frames[0], ReachGoal(
         mount=case.linked.mounts[check.mount], frame=None if check.frame is None else case.linked.mounts[check.frame],
         point=check.point, direction=check.direction, within=check.within, angle=check.angle,
     ))

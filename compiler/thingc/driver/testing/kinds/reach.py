@@ -8,13 +8,13 @@ from thingc.base.diagnostics import Code, Note
 from thingc.base.units import LENGTH
 from thingc.documents.checks.reach import ReachCheck
 from thingc.driver.testing.kinds import CheckRunner
-from thingc.driver.testing.outcome import Outcome, bounded, unclosed
+from thingc.driver.testing.outcome import Outcome, check_bounds, unclosed
 from thingc.driver.testing.poses import joints_text, posed, starting_pose
 from thingc.driver.testing.reach_search import farthest
-from thingc.driver.testing.results import Case
+from thingc.driver.testing.results import TestCase
 
 
-def measure(case: Case, check: ReachCheck) -> Outcome:
+def measure(case: TestCase, check: ReachCheck) -> Outcome:
     """In no mode: without holds, from the base component. What is found can be taken: a lower bound of the true reach."""
     assembly = case.robot.assembly
     mode = replace(assembly.modes[0], holds=(), cut=(), pose=None, base="fixed")
@@ -22,7 +22,7 @@ def measure(case: Case, check: ReachCheck) -> Outcome:
     if robot is None:
         return unclosed()
     best, joints = farthest(robot, case.linked.mounts[check.of], case.linked.mounts[check.base], case.linked.test.origin)
-    outcome = bounded("reach", "the reach", best, check.minimum, check.maximum, LENGTH, Code.TEST_REACH)
+    outcome = check_bounds("reach", "the reach", best, check.minimum, check.maximum, LENGTH, Code.TEST_REACH)
     where = joints_text(assembly, joints)
     if outcome.failure is not None:
         message = f"{outcome.failure.message}, over the ranges of all joints"

@@ -9,13 +9,13 @@ from thingc.base.units import LENGTH, TIME, Quantity
 from thingc.documents.checks.settles import SettleCheck
 from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
-from thingc.driver.testing.results import Case
-from thingc.driver.testing.settle_simulation import Motion, simulated
+from thingc.driver.testing.results import TestCase
+from thingc.driver.testing.settle_simulation import SettleResult, simulated
 from thingc.targets.mjcf import emit as mjcf
 from thingc.targets.mjcf.compat import separator
 
 
-def measure(case: Case, check: SettleCheck) -> Outcome:
+def measure(case: TestCase, check: SettleCheck) -> Outcome:
     """The mode's model emitted with the pose as a keyframe, and simulated for `within` and `for` together."""
     report = Report()
     artifacts = mjcf.emit(replace(case.request, robots=(case.robot,), report=report, made={}, verify=True))
@@ -34,7 +34,7 @@ def measure(case: Case, check: SettleCheck) -> Outcome:
     return _diverged(motion) if isinstance(motion, float) else _judged(check, motion)
 
 
-def _judged(check: SettleCheck, motion: Motion) -> Outcome:
+def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
     """The verdict over the paths of all points."""
     rest, drift, moved, deepest = motion.rest(check.drift), motion.drift(check.within), motion.moved, motion.deepest
     # In the last instant everything is where it ends: rest is only what lasts.

@@ -12,7 +12,7 @@ from thingc.base.units import FORCE, LENGTH, TORQUE
 from thingc.documents.checks.torque_margin import TorqueCheck
 from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
-from thingc.driver.testing.results import Case
+from thingc.driver.testing.results import TestCase
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.kinematics import body_poses
@@ -25,7 +25,7 @@ SLACK = 1e-6
 """What part of the gravity on the joints may stay unbalanced: rounding."""
 
 
-def measure(case: Case, check: TorqueCheck) -> Outcome:
+def measure(case: TestCase, check: TorqueCheck) -> Outcome:
     """The least of limit by static effort among the drives named."""
     robot, frame = case.robot, case.frames[0]
     bodies = body_poses(robot, frame.q, frame.base)

@@ -20,12 +20,12 @@ from thingc.geometry.record import (
     FILE_UNIT,
     LABEL_DIGITS,
     ActuatorRecord,
-    Expectation,
+    DeclaredValue,
     Mesh,
+    MountExpectation,
     MountRecord,
     PartRecord,
     PartWarning,
-    Stated,
     definition_label,
     definition_text,
     written,
@@ -75,7 +75,7 @@ class Tessellations:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Made:
+class BuiltPart:
     """What part code or a file gives, before it is measured: shapes of the kernel [mm] (none: a part without geometry), the rest as
     in `PartRecord`. `one`: the solids are meant to hang together; `file`: they are from a file, `faceted`: all triangles; `faces`:
     the most triangles of what simulators draw and touch."""
@@ -87,12 +87,12 @@ class Made:
     color: str | None = None
     mounts: dict[str, MountRecord] = field(default_factory=dict)
     references: tuple[str, ...] = ()
-    expectations: tuple[Expectation, ...] = ()
+    expectations: tuple[MountExpectation, ...] = ()
     actuator: ActuatorRecord | None = None
-    mass: Stated | None = None
-    com: Stated | None = None
-    matrix: Stated | None = None
-    density: Stated | None = None
+    mass: DeclaredValue | None = None
+    com: DeclaredValue | None = None
+    matrix: DeclaredValue | None = None
+    density: DeclaredValue | None = None
     bom: dict[str, str] = field(default_factory=dict)
     up: Vector | None = None
     warnings: tuple[PartWarning, ...] = ()
@@ -158,7 +158,7 @@ def _warnings(caught: list[warnings.WarningMessage], is_own: Callable[[str], boo
     return list(dict.fromkeys(part_warnings))
 
 
-def _made_of_code(definition: dict[str, Any], session: PartSession) -> Made:
+def _made_of_code(definition: dict[str, Any], session: PartSession) -> BuiltPart:
     import inspect
 
     from thingc.geometry.things import inspection
@@ -182,7 +182,7 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> Made:
     if not definition["placed"]:
         with contextlib.suppress(OSError, TypeError):
             code = (inspect.getsourcefile(part) or "", inspect.getsourcelines(part)[1])
-    return Made(
+    return BuiltPart(
         shapes=[_rounded(shape.wrapped) for shape in shapes],
         visual=[_rounded(shape.wrapped) for shape in _shapes(thing.visual(), "visual")],
         collision=[_rounded(shape.wrapped) for shape in _shapes(thing.collision(), "collision")],
@@ -209,17 +209,17 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> Made:
     )
 
 
-def _made_of_file(definition: dict[str, Any], around: RequestContext) -> Made:
+def _made_of_file(definition: dict[str, Any], around: RequestContext) -> BuiltPart:
     unit = parse_quantity(f"1 {definition['parameters'].get('unit', FILE_UNIT)}").value * convert.MM
     shapes, colors, mended = read_part(os.path.join(around.root, definition["reference"]), unit)
     color, extra = _color(None, colors)
-    return Made(
+    return BuiltPart(
         shapes=shapes, color=color, warnings=(*extra, *(PartWarning(message=words) for words in mended)), file=True,
         faceted=definition["reference"].lower().endswith(SUFFIXES), faces=definition["parameters"].get("faces"),
     )
 
 
-def _mirrored(made: Made, mirror: SolidMirror) -> Made:
+def _mirrored(made: BuiltPart, mirror: SolidMirror) -> BuiltPart:
     """The mirror image. It has no order number: that of the Thing is the number of what is mirrored."""
     mounts = {name: replace(mount, pose=mirror.mount(mount.pose)) for name, mount in made.mounts.items()}
     stays = all(mirror.keeps(mount.pose) for mount in made.mounts.values())
@@ -267,11 +267,11 @@ def _rounded(shape: TopoDS_Shape) -> TopoDS_Shape:
     return shape
 
 
-def _stated(statement: Any, converted: Callable[[Any], Any] = float) -> Stated | None:
-    return None if statement is None else Stated(value=converted(statement.value), source=statement.source)
+def _stated(statement: Any, converted: Callable[[Any], Any] = float) -> DeclaredValue | None:
+    return None if statement is None else DeclaredValue(value=converted(statement.value), source=statement.source)
 
 
-def _expectation(expected: Any) -> Expectation:
+def _expectation(expected: Any) -> MountExpectation:
     from thingc.geometry.things.inspection import parameters_of
 
     family = expected.family
@@ -280,7 +280,7 @@ def _expectation(expected: Any) -> Expectation:
     defaults = {name: convert.to_si(p.kind, p.default) for name, p in schemas.items() if not p.required}
     named = (f"{family.__module__}:{family.__qualname__}", values, defaults)
     words = {name: written(schemas[name].kind, value, LABEL_DIGITS) for name, value in values.items()}
-    return Expectation(
+    return MountExpectation(
         mount=expected.mount, text=definition_text(*named), label=definition_label(*named, words), child_mount=expected.child_mount,
     )
 
@@ -297,7 +297,7 @@ def _color(stated: str | None, of_shapes: set[str]) -> tuple[str | None, tuple[P
     return next(iter(of_shapes), None), ()
 
 
-def _record(text: str, made: Made, tessellations: Tessellations, store: Store) -> PartRecord:
+def _record(text: str, made: BuiltPart, tessellations: Tessellations, store: Store) -> PartRecord:
     """Measure and mesh the solids of a part and put the files into the store."""
     measures: Measures | None = None
     meshes: dict[str, Mesh] = {}
@@ -376,7 +376,7 @@ def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWa
     return (PartWarning(message=f"{twice}; {'unite them where the file is made' if file else 'fuse them (`a + b`)'}"),)
 
 
-def solid_part(made: Made) -> TopoDS_Shape:
+def solid_part(made: BuiltPart) -> TopoDS_Shape:
     """The solids of a part: one by itself, several as a compound; none of them with a location of its own (in a STEP file
     that would be one more assembly around each). Raises `NoPart` where there are none."""
     from OCP.BRep import BRep_Builder

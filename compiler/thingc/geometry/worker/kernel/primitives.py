@@ -19,7 +19,7 @@ from OCP.TopoDS import TopoDS
 
 from thingc.base.pose import IDENTITY, Matrix, Pose, Vector, added, cross, dot, rotate, transpose
 from thingc.base.primitives import Primitive, PrimitiveShape
-from thingc.base.summing import dist, hypot, plain_sum
+from thingc.base.summing import dist, hypot, sum_of
 from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.kernel.integrals import explored, extent, integrals
 
@@ -186,7 +186,7 @@ def _least_turned(axes: Matrix) -> tuple[Matrix, tuple[int, ...]]:
             rotations.append((transpose((x, y, _unit(cross(x, y)))), order))
     # of several that are turned as little the one with the largest entries, so that rounding does not choose
     return max(rotations, key=lambda one: (
-        round(plain_sum(one[0][k][k] for k in range(3)), 9), [round(entry, 9) for row in one[0] for entry in row]
+        round(sum_of(one[0][k][k] for k in range(3)), 9), [round(entry, 9) for row in one[0] for entry in row]
     ))
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from manifold3d import CrossSection, Error, JoinType, Manifold, Mesh64, OpType
 
 from thingc.base.frozen import dataclass
-from thingc.geometry.print_slices import Moments, Sliced, Slicing
+from thingc.geometry.print_slices import Moments, SliceResult, Slicing
 from thingc.geometry.store.local import Store
 from thingc.geometry.worker.kernel.meshing import Triangles, read_stl
 
@@ -80,7 +80,7 @@ def slice_stored(sha256: str, how: Slicing, store: Store) -> dict[str, Any]:
     return {"solid": sliced.solid.numbers, "joins": sliced.joins.numbers, "sparse": sliced.sparse.numbers}
 
 
-def slice_part(mesh: Triangles, how: Slicing) -> Sliced:
+def slice_part(mesh: Triangles, how: Slicing) -> SliceResult:
     """What is printed of a closed mesh [mm]. Raises `NotSliced`."""
     turn = _turned_up(how.up)
     vertices = np.ascontiguousarray(mesh.vertices @ turn.T)
@@ -91,7 +91,7 @@ def slice_part(mesh: Triangles, how: Slicing) -> Sliced:
     solid, joins, sparse = (_moments(sums, turn) for sums in total)
     if not solid.volume > 0.0:
         raise NotSliced("is thinner than a line")
-    return Sliced(solid=solid, joins=joins, sparse=sparse)
+    return SliceResult(solid=solid, joins=joins, sparse=sparse)
 
 
 def _turned_up(up: tuple[float, float, float]) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ WORLD = -1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Touching:
+class ContactPairs:
     """A geom that may touch something: its element (None: the floor of the scene), and its attributes with those of its class."""
 
     element: Element | None
@@ -32,10 +32,10 @@ class Touching:
         return float(self.values.get("margin", "0"))
 
 
-FLOOR = Touching(element=None, values={"type": PLANE})
+FLOOR = ContactPairs(element=None, values={"type": PLANE})
 
 
-def pairs(root: Element) -> Iterator[tuple[Touching, Touching]]:
+def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
     """Every two geoms of a model that MuJoCo looks at, one of them perhaps the floor: those of two bodies that are not rigidly one, not
     parent and child, and not excluded. (Of a held root and the floor, MuJoCo sees later that neither moves.)"""
     classes = defaults(root, "geom")
@@ -89,10 +89,10 @@ def _bodies(root: Element) -> Iterator[tuple[Element, int | None]]:
             number += 1
 
 
-def _geoms(body: Element, classes: Mapping[str, Values]) -> Iterator[Touching]:
+def _geoms(body: Element, classes: Mapping[str, Values]) -> Iterator[ContactPairs]:
     """Those of its geoms that touch at all."""
     for one in body.children:
         if one.tag == "geom":
             values = {**classes.get(one.attributes.get("class", "main"), {}), **one.attributes}
             if values.get("contype", "1") != "0" or values.get("conaffinity", "1") != "0":
-                yield Touching(element=one, values=values)
+                yield ContactPairs(element=one, values=values)

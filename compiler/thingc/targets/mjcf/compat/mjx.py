@@ -13,14 +13,14 @@ from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
 from thingc.targets.mjcf import adhesion_contacts
 from thingc.targets.mjcf.compat.consumer import Consumer, Refusal
-from thingc.targets.mjcf.compat.contact_pairs import Touching, pairs
-from thingc.targets.mjcf.compat.options import Lacks
+from thingc.targets.mjcf.compat.contact_pairs import ContactPairs, pairs
+from thingc.targets.mjcf.compat.options import UnsupportedOptions
 from thingc.targets.xml_writer import Element, numbers
 
 LACKING = frozenset(map(frozenset, (("cylinder", "box"), ("cylinder", "mesh"), ("ellipsoid", "box"), ("ellipsoid", "mesh"))))
 """Pairs of shapes that it cannot have touch."""
 
-LACKS = Lacks(solvers=("PGS",), enabled=("override", "energy", "fwdinv", "diagexact"))
+LACKS = UnsupportedOptions(solvers=("PGS",), enabled=("override", "energy", "fwdinv", "diagexact"))
 
 SIDES = 20
 """Of the prism in a cylinder's place: nowhere further inside than 1.2 % of its radius; MJX warns of faces with more corners."""
@@ -75,7 +75,7 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
             yield Refusal(what=fault, origin=origin, path=name.partition(":")[0], hint="choose another `collision`, or exclude the pair")
 
 
-def _faults(one: Touching, other: Touching, *, elliptic: bool) -> Iterator[tuple[str, str]]:
+def _faults(one: ContactPairs, other: ContactPairs, *, elliptic: bool) -> Iterator[tuple[str, str]]:
     """What of a pair it refuses, and the attribute that says so."""
     kinds = sorted((one.type, other.type))
     if frozenset(kinds) in LACKING:
@@ -86,7 +86,7 @@ def _faults(one: Touching, other: Touching, *, elliptic: bool) -> Iterator[tuple
         yield "it has no contacts without friction beside elliptic cones", "condim"
 
 
-def _condim(one: Touching, other: Touching) -> int:
+def _condim(one: ContactPairs, other: ContactPairs) -> int:
     """How many dimensions of force a contact has: what the geom of higher priority says, else the larger number."""
     ranked = sorted(((int(geom.values.get("priority", "0")), int(geom.values.get("condim", "3"))) for geom in (one, other)), reverse=True)
     return ranked[0][1] if ranked[0][0] > ranked[1][0] else max(condim for _, condim in ranked)
@@ -100,7 +100,7 @@ class _Kind:
     raw: bool
 
 
-def _distinct(meeting: Iterable[tuple[Touching, Touching]]) -> Iterator[tuple[Touching, Touching]]:
+def _distinct(meeting: Iterable[tuple[ContactPairs, ContactPairs]]) -> Iterator[tuple[ContactPairs, ContactPairs]]:
     """One pair for all that are refused for the same reason."""
     seen: set[tuple[_Kind, _Kind]] = set()
     for pair in meeting:
@@ -130,7 +130,7 @@ def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
 def _prisms(root: Element) -> Iterator[Loss]:
     """A prism in the place of every cylinder that may meet a box or a mesh. Prisms are meshes, which other cylinders may meet."""
     meeting = [pair for pair in pairs(root) if pair[0].element is not None]
-    replaced: dict[int, Touching] = {}
+    replaced: dict[int, ContactPairs] = {}
     while True:
         more = [
             geom for pair in meeting for geom in pair

@@ -10,7 +10,7 @@ from thingc.targets.xml_writer import Element
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lacks:
+class UnsupportedOptions:
     """Solvers that a consumer lacks, and flags that it refuses to have enabled, or disabled, all as MJCF calls them."""
 
     solvers: Collection[str] = ()

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 from thingc.model.robot.types import Robot
 from thingc.targets.mjcf.compat.consumer import Consumer, Refusal, nothing_lost
-from thingc.targets.mjcf.compat.options import Lacks
+from thingc.targets.mjcf.compat.options import UnsupportedOptions
 from thingc.targets.xml_writer import Element
 
-LACKS = Lacks(solvers=("PGS",), enabled=("override", "fwdinv", "diagexact", "ipc"), disabled=("midphase", "autoreset"))
+LACKS = UnsupportedOptions(solvers=("PGS",), enabled=("override", "fwdinv", "diagexact", "ipc"), disabled=("midphase", "autoreset"))
 
 
 def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:

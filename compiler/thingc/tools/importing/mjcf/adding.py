@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence, Set
 from typing import Literal
 
-from thingc.tools.importing.mjcf.compiled_source import SOLIMP, SOLREF, Original, differing, floats, numbers
+from thingc.tools.importing.mjcf.compiled_source import SOLIMP, SOLREF, CompiledSource, differing, floats, numbers
 from thingc.tools.importing.mjcf.tendons import Tendons
 from thingc.tools.importing.source_model import SourceAdded, SourceTarget
 
@@ -26,7 +26,7 @@ class Added:
     """`elements` in the order in which they are added. `kept` are the numbers of joints, sites, geoms and actuators that are kept,
     `tendons` the tendons that are kept, `heads` for each body the first body of the link that it belongs to."""
 
-    def __init__(self, original: Original, kept: Mapping[str, Set[int]], tendons: Tendons, heads: Mapping[int, int]) -> None:
+    def __init__(self, original: CompiledSource, kept: Mapping[str, Set[int]], tendons: Tendons, heads: Mapping[int, int]) -> None:
         self.original, self.model, self.tendons = original, original.model, tendons.of
         masses = [heads[body] for body in heads if self.model.body_mass[body] > 0.0]
         whole = {head for head in heads.values() if masses.count(head) < 2}  # of others the inertial frame is another one

@@ -10,7 +10,7 @@ from thingc.base.pose import NO_POSE, Pose, rotation_of
 from thingc.base.source import Span
 from thingc.tools.importing.losses import Losses
 from thingc.tools.importing.mjcf.duplicate_sites import doubles
-from thingc.tools.importing.mjcf.flattened_source import Flat
+from thingc.tools.importing.mjcf.flattened_source import FlattenedSource
 from thingc.tools.importing.source_model import Raw
 from thingc.tools.importing.xml_source import SourceElement
 
@@ -24,12 +24,12 @@ SOLREF, SOLIMP = "0.02 1", "0.9 0.95 0.001 0.5 2"
 """How soft constraints are of which nothing is said."""
 
 
-class Original:
+class CompiledSource:
     """`spec` is what was written, `model` what it comes to. Things are meant by their number in the model; bodies, joints, geoms,
     sites, tendons, actuators and sensors have a name each, made up where the source has none. `geoms_of` and `sites_of` are by body; sites
     that are its frame are `frames_of` it, and those that are another site have that one's name, `second_names` are theirs by it."""
 
-    def __init__(self, flat: Flat, spec: Any, model: Any) -> None:
+    def __init__(self, flat: FlattenedSource, spec: Any, model: Any) -> None:
         self.flat, self.spec, self.model = flat, spec, model
         self.losses = Losses(flat.losses)
         self.geoms_of, self.sites_of = _by_body(model.geom_bodyid, model.nbody), _by_body(model.site_bodyid, model.nbody)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from thingc.base.frozen import dataclass
 from thingc.base.pose import Pose
 from thingc.tools.importing.mjcf.adding import Added
-from thingc.tools.importing.mjcf.compiled_source import Original, differing, floats, numbers
+from thingc.tools.importing.mjcf.compiled_source import CompiledSource, differing, floats, numbers
 from thingc.tools.importing.mjcf.tendons import Tendons
 from thingc.tools.importing.source_model import SourceAdhesion, SourceDrive, SourceTarget
 
@@ -38,7 +38,7 @@ class Actuators:
     `on` is the link of each body that is kept, with the body's pose in it."""
 
     def __init__(
-        self, original: Original, joints: set[int], tendons: Tendons, on: Mapping[int, tuple[int, Pose]], added: Added,
+        self, original: CompiledSource, joints: set[int], tendons: Tendons, on: Mapping[int, tuple[int, Pose]], added: Added,
     ) -> None:
         self.original, self.model = original, original.model
         self.of_joint: dict[int, SourceDrive] = {}

@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.base.pose import NO_POSE, Pose, shifted
-from thingc.base.summing import plain_sum
+from thingc.base.summing import sum_of
 from thingc.tools.importing.mjcf.adding import Added
-from thingc.tools.importing.mjcf.compiled_source import SOLREF, Original, differing, floats, numbers, pose_of
+from thingc.tools.importing.mjcf.compiled_source import SOLREF, CompiledSource, differing, floats, numbers, pose_of
 from thingc.tools.importing.mjcf.drives import Actuators
-from thingc.tools.importing.source_model import Following, Raw, SourceLoop
+from thingc.tools.importing.source_model import Raw, SourceLoop, SourceMimic
 
 CONNECT, WELD, JOINT = 0, 1, 2
 BODY, SITE = 1, 6
@@ -18,13 +18,13 @@ STIFF = {"solref": SOLREF, "solimp": "0.9999 0.9999 0.001 0.5 2"}
 """How MJCF is written of a joint that follows (`emit.mjcf.model.STIFF`)."""
 
 
-class Couplings:
+class Equalities:
     """`follows` by the number of the joint that follows, and `loops`; what is neither is `added`, or a loss. `on` is the link of each body
     that is kept, with the body's pose in it."""
 
-    def __init__(self, original: Original, drives: Actuators, on: Mapping[int, tuple[int, Pose]], added: Added) -> None:
+    def __init__(self, original: CompiledSource, drives: Actuators, on: Mapping[int, tuple[int, Pose]], added: Added) -> None:
         self.original, self.model, self.drives, self.on = original, original.model, drives, on
-        self.follows: dict[int, Following] = {}
+        self.follows: dict[int, SourceMimic] = {}
         loops = []
         for number in range(self.model.neq):
             what = f"equality `{original.equalities[number]}`"
@@ -64,7 +64,7 @@ class Couplings:
             return "it is of joints that are left out"
         first, second = (float(model.qpos0[model.jnt_qposadr[joint]]) for joint in (one, other))
         offset, multiplier, *rest = _shifted((a, b, *higher), second)
-        self.follows[one] = Following(
+        self.follows[one] = SourceMimic(
             joint=original.joints[other], multiplier=multiplier, offset=first + offset, where=original.where("equality", number),
             polynomial=(first + offset, multiplier, *rest) if any(rest) else (), raw=self._raw(number, STIFF),
             name=original.written["equality"][number].name,
@@ -102,6 +102,6 @@ class Couplings:
 def _shifted(coefficients: Sequence[float], by: float) -> list[float]:
     """The coefficients in q of a polynomial in q - `by`."""
     return [
-        plain_sum(one * math.comb(power, k) * (-by) ** (power - k) for power, one in enumerate(coefficients) if power >= k)
+        sum_of(one * math.comb(power, k) * (-by) ** (power - k) for power, one in enumerate(coefficients) if power >= k)
         for k in range(len(coefficients))
     ]

@@ -42,7 +42,7 @@ FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Flat:
+class FlattenedSource:
     """A file without files: its `text`, the element that stands in each line, the `files` that MuJoCo is handed, by the names that the
     text has for them, and the texts of the `models` that it attaches; for each of these names the mesh's path from the source's folder; the
     roots of `included` files; and what was left out."""
@@ -73,7 +73,7 @@ class Flat:
         return element.where if attribute is None else element.place(attribute)
 
 
-def flattened(root: SourceElement, packages: Packages, report: Report, *, meshes: bool) -> Flat | None:
+def flattened(root: SourceElement, packages: Packages, report: Report, *, meshes: bool) -> FlattenedSource | None:
     """The file with this root and everything that it includes; None if an included file or a mesh is missing or wrong, which is
     reported. Without `meshes`, a small solid takes the place of each mesh that cannot be read."""
     return _Flattening(root, packages, report, meshes).flat()
@@ -96,12 +96,12 @@ class _Flattening:
         self.words: dict[int, str] = {}
         self.sizes: dict[str, int] = {}
 
-    def flat(self) -> Flat | None:
+    def flat(self) -> FlattenedSource | None:
         before = len(self.report.diagnostics)
         text = self._file(self.root)
         if len(self.report.diagnostics) > before:
             return None
-        return Flat(
+        return FlattenedSource(
             root=self.root, text=text, models=self.models, lines=tuple(self.lines), files=self.files, meshes=self.meshes,
             included=tuple(one for roots in self.elements.values() for one in roots), losses=self.losses.all(),
         )

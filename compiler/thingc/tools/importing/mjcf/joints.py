@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from thingc.tools.importing.mjcf.compiled_source import SOLIMP, SOLREF, Original, differing, floats, numbers
+from thingc.tools.importing.mjcf.compiled_source import SOLIMP, SOLREF, CompiledSource, differing, floats, numbers
 from thingc.tools.importing.mjcf.drives import Actuators
-from thingc.tools.importing.mjcf.equalities import Couplings
-from thingc.tools.importing.source_model import FAR, Ends, Kind, Raw, SourceJoint
+from thingc.tools.importing.mjcf.equalities import Equalities
+from thingc.tools.importing.source_model import FAR, Kind, Raw, SourceJoint, SourceLimits
 
 BALL, SLIDE, HINGE = 1, 2, 3
 
 
-def joint_of(original: Original, joint: int, drives: Actuators, couplings: Couplings) -> SourceJoint:
+def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings: Equalities) -> SourceJoint:
     """A hinge, slide or ball of the model."""
     model, name, where = original.model, original.joints[joint], original.where("joint", joint)
     kind_of, dof = int(model.jnt_type[joint]), int(model.jnt_dofadr[joint])
@@ -23,14 +23,14 @@ def joint_of(original: Original, joint: int, drives: Actuators, couplings: Coupl
     kind: Kind
     match kind_of:
         case 1:
-            kind, ends = "ball", Ends(upper=upper if limited else None)
+            kind, ends = "ball", SourceLimits(upper=upper if limited else None)
         case 2:
-            kind, ends = "prismatic", Ends(lower=lower, upper=upper)
+            kind, ends = "prismatic", SourceLimits(lower=lower, upper=upper)
             if not limited:
-                ends = Ends(lower=start - FAR, upper=start + FAR, made_up=True)
+                ends = SourceLimits(lower=start - FAR, upper=start + FAR, made_up=True)
                 original.losses.note(f"slide `{name}` without ends", f"a document has them, at {FAR:g} m", where)
         case _:
-            kind, ends = ("revolute", Ends(lower=lower, upper=upper)) if limited else ("continuous", Ends())
+            kind, ends = ("revolute", SourceLimits(lower=lower, upper=upper)) if limited else ("continuous", SourceLimits())
     if name in original.speeds and kind != "ball":
         ends = replace(ends, velocity=original.speeds[name])
     weakest, strongest = floats(model.jnt_actfrcrange[joint])
@@ -55,7 +55,7 @@ def joint_of(original: Original, joint: int, drives: Actuators, couplings: Coupl
     )
 
 
-def free_joint(original: Original, joint: int) -> Raw:
+def free_joint(original: CompiledSource, joint: int) -> Raw:
     """What a free joint does by itself, in MuJoCo's words: the language has none."""
     model, dof = original.model, int(original.model.jnt_dofadr[joint])
     wanted = [("stiffness", numbers([model.jnt_stiffness[joint]]))]

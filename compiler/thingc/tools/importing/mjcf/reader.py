@@ -13,17 +13,17 @@ from thingc.base.generated_header import mode_of
 from thingc.base.inertia import MassProperties, symmetric
 from thingc.base.pose import NO_POSE, Pose, multiply, transpose
 from thingc.tools.importing.mjcf.adding import Added
-from thingc.tools.importing.mjcf.compiled_source import WORLD, Original, floats, numbers, pose_of
+from thingc.tools.importing.mjcf.compiled_source import WORLD, CompiledSource, floats, numbers, pose_of
 from thingc.tools.importing.mjcf.drives import Actuators
-from thingc.tools.importing.mjcf.equalities import Couplings
-from thingc.tools.importing.mjcf.flattened_source import ABSENT, Flat, flattened
+from thingc.tools.importing.mjcf.equalities import Equalities
+from thingc.tools.importing.mjcf.flattened_source import ABSENT, FlattenedSource, flattened
 from thingc.tools.importing.mjcf.joints import free_joint, joint_of
 from thingc.tools.importing.mjcf.sensing import sensors
 from thingc.tools.importing.mjcf.settings import options, poses, simulation, touching
 from thingc.tools.importing.mjcf.shapes import Geoms
 from thingc.tools.importing.mjcf.tendons import Tendons
 from thingc.tools.importing.packages import Packages
-from thingc.tools.importing.source_model import SOURCE_MODE, Hanging, SourceBase, SourceLink, SourceRobot, SourceSite, Weight
+from thingc.tools.importing.source_model import SOURCE_MODE, Attachment, SourceBase, SourceLink, SourceRobot, SourceSite, Weight
 from thingc.tools.importing.tree import MOST_LINKS, downwards
 from thingc.tools.importing.xml_source import SourceElement
 
@@ -39,7 +39,7 @@ def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes
     return None if original is None else _Reader(original, report).robot()
 
 
-def _compiled(flat: Flat, report: Report) -> Original | None:
+def _compiled(flat: FlattenedSource, report: Report) -> CompiledSource | None:
     """What MuJoCo makes of a file; what it says of a wrong one is reported at the line that it names."""
     import mujoco
 
@@ -64,14 +64,14 @@ def _compiled(flat: Flat, report: Report) -> Original | None:
         where = flat.place(text, None if attribute is None else attribute[1])
         report.add(Code.SOURCE_VALUE, f"MuJoCo does not read this: {said}", where, help="mend the place shown")
         return None
-    original = Original(flat, spec, model)
+    original = CompiledSource(flat, spec, model)
     for geom in (one for one in absent if not one.parent.explicitinertial):
         original.losses.note(f"the mass of mesh `{geom.meshname}`", "its file cannot be read", flat.place(geom.info))
     return original
 
 
 class _Reader:
-    def __init__(self, original: Original, report: Report) -> None:
+    def __init__(self, original: CompiledSource, report: Report) -> None:
         self.original, self.model, self.report = original, original.model, report
         self.parents = [int(one) for one in self.model.body_parentid]
         self.joints: list[list[int]] = [[] for _ in self.parents]
@@ -105,7 +105,7 @@ class _Reader:
         whole = [self._link(body, on) for body in links]
         added = Added(self.original, {"joint": joints, "site": sites, "geom": self.shapes.shown}, tendons, heads)
         drives = Actuators(self.original, joints, tendons, on, added)
-        couplings = Couplings(self.original, drives, on, added)
+        couplings = Equalities(self.original, drives, on, added)
         between: list[SourceLink] = []
         hangings = [
             one for body in links if body != root for one in self._hangings(body, on, between, drives, couplings)
@@ -132,7 +132,7 @@ class _Reader:
             simulation=simulated, options=set_up, files=self.shapes.files,
         )
 
-    def _lose_layout(self, root: int, hangings: Sequence[Hanging], posed: bool, sensed: set[str], added: Added) -> None:
+    def _lose_layout(self, root: int, hangings: Sequence[Attachment], posed: bool, sensed: set[str], added: Added) -> None:
         """Note what of the arrays of `MjData` is elsewhere in models of the document, and unless there are poses what starts elsewhere."""
         for joint in (joint for one in hangings for joint in one.joints if not posed and joint.follows is None):
             if joint.begin is not None and abs(joint.begin - joint.start) > _ALIKE:
@@ -145,7 +145,7 @@ class _Reader:
         for array, sizes in (("data.qpos", {FREE: 7, 1: 4}), ("data.qvel", {FREE: 6, 1: 3})):
             self._lose_indices(array, [sizes.get(int(one), 1) for one in self.model.jnt_type], order)
 
-    def _joint_order(self, root: int, hangings: Sequence[Hanging]) -> list[int]:
+    def _joint_order(self, root: int, hangings: Sequence[Attachment]) -> list[int]:
         """The numbers of the joints in the order of a model of the document."""
         numbers_of = {name: number for number, name in self.original.joints.items()}
         tree = downwards(self.original.bodies[root], hangings)
@@ -166,8 +166,8 @@ class _Reader:
             self.original.losses.note(f"the indices of `{array}`", why, self.original.flat.root.where)
 
     def _hangings(
-        self, body: int, on: dict[int, tuple[int, Pose]], between: list[SourceLink], drives: Actuators, couplings: Couplings,
-    ) -> Iterator[Hanging]:
+        self, body: int, on: dict[int, tuple[int, Pose]], between: list[SourceLink], drives: Actuators, couplings: Equalities,
+    ) -> Iterator[Attachment]:
         """How a body hangs on its parent: by joints one after the other, with a link `between` each two that weighs nothing."""
         original, (parent, pose) = self.original, on[self.parents[body]]
         name, above, place, where = original.bodies[body], original.bodies[parent], pose @ self._pose(body), original.where("body", body)
@@ -178,13 +178,13 @@ class _Reader:
                 word += "_"
             self.link_names.add(word)
             between.append(SourceLink(name=word, where=original.where("joint", joint)))
-            yield Hanging(
+            yield Attachment(
                 name=word, parent=above, child=word, pose=place, where=original.where("joint", joint),
                 joints=(joint_of(original, joint, drives, couplings),),
             )
             above, place = word, NO_POSE
         joints = () if last < 0 else (joint_of(original, last, drives, couplings),)
-        yield Hanging(name=name, parent=above, child=name, pose=place, where=where, joints=joints)
+        yield Attachment(name=name, parent=above, child=name, pose=place, where=where, joints=joints)
 
     def _pose(self, body: int) -> Pose:
         return pose_of(self.model.body_pos[body], self.model.body_quat[body])

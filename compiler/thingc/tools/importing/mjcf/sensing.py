@@ -9,7 +9,7 @@ from thingc.base.frozen import dataclass
 from thingc.base.pose import Pose, turned_y
 from thingc.base.sensor_kinds import ReadingName, SensorType
 from thingc.tools.importing.mjcf.adding import Added
-from thingc.tools.importing.mjcf.compiled_source import Original, pose_of
+from thingc.tools.importing.mjcf.compiled_source import CompiledSource, pose_of
 from thingc.tools.importing.mjcf.shapes import KINDS, sizes_of
 from thingc.tools.importing.source_model import ShapeKind, Sizes, SourceSensor, SourceTarget
 
@@ -48,7 +48,7 @@ class _Place:
 class _Sensing:
     """`kept` are the bodies that are kept, `driven` what is driven by the number of the actuator, `root` the root body."""
 
-    def __init__(self, original: Original, kept: set[int], added: Added, driven: Mapping[int, SourceTarget], root: int) -> None:
+    def __init__(self, original: CompiledSource, kept: set[int], added: Added, driven: Mapping[int, SourceTarget], root: int) -> None:
         import mujoco
 
         self.original, self.model, self.kept, self.driven, self.root = original, original.model, kept, driven, root
@@ -140,7 +140,7 @@ class _Sensing:
 
 
 def sensors(
-    original: Original, on: Mapping[int, tuple[int, Pose]], kept: set[int], added: Added, driven: Mapping[int, SourceTarget],
+    original: CompiledSource, on: Mapping[int, tuple[int, Pose]], kept: set[int], added: Added, driven: Mapping[int, SourceTarget],
     root: int,
 ) -> tuple[SourceSensor, ...]:
     """Those of kinds that the language has, and cameras; all others are added, or losses. `driven` is what is driven by the number of the
@@ -148,7 +148,7 @@ def sensors(
     return (*_Sensing(original, kept, added, driven, root).all(), *_cameras(original, on))
 
 
-def _cameras(original: Original, on: Mapping[int, tuple[int, Pose]]) -> list[SourceSensor]:
+def _cameras(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> list[SourceSensor]:
     model, cameras = original.model, []
     for number in range(model.ncam):
         body, where = int(model.cam_bodyid[number]), original.where("camera", number)

@@ -8,7 +8,7 @@ from typing import Any
 from thingc.base.pose import Pose, Quaternion
 from thingc.base.summing import hypot
 from thingc.tools.importing.mjcf.adding import Added
-from thingc.tools.importing.mjcf.compiled_source import Original, floats, numbers, pose_of
+from thingc.tools.importing.mjcf.compiled_source import CompiledSource, floats, numbers, pose_of
 from thingc.tools.importing.source_model import SourceBase, SourceJoint, SourcePose
 
 INTEGRATORS = ("euler", "rk4", "implicit", "implicitfast")
@@ -24,7 +24,7 @@ _OPEN = 1e-4
 """How far [m] a loop may be open in a keyframe without a loss."""
 
 
-def simulation(original: Original) -> tuple[tuple[str, float | str], ...]:
+def simulation(original: CompiledSource) -> tuple[tuple[str, float | str], ...]:
     """What the language has: `timestep` [s], `integrator`, `cone` and `impratio`, each where it is not MuJoCo's own."""
     option = original.model.opt
     said: list[tuple[str, float | str]] = [
@@ -39,7 +39,7 @@ def simulation(original: Original) -> tuple[tuple[str, float | str], ...]:
     return tuple((name, value) for name, value in said if value != usual[name])
 
 
-def options(original: Original) -> tuple[tuple[tuple[str, ...], str], ...]:
+def options(original: CompiledSource) -> tuple[tuple[tuple[str, ...], str], ...]:
     """What it has not, by path: `("option", "flag", "contact")`."""
     import mujoco
 
@@ -65,7 +65,7 @@ def _text(name: str, value: Any) -> str:
 
 
 def touching(
-    original: Original, on: Mapping[int, tuple[int, Pose]], heads: Mapping[int, int], still: int | None, added: Added,
+    original: CompiledSource, on: Mapping[int, tuple[int, Pose]], heads: Mapping[int, int], still: int | None, added: Added,
 ) -> tuple[tuple[str, str], ...]:
     """The links that never touch, beside those that a joint connects. Of these a document lets none touch, MuJoCo those with what stands
     `still` (the number of its first body), or all: a loss where their shapes would."""
@@ -108,7 +108,7 @@ def touching(
     return tuple((first, second) for first, second in named)
 
 
-def _excluded(original: Original, on: Mapping[int, tuple[int, Pose]]) -> Iterator[tuple[int, int]]:
+def _excluded(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> Iterator[tuple[int, int]]:
     """The pairs of bodies `on` links that the file says never touch; a loss where one is on none."""
     numbers_of = {name: number for number, name in original.bodies.items()}
     for one in original.spec.excludes:
@@ -123,7 +123,7 @@ def _excluded(original: Original, on: Mapping[int, tuple[int, Pose]]) -> Iterato
                           original.flat.place(one.info))
 
 
-def _lose_parts(original: Original, members: Mapping[int, list[int]], touch: Set[int]) -> None:
+def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], touch: Set[int]) -> None:
     """What MuJoCo works out body by body, where several are one link; `touch` are the links that move and touch, by their first body."""
     model = original.model
     fluid = bool(model.opt.density or model.opt.viscosity)
@@ -146,7 +146,7 @@ def _pair(one: int, other: int) -> tuple[int, int]:
     return min(one, other), max(one, other)
 
 
-def _masks(original: Original, body: int) -> tuple[int, int]:
+def _masks(original: CompiledSource, body: int) -> tuple[int, int]:
     """All bits of `contype`, and of `conaffinity`, of the geoms of a body; planes of the world are none."""
     model, kinds, affinities = original.model, 0, 0
     for geom in original.geoms_of[body]:
@@ -160,7 +160,7 @@ def _meet(ours: tuple[int, int], theirs: tuple[int, int]) -> bool:
 
 
 def poses(
-    original: Original, on: Mapping[int, tuple[int, Pose]], root: int, base: SourceBase, joints: Mapping[str, SourceJoint],
+    original: CompiledSource, on: Mapping[int, tuple[int, Pose]], root: int, base: SourceBase, joints: Mapping[str, SourceJoint],
 ) -> tuple[SourcePose, ...]:
     """Keyframes, within the limits of the joints. Speeds and activations are losses."""
     model, poses = original.model, []
@@ -203,7 +203,7 @@ def poses(
     return tuple(poses)
 
 
-def _open_loops(original: Original, key: int) -> Iterator[tuple[str, float]]:
+def _open_loops(original: CompiledSource, key: int) -> Iterator[tuple[str, float]]:
     """The equalities between bodies that a keyframe violates by more than `_OPEN`, by name, with the distance [m]."""
     import mujoco
 

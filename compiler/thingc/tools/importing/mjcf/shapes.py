@@ -8,7 +8,7 @@ from typing import Any
 
 from thingc.base.pose import IDENTITY, Pose, Vector, rotate, transpose
 from thingc.tools.importing.meshes import READ
-from thingc.tools.importing.mjcf.compiled_source import SOLIMP, SOLREF, Original, differing, floats, numbers, pose_of
+from thingc.tools.importing.mjcf.compiled_source import SOLIMP, SOLREF, CompiledSource, differing, floats, numbers, pose_of
 from thingc.tools.importing.source_model import Raw, ShapeKind, Sizes, SourceShape
 
 KINDS: dict[int, ShapeKind] = {
@@ -30,7 +30,7 @@ GREY = (0.5, 0.5, 0.5, 1.0)
 class Geoms:
     """The shapes of bodies; `files` are the meshes among them that are written anew, by name, `shown` the numbers of their geoms."""
 
-    def __init__(self, original: Original) -> None:
+    def __init__(self, original: CompiledSource) -> None:
         self.original, self.model = original, original.model
         self.files: dict[str, bytes] = {}
         self.shown: set[int] = set()

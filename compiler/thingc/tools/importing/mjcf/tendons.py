@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from thingc.base.pose import Pose
 from thingc.base.summing import hypot
-from thingc.tools.importing.mjcf.compiled_source import SOLIMP, SOLREF, Original, differing, floats, numbers, pose_of
+from thingc.tools.importing.mjcf.compiled_source import SOLIMP, SOLREF, CompiledSource, differing, floats, numbers, pose_of
 from thingc.tools.importing.mjcf.shapes import GREY
-from thingc.tools.importing.source_model import Ends, Raw, SourceAround, SourceDrive, SourceStep, SourceTendon
+from thingc.tools.importing.source_model import Raw, SourceAround, SourceDrive, SourceLimits, SourceStep, SourceTendon
 
 JOINT, PULLEY, SITE, SPHERE, CYLINDER = 1, 2, 3, 4, 5
 HINGE = 3
@@ -26,7 +26,7 @@ class Tendons:
     the link of each body that is kept, with the body's pose in it, `heads` the first of the bodies that it is fixed to."""
 
     def __init__(
-        self, original: Original, joints: set[int], sites: set[int], on: Mapping[int, tuple[int, Pose]], heads: Mapping[int, int],
+        self, original: CompiledSource, joints: set[int], sites: set[int], on: Mapping[int, tuple[int, Pose]], heads: Mapping[int, int],
     ) -> None:
         self.original, self.model, self.joints, self.sites, self.on, self.heads = original, original.model, joints, sites, on, heads
         self.of: dict[int, SourceTendon] = {}
@@ -85,7 +85,7 @@ class Tendons:
         limited, (lower, upper) = bool(model.tendon_limited[number]), floats(model.tendon_range[number])
         if not moves:
             lower = max(lower, 0.0)  # a path is never shorter
-        ends = Ends(lower=lower, upper=upper) if limited and lower < upper else Ends()
+        ends = SourceLimits(lower=lower, upper=upper) if limited and lower < upper else SourceLimits()
         damping, friction, armature, stiffness = (
             max(float(getattr(model, f"tendon_{word}")[number]), 0.0) for word in ("damping", "frictionloss", "armature", "stiffness")
         )

@@ -1,6 +1,6 @@
 """A Gymnasium environment over a batch: every episode is another variant's (`pip install thingc[learning]`).
 
-    from thingc.batch.gym.env import make_env
+    from thingc.batch.gym.variants_env import make_env
 
     env = make_env("build/leg_sweep", mode="standing", reward="hold", max_steps=200)
     observation, info = env.reset(seed=7)           # info["variant"] is whose episode it is
@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thingc.batch.arguments import as_names, at_least
-from thingc.batch.gym.episode import Episode, Rules, Simulated, as_actions, known_options, rules, spans_of
-from thingc.batch.gym.rewards import TASKS, Array, Reward, Step, Terminated
-from thingc.batch.results import BuiltVariant, Family, FamilyError, Sizes, load
+from thingc.batch.gym.episode import Episode, EpisodeRules, SimulationStep, as_actions, known_options, rules, spans_of
+from thingc.batch.gym.rewards import TASKS, Array, Reward, StepInfo, Terminated
+from thingc.batch.results import BatchResults, BuiltVariant, FamilyError, Sizes, load
 
 try:
     import gymnasium
@@ -32,7 +32,7 @@ except ImportError as fault:  # pragma: no cover - said in words
 if TYPE_CHECKING:
     import mujoco
 
-__all__ = ["CACHED", "ENVIRONMENT", "TASKS", "Reward", "Step", "Terminated", "VariantsEnv", "make_env"]
+__all__ = ["CACHED", "ENVIRONMENT", "TASKS", "Reward", "StepInfo", "Terminated", "VariantsEnv", "make_env"]
 
 ENVIRONMENT = "thingc/Variants-v0"
 CACHED = 16
@@ -50,7 +50,9 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
     render_mode = None
 
     def __init__(
-        self, family: Family, simulated: Simulated, rules: Rules, *, descriptor: Sequence[str], weights: Array, pad: bool, seed: int | None,
+        self, family: BatchResults, simulated: SimulationStep, rules: EpisodeRules, *, descriptor: Sequence[
+            str
+        ], weights: Array, pad: bool, seed: int | None,
     ) -> None:
         self.family = family
         self.mode = simulated.mode
@@ -126,14 +128,14 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
 
 
 def make_env(
-    folder: str | os.PathLike[str] | Family, *, mode: str | None = None, scene: bool = True, visual: bool = True,
+    folder: str | os.PathLike[str] | BatchResults, *, mode: str | None = None, scene: bool = True, visual: bool = True,
     reward: Reward | str = "hold", terminated: Terminated | None = None, frame_skip: int = 5, max_steps: int = 1000,
     descriptor: Sequence[str] | str = (), weights: str | Callable[[BuiltVariant], float] | None = None, pose: str | None = None,
     noise: float = 0.0, pad: bool = False, cache: int = CACHED, seed: int | None = None,
 ) -> VariantsEnv:
     """An environment over the variants of a batch (its folder, or a family of `load`, filtered as you like).
 
-    `reward` is a function of a `Step` or a name in `TASKS`, `terminated` one that ends an episode. An action holds for `frame_skip`
+    `reward` is a function of a `StepInfo` or a name in `TASKS`, `terminated` one that ends an episode. An action holds for `frame_skip`
     steps of the simulation, an episode lasts `max_steps` actions. `descriptor` are columns of the table that the observation ends
     with, each scaled to [-1, 1] over the family (0 where all are equal). `weights` makes variants likelier: a column, or a function
     of a variant; uniform unless given. `pose` is the keyframe that episodes begin with (the first one unless given), `noise` [rad
@@ -144,18 +146,18 @@ def make_env(
     Raises `FamilyError` for a batch without variants and where variants differ in nq, nv or nu (`pad` makes room for the
     largest), and `UnknownVariant` for an unknown mode, column or task.
     """
-    family = folder if isinstance(folder, Family) else load(folder)
+    family = folder if isinstance(folder, BatchResults) else load(folder)
     if not len(family):
         raise FamilyError(f"batch `{family.name}` has no built variant here: there is nothing to simulate")
     at_least(1, cache=cache)
     return VariantsEnv(
-        family, Simulated(mode=family.chosen(mode), floor=scene, visual=visual, cache=cache),
+        family, SimulationStep(mode=family.chosen(mode), floor=scene, visual=visual, cache=cache),
         rules(reward, terminated, frame_skip, max_steps, pose, noise), descriptor=as_names(descriptor=descriptor),
         weights=_weights(family, weights), pad=pad, seed=seed,
     )
 
 
-def _sizes(family: Family, mode: str, pad: bool) -> Sizes:
+def _sizes(family: BatchResults, mode: str, pad: bool) -> Sizes:
     """The largest sizes. Raises `FamilyError` where they differ and need not be padded."""
     sizes = [variant.sizes(mode) for variant in family]
     for name in ("nq", "nv", "nu") if not pad else ():
@@ -169,7 +171,7 @@ def _sizes(family: Family, mode: str, pad: bool) -> Sizes:
     return Sizes(nq=max(one.nq for one in sizes), nv=max(one.nv for one in sizes), nu=max(one.nu for one in sizes))
 
 
-def _descriptors(family: Family, columns: Sequence[str]) -> dict[str, Array]:
+def _descriptors(family: BatchResults, columns: Sequence[str]) -> dict[str, Array]:
     """By variant's id the cells of the columns, each scaled to [-1, 1]. Raises `FamilyError` for a cell that is no number."""
     table = np.zeros((len(family), len(columns)))
     for k, name in enumerate(columns):
@@ -180,7 +182,7 @@ def _descriptors(family: Family, columns: Sequence[str]) -> dict[str, Array]:
     return {variant.id: row for variant, row in zip(family, scaled, strict=True)}
 
 
-def _weights(family: Family, weights: str | Callable[[BuiltVariant], float] | None) -> Array:
+def _weights(family: BatchResults, weights: str | Callable[[BuiltVariant], float] | None) -> Array:
     """Probabilities, one for each variant. Raises `FamilyError` where they cannot be made of the weights."""
     if weights is None:
         return np.full(len(family), 1.0 / len(family))
@@ -192,7 +194,7 @@ def _weights(family: Family, weights: str | Callable[[BuiltVariant], float] | No
     return np.asarray(numbers / numbers.sum(), np.float64)
 
 
-def _numbers(family: Family, column: str) -> list[float]:
+def _numbers(family: BatchResults, column: str) -> list[float]:
     cells = family.column(column)
     for variant, cell in zip(family, cells, strict=True):
         if not isinstance(cell, int | float) or not np.isfinite(cell):
@@ -201,4 +203,4 @@ def _numbers(family: Family, column: str) -> list[float]:
 
 
 if ENVIRONMENT not in gymnasium.registry:
-    gymnasium.register(ENVIRONMENT, entry_point="thingc.batch.gym.env:make_env")
+    gymnasium.register(ENVIRONMENT, entry_point="thingc.batch.gym.variants_env:make_env")

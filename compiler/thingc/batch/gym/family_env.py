@@ -1,12 +1,12 @@
 """A vector of Gymnasium environments over a family, in one process: every world another robot (`pip install thingc[learning]`).
 
-    from thingc.batch.gym.vector_env import make_vec_env
+    from thingc.batch.gym.family_env import make_vec_env
 
     envs = make_vec_env("legs.yaml", 64, mode="standing", reward="forward")
     observations, infos = envs.reset(seed=7)
 
-Importing this module registers it: `gymnasium.make_vec("thingc/Family-v0", num_envs=64, family="legs.yaml", mode="standing")`. One world
-by itself, as libraries that know no vectors take it, is `make_env`, or `gymnasium.make` of the same name.
+Importing this module registers `gymnasium.make_vec("thingc/Family-v0", num_envs=64, family="legs.yaml", mode="standing")`, and
+`gymnasium.make` of that name: one world by itself, as `make_env` gives it.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from thingc.batch.families.descriptors import Descriptor
 from thingc.batch.families.family import RobotFamily, as_many
 from thingc.batch.families.family import family as family_of
 from thingc.batch.families.results import NoModel
-from thingc.batch.gym.episode import Episode, Rules, Simulated, as_actions, known_options, rules, spans_of
-from thingc.batch.gym.rewards import Array, Reward, Step, Terminated
+from thingc.batch.gym.episode import Episode, EpisodeRules, SimulationStep, as_actions, known_options, rules, spans_of
+from thingc.batch.gym.rewards import Array, Reward, StepInfo, Terminated
 from thingc.batch.results import FamilyError, UnknownVariant
 
 try:
@@ -44,13 +44,12 @@ if TYPE_CHECKING:
     import mujoco
 
 __all__ = [
-    "CACHED", "ENVIRONMENT", "FamilyEnv", "FamilyVectorEnv", "Reward", "Settings", "Step", "Terminated", "make_env", "make_vec_env",
+    "CACHED", "ENVIRONMENT", "FamilyEnv", "FamilyVectorEnv", "Reward", "Settings", "StepInfo", "Terminated", "make_env", "make_vec_env",
 ]
 
 ENVIRONMENT = "thingc/Family-v0"
 CACHED = 1024
 """Morphologies whose models are kept, besides those that are simulated, unless told otherwise."""
-
 DRAWS = 100
 """How many settings in a row may be refused when an episode begins."""
 
@@ -59,7 +58,7 @@ Draw = Callable[[np.random.Generator], Settings]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Choices:
+class MorphologyDistribution:
     """Whose episodes there may be: `many` settings, of which all are alike likely, called by `ids` in `infos["variant"]` (empty: by their
     places) and by `names`; or, where there are none, what `draw` makes of a source of chance."""
 
@@ -70,7 +69,7 @@ class Choices:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Worlds:
+class WorldPool:
     """How many worlds there are, by how many threads they are stepped, when one that has ended begins anew, and the seed of the first
     `reset` without one."""
 
@@ -98,8 +97,8 @@ class Morphology:
 class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
     """Worlds of the robots of a family, stepped together in threads. Make it with `make_vec_env`, which says what it is given.
 
-    A world does what a single environment of `thingc.batch.gym.env` does with that robot: observations, rewards and infos, and from the
-    same seed episodes are the same. A world that has ended begins anew as `metadata["autoreset_mode"]` says. Refused settings are
+    A world does what a single environment of `thingc.batch.gym.variants_env` does with that robot: observations, rewards and infos, and
+    from the same seed episodes are the same. A world that has ended begins anew as `metadata["autoreset_mode"]` says. Refused settings are
     drawn again; `refused` counts them by their message.
     """
 
@@ -107,7 +106,10 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
     render_mode = None
 
     def __init__(
-        self, family: RobotFamily, worlds: Worlds, choices: Choices, simulated: Simulated, rules: Rules, *, descriptor: Sequence[str],
+        self, family: RobotFamily, worlds: WorldPool, choices: MorphologyDistribution, simulated: SimulationStep, rules: EpisodeRules, *,
+        descriptor: Sequence[
+            str
+        ],
         owned: bool,
     ) -> None:
         num_envs = worlds.count
@@ -381,8 +383,9 @@ def make_vec_env(
     robots = family if isinstance(family, RobotFamily) else family_of(family)
     try:
         return FamilyVectorEnv(
-            robots, Worlds(count=num_envs, threads=threads, autoreset=AutoresetMode(autoreset_mode), seed=seed), _choices(robots, settings),
-            Simulated(mode=robots.mode if mode is None else mode, floor=floor, visual=visual, cache=cache), made,
+            robots, WorldPool(count=num_envs, threads=threads, autoreset=AutoresetMode(autoreset_mode), seed=seed),
+            _choices(robots, settings),
+            SimulationStep(mode=robots.mode if mode is None else mode, floor=floor, visual=visual, cache=cache), made,
             descriptor=as_names(descriptor=descriptor), owned=robots is not family,
         )
     except BaseException:
@@ -454,19 +457,19 @@ def make_env(
     ))
 
 
-def _choices(family: RobotFamily, settings: Iterable[Settings] | Draw | None) -> Choices:
+def _choices(family: RobotFamily, settings: Iterable[Settings] | Draw | None) -> MorphologyDistribution:
     if callable(settings):
-        return Choices(draw=settings)
+        return MorphologyDistribution(draw=settings)
     if settings is not None:
         many = list(as_many(settings))
         if not many:
             raise FamilyError("expected at least one of `settings`: there is nothing to simulate")
-        return Choices(many=[dict(_key(one)) for one in many])
+        return MorphologyDistribution(many=[dict(_key(one)) for one in many])
     planned = [variant for variant in family.variants if variant.failed is None]
     kept = [variant for variant, evaluated in zip(planned, family.evaluate(planned)) if evaluated.kept]
     if not kept:
         raise FamilyError(f"`{family.name}` has no variants that are right and keep the rules: say what may be set by `settings`")
-    return Choices(
+    return MorphologyDistribution(
         many=[{**one.parameters, **one.choices} for one in kept], ids=[one.id for one in kept], names=[one.name for one in kept],
     )
 
@@ -492,6 +495,6 @@ def _run(episodes: Iterable[Episode]) -> None:
 
 if ENVIRONMENT not in gymnasium.registry:
     gymnasium.register(
-        ENVIRONMENT, entry_point="thingc.batch.gym.vector_env:make_env",
-        vector_entry_point="thingc.batch.gym.vector_env:make_vec_env",
+        ENVIRONMENT, entry_point="thingc.batch.gym.family_env:make_env",
+        vector_entry_point="thingc.batch.gym.family_env:make_vec_env",
     )
