@@ -2,16 +2,18 @@
 
     python benchmarks/structure/figures.py [REVISION ...]    # one column for each, and one for the files that lie here
 
-Lines are those of files, empty ones too; a room's are those of its folder, or of its module. A circle is a set of modules each of
-which needs every other at run time (imports inside functions count, those for type checkers do not). Parameters are counted without
-`self` and `cls`. What workspaces begin with (`templates/*/`) is not the compiler's. Below the table stand the functions themselves.
+Lines are code lines: without comments, docstrings and empty lines. A cycle is a set of modules each of which needs every other at run
+time (imports inside functions count, those for type checkers do not). Parameters are counted without `self` and `cls`. The files of new
+workspaces (`templates/*/`) do not count. The functions themselves, and names that many functions have, are listed below the table.
 """
 
 from __future__ import annotations
 
 import ast
+import io
 import subprocess
 import sys
+import tokenize
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,7 +23,7 @@ import networkx
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = "compiler/thingc/"
-PARAMETERS, LINES = 8, 50
+PARAMETERS, LINES, USES = 8, 50, 12
 Trees = dict[str, tuple[str, ast.Module]]
 """Text and syntax of every module, by its path in the package."""
 
@@ -44,17 +46,21 @@ class Structure:
     circles: list[list[str]]
     functions: list[Function]
     twice: list[str]
+    names: Counter[str]
+    """How many functions and methods there are of each name, but for the `run` of commands."""
 
     def rows(self) -> list[tuple[str, int]]:
         """What the table says below the rooms."""
         return [
-            ("all lines", self.rooms.total()),
+            ("code lines in all", self.rooms.total()),
+            ("top-level entries", len(self.rooms)),
             (f"functions of more than {LINES} lines", sum(one.lines > LINES for one in self.functions)),
             (f"functions with {PARAMETERS} or more parameters", sum(one.parameters >= PARAMETERS for one in self.functions)),
             ("functions", len(self.functions)),
-            ("circles of imports", len(self.circles)),
+            (f"function names used more than {USES} times", sum(count > USES for count in self.names.values())),
+            ("import cycles", len(self.circles)),
             ("class names of several classes", len(self.twice)),
-            ("lines of the largest file", self.largest[0]),
+            ("code lines of the largest file", self.largest[0]),
         ]
 
 
@@ -71,6 +77,7 @@ def main(revisions: list[str]) -> int:
     for one in sorted(now.functions, key=lambda one: (-one.lines, -one.parameters)):
         if one.lines > LINES or one.parameters >= PARAMETERS:
             print(f"{one.lines:4} lines, {one.parameters:2} parameters  {one.where}")
+    print("\n" + "\n".join(f"{count:4} functions  {name}" for name, count in now.names.most_common() if count > USES))
     print("\n".join(["", *(" ".join(circle) for circle in now.circles), *now.twice]).rstrip())
     return 0
 
@@ -92,24 +99,47 @@ def git(*words: str) -> str:
     return subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, text=True, check=True).stdout
 
 
+def is_template(path: str) -> bool:
+    """Whether a module lies in a folder of files of new workspaces."""
+    return path.rpartition("templates/")[2].count("/") > 0 and "templates/" in path
+
+
+def code_lines(text: str) -> int:
+    """The number of lines of a module without comments, docstrings and empty lines."""
+    docstrings = {
+        line for node in ast.walk(ast.parse(text)) if isinstance(body := getattr(node, "body", None), list)
+        for one in body if isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant) and isinstance(one.value.value, str)
+        for line in range(one.lineno, one.end_lineno + 1)
+    }
+    layout = (tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER)
+    code = {
+        line for token in tokenize.generate_tokens(io.StringIO(text).readline) if token.type not in layout
+        for line in range(token.start[0], token.end[0] + 1)
+    }
+    return len(code - docstrings)
+
+
 def structure(texts: dict[str, str]) -> Structure:
     """The figures of the modules with these texts."""
-    trees: Trees = {
-        path: (text, ast.parse(text)) for path, text in texts.items() if not (path.startswith("templates/") and path.count("/") > 1)
-    }
+    trees: Trees = {path: (text, ast.parse(text)) for path, text in texts.items() if not is_template(path)}
+    sizes = {path: code_lines(text) for path, (text, _) in trees.items()}
+    names: Counter[str] = Counter()
     rooms: Counter[str] = Counter()
     classes: defaultdict[str, set[str]] = defaultdict(set)
-    for path, (text, tree) in trees.items():
-        rooms[path.partition("/")[0]] += len(text.splitlines())
+    for path, (_, tree) in trees.items():
+        rooms[path.partition("/")[0]] += sizes[path]
         for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef) and not (node.name == "run" and "cli/" in path) and not node.name.startswith("__"):
+                names[node.name] += 1
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 classes[node.name].add(path)
     return Structure(
         rooms=rooms,
-        largest=max((len(text.splitlines()), path) for path, (text, _) in trees.items()),
+        largest=max((size, path) for path, size in sizes.items()),
         circles=circles(trees),
         functions=[one for path, (_, tree) in sorted(trees.items()) for one in functions(path, tree)],
         twice=[f"{name}: {', '.join(sorted(paths))}" for name, paths in sorted(classes.items()) if len(paths) > 1],
+        names=names,
     )
 
 

@@ -25,12 +25,15 @@ def test_a_structure_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     import figures  # type: ignore[import-not-found]
 
     found = figures.structure(TEXTS)
-    assert found.rooms == {"graph": 10, "api.py": 52, "templates": 0}
+    assert found.rooms == {"graph": 8, "api.py": 52, "templates": 0}
     assert found.largest == (52, "api.py")
     assert found.circles == [["thingc.graph.one", "thingc.graph.two"]], "an import in a function counts, one for types does not"
     assert found.twice == ["Link: graph/one.py, graph/two.py"]
     assert [(one.where, one.lines, one.parameters) for one in found.functions] == [
         ("api.py:2 long", 51, 8), ("graph/one.py:1 late", 2, 0), ("graph/one.py:5 seven", 1, 7)
     ]
+    assert found.names == {"late": 1, "seven": 1, "long": 1}
+    text = '"""Of a module."""\n\nX = 1  # one\n"""Of X."""\n# none\ndef f():\n    """Of f."""\n    return (\n        X)\n'
+    assert figures.code_lines(text) == 4
     rows = dict(found.rows())
     assert (rows["functions of more than 50 lines"], rows["functions with 8 or more parameters"]) == (1, 1)

@@ -1,0 +1,45 @@
+"""The compiler stays as small as `size.toml` says."""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SIZES = tomllib.loads((Path(__file__).parent / "size.toml").read_text())
+SLACK = 150
+"""A room that is smaller than its number by more than this gets a lower number."""
+OUTSIDE = {"batch", "tools"}
+
+
+@pytest.fixture(scope="module")
+def lines() -> dict[str, int]:
+    """Code lines by room, and by module of the top level."""
+    sys.path.insert(0, str(ROOT / "benchmarks" / "structure"))
+    try:
+        from figures import lying_here, structure  # type: ignore[import-not-found]
+    finally:
+        sys.path.pop(0)
+        sys.modules.pop("figures", None)
+    return dict(structure(lying_here()).rooms)
+
+
+@pytest.mark.parametrize("room", SIZES["rooms"])
+def test_a_room_is_as_large_as_it_may_be(lines: dict[str, int], room: str) -> None:
+    allowed = SIZES["rooms"][room]
+    assert lines[room] <= allowed, f"`{room}` has {lines[room]} code lines, {allowed} are allowed: shorten it, or raise it with a reason"
+    assert lines[room] >= allowed - SLACK, f"`{room}` has {lines[room]} code lines: write this number into size.toml in place of {allowed}"
+
+
+def test_the_compiler_proper_is_small(lines: dict[str, int]) -> None:
+    proper = sum(count for room, count in lines.items() if room not in OUTSIDE)
+    assert SIZES["proper"] - SLACK <= proper <= SIZES["proper"], proper
+    assert set(SIZES["rooms"]) == {room for room in lines if not room.endswith(".py")}
+
+
+def test_a_raise_has_a_reason() -> None:
+    for row in SIZES.get("raised", []):
+        assert row["room"] in SIZES["rooms"] and row["by"] > 0 and len(row["reason"].split()) > 3, row
