@@ -329,5 +329,5 @@ def test_whatever_hangs_on_a_compiled_robot_prints_as_one_line(compiled: thingc.
             waiting += value.values()
         elif isinstance(value, (tuple, list)):
             waiting += value
-    assert met >= {"Compiled", "CompiledMode", "Assembly", "Robot", "Occurrence", "PartRecord", "Link", "Mate", "State", "Mode"}
+    assert met >= {"Compiled", "CompiledMode", "Assembly", "Robot", "Occurrence", "PartRecord", "Link", "Mate", "RobotState", "Mode"}
     assert repr(compiled.assembly.links[0]).startswith("Link('base_link', index=0, frame=0, members=[10 int]")

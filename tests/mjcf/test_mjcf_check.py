@@ -325,13 +325,13 @@ def test_modes_that_differ_in_names_and_gravity_start_alike(store: Store, monkey
 
     looked: list[str] = []
     counted = compiled(monkeypatch)
-    true = verify.start.look
+    true = verify.initial_state_checks.look
 
-    def looking(model: Any, robot: Any) -> verify.start.Start:
+    def looking(model: Any, robot: Any) -> verify.initial_state_checks.InitialState:
         looked.append(robot.mode.name)
         return true(model, robot)
 
-    monkeypatch.setattr(verify.start, "look", looking)
+    monkeypatch.setattr(verify.initial_state_checks, "look", looking)
 
     def of_three(made: Made) -> list[str]:
         request = made.request(store, ("floor", "fixed"), ("wall", "fixed"), ("adrift", "free"))
