@@ -145,6 +145,12 @@ def test_some_rooms_do_not_see_others() -> None:
                 assert not outside, f"{place} must not import {sorted(outside)}"
 
 
+@pytest.mark.parametrize("package", ["thingc", "thingc.batch", "thingc.batch.families", "thingc.modes", "thingc.targets"])
+def test_exported_names_are_there(package: str) -> None:
+    module = import_module(package)
+    assert len(module.__all__) > 3 and all(getattr(module, name) is not None for name in module.__all__)
+
+
 def test_optional_dependencies_stay_optional() -> None:
     """What extras bring is imported where it is used, inside functions; modules that are nothing without it are imported so as well."""
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]

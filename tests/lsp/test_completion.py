@@ -225,7 +225,7 @@ def test_details_say_where_a_mount_is_and_what_a_parameter_comes_to(robot: Path,
 def test_workers_are_asked_for_parts_that_are_not_known(tmp_path: Path) -> None:
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["parts"]\n')
     (tmp_path / "parts").mkdir()
-    (tmp_path / "parts" / "frame.py").write_text("from thingc.geometry.things import Thing\n\nclass Bar(Thing):\n    pass\n")
+    (tmp_path / "parts" / "frame.py").write_text("from thingc import Thing\n\nclass Bar(Thing):\n    pass\n")
     documents = Documents(str(tmp_path / "store"))
     text, offset = at("thingc: assembly/1\nname: a\ncomponents:\n  a: {frame: true}\n", "frame: true", "part: │")
     assert items(documents.analysis(tmp_path / "a.yaml", text), text, offset) == []

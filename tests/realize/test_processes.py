@@ -290,7 +290,7 @@ def test_the_worker_is_started_before_anything_else_is_imported(place: Any) -> N
         "import sys; sys.path[:0] = sys.argv[3:]\n"
         "from thingc.driver.environment import Environment, Options\n"
         "from thingc.driver.pipeline import compile\n"
-        "from thingc.geometry import GeometryService\n"
+        "from thingc.geometry.service import GeometryService\n"
         "heavy = {'pydantic', 'yaml', 'thingc.documents.spec', 'thingc.model.resolve'}\n"
         "GeometryService.anticipate = lambda self: sys.exit(str(sorted(heavy & set(sys.modules))))\n"
         "compile(Environment(sys.argv[1], Options(store=sys.argv[2])))\n"
@@ -334,7 +334,7 @@ def test_imports_put_off_are_made_when_they_are_needed(tmp_path: Path) -> None:
         assert abs(Triangle(a=3, b=4, c=5).area - 6) < 1e-9
         assert full_round(Rectangle(2, 4).edges().sort_by(Axis.X)[0])
         import ezdxf, scipy.optimize
-        from thingc.geometry.worker.lazy_build123d import Deferred, _StandIn
+        from thingc.geometry.worker.lazy_build123d import LazyObject, _StandIn
         left = [
             (name, key) for name, module in sys.modules.items() if name.startswith("build123d")
             for key, value in vars(module).items()
@@ -342,7 +342,7 @@ def test_imports_put_off_are_made_when_they_are_needed(tmp_path: Path) -> None:
         ]
         assert not left, left
         from build123d import mesher as module
-        assert type(next(iter(Mesher._map_b3d_mesh_type_3mf.values()))) is not Deferred
+        assert type(next(iter(Mesher._map_b3d_mesh_type_3mf.values()))) is not LazyObject
     """
     subprocess.run([sys.executable, "-c", textwrap.dedent(script)], check=True)
 

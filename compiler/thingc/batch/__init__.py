@@ -44,8 +44,8 @@ __all__ = [
 ]
 
 __getattr__ = exported(__name__, {
-    "BatchFault": "folder", "BuiltVariant": "loading", "BatchResults": "loading", "FamilyError": "loading", "Interrupted": "progress",
-    "StructuresDiffer": "in_place", "Plan": "planning", "PlanError": "planning", "Progress": "progress", "Summary": "progress",
-    "UnknownVariant": "loading", "Variant": "planning", "apply": "in_place", "fields": "in_place", "load": "loading",
-    "plan": "reading", "read_plan": "reading", "run": "batch", "write": "in_place",
+    "BatchFault": "folder", "BuiltVariant": "results", "BatchResults": "results", "FamilyError": "results", "Interrupted": "progress",
+    "StructuresDiffer": "shared_model", "Plan": "planning", "PlanError": "planning", "Progress": "progress", "Summary": "progress",
+    "UnknownVariant": "results", "Variant": "planning", "apply": "shared_model", "fields": "shared_model", "load": "results",
+    "plan": "variants_document", "read_plan": "variants_document", "run": "batch", "write": "shared_model",
 })

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 from thingc.base.exports import exported
 
 if TYPE_CHECKING:
-    from thingc.targets.artifact import Artifacts as Artifacts
-    from thingc.targets.artifact import Loss as Loss
-    from thingc.targets.capabilities import Capabilities as Capabilities
-    from thingc.targets.request import EmitRequest as EmitRequest
+    from thingc.targets.artifact import Artifacts, Loss
+    from thingc.targets.capabilities import Capabilities
+    from thingc.targets.request import EmitRequest
+
+__all__ = ["Artifacts", "Capabilities", "EmitRequest", "Loss"]
 
 __getattr__ = exported(
     __name__, {"Artifacts": "artifact", "Loss": "artifact", "Capabilities": "capabilities", "EmitRequest": "request"},

@@ -21,6 +21,6 @@ __all__ = ["Batched", "Batches", "Evaluated", "Explanation", "NoModel", "RobotFa
 
 __getattr__ = exported(__name__, {
     "Batched": "batching", "Batches": "batching",
-    "Evaluated": "results", "Explanation": "results", "NoModel": "results", "RobotFamily": "family", "SearchSpace": "space",
-    "SpaceDimension": "space",
+    "Evaluated": "results", "Explanation": "results", "NoModel": "results", "RobotFamily": "family", "SearchSpace": "search_space",
+    "SpaceDimension": "search_space",
 })
