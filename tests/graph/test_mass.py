@@ -10,9 +10,9 @@ import pytest
 from graph.builder import (
     PETG,
     ActuatorRecord,
+    DeclaredValue,
     Drive,
     Process,
-    Stated,
     assembly,
     attach,
     bare,
@@ -95,27 +95,27 @@ def test_process_of_the_component_lies_over_the_materials() -> None:
 
 
 def test_a_things_density_comes_before_the_materials() -> None:
-    found = only(box("p:Box", SIZE, density=Stated(value=2000.0)))
+    found = only(box("p:Box", SIZE, density=DeclaredValue(value=2000.0)))
     assert (found.properties.mass, found.mass_source) == (pytest.approx(2000 * VOLUME), "derived")
-    guess = only(box("p:Box", SIZE, material=None, density=Stated(value=2000.0, source="estimated")))
+    guess = only(box("p:Box", SIZE, material=None, density=DeclaredValue(value=2000.0, source="estimated")))
     assert guess.mass_source == "estimated"
 
 
 def test_a_things_mass_scales_its_inertia_and_moves_no_centre() -> None:
-    found = only(box("p:Box", SIZE, centre=(0.01, 0.0, 0.0), mass=Stated(value=0.082, source="vendor")))
+    found = only(box("p:Box", SIZE, centre=(0.01, 0.0, 0.0), mass=DeclaredValue(value=0.082, source="vendor")))
     assert (found.properties.mass, found.mass_source) == (0.082, "vendor")
     assert found.properties.centre == (0.01, 0.0, 0.0)
     assert np.array(found.properties.inertia) == pytest.approx(box_inertia(SIZE) * 0.082 / VOLUME)
 
 
 def test_a_vendors_mass_needs_no_material() -> None:
-    found = only(box("p:Box", SIZE, material=None, mass=Stated(value=0.082, source="vendor")), materials=())
+    found = only(box("p:Box", SIZE, material=None, mass=DeclaredValue(value=0.082, source="vendor")), materials=())
     assert found.properties.mass == 0.082
 
 
 def test_a_things_centre_and_matrix() -> None:
     matrix = ((2e-5, 1e-6, 0.0), (1e-6, 3e-5, 0.0), (0.0, 0.0, 4e-5))
-    found = only(box("p:Box", SIZE, com=Stated(value=(0.001, 0.002, 0.003)), matrix=Stated(value=matrix)))
+    found = only(box("p:Box", SIZE, com=DeclaredValue(value=(0.001, 0.002, 0.003)), matrix=DeclaredValue(value=matrix)))
     assert found.properties.centre == (0.001, 0.002, 0.003)
     assert found.properties.inertia == matrix
     assert (found.properties.mass, found.mass_source) == (pytest.approx(MASS), "derived")
@@ -129,15 +129,15 @@ def test_a_documents_mass_scales_whatever_inertia_there_is() -> None:
     unknown = only(box("p:Box", SIZE, material=None), mass=stated(0.5))
     assert np.array(unknown.properties.inertia) == pytest.approx(box_inertia(SIZE) * 0.5 / VOLUME)
     assert unknown.mass_source == "stated"
-    own = only(box("p:Box", SIZE, mass=Stated(value=0.25), matrix=Stated(value=matrix)), mass=stated(0.5))
+    own = only(box("p:Box", SIZE, mass=DeclaredValue(value=0.25), matrix=DeclaredValue(value=matrix)), mass=stated(0.5))
     assert np.array(own.properties.inertia) == pytest.approx(np.array(matrix) * 2)
-    no_mass_to_scale_by = only(box("p:Box", SIZE, material=None, matrix=Stated(value=matrix)), mass=stated(0.5))
+    no_mass_to_scale_by = only(box("p:Box", SIZE, material=None, matrix=DeclaredValue(value=matrix)), mass=stated(0.5))
     assert no_mass_to_scale_by.properties.inertia == matrix
 
 
 def test_a_documents_centre_moves_the_inertia_unchanged() -> None:
     """The prototype scaled the centre of mass twice (millimetres to metres, and again)."""
-    record = box("p:Box", SIZE, com=Stated(value=(0.004, 0.0, 0.0)))
+    record = box("p:Box", SIZE, com=DeclaredValue(value=(0.004, 0.0, 0.0)))
     assert only(record).properties.centre == (0.004, 0.0, 0.0)
     found = only(record, com=stated(0.01, -0.02, 0.03))
     assert found.properties.centre == (0.01, -0.02, 0.03)
@@ -147,7 +147,7 @@ def test_a_documents_centre_moves_the_inertia_unchanged() -> None:
 
 def test_a_documents_inertia_is_taken_as_it_is() -> None:
     six = (2e-4, 3e-4, 4e-4, 1e-6, 2e-6, 3e-6)
-    found = only(box("p:Box", SIZE, mass=Stated(value=0.25)), mass=stated(0.5), inertia=stated(*six))
+    found = only(box("p:Box", SIZE, mass=DeclaredValue(value=0.25)), mass=stated(0.5), inertia=stated(*six))
     assert found.properties.inertia == ((2e-4, 1e-6, 2e-6), (1e-6, 3e-4, 3e-6), (2e-6, 3e-6, 4e-4))
 
 
@@ -329,7 +329,7 @@ def test_an_inertia_is_judged_with_its_link() -> None:
 
 def test_matrix_of_a_thing_that_no_solid_has() -> None:
     matrix = ((1e-4, 0.0, 0.0), (0.0, -1e-4, 0.0), (0.0, 0.0, 1e-4))
-    assert said(faults(assembly("a", [component("humerus", "p:Box", line=7)]), box("p:Box", matrix=Stated(value=matrix)))) == [
+    assert said(faults(assembly("a", [component("humerus", "p:Box", line=7)]), box("p:Box", matrix=DeclaredValue(value=matrix)))) == [
         (
             "NOT_PHYSICAL",
             "the inertia that `p:Box` states is not physical: its principal moments are -0.0001, 0.0001, 0.0001 kg m^2, "

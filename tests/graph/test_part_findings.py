@@ -10,7 +10,7 @@ import pytest
 from graph.builder import (
     CAP,
     PLATE,
-    Expectation,
+    MountExpectation,
     PartFailure,
     PartWarning,
     assembly,
@@ -148,7 +148,7 @@ def test_collision_shapes_that_are_not_there(choice: str, why: str) -> None:
 BOARD = box(
     "p:Board",
     mounts={"cap_seat": t(0, 0, 0.02), "foot": rx(np.pi)},
-    expectations=(Expectation(mount="cap_seat", text="p:Cap", label="p:Cap", child_mount="foot"),),
+    expectations=(MountExpectation(mount="cap_seat", text="p:Cap", label="p:Cap", child_mount="foot"),),
 )
 
 
@@ -238,7 +238,7 @@ def test_mirror_images_that_nobody_sells_or_that_are_the_part_itself() -> None:
 def test_a_length_that_went_through_a_part_is_the_same_length() -> None:
     """Parts count in millimetres, with 15 digits: the last ones of a length in metres do not come back."""
     board = box("p:Board", mounts={"seat": t(0, 0, 0.02)}, expectations=(
-        Expectation(mount="seat", text="p:Cap(width=0.187672239581141)", label="p:Cap(width=187.672 mm)", child_mount="foot"),
+        MountExpectation(mount="seat", text="p:Cap(width=0.187672239581141)", label="p:Cap(width=187.672 mm)", child_mount="foot"),
     ))
     for width, same in (("0.18767223958114063", True), ("0.1876722395", False)):
         cap = box(f"p:Cap(width={width})", mounts={"foot": rx(np.pi)})

@@ -10,8 +10,8 @@ import pytest
 
 from graph.builder import (
     PETG,
+    DeclaredValue,
     Process,
-    Stated,
     assembly,
     box,
     box_inertia,
@@ -83,7 +83,7 @@ def test_skin_where_the_process_says_so_and_for_every_other_kind() -> None:
 def test_what_is_stated_goes_before_what_is_laid() -> None:
     """A mass scales the inertia of what is printed, and leaves the centre where that is; centres and inertias replace."""
     shape = np.array(printed().properties.inertia) / printed().properties.mass
-    for found in (printed(mass=stated(0.2, source="measured")), printed(record={"mass": Stated(value=0.2, source="measured")})):
+    for found in (printed(mass=stated(0.2, source="measured")), printed(record={"mass": DeclaredValue(value=0.2, source="measured")})):
         assert (found.properties.mass, found.mass_source, found.estimate) == (0.2, "measured", None)
         assert found.properties.centre == pytest.approx((0.0, 0.0, 0.01))
         assert np.array(found.properties.inertia) == pytest.approx(0.2 * shape)

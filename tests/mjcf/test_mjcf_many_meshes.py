@@ -103,14 +103,14 @@ def test_what_is_wrong_is_found_where_it_is(heap: Path, capsys: pytest.CaptureFi
 def test_a_model_may_be_looked_at_again(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Contacts, which drives are tried without, are there once more."""
     seen: list[int] = []
-    true = verify.start.look
+    true = verify.initial_state_checks.look
 
     def twice(model: Any, robot: Any) -> Any:
         found = [true(model, robot) for _ in range(2)]
         seen.extend(len(one.inside) for one in found)
         return found[0]
 
-    monkeypatch.setattr(verify.start, "look", twice)
+    monkeypatch.setattr(verify.initial_state_checks, "look", twice)
     Said(heap, capsys, monkeypatch)
     first, *others = seen
     assert first > 0 and others == [first]

@@ -146,4 +146,4 @@ def test_every_exported_name_is_there() -> None:
     for name in thingc.__all__:
         found = getattr(thingc, name)
         of = found.__name__ if isinstance(found, ModuleType) else found.__module__
-        assert of.startswith("thingc") or name in {"Length", "Angle", "Mass", "Count", "Ratio"}
+        assert of.startswith("thingc") or name in {"Length", "Angle", "Mass", "Count", "Ratio", "MATE"}

@@ -1,4 +1,4 @@
-// What the page is told of a robot (compiler/thingc/targets/html/described.py): SI; poses are the first three rows of a matrix.
+// What the page is told of a robot (compiler/thingc/targets/html/viewer_data.py): SI; poses are the first three rows of a matrix.
 
 export const VERSION = 1;
 

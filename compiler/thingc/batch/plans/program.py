@@ -22,7 +22,7 @@ def compiled(tape: Tape, outputs: Sequence[Any]) -> Run:
     their order, so that what it gives is what they would give, to the last bit; it gives None where a pass would have decided otherwise,
     or could not have gone on."""
     names: dict[str, Any] = {"math": math, "inf": math.inf, "nan": math.nan}
-    names |= {"fsum": math.fsum, "root_of_squares": hypot_of, "quarter_exact": quarter_exact, "principal_axes": _axes}
+    names |= {"fsum": math.fsum, "hypot_of": hypot_of, "quarter_exact": quarter_exact, "principal_axes": _axes}
     guards = list(dict.fromkeys((operation, arguments, outcome, at) for at, operation, arguments, outcome in tape.guards))
     seen: set[Any] = set()
     needed = _needed(tape, [*(Ref(one.line) for one in outputs if isinstance(one, Traced)), *(a for _, args, _, _ in guards for a in args)])
@@ -71,7 +71,7 @@ def _code(operation: str, arguments: Sequence[Ref | Const]) -> str:
         return f"-{words[0]}" if len(words) == 1 else f"({words[0]} {operation} {words[1]})"
     if operation == "item":
         return f"{words[0]}[{words[1]}]"
-    if operation in ("fsum", "root_of_squares"):
+    if operation in ("fsum", "hypot_of"):
         return f"{operation}(({', '.join(words)},))"
     return f"{operation}({', '.join(words)})"
 

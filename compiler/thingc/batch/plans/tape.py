@@ -28,7 +28,7 @@ _EXPONENTS = range(-920, -865)
 
 _ELEMENTARY = ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "hypot", "copysign", "radians", "degrees", "remainder", "fmod")
 """Functions of `math` of one result, worked out as they are."""
-_OF_MANY = ((math, "fsum"), (summing, "root_of_squares"))
+_OF_MANY = ((math, "fsum"), (summing, "hypot_of"))
 """Functions of some numbers, of one result."""
 
 WHOLE = ((pose, "quarter_exact"), (inertia, "principal_axes"))

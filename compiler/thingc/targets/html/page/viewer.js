@@ -1,4 +1,4 @@
-// thingc viewer, with three.js (MIT, https://threejs.org). Made from viewer/ by `make viewer`; sources cd0696ff54a87dc549517f290d1d844a20ea96724d3b0bb04739163b1c0b00fd
+// thingc viewer, with three.js (MIT, https://threejs.org). Made from viewer/ by `make viewer`; sources 7ea37e1fc4de7856b5c9173a5486647bc00e1a627f6ad8381ef577bf131f55a5
 /*!
 This file contains the following packages.
 
