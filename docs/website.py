@@ -39,8 +39,8 @@ PROJECT = {
 }
 """The project's own pages, and what they are called on the site."""
 LANGUAGES = {".py": "python", ".yaml": "yaml", ".yml": "yaml", ".toml": "toml", ".json": "json"}
-SKIPPED = ("readme.md", "architecture.md", "contributing.md", "changelog.md", "api.md")
-"""Pages that `llms-full.txt` leaves out: said elsewhere, of the project's inside, or docstrings, which are there when the site is built."""
+SKIPPED = ("readme.md", "architecture.md", "contributing.md", "changelog.md", "decisions/index.md", "api.md")
+"""Pages that `llms-full.txt` leaves out: repetitions, internals of the project, and docstrings, which exist only in the built site."""
 WORKERS = "https://unpkg.com/iframe-worker/shim"
 """What zensical's pages ask for, where `docs/site/iframe-worker.js` is just that."""
 WRITES = ("new", "set", "add")
@@ -107,11 +107,17 @@ def made(text: str, folder: Path) -> Iterator[tuple[str, Path]]:
 
 def pages() -> dict[str, str]:
     """Every page of the site by its path there, as Markdown for zensical."""
-    own = {path.relative_to(DOCS).as_posix(): path for path in sorted(DOCS.rglob("*.md"))}
+    own = {_page(path): path for path in sorted(DOCS.rglob("*.md"))}
     own |= {name: ROOT / file for file, name in PROJECT.items()}
     sources: dict[str, Path] = {}
     found = {name: indented(linked(path.read_text(encoding="utf-8"), name, path, sources)) for name, path in own.items()}
     return found | {name: _source(name, path) for name, path in sorted(sources.items())}
+
+
+def _page(path: Path) -> str:
+    """The page of the site for a file or folder of `docs/`. `README.md`, the index of a folder, becomes `index.md`."""
+    where = path.relative_to(DOCS)
+    return (where.with_name("index.md") if path.name == "README.md" else where).as_posix()
 
 
 def linked(text: str, name: str, path: Path, sources: dict[str, Path]) -> str:
@@ -137,7 +143,7 @@ def _there(target: str, name: str, path: Path, sources: dict[str, Path]) -> str:
         return target
     there = (path.parent / file).resolve()
     if there.is_relative_to(DOCS):
-        where = there.relative_to(DOCS).as_posix()
+        where = _page(there)
     else:
         inside = there.relative_to(ROOT).as_posix()
         where = PROJECT.get(inside, f"source/{inside}.md")

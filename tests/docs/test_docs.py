@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from docs.pages import (
+    DECISIONS,
     PAGES,
     ROOT,
     WITH_LINKS,
@@ -463,11 +464,33 @@ def test_files_that_contributing_names_are_there() -> None:
             assert (ROOT / path).exists(), path
 
 
-def test_files_that_architecture_names_are_there_and_every_room_is_named() -> None:
-    text = (ROOT / "ARCHITECTURE.md").read_text()
-    compiler = ROOT / "compiler" / "thingc"
-    for name in re.findall(r"`([\w/]+(?:\.py|/))`", text):
-        assert (ROOT / name).exists() or any(compiler.rglob(name.rstrip("/"))), f"ARCHITECTURE.md names `{name}`, which is not there"
-    rooms = {path.parent.name + "/" for path in compiler.glob("*/__init__.py")} | {path.name for path in compiler.glob("[a-z]*.py")}
-    unnamed = sorted(room for room in rooms if f"`{room}`" not in text)
-    assert not unnamed, f"ARCHITECTURE.md says nothing of {unnamed}: a row in `Rooms`, or a word below it"
+PACKAGE = ROOT / "compiler" / "thingc"
+
+
+def _missing_paths(page: Path) -> list[str]:
+    """Paths of code that a page names and that do not exist. They begin in the package, or with a folder of the repository."""
+    drawn = "".join(re.findall(r"```.*?```", page.read_text(), re.DOTALL))
+    named = re.findall(r"`([\w./]+)`", without_fences(page)) + re.findall(r"\b(?!parts|build)[a-z]+/[\w./]*\w", drawn)
+    paths = {name for name in named if name.endswith((".py", "/")) or "/" in name and (PACKAGE / name.split("/")[0]).exists()}
+    return sorted(path for path in paths if not ((ROOT if path.startswith(("compiler/", "tests/", "docs/")) else PACKAGE) / path).exists())
+
+
+def test_architecture_names_existing_files_and_every_entry_of_the_package_and_is_short() -> None:
+    page = ROOT / "ARCHITECTURE.md"
+    text = page.read_text()
+    assert _missing_paths(page) == []
+    entries = {path.name + "/" * path.is_dir() for path in PACKAGE.iterdir()} - {"__pycache__/"}
+    assert len(entries) == 12 and sorted(entry for entry in entries if f"`{entry}`" not in text) == []
+    folders = {path.name for path in PACKAGE.iterdir() if path.is_dir()} - {"__pycache__"}
+    assert set(re.findall(r"^\*\*`(\w+)/`: ", text, re.MULTILINE)) == folders, "one paragraph in `Rooms` for each"
+    assert len(text.split()) <= 2500, "a reader has ten minutes"
+
+
+@pytest.mark.parametrize("page", sorted(DECISIONS.glob("0*.md")), ids=lambda page: page.stem)
+def test_a_decision_is_short_and_listed_and_names_existing_files(page: Path) -> None:
+    text = page.read_text()
+    assert re.findall(r"^#+ .*", text, re.MULTILINE)[1:] == ["## Context", "## Decision", "## Consequences"]
+    assert 60 <= len(text.split()) <= 150 and _missing_paths(page) == []
+    title = text.partition("\n")[0].removeprefix("# ")
+    assert f"- [{page.name[:4]}]({page.name}): {title}\n" in (DECISIONS / "README.md").read_text()
+    assert f"(docs/decisions/{page.name})" in (ROOT / "ARCHITECTURE.md").read_text()

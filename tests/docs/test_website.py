@@ -14,6 +14,8 @@ import pytest
 from docs.pages import ROOT
 from viewer.browser import OWN, chromium, needed
 
+LISTED_ELSEWHERE = ("codes/", "decisions/0", "source/")
+
 
 @pytest.fixture(scope="module")
 def website() -> Iterator[ModuleType]:
@@ -26,10 +28,10 @@ def website() -> Iterator[ModuleType]:
 
 
 def test_every_page_is_in_the_navigation_once(website: ModuleType) -> None:
-    """A page that is not is found by nobody; `docs/codes` is reached from the table of the codes."""
+    """Except pages that an index lists: `docs/codes` from the table of codes, single decisions from `docs/decisions/README.md`."""
     nav = tomllib.loads(website.CONFIG.read_text())["project"]["nav"]
     named = [page for _, pages in website.sections(nav) for page in pages]
-    pages = sorted(page for page in website.pages() if not page.startswith(("codes/", "source/")))
+    pages = sorted(page for page in website.pages() if not page.startswith(LISTED_ELSEWHERE))
     assert sorted(set(pages) - set(named)) == [], "not in the navigation of zensical.toml"
     assert sorted(named) == pages
 
@@ -40,7 +42,7 @@ def test_what_language_models_read_is_all_pages_without_frames(website: ModuleTy
     assert files == website.llms(dict(reversed(texts.items()))), "the order in which files are found decides about nothing"
     index, full = files["llms.txt"], files["llms-full.txt"]
     linked = {name.replace(".html", ".md") for name in re.findall(r"^- \[.+\]\((\S+)\)(?:: \S|$)", index, re.MULTILINE)}
-    assert linked == {name for name in texts if not name.startswith(("codes/", "source/"))}
+    assert linked == {name for name in texts if not name.startswith(LISTED_ELSEWHERE)}
     assert not re.search("[:`]$", index, re.MULTILINE), "first sentences, whole"
     assert "# The document language" in full and "# TC302: " in full
     assert not any(word in full for word in ("<iframe", "<div", "Copyright"))
