@@ -7,7 +7,7 @@ From the closed set of codes, the sentences of `docs/codes/meanings.toml` and th
 The wrong example of a code is a case: `TC302.yaml` with what is said of it in `TC302.txt`. The right one is `TC302.right.yaml`.
 Where an example needs a workspace of its own they are `TC120/wrong/robot.yaml` and `TC120/right/robot.yaml`.
 
-What stands between `<!-- generated: ... -->` and `<!-- /generated -->` in `docs/language.md` comes from the files of `checks`,
+What stands between `<!-- generated: ... -->` and `<!-- /generated -->` in `docs/language.md` comes from the files of `documents/checks/`,
 in `docs/formats.md` from the capabilities of the targets.
 """
 

@@ -72,12 +72,12 @@ def read_once() -> Iterator[None]:
 
 
 def place_of(path: Path) -> str:
-    """`model/robot/trees.py`: where a module lies in the package."""
+    """`model/robot/tree.py`: where a module lies in the package."""
     return path.relative_to(PACKAGE).as_posix()
 
 
 def module_name(path: Path) -> str:
-    """`thingc.model.robot.trees`, of a package its own name."""
+    """`thingc.model.robot.tree`, of a package its own name."""
     return ".".join(("thingc", *path.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__")
 
 

@@ -1,6 +1,6 @@
-"""What files call things: which fields of records hold what files may have another name for, and which texts may be such names.
+"""Names in exported files: which fields of records hold paths that files may rename, and which texts are valid names.
 
-A field that holds the path of something has the type of what that is: by it `emit/called.py` finds the field. Type checkers see `str`.
+The type of such a field states what the path belongs to; `targets/custom_names.py` finds the field by it. Type checkers see `str`.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
     <name>/journal.jsonl         one line for each variant that is done
     <name>/results.csv, .parquet the table
     <name>/variants/<id>/        what `thingc build` writes of the variant
-    <name>/chunks/               in place of journal and variants where the batch is packed (`chunks.py`)
+    <name>/chunks/               in place of journal and variants where the batch is packed (`packed_layout.py`)
     <name>/assets/<sha256>       every mesh once; variants have hard links to it, or name it
     <name>/index.html            the page, with pictures/<id>.png
     <name>/shown.json            what table and page held when they were written

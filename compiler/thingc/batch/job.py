@@ -74,8 +74,8 @@ class Task:
 
 Row = dict[str, Any]
 """What came of one variant: `index`, `id`, `status` (`built | kept_out | refused | failed`), `rule`, `code`, `message`, `detail`,
-`results`, `losses` (how many, by what becomes of them), `files` and `shared` (of a packed batch, see `chunks.py`), `seconds`, `modelled`,
-`reused` (definition texts) and `pid` of the runner, as far as there is something to say."""
+`results`, `losses` (how many, by what becomes of them), `files` and `shared` (of a packed batch, see `packed_layout.py`), `seconds`,
+`modelled`, `reused` (definition texts) and `pid` of the runner, as far as there is something to say."""
 
 
 def row(task: Task, status: str, **more: Any) -> Row:

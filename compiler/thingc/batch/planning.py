@@ -79,8 +79,8 @@ class Plan(OneLineRepr):
     `own_choices` what its document says at the paths of choices. `modes`
     are those built (never
     empty), `chosen_modes` those that the document names. `emit` are the targets, in the order in which a build writes them;
-    `inputs` the digests (`stamp.state_of`) of what the plan was made of, by path in the workspace; `layout` is `folders` or `packed` where
-    the document says it.
+    `inputs` the digests (`up_to_date.state_of`) of what the plan was made of, by path in the workspace; `layout` is `folders` or `packed`
+    where the document says it.
     """
 
     document: str

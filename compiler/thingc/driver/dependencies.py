@@ -1,4 +1,4 @@
-"""What a compilation has read, and what it depends on: for who remembers it (`stamp`), or waits for a change (`live`)."""
+"""What a compilation has read, and what it depends on: for `driver/up_to_date.py` and `tools/live/`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from thingc.driver.pipeline import Compilation
 
 
 def inputs(environment: Environment, compilation: Compilation) -> dict[str, str | None] | None:
-    """Everything that a compilation without errors has read, by absolute path, with its content's digest (see `stamp.state_of`).
+    """Everything that a compilation without errors has read, by absolute path, with its content's digest (see `up_to_date.state_of`).
 
     None where a file changed while it was being read: nobody knows which content the answer is of.
     """

@@ -1,7 +1,7 @@
 """The driver: the order of the passes, and nothing else. Read it as a table of contents.
 
-    documents -> spec -> model -> realized model -> graph -> robots (one per mode) -> artifacts
-      load     validate  resolve      realize       link      root                  emit
+    documents -> specs -> definition -> part records -> assembly -> robots (one per mode) -> artifacts
+      load     validate   resolve        realize        link       root                 emit
 
 `check` and `compile` go from a document to its robots; `recompile` does that again with other settings; `build` and `emit` go on to
 artifacts.

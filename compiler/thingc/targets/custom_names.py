@@ -3,8 +3,8 @@
 Targets that other programs read by name (`Target.by_name`) are asked with this robot, and know of no other name. A `/` in a name is written
 as one in a path is.
 
-Which fields of records hold paths is said by their types (`file_names.py`), and they are found by those. What a record holds in another
-way has a rule of its own (`_Caller.rules`).
+Fields that hold paths are found by their types (`base/export_names.py`). Records that hold paths in other ways have rules
+(`_Caller.rules`).
 """
 
 from __future__ import annotations

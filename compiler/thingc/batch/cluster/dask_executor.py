@@ -32,7 +32,7 @@ LOOK = 5.0
 
 
 def seen(paths: list[str]) -> tuple[dict[str, str], dict[str, str | None]]:
-    """What a worker has installed, and the digests of files and folders (`stamp.state_of`; None: it does not see them). Runs on the
+    """What a worker has installed, and the digests of files and folders (`up_to_date.state_of`; None: it does not see them). Runs on the
     worker."""
     return dict(versions()), {path: state_of(path) for path in paths}
 

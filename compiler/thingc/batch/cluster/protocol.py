@@ -34,8 +34,8 @@ class Cluster(Executor):
 
     @abstractmethod
     def check(self, files: Mapping[str, str]) -> None:
-        """Raise `BatchFault` unless the workers see these files and folders (absolute path: digest, see `stamp.state_of`) and have the
-        same versions installed."""
+        """Raise `BatchFault` unless the workers see these files and folders (absolute path: digest, see `up_to_date.state_of`) and have
+        the same versions installed."""
 
     @abstractmethod
     def fault(self) -> BatchFault | None:

@@ -172,7 +172,7 @@ class Traced(Recorded):
         if not isinstance(other, (int, float, Traced)):
             return False
         if self.tape.writing and isinstance(other, int):
-            return False  # whether it is written with a point: see `emit.xml.number`
+            return False  # whether it is written with a point: see `targets.xml_writer.number`
         return bool(_compared("==", self, other))
 
     def __ne__(self, other: object) -> bool:
@@ -218,7 +218,7 @@ def _compared(operation: str, left: Traced, right: Number) -> Any:
     if not isinstance(right, (int, float, Traced)):
         return NotImplemented
     if left.tape.writing and operation == "<" and type(right) is float and right == 1e16:
-        return bool(left.value < right)  # how it is written: see `emit.xml.number`
+        return bool(left.value < right)  # how it is written: see `targets.xml_writer.number`
     return left.tape.guard(operation, (left, right), bool(OPERATIONS[operation](value_of(left), value_of(right))))
 
 

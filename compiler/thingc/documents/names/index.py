@@ -1,6 +1,6 @@
 """One index of the names of a workspace's documents and parts: where each is declared, and every place that uses it.
 
-What a text means is said by the types of the models' fields (`spec.mentions`); here it is looked up, in documents as they are written: a
+The types of the models' fields state what a text means (`occurrences.py`); here it is looked up, in documents as they are written: a
 name is found in one with faults elsewhere, too. Nothing is compiled.
 """
 
@@ -27,7 +27,7 @@ Role = Literal["declared", "used", "fits"]
 
 @dataclass(frozen=True, slots=True)
 class Name:
-    """Something that has a name. `what` is the word of `spec.named`, or `document`, `part`, `part mount`, `part parameter`; `file` the
+    """Something that has a name. `what` is a word of `name_types.py`, or `document`, `part`, `part mount`, `part parameter`; `file` the
     absolute path of the document or module that declares it (empty: nobody that is seen); `owner` what it belongs to there
     (`components.leg`, a class)."""
 

@@ -1,4 +1,4 @@
-"""Every text of a document that declares a name or names something, by the types of its model's fields (`spec.named`)."""
+"""Every text of a document that declares a name or names something, by the types of its model's fields (`spec/name_types.py`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The `tests:` block of an `assembly/1` document: what has to be true of the robot, by name. Kinds are those of `checks`."""
+"""The `tests:` block of an `assembly/1` document: what has to be true of the robot, by name. Kinds are those of `documents/checks/`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Documents against their models. What is said of those that are wrong is in `faults`, which is loaded for them alone."""
+"""Validate documents against their models. `validation_errors.py` explains errors and is imported only if there are some."""
 
 from __future__ import annotations
 

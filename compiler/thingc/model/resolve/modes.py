@@ -1,4 +1,4 @@
-"""Modes: `extends` merged, names worked out, numbers in SI. Which link a root means is `graph`'s business."""
+"""Modes: `extends` merged, names worked out, numbers in SI. `model/assembly/modes.py` finds the link of a root."""
 
 from __future__ import annotations
 

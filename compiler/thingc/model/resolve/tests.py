@@ -1,4 +1,4 @@
-"""Tests of documents: names, units and ranges worked out. What mounts of parts they name is `graph`'s business."""
+"""Tests of documents: names, units and ranges worked out. `model/assembly/tests.py` finds the mounts of parts."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ loops' closing conditions and N a basis of what they leave free, the efforts t o
     N' (Q + S t) = 0
 
 A tree has no C: every coordinate is balanced by the drives on it, in closed form. Loops, holds and feet on the floor share the load by
-least squares (`statics/load_sharing.py`, which alone needs numpy). Dry friction in joints holds nothing.
+least squares (`load_sharing.py`, which alone needs numpy). Dry friction in joints holds nothing.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""The hierarchical assembly graph as text and as a picture. `target.py` is what a build asks."""
+"""The hierarchical assembly graph as text and as a picture. `emit.py` is the target."""

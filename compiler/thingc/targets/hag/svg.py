@@ -1,4 +1,4 @@
-"""The hierarchical assembly graph as a picture: an SVG document that needs nothing else, laid out by `drawing`."""
+"""The hierarchical assembly graph as a picture: an SVG document that needs nothing else, laid out by `layered_layout.py`."""
 
 from __future__ import annotations
 

@@ -23,8 +23,8 @@ from thingc.targets.mjcf.limits import is_shell
 from thingc.targets.xml_writer import Element
 
 MODEL, MESH, START = "mujoco-model", "mujoco-mesh", "mujoco-start"
-"""Kinds of documents in the store: a model, a mesh that a version of MuJoCo compiled without a word, a first instant (`start.py`) in
-which everything was in order."""
+"""Kinds of documents in the store: a model, a mesh that a version of MuJoCo compiled without a word, a first instant
+(`initial_state_checks.py`) in which everything was in order."""
 
 HARMLESS = frozenset({"condim", "friction", "gap", "group", "margin", "priority", "rgba", "solimp", "solmix", "solref"})
 """Attributes of a geom that change nothing of what MuJoCo makes of its mesh."""

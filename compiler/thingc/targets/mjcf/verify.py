@@ -60,10 +60,10 @@ def check(
     candidates: Sequence[Candidate], geometry: Geometry, store: Store, report: Report, memo: Memo, *, starts: bool = True,
 ) -> None:
     """Compile every candidate's scene, and with it the model in it; errors and warnings go to `report` at their origin. With `starts`
-    the first instant of each is looked at, too (`start.py`); of several that start alike, that of the first.
+    the first instant of each is looked at, too (`initial_state_checks.py`); of several that start alike, that of the first.
 
-    What MuJoCo has accepted before, it is not asked again (`known.py`): nor is one of several that start alike compiled where the first of
-    them is accepted, and what it has of its own (names, limits, colours, gravity) was when it was compiled last in this session.
+    Models that MuJoCo has accepted before are not compiled again (`accepted_models.py`): nor is one of several that start alike where the
+    first of them is accepted, and what it has of its own (names, limits, colours, gravity) was when it was compiled last in this session.
     """
     known = AcceptedModels(store, mujoco_version(), geometry.meshes)
     waiting = [candidate for candidate in candidates if not known.model(candidate.texts, started=starts)]

@@ -128,7 +128,7 @@ class Analysis:
 
     @property
     def facts(self) -> DocumentFacts:
-        """What the schemas of editors know of it (`editor`): its names, those of its wrong lines as well."""
+        """What the schemas of editors contain of it (`tools/schemas/`): its names, including those of wrong lines."""
         if "facts" not in self._kept:
             tree = self.tree
             self._kept["facts"] = DocumentFacts() if tree is None else facts_of(tree, self.model, self.records, self.schemas, {})

@@ -1,7 +1,7 @@
 """What may be typed where the cursor stands: keys, names, words, mounts of a component, units, and what an expression may use.
 
-Most of it is said by the schema of the document (`editor`), walked along the path of the cursor; the rest needs the robot: frames of
-mounts, units that fit, the numbered items of a `repeat`.
+Most of it comes from the schema of the document (`tools/schemas/`), walked along the path of the cursor. The rest needs the robot: frames
+of mounts, units that fit, the numbered items of a `repeat`.
 """
 
 from __future__ import annotations
