@@ -456,6 +456,21 @@ def test_the_recipe_of_a_target_writes_a_file(tmp_path: Path) -> None:
     assert lines[0] == "link,mass" and len(lines) == len(robot.links) + 2
 
 
+def test_the_recipe_of_a_quick_fix_gives_a_fix() -> None:
+    from thingc.base.diagnostics import Code
+    from thingc.base.source import Span
+    from thingc.base.suggestions import Suggestion
+
+    (words,) = re.findall(r"``help=(Suggestion\(.+\))``", CONTRIBUTING.read_text())
+    report = Report()
+    report.add(
+        Code.BAD_QUANTITY, "a decimal comma", Span(file="/a.yaml", line=1, column=1, end_line=1, end_column=7),
+        help=eval(words, {"Suggestion": Suggestion}),
+    )
+    (fix,) = report.diagnostics[0].fixes
+    assert (fix.written, fix.replacement) == ("1,5 mm", "1.5 mm")
+
+
 def test_files_that_contributing_names_are_there() -> None:
     named = re.findall(r"`((?:compiler|tests|docs|parts|schemas)/[\w./]*)", CONTRIBUTING.read_text())
     assert len(named) > 15
