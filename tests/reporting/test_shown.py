@@ -19,7 +19,7 @@ from reporting.test_sarif import checked
 from thingc.base.diagnostic_output import as_json, as_text
 from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
 from thingc.base.safe_text import LONGEST, LONGEST_QUOTE, escape_control, json_text, shortened
-from thingc.driver.testing.junit import as_junit
+from thingc.driver.testing.results import as_junit
 from thingc.tools.reporting.github import as_github
 from thingc.tools.reporting.sarif import as_sarif
 

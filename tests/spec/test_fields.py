@@ -13,12 +13,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from thingc.base.units import ANGLE, LENGTH, LENGTH_PER_ANGLE, Quantity
 from thingc.documents.expressions.terms import Expression
-from thingc.documents.spec import fields, raw_fields
+from thingc.documents.spec import assembly, fields
 from thingc.documents.spec.colors import COLORS
 
 
 def value(name: str, raw: Any) -> Any:
-    kind = raw_fields.RawField if name == "RawField" else getattr(fields, name)
+    kind = assembly.RawField if name == "RawField" else getattr(fields, name)
     return TypeAdapter(kind).validate_python(raw, strict=True)
 
 

@@ -22,7 +22,7 @@ from thingc.batch.adopt_variant import find_variant
 from thingc.batch.build_records import in_order
 from thingc.batch.journal import Journal
 from thingc.batch.packed_layout import Chunk, seal
-from thingc.batch.showing import show_again
+from thingc.batch.page import show_again
 from thingc.driver.environment import Options
 from thingc.tools.cli.main import main
 from variants.families import BOARDS, SOME, arrays

@@ -19,7 +19,7 @@ from scipy.stats import qmc
 from thingc.base.diagnostics import Code
 from thingc.base.units import ANGLE, FREQUENCY, INERTIA, LENGTH, MASS, NUMBER, TORQUE, Dimension, Quantity, parse_quantity
 from thingc.batch import Plan, PlanError, batch_json, folder_layout, plan
-from thingc.batch.sampling import points
+from thingc.batch.planning import points
 from thingc.batch.values import spaced
 from thingc.documents.expressions.value_text import text_of
 from thingc.driver.environment import Options

@@ -9,8 +9,7 @@ from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.frozen import dataclass
 from thingc.base.source import Document, Path, ScalarNode, dotted, node_at
 from thingc.base.units import NUMBER, Quantity, shortened
-from thingc.batch.by_path import Paths, as_value, of_kind
-from thingc.batch.values import is_whole, spaced, spaced_si
+from thingc.batch.values import Paths, as_value, is_whole, of_kind, spaced, spaced_si
 from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, plain, words_of
 from thingc.documents.expressions.terms import Expression
 from thingc.documents.expressions.value_text import text_of

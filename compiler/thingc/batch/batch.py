@@ -43,12 +43,11 @@ from thingc.batch.folder import (
 from thingc.batch.job import STOPPED, Row, Task
 from thingc.batch.journal import Journal, Line
 from thingc.batch.packed_layout import PackedWriter, sealed_path
-from thingc.batch.page import write_page
+from thingc.batch.page import parameter_columns, show, write_page
 from thingc.batch.pictures import OnPicture, usual
 from thingc.batch.planning import Plan, Variant
 from thingc.batch.progress import Interrupted, OnProgress, Progress, Summary
 from thingc.batch.run_options import RunOptions, check, check_engine, planned
-from thingc.batch.showing import parameter_columns, show
 from thingc.batch.tables import Column, columns, write_tables
 from thingc.driver.environment import Options, store_of
 from thingc.targets.artifact import HOW

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import shown_path
 from thingc.base.one_line_repr import counted
-from thingc.batch.arguments import is_whole
 from thingc.batch.results import BatchResults, BuiltVariant, FamilyError, load
+from thingc.batch.run_options import is_whole
 
 if TYPE_CHECKING:
     import mujoco

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from thingc.base.diagnostics import Code, Diagnostic, Note, Report, Severity
 from thingc.base.source import SET, Document, Path, ScalarNode, closest, dotted, node_at
-from thingc.batch import by_path
+from thingc.batch import values
 from thingc.batch.axes import MOST_VALUES, Axis, AxisParser
 from thingc.batch.planning import OUTSIDE, Plan, PlanError, Setting, moved
 from thingc.batch.requested_outputs import check_margin, check_names, moving_joints, targets_of
@@ -92,7 +92,7 @@ class _Planner:
             return None
         declared = AssemblyParameters(self.sources.documents, self.sources.specs, self.workspace)
         own = declared.values
-        paths = by_path.read(self.spec, self.sources.documents, own)
+        paths = values.read(self.spec, self.sources.documents, own)
         reader = AxisParser(self.document, declared, self.report, paths, self.fits)
         axes, parameters = self.parameters(reader)
         choice_axes, choices = self.choices(root.relative)

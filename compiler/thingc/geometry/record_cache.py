@@ -3,20 +3,54 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+import hashlib
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from thingc.geometry.key.build_key import BuildKey, record_key
 from thingc.geometry.key.module_key import CodeIngredients
-from thingc.geometry.key.outline import executed_functions, is_unchanged, outlined
 from thingc.geometry.key.part_code import PartCode
 from thingc.geometry.key.result_cache import CANDIDATES, CachedResult, Results
-from thingc.geometry.record import PartDefinition
-from thingc.geometry.record_json import blobs_of
+from thingc.geometry.record import PartDefinition, PartFailure, PartRecord
+from thingc.geometry.record_json import blobs_of, mesh_from_json
 from thingc.geometry.store.local import Store, StoreUnusable
+from thingc.geometry.store.slice_cache import Records, Run
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
+
+Ran = Mapping[str, Sequence[int] | None]
+"""By module's label, the numbers of the functions that ran; None for all."""
+
+
+def outlined(code: CodeIngredients) -> CodeIngredients:
+    """The code without the bodies of its functions."""
+    return replace(code, ingredients={one.label: f"{one.facts.outline} {one.path}" for one in code.sources.values()})
+
+
+def executed_functions(code: CodeIngredients, ran: Mapping[str, Sequence[int] | None]) -> dict[str, Any] | None:
+    """What is kept of the functions that ran, by file: their numbers by module, and their digest; None where they do not tell."""
+    labelled = {code.sources[file].label: numbers for file, numbers in ran.items() if file in code.sources}
+    digest = _digest(code, labelled)
+    return None if digest is None or len(labelled) < len(ran) else {"ran": labelled, "digest": digest}
+
+
+def is_unchanged(code: CodeIngredients, kept: Mapping[str, Any]) -> bool:
+    """Whether everything that ran then is the same in this code."""
+    digest: str = kept["digest"]
+    return _digest(code, kept["ran"]) == digest
+
+
+def _digest(code: CodeIngredients, ran: Ran) -> str | None:
+    facts = {one.label: one.facts for one in code.sources.values()}
+    digest = hashlib.sha256()
+    for label, numbers in sorted(ran.items()):
+        if label not in facts or numbers and numbers[-1] >= len(facts[label].bodies):
+            return None
+        texts = [facts[label].syntax] if numbers is None else [facts[label].bodies[number] for number in numbers]
+        digest.update(f"{label} {numbers} {texts}\n".encode())
+    return digest.hexdigest()
 
 
 class KeptRecords:
@@ -63,3 +97,43 @@ class KeptRecords:
 
     def _whole(self, value: Any) -> bool:
         return "failure" in value or all(self._store.has(sha256, size) for sha256, size in blobs_of(value["record"]))
+
+
+class ConvexAnswers:
+    """Pieces by mesh, kept in a store. `versions` are those of everything that makes them."""
+
+    def __init__(self, store: Store, versions: Callable[[], Mapping[str, str]]) -> None:
+        self._store = store
+        self._versions = versions
+
+    def add(
+        self, records: Records, convex: Collection[str], run: Run, timeout: float, broken: Callable[[str, dict[str, Any]], PartFailure],
+    ) -> None:
+        """Give their pieces to `records` for the texts in `convex`. `run` asks the workers, `broken` puts an answer that failed
+        into words."""
+        wanted: dict[str, list[str]] = {}
+        for text in sorted(convex):
+            record = records.get(text)
+            if isinstance(record, PartRecord) and record.simulated is not None:
+                wanted.setdefault(record.simulated.sha256, []).append(text)
+        version = "".join(self._versions().values()) if wanted else ""
+        pieces: dict[str, Any] = {}
+        requests = []
+        for mesh in wanted:
+            kept = self._store.get_json("convex", f"{version} {mesh}")
+            if kept is not None and all(self._store.has(piece[0], piece[1]) for piece in kept):
+                pieces[mesh] = kept
+            else:
+                requests.append({"op": "decompose", "mesh": mesh, "store": self._store.root, "timeout": timeout})
+        for request, answer in run(requests, "decomposing"):
+            if "failed" in answer:
+                for text in wanted[request["mesh"]]:
+                    records[text] = broken(text, answer)
+                continue
+            pieces[request["mesh"]] = answer["answer"]["pieces"]
+            self._store.put_json("convex", f"{version} {request['mesh']}", pieces[request["mesh"]])
+        for mesh, made in pieces.items():
+            for text in wanted[mesh]:
+                record = records[text]
+                if isinstance(record, PartRecord):
+                    records[text] = replace(record, convex=tuple(mesh_from_json(piece) for piece in made))

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.base.frozen import dataclass
 from thingc.geometry.build_reasons import BuildReason, RecentRecords, unchanged, why
-from thingc.geometry.convex_piece_cache import ConvexAnswers
 from thingc.geometry.key.build_key import BuildKey, schema_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.modules import Module
@@ -24,7 +23,7 @@ from thingc.geometry.lock.reader import LockFallback
 from thingc.geometry.part_requests import Likely, PartRequest, PartRequests
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import AssemblyFailed, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
-from thingc.geometry.record_cache import KeptRecords
+from thingc.geometry.record_cache import ConvexAnswers, KeptRecords
 from thingc.geometry.record_json import failure_from_json, record_from_json, schema_from_json, with_left
 from thingc.geometry.store.build_locks import BuildLocks
 from thingc.geometry.store.local import Store, StoreUnusable

@@ -19,10 +19,9 @@ from __future__ import annotations
 
 from thingc.modes.errors import BaseElsewhere, BaseMoves, ModesError, UnknownMode, WrongData
 from thingc.modes.impact import Impact, caught
-from thingc.modes.inertias import Inertias
 from thingc.modes.robot import Modes, SwitchResult
 from thingc.modes.state import RobotState
-from thingc.modes.tree import Cut, Hold, Joint, Link, Mimic, Mode
+from thingc.modes.tree import Cut, Hold, Inertias, Joint, Link, Mimic, Mode
 
 __all__ = [
     "BaseElsewhere",

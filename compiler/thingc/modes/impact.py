@@ -10,9 +10,8 @@ import numpy as np
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.modes.cut_joints import coordinates, freedoms, usual
 from thingc.modes.frames import Array, cross_matrix, inverse
-from thingc.modes.inertias import Inertias
 from thingc.modes.state import RobotState
-from thingc.modes.tree import Cut, Hold, Mode
+from thingc.modes.tree import Cut, Hold, Inertias, Mode
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -12,10 +12,9 @@ import numpy as np
 
 from thingc.modes.errors import WrongData
 from thingc.modes.frames import Array, pose, quaternion_of, rotation_of
-from thingc.modes.inertias import Inertias
 from thingc.modes.placements import find_displaced
 from thingc.modes.state import RobotState
-from thingc.modes.tree import Mode
+from thingc.modes.tree import Inertias, Mode
 
 FREE = 0
 """MuJoCo's number of free joints."""

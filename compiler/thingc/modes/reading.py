@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from thingc.modes.balls import Ball
 from thingc.modes.errors import ModesError
 from thingc.modes.frames import Array, inverse
 from thingc.modes.partial_bases import PartBase
-from thingc.modes.tree import Cut, Hold, Joint, Link, Mimic, Mode
+from thingc.modes.tree import Ball, Cut, Hold, Joint, Link, Mimic, Mode
 
 FILE = "modes.json"
 VERSION = 2

@@ -17,10 +17,9 @@ from thingc.modes.cut_joints import coordinates, freedoms, usual
 from thingc.modes.errors import BaseElsewhere, BaseMoves, ModesError, UnknownMode
 from thingc.modes.frames import Array, angle_between, inverse, pose
 from thingc.modes.impact import Impact, at_point, caught
-from thingc.modes.inertias import Inertias
 from thingc.modes.partial_bases import PartBase
 from thingc.modes.state import RobotState
-from thingc.modes.tree import Cut, Mode
+from thingc.modes.tree import Cut, Inertias, Mode
 
 OnMotion = Literal["raise", "drop", "impact"]
 CHOICES: tuple[OnMotion, ...] = get_args(OnMotion)

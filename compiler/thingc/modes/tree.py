@@ -11,12 +11,68 @@ from numpy.typing import ArrayLike
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.suggestions import did_you_mean
 from thingc.base.summing import sum_of
-from thingc.modes.balls import Ball
 from thingc.modes.errors import ModesError
-from thingc.modes.frames import Array, cross_matrix, exponential, pose, quaternion_of
-from thingc.modes.inertias import Inertias
+from thingc.modes.frames import Array, cross_matrix, exponential, pose, quaternion_of, rotation_of, rotation_vector, turned
 from thingc.modes.partial_bases import PartBase
 from thingc.modes.state import RobotState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ball(OneLineRepr):
+    """A ball of a mode's tree: its `name` in the model, its three `coordinates` in the document's order, whether the tree crosses it
+    backwards (`reversed`), and `R` (3, 3), which takes its q to MuJoCo's."""
+
+    name: str
+    coordinates: tuple[str, ...]
+    reversed: bool
+    R: Array
+
+    def vector(self, values: Mapping[str, float]) -> Array:
+        """(3,): its own of the values of all coordinates."""
+        return np.array([values[name] for name in self.coordinates])
+
+    def step(self, coordinate: str, q: Mapping[str, float]) -> Array:
+        """The turn (3, 3) across the joint in the tree, which the first of its coordinates makes; the others make none."""
+        if coordinate != self.coordinates[0]:
+            return np.eye(3)
+        turn = rotation(self.vector(q))
+        return turn.T if self.reversed else turn
+
+    def qpos(self, q: Mapping[str, float]) -> Array:
+        """(4,): MuJoCo's quaternion."""
+        return quaternion_of(rotation(self.R @ self.vector(q)))
+
+    def qvel(self, q: Mapping[str, float], v: Mapping[str, float]) -> Array:
+        """(3,): MuJoCo's velocity."""
+        spin = self.vector(v)
+        qvel: Array = self.R @ (rotation(self.vector(q)) @ spin if self.reversed else spin)
+        return qvel
+
+    def read(self, qpos: Array, qvel: Array) -> tuple[dict[str, float], dict[str, float]]:
+        """(q, v) by coordinate of what MuJoCo has; q is no longer than pi."""
+        r = self.R.T @ rotation_vector(rotation_of(qpos))
+        spin = self.R.T @ np.asarray(qvel)
+        if self.reversed:
+            spin = rotation(r).T @ spin
+        q, v = (dict(zip(self.coordinates, map(float, one), strict=True)) for one in (r, spin))
+        return q, v
+
+
+def rotation(vector: Array) -> Array:
+    """The matrix (3, 3) of a rotation vector (3,)."""
+    angle = float(np.linalg.norm(vector))
+    return np.eye(3) if angle == 0.0 else turned(vector / angle, angle)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Inertias(OneLineRepr):
+    """Of n links: `mass` (n,) [kg], `centre` (n, 3) [m] in the link's frame, `inertia` (n, 3, 3) [kg m^2] about the centre in
+    the link's axes. Of its m joints: `armature` (m,) [kg m^2, of a slide kg], the inertia of what turns behind the gears."""
+
+    mass: Array
+    centre: Array
+    inertia: Array
+    armature: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -11,7 +11,6 @@ from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.source import ScalarNode, node_at
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import Quantity
-from thingc.batch.arguments import at_least, is_whole
 from thingc.batch.families.batching import Batches, batched
 from thingc.batch.families.evaluation import Evaluation
 from thingc.batch.families.model_template import ModelTemplate
@@ -22,6 +21,7 @@ from thingc.batch.planning import Variant
 from thingc.batch.plans.build_templates import Builds
 from thingc.batch.plans.numeric_plan import PlanCache
 from thingc.batch.results import FamilyError
+from thingc.batch.run_options import at_least, is_whole
 from thingc.batch.values import unit_in
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, plain
 from thingc.documents.expressions.terms import Expression, ExpressionError

@@ -10,9 +10,9 @@ import numpy as np
 
 from thingc.base.frozen import dataclass
 from thingc.base.suggestions import did_you_mean
-from thingc.batch.arguments import at_least, is_number
 from thingc.batch.gym.rewards import TASKS, Array, Reward, StepInfo, Terminated
 from thingc.batch.results import FamilyError, UnknownVariant
+from thingc.batch.run_options import at_least, is_number
 
 if TYPE_CHECKING:
     import mujoco

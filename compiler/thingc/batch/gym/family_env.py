@@ -22,14 +22,13 @@ import numpy as np
 
 from thingc.base.frozen import dataclass
 from thingc.base.suggestions import did_you_mean
-from thingc.batch.arguments import as_names, at_least
-from thingc.batch.families.descriptors import Descriptor
 from thingc.batch.families.family import RobotFamily, as_many
 from thingc.batch.families.family import family as family_of
 from thingc.batch.families.results import NoModel
 from thingc.batch.gym.episode import Episode, EpisodeRules, SimulationStep, as_actions, known_options, rules, spans_of
-from thingc.batch.gym.rewards import Array, Reward, StepInfo, Terminated
+from thingc.batch.gym.rewards import Array, Descriptor, Reward, StepInfo, Terminated
 from thingc.batch.results import FamilyError, UnknownVariant
+from thingc.batch.run_options import as_names, at_least
 
 try:
     import gymnasium

@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.batch.arguments import as_names, at_least
 from thingc.batch.gym.episode import Episode, EpisodeRules, SimulationStep, as_actions, known_options, rules, spans_of
 from thingc.batch.gym.rewards import TASKS, Array, Reward, StepInfo, Terminated
 from thingc.batch.results import BatchResults, BuiltVariant, FamilyError, Sizes, load
+from thingc.batch.run_options import as_names, at_least
 
 try:
     import gymnasium

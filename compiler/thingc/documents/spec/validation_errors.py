@@ -24,8 +24,8 @@ from thingc.documents.spec.annotation_types import FieldType, branch_of, model_k
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import decimal_point
 from thingc.documents.spec.invalid_entries import InvalidEntries
-from thingc.documents.spec.misplaced import gathered
 from thingc.documents.spec.pruning import ROUNDS, Fault, prune, take_out
+from thingc.documents.spec.unknown_keys import gathered
 from thingc.documents.spec.validation_messages import KINDS, MAX_FAULTS, dotted, say
 
 

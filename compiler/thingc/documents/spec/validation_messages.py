@@ -17,10 +17,10 @@ from thingc.documents.spec.annotation_types import FieldType, alternatives, mode
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import found, read_value
 from thingc.documents.spec.foreign_keywords import choice_hint, written_whole
-from thingc.documents.spec.joint_values import dimension_at
-from thingc.documents.spec.misplaced import message_of as misplaced
 from thingc.documents.spec.pruning import MISPLACED, Fault
+from thingc.documents.spec.settable_values import dimension_at
 from thingc.documents.spec.unknown_keys import UnknownKey
+from thingc.documents.spec.unknown_keys import message_of as misplaced
 
 MAX_FAULTS = 200
 """Faults said of one document."""

@@ -12,8 +12,7 @@ from thingc.base.inertia import MassProperties
 from thingc.base.memo import Memo
 from thingc.base.source import Origin
 from thingc.geometry.mesh_bounds import BadMesh
-from thingc.geometry.meshes.files import MeshFile
-from thingc.geometry.meshes.record import MeshPiece, MeshRecord
+from thingc.geometry.meshes.files import MeshFile, MeshPiece, MeshRecord
 from thingc.geometry.record_json import matrix_from_json, mesh_from_json, mesh_to_json, vector_from_json
 from thingc.geometry.store.local import Store
 

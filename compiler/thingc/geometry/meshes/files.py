@@ -7,9 +7,11 @@ import os
 from collections.abc import Callable
 
 from thingc.base.frozen import dataclass
+from thingc.base.inertia import MassProperties
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Vector
 from thingc.documents.load.paths import libraries
+from thingc.geometry.record import Mesh
 from thingc.geometry.store.file_digests import digest_of
 
 
@@ -52,3 +54,24 @@ def mesh_file(absolute: str, path: str, scale: Vector, digest: Callable[[str], s
         path=path, sha256=digest(absolute), scale=scale, folder=folder,
         beside=tuple((name, digest(place)) for name, place in beside if os.path.isfile(place)),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeshPiece(OneLineRepr):
+    """The triangles of one colour (`#rrggbb`, `#rrggbbaa`; None: the file says none)."""
+
+    mesh: Mesh
+    color: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeshRecord(OneLineRepr):
+    """A mesh file [m], mirrored and turned as its scale, unit and up axis say. `mesh` is all of it, in the store as OBJ; `pieces` what is
+    drawn, by colour. `matter` is what it holds at density 1: volume [m^3], centre, inertia [m^5]; None of a surface that is open. `box` are
+    two corners. `own` are the bytes of the file, in the store, where MuJoCo reads them as they are."""
+
+    mesh: Mesh
+    pieces: tuple[MeshPiece, ...]
+    matter: MassProperties | None
+    box: tuple[Vector, Vector]
+    own: tuple[str, int] | None

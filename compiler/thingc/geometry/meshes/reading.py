@@ -16,8 +16,7 @@ import trimesh
 from thingc.base.inertia import MassProperties, symmetric
 from thingc.base.primitives import FARTHEST
 from thingc.geometry.mesh_bounds import LARGEST, BadMesh, damaged, is_text, read_bounded, refuse_beyond
-from thingc.geometry.meshes.files import MeshFile
-from thingc.geometry.meshes.record import MeshPiece, MeshRecord
+from thingc.geometry.meshes.files import MeshFile, MeshPiece, MeshRecord
 from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
 

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 from thingc.base.inertia import MassProperties, total
 from thingc.base.pose import Vector
-from thingc.geometry.meshes.files import MeshFile
-from thingc.geometry.meshes.record import MeshRecord
+from thingc.geometry.meshes.files import MeshFile, MeshRecord
 from thingc.model.assembly.mass import NOTHING, MassResult, is_fully_stated, weigh_link
 from thingc.model.assembly.types import Listed, Surface
 from thingc.model.resolve.link_definition import LinkDefinition, LinkShape

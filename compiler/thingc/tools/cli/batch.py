@@ -190,7 +190,7 @@ def _draw(done: int, count: int) -> None:
 
 
 def _page(arguments: argparse.Namespace, options: Options) -> int:
-    from thingc.batch.showing import show_again
+    from thingc.batch.page import show_again
 
     path, warning = show_again(
         arguments.document, output=arguments.output, pictures=arguments.pictures, jobs=options.jobs, options=options,

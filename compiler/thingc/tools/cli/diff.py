@@ -165,7 +165,7 @@ def _apart(work: Callable[[DocumentPair], Comparison | BrokenSide], seconds: flo
     """A document compared in a bounded process of its own."""
     from thingc.tools.cli.sandboxed_check import confined
     from thingc.tools.diff.checkouts import BrokenSide
-    from thingc.tools.diff.packing import pack, unpack
+    from thingc.tools.diff.results import pack, unpack
 
     answer = confined(lambda: pack(work(both)), seconds)
     if isinstance(answer, Diagnostic):

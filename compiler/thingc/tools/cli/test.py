@@ -113,7 +113,7 @@ def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], d
         console.print_json(diagnostics, tests=[_data(result) for result in results])
         return
     if arguments.format == "junit":
-        from thingc.driver.testing.junit import as_junit
+        from thingc.driver.testing.results import as_junit
 
         console.hand_on(as_junit(name, results, _beside(results, diagnostics)))
         return

@@ -8,9 +8,9 @@ from dataclasses import replace
 from thingc.base.pose import Pose
 from thingc.base.source import line_of
 from thingc.geometry.record import PartDefinition, PartRecord
-from thingc.model.assembly.types import Assembly, Mate, Occurrence
+from thingc.model.assembly.types import Assembly, LinkedSensor, Mate, Occurrence, TendonStep
 from thingc.targets.bom import with_pieces
-from thingc.tools.diff.snapshot import Edge, LinkOf, OccurrenceSnapshot, PartShape, Row
+from thingc.tools.diff.snapshot import Edge, Fact, LinkOf, Named, OccurrenceSnapshot, PartShape, Row, Value
 
 
 def edges_of(assembly: Assembly) -> Iterator[Edge]:
@@ -95,3 +95,42 @@ def rows_of(assembly: Assembly) -> Iterator[Row]:
             definition=row.definition, number=row.number, quantity=row.quantity, make=row.make, material=row.material,
             members=tuple(occurrence.path for occurrence in pieces), stem=stem,
         )
+
+
+def sensor_values(assembly: Assembly, sensor: LinkedSensor) -> Iterator[tuple[tuple[str, ...], Value]]:
+    """By its keys what a sensor is, where it sits, and what of it is stated (None: not)."""
+    yield ("type",), sensor.kind
+    for key, mount in (("at", sensor.at), ("in", sensor.seen_from)):
+        if mount is not None:
+            yield (key,), Named(what="component", path=assembly.occurrences[mount.occurrence].path, mount=mount.mount)
+    yield ("fovy",), sensor.fovy
+    yield ("joint",), None if sensor.joint is None else Named(what="joint", path=sensor.joint)
+    yield ("tendon",), sensor.tendon
+    for key, link in zip(("of", "with"), sensor.touching, strict=False):
+        yield (key,), Named(what="component", path=assembly.occurrences[assembly.links[link].frame].path)
+    if sensor.volume is not None:
+        yield ("volume", sensor.volume.shape), sensor.volume.size
+    for reading in dict.fromkeys((*sensor.noise, *sensor.cutoff)):
+        yield ("noise", reading), sensor.noise.get(reading)
+        yield ("cutoff", reading), sensor.cutoff.get(reading)
+
+
+def tendon_facts(assembly: Assembly) -> dict[str, Fact]:
+    """By key (`tendons.grip.dynamics.stiffness`): the factors of its joints, its limits, dynamics and drive, as far as they are stated."""
+    facts: dict[str, Fact] = {}
+    for one in assembly.tendons:
+        values: dict[str, Value] = {f"joints.{path}": factor for path, factor in one.moves.items()}
+        values |= {f"path.{place}": _words(step) for place, step in enumerate(one.steps)} | {"width": one.width}
+        values |= {f"limit.{key}": getattr(one.limit, key) for key in ("lower", "upper")}
+        values |= {f"dynamics.{key}": getattr(one.dynamics, key) for key in ("damping", "friction", "armature", "stiffness", "rest")}
+        values |= {f"drive.{key}": getattr(one.actuator, key, None) for key in ("kind", "kp", "kv", "effort", "velocity")}
+        facts |= {f"tendons.{one.path}.{key}": Fact(value=value, span=one.origin[0]) for key, value in values.items() if value is not None}
+    return facts
+
+
+def _words(step: TendonStep) -> Value:
+    """What a step of a path is, in a few words and numbers."""
+    if step.divisor is not None:
+        return step.divisor
+    mounts = tuple(mount.path.replace("/", ".") for mount in (step.mount, step.side) if mount is not None)
+    return mounts[0] if step.radius is None else (step.shape or "", step.radius, *mounts)

@@ -26,8 +26,7 @@ from thingc.model.resolve.types import (
     StatedValue,
 )
 from thingc.tools.diff.change import What
-from thingc.tools.diff.linked import edges_of, links_of, occurrences_of, rows_of
-from thingc.tools.diff.sensors import sensor_values
+from thingc.tools.diff.linked import edges_of, links_of, occurrences_of, rows_of, sensor_values, tendon_facts
 from thingc.tools.diff.snapshot import (
     ComponentNode,
     Fact,
@@ -38,7 +37,6 @@ from thingc.tools.diff.snapshot import (
     Value,
 )
 from thingc.tools.diff.source_locations import DocumentTrees
-from thingc.tools.diff.tendons import tendon_facts
 
 if TYPE_CHECKING:
     from thingc.driver.pipeline import Compilation

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -11,16 +12,16 @@ from dataclasses import replace
 from thingc.base.diagnostics import Code, Report
 from thingc.base.filesystem import beginning
 from thingc.base.frozen import dataclass
-from thingc.base.inertia import MassProperties
+from thingc.base.inertia import HEAVIEST, LARGEST_MOMENT, MassProperties
+from thingc.base.primitives import FARTHEST
 from thingc.base.safe_text import escape_control
 from thingc.base.suggestions import did_you_mean
+from thingc.tools.importing.document_names import plain_name
 from thingc.tools.importing.inertias import Repair, RepairedLink, repaired, warn_of_mirror_pairs
 from thingc.tools.importing.meshes import gathered, matter_of, warn_of_units
 from thingc.tools.importing.mjcf.reader import read_mjcf
-from thingc.tools.importing.naming import plain_name
 from thingc.tools.importing.packages import Packages
 from thingc.tools.importing.sdf import read_sdf
-from thingc.tools.importing.size_checks import refuse_endless
 from thingc.tools.importing.source_model import SourceLoss, SourceRobot
 from thingc.tools.importing.tree import warn_of_depth
 from thingc.tools.importing.update_import import RECORD, PreviousImport
@@ -28,6 +29,38 @@ from thingc.tools.importing.urdf import read_urdf
 from thingc.tools.importing.write_document import DocumentWriter, document_of
 from thingc.tools.importing.xacro import expanded
 from thingc.tools.importing.xml_source import MOST_BYTES, read_xml
+
+_METRES = "mind the unit: lengths are in metres"
+
+
+def refuse_endless(robot: SourceRobot, report: Report) -> None:
+    """Report what reaches too far or weighs too much, at its line, and weights that nobody can work out: finite numbers can have a product
+    that is none."""
+    for link in robot.links:
+        far = {shape.where: shape for shape in link.shapes if shape.kind != "mesh" and not max(map(abs, shape.size)) <= FARTHEST}
+        for where, shape in far.items():
+            message = f"this {shape.kind} measures {max(map(abs, shape.size)):.3g} m, and {FARTHEST:g} m at most are read"
+            report.add(Code.SOURCE_VALUE, message, where, help=_METRES)
+        if link.weight is None or far:
+            continue
+        of, where = link.weight.properties, link.weight.where
+        if not all(map(math.isfinite, (of.mass, *of.centre, *sum(of.inertia, ())))):
+            message = f"the weight of link `{link.name}` comes to numbers that are not finite"
+            report.add(Code.SOURCE_VALUE, message, where, help="mind the sizes and densities of its shapes")
+        elif of.mass > HEAVIEST:
+            message = f"link `{link.name}` weighs {of.mass:.3g} kg, and {HEAVIEST:g} kg at most are read"
+            report.add(Code.SOURCE_VALUE, message, where, help="mind the unit: masses are in kilograms")
+        elif (most := max(map(abs, sum(of.inertia, ())))) > LARGEST_MOMENT:
+            message = f"link `{link.name}` has a moment of inertia of {most:.3g} kg m^2, and {LARGEST_MOMENT:g} kg m^2 at most are read"
+            report.add(Code.SOURCE_VALUE, message, where, help="mind the units: they are kilograms and metres")
+        elif (most := max(map(abs, of.centre))) > FARTHEST:
+            message = f"the centre of mass of link `{link.name}` is {most:.3g} m off, and {FARTHEST:g} m at most are read"
+            report.add(Code.SOURCE_VALUE, message, where, help=_METRES)
+    for one in robot.hangings:
+        if (most := max(map(abs, one.pose.translation))) > FARTHEST:
+            message = f"link `{one.child}` is {most:.3g} m from the one that it hangs on, and {FARTHEST:g} m at most are read"
+            report.add(Code.SOURCE_VALUE, message, one.where, help=_METRES)
+
 
 ENDINGS = (".urdf", ".xml", ".sdf", ".xacro")
 

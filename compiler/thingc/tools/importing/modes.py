@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from thingc.base.pose import MATE, NO_POSE
 from thingc.base.sensor_kinds import SENSORS
 from thingc.base.units import ACCELERATION, ANGLE, ANGULAR_VELOCITY, FORCE, LENGTH, TORQUE, VELOCITY, Dimension
-from thingc.tools.importing.document_names import DocumentNaming
-from thingc.tools.importing.naming import distinct
+from thingc.tools.importing.document_names import DocumentNaming, distinct
 from thingc.tools.importing.quantities import TURNS, angle, length, pose_words, quantity, quaternion_words, shape_words, was
 from thingc.tools.importing.source_model import SOURCE_MODE, SourcePose, SourceSensor
 

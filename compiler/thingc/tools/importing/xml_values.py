@@ -11,7 +11,7 @@ from thingc.base.inertia import MassProperties, symmetric
 from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, placed, rotation_of, transpose
 from thingc.base.source import Span
 from thingc.base.summing import hypot
-from thingc.tools.importing.naming import plain_name
+from thingc.tools.importing.document_names import plain_name
 from thingc.tools.importing.source_model import ShapeKind, Sizes
 from thingc.tools.importing.xml_source import SourceElement
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 import difflib
 from typing import Any
 
-from thingc.tools.lsp.positions import TextLines
+from thingc.base.diagnostics import Report
+from thingc.documents.format.formatting import format_document
+from thingc.tools.lsp.analysis import Analysis
+from thingc.tools.lsp.positions import TextLines, TextPlace
 
 MOST_LINES = 3000
 """Lines between the first and the last that differ that are compared one by one; of more there is one edit."""
@@ -41,3 +44,9 @@ def _split(lines: TextLines) -> list[str]:
 def _start(lines: TextLines, number: int) -> int:
     """Where a line (from 0) begins; behind the last one the end of the text."""
     return lines.starts[number] if number < len(lines.starts) else len(lines.text)
+
+
+def formatted(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
+    """The edits that bring a document into canonical layout; None where it is not well-formed, or none of ours."""
+    after = format_document(analysis.path, text.encode(errors="surrogatepass"), Report()) if analysis.documents is not None else None
+    return None if after is None else edits(analysis.lines(), after.decode())

@@ -17,8 +17,7 @@ from thingc.documents.names.rename import RenameRefused, renamable, rename_edits
 from thingc.documents.names.workspace_index import WorkspaceIndex, index_workspace
 from thingc.documents.workspace import Workspace
 from thingc.tools.lsp.analysis import Analysis
-from thingc.tools.lsp.line_map import steady
-from thingc.tools.lsp.positions import TextLines, TextPlace
+from thingc.tools.lsp.positions import TextLines, TextPlace, steady
 
 _TEXT, _READ, _WRITE = 1, 2, 3
 _KINDS = {

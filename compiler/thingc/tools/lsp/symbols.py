@@ -11,8 +11,7 @@ from thingc.documents.expressions.terms import ExpressionError, words_in
 from thingc.documents.names.document_names import DocumentNames
 from thingc.documents.spec.name_types import RefersTo
 from thingc.tools.lsp.analysis import Analysis
-from thingc.tools.lsp.line_map import steady
-from thingc.tools.lsp.positions import TextPlace
+from thingc.tools.lsp.positions import TextPlace, steady
 
 TOKENS = ("parameter", "variable", "function", "number", "unit")
 """Of expressions: parameters, constants and the index of a repeat, functions, numbers, units. An editor is told `keyword` for a unit."""

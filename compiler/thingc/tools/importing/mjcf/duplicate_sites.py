@@ -12,7 +12,7 @@ from typing import Any
 
 from thingc.base.frozen import dataclass
 from thingc.base.pose import NO_POSE, Pose
-from thingc.tools.importing.naming import plain_name
+from thingc.tools.importing.document_names import plain_name
 from thingc.tools.importing.quantities import same_place
 
 SITE = 6
