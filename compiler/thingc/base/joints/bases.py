@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Literal, assert_never
 
-from thingc.base.joints import ball, planar
 from thingc.base.joints.kind import JointKind
+from thingc.base.joints.kinds import KINDS
 
 BaseType = Literal["fixed", "held", "free", "planar", "ball"]
 """What may be written after `base:` of a mode."""
@@ -14,10 +14,8 @@ BaseType = Literal["fixed", "held", "free", "planar", "ball"]
 def moving_as(base: BaseType) -> JointKind | None:
     """The joint kind as which a base moves; None where it stays, or floats, which is no joint of ours."""
     match base:
-        case "planar":
-            return planar.KIND
-        case "ball":
-            return ball.KIND
+        case "planar" | "ball":
+            return KINDS[base]
         case "fixed" | "held" | "free":
             return None
         case _:

@@ -1,4 +1,4 @@
-"""What a joint kind is: the small contract between one file per kind and the passes."""
+"""What a joint kind is: the contract between the table of kinds and the passes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from thingc.base.pose import Vector
 from thingc.base.units import Dimension
 
 JointType = Literal["fixed", "revolute", "continuous", "prismatic", "cylindrical", "universal", "ball", "planar", "screw"]
-"""What may be written after `type:` of a joint: the names of all kinds."""
+"""What may be written after `type:` of a joint: the names of all kinds (`kinds.KINDS`)."""
 
 Limits = Literal["required", "optional", "none", "cone"]
 """Whether `limit.lower` and `limit.upper` must, may or must not be written; or `limit.cone` may."""

@@ -1,45 +1,35 @@
-"""Joint kinds, one file each: how a joint moves, as a sequence of twists."""
+"""The joint kinds: how each moves, as a sequence of twists."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import assert_never, get_args
 
-from thingc.base.joints import ball, continuous, cylindrical, fixed, planar, prismatic, revolute, screw, universal
 from thingc.base.joints.kind import JointKind, JointType
+from thingc.base.joints.twist import Twist, X, Y, Z
 
-
-def kind_of(name: JointType) -> JointKind:
-    """The kind of this name."""
-    match name:
-        case "fixed":
-            return fixed.KIND
-        case "revolute":
-            return revolute.KIND
-        case "continuous":
-            return continuous.KIND
-        case "prismatic":
-            return prismatic.KIND
-        case "screw":
-            return screw.KIND
-        case "cylindrical":
-            return cylindrical.KIND
-        case "universal":
-            return universal.KIND
-        case "planar":
-            return planar.KIND
-        case "ball":
-            return ball.KIND
-        case _:
-            assert_never(name)
-
-
-KINDS: Mapping[str, JointKind] = {name: kind_of(name) for name in get_args(JointType)}
-"""Every kind, by the word written after `type:`."""
+KINDS: Mapping[str, JointKind] = {kind.name: kind for kind in (
+    # Two mounts mated permanently: the joint connects parts into one link.
+    JointKind(name="fixed", twists=(), limits="none"),
+    # A turn about the parent mount's z between two limits, or without end.
+    JointKind(name="revolute", twists=(Twist(angular=Z),), limits="required"),
+    JointKind(name="continuous", twists=(Twist(angular=Z),), limits="none"),
+    # A slide along the parent mount's z between two limits.
+    JointKind(name="prismatic", twists=(Twist(linear=Z),), limits="required"),
+    # A turn about the parent mount's z and an independent slide along it.
+    JointKind(name="cylindrical", twists=(Twist(angular=Z), Twist(linear=Z)), limits="optional"),
+    # A turn about the parent mount's x, then one about the y axis that it has turned.
+    JointKind(name="universal", twists=(Twist(angular=X), Twist(angular=Y)), limits="optional"),
+    # Any turn about the parent mount's origin. q is a rotation vector: the axis times the angle.
+    JointKind(name="ball", twists=(Twist(angular=X), Twist(angular=Y), Twist(angular=Z)), limits="cone", at_once=True),
+    # Slides along the parent mount's x and y, then a turn about z.
+    JointKind(name="planar", twists=(Twist(linear=X), Twist(linear=Y), Twist(angular=Z)), limits="optional"),
+    # A turn about the parent mount's z that also slides along it by `lead` in every turn. q is the turn.
+    JointKind(name="screw", twists=(Twist(angular=Z),), limits="optional", leads=True),
+)}
+"""Every kind by the word written after `type:`, in the order of `JointType`."""
 
 
 def coordinates_of(kind: JointType) -> range:
     """The numbers of the coordinates of a kind that has several; nothing of any other."""
-    count = len(kind_of(kind).twists)
+    count = len(KINDS[kind].twists)
     return range(count if count > 1 else 0)
-

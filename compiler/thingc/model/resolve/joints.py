@@ -9,7 +9,7 @@ from typing import Any, get_args
 from thingc.base.diagnostics import Code, Note
 from thingc.base.joints.dimensions import SLIDE, TURN, dimensions_of
 from thingc.base.joints.kind import JointKind
-from thingc.base.joints.kinds import kind_of
+from thingc.base.joints.kinds import KINDS
 from thingc.base.joints.twist import Twist
 from thingc.base.pose import IDENTITY, Vector
 from thingc.base.source import MappingNode, Node, Path, ScalarNode, SequenceNode, node_at
@@ -78,7 +78,7 @@ def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: P
         doubtful = bool(table.doubts) and (table.doubts.touch(path) or table.doubts.touch(("defaults", "joint")))
         child = references.mount(table, scope, spec.child, (*path, "child"))
         parent = references.mount(table, scope, spec.parent, (*path, "parent"))
-        kind = kind_of(spec.type)
+        kind = KINDS[spec.type]
         placed = None if spec.loop else child.path[0] if child is not None else _named(table, scope, spec.child)
         if doubtful and table.doubts.touch((*path, "loop")):
             placed, unsure = None, True

@@ -259,7 +259,7 @@ def _written(plain: object) -> Written:
 
 
 def _joint(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
-    from thingc.base.joints.kinds import kind_of
+    from thingc.base.joints.kinds import KINDS
 
     assert documents is not None
     root = documents.root
@@ -268,7 +268,7 @@ def _joint(arguments: argparse.Namespace, documents: Documents | None) -> Docume
         raise console.WrongCommandLine(
             "a joint needs --parent and --child, two mounts", "write for example `--parent base.top --child bracket.bottom`",
         )
-    kind = kind_of(arguments.type or "revolute")
+    kind = KINDS[arguments.type or "revolute"]
     value: dict[str, Written] = {"type": kind.name, "parent": arguments.parent, "child": arguments.child}
     if arguments.loop:
         value["loop"] = "true"
