@@ -21,6 +21,7 @@ import thingc
 from thingc.batch import FamilyError
 from thingc.batch.families import SearchSpace
 from thingc.batch.mujoco_arrays.equality import different_fields
+from thingc.driver import pipeline
 from thingc.driver.output import OutputError
 from thingc.driver.pipeline import UnknownChoice
 from thingc.tools.cli.main import main
@@ -51,6 +52,24 @@ def test_rules_reach_and_errors_of_a_document_of_variants(many: thingc.RobotFami
     assert not wrong.sound and wrong.results == {}
     assert many.modes == ("standing",) and len(list(many.variants)) == 8
     assert all(one.sound for one in many.evaluate(many.variants))
+
+
+def test_a_refused_setting_is_compiled_once(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where a plan might be made of it, whoever asks, and however often."""
+    compilations: list[None] = []
+    recompile = pipeline.recompile
+    refused = [{"load": 21.0 + k} for k in range(4)] + [{"joints.lift.dynamics.damping": -1.0 - k} for k in range(4)]
+    with thingc.family(workspace / "everything.yaml") as family:
+        monkeypatch.setattr(pipeline, "recompile", lambda *given: compilations.append(None) or recompile(*given))
+        first = family.evaluate(refused)
+        assert len(compilations) == len(refused)
+        again, models = family.evaluate(refused), list(family.models(refused))
+        assert len(compilations) == len(refused)
+        family.evaluate({"load": 25.0})
+        assert len(compilations) == len(refused) + 1
+    messages = {one.problems[0].message for one in first}
+    assert len(messages) == len(refused) and all(not one.sound for one in first)
+    assert [one.problems for one in first] == [one.problems for one in again] == [one.problems for one in models]
 
 
 FOLLOWING = """\

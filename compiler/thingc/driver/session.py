@@ -18,6 +18,9 @@ from thingc.model.resolve.sources import Settings
 if TYPE_CHECKING:
     from thingc.targets.artifact import Artifacts, Content
 
+REFUSED = 64
+"""How many refused settings are remembered: a learner draws the same again, and what makes plans asks for them twice."""
+
 
 class Session:
     """One document, compiled again and again with other settings. A context manager: leaving it ends the geometry service.
@@ -30,6 +33,7 @@ class Session:
     def __init__(self, document: str, options: Options) -> None:
         self.environment = Environment(document, options)
         self.sources = pipeline.read(self.environment)
+        self._refused: dict[tuple[object, ...], Compilation] = {}
 
     def __enter__(self) -> Session:
         return self
@@ -45,13 +49,22 @@ class Session:
     def compile(self, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
         """The document with these settings, through every pass up to `root`, for the modes named (none: all).
 
-        What is wrong is in the compilation's `report`. Raises `UnknownChoice` for a mode that is not there.
+        What is wrong is in the compilation's `report`; a refused one is remembered unless it has modelled parts, which may go better the
+        next time. Raises `UnknownChoice` for a mode that is not there.
         """
         own = self.environment.options
         settings = Settings(
             parameters={**own.parameters, **settings.parameters}, choices={**own.choices, **settings.choices},
         )
-        return pipeline.recompile(self.environment, self.sources, settings, modes)
+        key = (*settings.parameters.items(), *settings.choices.items(), *modes)
+        known = self._refused.get(key)
+        if known is None:
+            known = pipeline.recompile(self.environment, self.sources, settings, modes)
+            if known.report.failed and not known.modelled:
+                if len(self._refused) >= REFUSED:
+                    self._refused.clear()
+                self._refused[key] = known
+        return known
 
     def emit(self, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:
         """Artifacts per target: see `pipeline.emit`."""
