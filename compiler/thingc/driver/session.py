@@ -57,14 +57,12 @@ class Session:
             parameters={**own.parameters, **settings.parameters}, choices={**own.choices, **settings.choices},
         )
         key = (*settings.parameters.items(), *settings.choices.items(), *modes)
-        known = self._refused.get(key)
-        if known is None:
-            known = pipeline.recompile(self.environment, self.sources, settings, modes)
-            if known.report.failed and not known.modelled:
-                if len(self._refused) >= REFUSED:
-                    self._refused.clear()
-                self._refused[key] = known
-        return known
+        made = self._refused.get(key) or pipeline.recompile(self.environment, self.sources, settings, modes)
+        if made.report.failed and not made.modelled:
+            self._refused[key] = made
+            if len(self._refused) > REFUSED:
+                del self._refused[next(iter(self._refused))]
+        return made
 
     def emit(self, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:
         """Artifacts per target: see `pipeline.emit`."""
