@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import thingc
+from families.documents import EVERYTHING, WORKSPACE
 from thingc.batch import apply
 from thingc.batch.families import Explanation, NoModel
 from thingc.batch.mujoco_arrays.equality import different_fields
@@ -99,6 +100,29 @@ def test_tendons_and_springs_are_written_into_arrays(strung: thingc.RobotFamily,
     assert plan is not None and type(plan[0].made).__name__ == "Arrays"
 
 
+@pytest.mark.parametrize(("path", "way", "old", "new"), [
+    ("modes.loose.gravity.2", "arrays", "gravity: 0 0 -1.6 m/s^2", "gravity: [0, 0, {} m/s^2]"),
+    ("modes.loose.at.xyz.2", "text", "at: {xyz: 0 0 500 mm}", "at: {xyz: [0 mm, 0 mm, '{} m']}"),
+    ("components.arm.com.1", "arrays", "com: [=length / 2, 0, 1 mm]", "com: [=length / 2, '{} m', 1 mm]"),
+    ("components.flap.shapes.0.friction.slide", "arrays", "friction: {slide: 0.5}", "friction: {slide: {}}"),
+    ("components.flap.shapes.0.at.xyz.0", "text", "at: {xyz: 10 20 30 mm}", "at: {xyz: ['{} m', 20 mm, 30 mm]}"),
+])
+def test_values_of_vectors_and_of_lists_are_numbers(tmp_path: Path, path: str, way: str, old: str, new: str) -> None:
+    """What comes of them is what a document comes to that says them."""
+    shape = "{link: true, shapes: [{sphere: {radius: 5 mm}, at: {xyz: 10 20 30 mm}, friction: {slide: 0.5}}], mass: 0.1 kg"
+    text = EVERYTHING.replace("flap: {frame: true, mass: 0.1 kg", f"flap: {shape}")
+    for name, own in {**WORKSPACE, "everything.yaml": text}.items():
+        (tmp_path / name).write_text(own)
+    many = [0.25 + 0.01 * k for k in range(4)]
+    with thingc.family(tmp_path / "everything.yaml", mode="loose", verify=0) as family:
+        models = [family.model({path: value}) for value in many]
+        assert family.explain(path).way == way
+    for value, model in zip(many, models, strict=True):
+        (tmp_path / "everything.yaml").write_text(text.replace(old, new.replace("{}", repr(value))))
+        whole = thingc.compile(tmp_path / "everything.yaml", modes=["loose"]).modes["loose"].model()
+        assert isinstance(model, mujoco.MjModel) and different_fields(model, whole) == []
+
+
 @pytest.mark.parametrize("name", ["drum", "axle"])
 def test_shapes_that_tendons_go_around_are_followed(strung: thingc.RobotFamily, name: str) -> None:
     """Also where the rope comes to touch one, or no longer does."""
@@ -181,6 +205,10 @@ def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thin
         ({"load": "\ud800"}, "TC803", "parameter `load`: half a character (U+D800) cannot stand in a document"),
         ({"joints.lift.limit.upper": "\x071 rad"}, "TC809", "`joints.lift.limit.upper`: a control character (U+0007) cannot stand in"),
         ({5: 1.0}, "TC809", "nothing in the document is meant by `5`"),
+        ({"modes.loose.gravity.3": 1.0}, "TC809", "`modes.loose.gravity` is a list of 3, without `3`"),
+        ({"components.arm.com.x": 1.0}, "TC809", "`components.arm.com` is a list of 3, without `x`"),
+        ({"modes.loose.gravity.2": "fast"}, "TC809", "expected an acceleration (such as `9.81 m/s^2`), found text `fast`"),
+        ({"components.arm.com.1": "5 kg"}, "TC809", "expected a length (such as 120 mm), found a mass (`5 kg`)"),
         ({**good, "joints.lift.limit.upper": -3.0}, "TC324", "limits of joint `lift` are reversed"),
     ]
     found = list(everything.models([one for case in wrong for one in (good, case[0])], share=True, visual=True))

@@ -221,6 +221,24 @@ def test_a_mapping_and_a_list_are_set_as_a_whole(here: Path, capsys: pytest.Capt
     assert tomllib.loads((here / "arm.toml").read_text())["modes"]["m"]["at"] == {"xyz": [0, 0, "200 mm"]}
 
 
+def test_a_value_of_a_vector_is_set_by_its_number(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "tool.yaml").write_text(TOOL + "modes: {m: {root: tip, gravity: '0 0 -1.6 m/s^2'}}\n")
+    words = ["components.tip.mounts.end.xyz.2=12 mm", "components.tip.mounts.end.xyz.0=-1 mm", "modes.m.gravity.1=1 m/s^2"]
+    assert main(["set", "tool.yaml", *words]) == 0
+    assert "components.tip.mounts.end.xyz.2: 10 mm -> 12 mm\n" in capsys.readouterr().out
+    written = (here / "tool.yaml").read_text()
+    assert "xyz: [-1 mm, 0 mm, 12 mm]" in written and "gravity: [0 m/s^2, 1 m/s^2, -1.6 m/s^2]" in written
+    assert main(["set", "arm.yaml", "components.base.mounts.top.xyz.0=5 mm"]) == 0
+    assert "xyz: [5 mm, 0, =reach]" in (here / "arm.yaml").read_text()
+    (here / "arm.toml").write_text(
+        'thingc = "assembly/1"\nname = "arm"\n[components.base]\nlink = true\nmass = "1 kg"\ncom = "1 2 3 mm"  # here\n'
+        '[[components.base.shapes]]\nbox = ["1 mm", "2 mm", "3 mm"]\n[modes.m]\nroot = "base"\n'
+    )
+    assert main(["set", "arm.toml", "components.base.com.1=0 mm", "components.base.shapes.0.box.2=9 mm"]) == 0
+    base = tomllib.loads((here / "arm.toml").read_text())["components"]["base"]
+    assert base["com"] == ["1 mm", "0 mm", "3 mm"] and base["shapes"] == [{"box": ["1 mm", "2 mm", "9 mm"]}]
+
+
 @pytest.mark.parametrize(("words", "said"), [
     (["joints.lift.limit={lower: 1 deg, uper: 2 deg}"], ["unknown key `uper` in `joints.lift.limit`", "did you mean `upper`?"]),
     (["joints.lift.limit={lower: 1 deg"], ["`joints.lift.limit` cannot be read: the `{` opened here is not closed"]),

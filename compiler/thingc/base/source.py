@@ -105,6 +105,10 @@ class SequenceNode:
         """The values alone, as a list."""
         return [item.plain() for item in self.items]
 
+    def index(self, step: int | str) -> int | None:
+        """The index of an item, from 0, that a step of a path says as a number or as a text; None where there is no such item."""
+        return next((index for index in range(len(self.items)) if step in (index, str(index))), None)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MappingNode:
@@ -147,13 +151,13 @@ def closest(paths: Iterable[str], place: str) -> str:
 
 
 def node_at(root: Node, path: Path) -> Node | None:
-    """The node at `path` (keys and indices from the root), or None where the document has none."""
+    """The node at `path` (keys, and indices as numbers or texts, from the root), or None where the document has none."""
     node: Node | None = root
     for step in path:
         if isinstance(node, MappingNode) and isinstance(step, str):
             node = node.entries.get(step)
-        elif isinstance(node, SequenceNode) and isinstance(step, int) and 0 <= step < len(node.items):
-            node = node.items[step]
+        elif isinstance(node, SequenceNode) and (index := node.index(step)) is not None:
+            node = node.items[index]
         else:
             return None
     return node

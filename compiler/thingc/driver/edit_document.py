@@ -15,7 +15,7 @@ from thingc.documents.format.value_edits import CannotSetValue, Keys, Written, c
 from thingc.documents.load.documents import Documents, load
 from thingc.documents.load.inline_values import is_flow, read_flow
 from thingc.documents.spec.choices import nested, parse
-from thingc.documents.spec.settable_values import whole_drive
+from thingc.documents.spec.settable_values import in_full
 from thingc.documents.spec.validation import validate
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
@@ -46,9 +46,10 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
     if elsewhere:
         return EditResult(found=tuple(elsewhere))
     values = {keys_of(root, path): text for path, text in given.items()}
-    drives = {keys[:3]: _texts(drive) for keys in values if (drive := whole_drive(root.tree, keys)) is not None}
+    short = [inner for keys in values if (inner := in_full(root.tree, keys)) is not None]
     try:
-        text = set_values(root, {**drives, **{keys: _written(text) for keys, text in values.items()}}).text
+        full = set_values(root, {keys: _texts(node) for keys, node in short})
+        text = set_values(full, {keys: _written(text) for keys, text in values.items()}).text
     except CannotSetValue as fault:
         return EditResult(found=(_wrong(str(fault), "write it by hand"),))
     before, after = document_change(root, text)
@@ -60,7 +61,7 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
         replace_files({root.path: (before, after)})
     except ReplacementRefused as fault:
         return EditResult(found=(fault.diagnostic,))
-    return EditResult(found=found, root=root, text=text, done=tuple(changes(root, values)))
+    return EditResult(found=found, root=root, text=text, done=tuple(changes(full, values)))
 
 
 def named(path: str) -> str:

@@ -58,7 +58,11 @@ class SettingsReader:
     def kind(self, name: str) -> ExpressionValue | None:
         """What stands there in the document, or by default; None where nothing does, or nobody knows what it comes to."""
         if name not in self._kinds:
-            self._kinds[name] = self.parameters.get(name) if "." not in name else self._stated(name)
+            known = self._kinds[name] = self.parameters.get(name) if "." not in name else self._stated(name)
+            vector, _, index = name.rpartition(".")
+            if index.isdecimal() and known == Quantity(0.0):  # a bare 0 is of the kind of the values beside it
+                others = (self._stated(f"{vector}.{other}") for other in "012")
+                self._kinds[name] = next((one for one in others if isinstance(one, Quantity) and one.dimension != NUMBER), known)
         return self._kinds[name]
 
     def _stated(self, path: str) -> ExpressionValue | None:

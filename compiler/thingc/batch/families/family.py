@@ -8,7 +8,7 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, overload
 
 from thingc.base.diagnostics import Diagnostic, Report
-from thingc.base.source import ScalarNode, node_at
+from thingc.base.source import ScalarNode
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import Quantity
 from thingc.batch.families.batching import Batches, batched
@@ -26,6 +26,7 @@ from thingc.batch.values import unit_in
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, plain
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
+from thingc.documents.spec.settable_values import stated_node
 from thingc.driver.api import CompileError
 from thingc.driver.environment import Options
 from thingc.driver.pipeline import UnknownChoice, chosen_consumers
@@ -316,7 +317,7 @@ class RobotFamily:
         from thingc.driver.edit_document import keys_of
 
         root = self._sources.documents.root
-        nodes = {name: node_at(root.tree, keys_of(root, name)) for name in names}
+        nodes = {name: stated_node(root.tree, keys_of(root, name)) for name in names}
         return {name: unit_in(node.text) for name, node in nodes.items() if isinstance(node, ScalarNode) and not node.text.startswith("=")}
 
     def _bound(self, name: str, key: str) -> float | None:

@@ -35,7 +35,7 @@ def parse_expression(text: str, *, dotted: bool = False) -> Expression:
 
 
 _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
-_DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*", re.ASCII)
+_DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.(?:[A-Za-z_]\w*|\d+))*", re.ASCII)
 _OPERATOR = re.compile(r"\*\*|<=|>=|==|!=|[-+*/<>(),]")
 _FOREIGN = {
     "^": "a power is written `**`", "%": "`%` is a unit here: `15 %`", "=": "equal is written `==`",

@@ -73,11 +73,16 @@ def _plain_with(whole: Plain, keys: Keys, value: Any) -> Plain:
     """The values of a document with one more, or another one, which the same object has afterwards."""
     inner: Any = whole
     for key in keys[:-1]:
-        if not isinstance(inner.get(key), dict):
+        if isinstance(inner, dict) and not isinstance(inner.get(key), (dict, list)):
             inner[key] = {}
-        inner = inner[key]
-    inner[keys[-1]] = value
+        inner = inner[_step(inner, key)]
+    inner[_step(inner, keys[-1])] = value
     return whole
+
+
+def _step(inner: Any, key: str) -> Any:
+    """A key of a mapping, or of a list the index."""
+    return int(key) if isinstance(inner, list) else key
 
 
 def _plain_without(whole: Plain, keys: Keys) -> Plain:
@@ -203,11 +208,11 @@ def _in_toml(document: Document, keys: Keys, value: Written) -> str:
     whole = tomlkit.parse(text.replace("\r\n", "\n"))
     table: Any = whole
     for depth, key in enumerate(keys[:-1]):
-        if not isinstance(table.get(key), Mapping):
+        if isinstance(table, dict) and not isinstance(table.get(key), (dict, list)):
             section = depth == 0 and len(keys) == 2 and isinstance(value, Mapping)
             table[key] = tomlkit.table() if section else tomlkit.inline_table()
-        table = table[key]
-    table[keys[-1]] = _toml_value(value)
+        table = table[_step(table, key)]
+    table[_step(table, keys[-1])] = _toml_value(value)
     return tomlkit.dumps(whole).replace("\n", line_end)
 
 

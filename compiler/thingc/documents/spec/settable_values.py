@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 from thingc.base.joints.dimensions import dimensions_of
 from thingc.base.joints.kinds import KINDS
-from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, node_at
+from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, node_at
 from thingc.base.units import Dimension
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.documents.expressions.terms import Expression
+from thingc.documents.load.yaml_scalars import core_value
 from thingc.documents.spec.choices import DEFAULT_MATERIAL, KEYS, nested
 from thingc.documents.spec.fields import any_value
 
@@ -27,6 +28,9 @@ def dimension_at(document: Document, path: Path) -> Dimension | None:
     coordinates = {_coordinate(document, name) for name in names}
     coordinate = coordinates.pop() if len(coordinates) == 1 else None
     return dimensions_of(coordinate).get(key) if coordinate is not None else None
+
+_VECTOR = re.compile(r"(\S+)\s+(\S+)\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)", re.ASCII)
+"""Three numbers that share one unit."""
 
 
 def _joints(document: Document, path: Path) -> tuple[Iterator[str], str]:
@@ -93,7 +97,7 @@ def nested_document(documents: Documents, document: Document, component: str) ->
 
 
 def _value(documents: Documents, document: Document, keys: tuple[str, ...]) -> ExpressionValue | Expression | None:
-    node = node_at(document.tree, keys)
+    node = stated_node(document.tree, keys)
     if not isinstance(node, ScalarNode):
         return None
     try:
@@ -112,13 +116,28 @@ def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
     return choices
 
 
-def whole_drive(tree: Node, keys: Path) -> MappingNode | None:
-    """The drive of a joint as a mapping, for a path to one of its values (`joints.elbow.drive.kp`), if the joint only names a component or
-    has the drive of `defaults`. None otherwise."""
+def in_full(tree: Node, keys: tuple[str, ...]) -> tuple[tuple[str, ...], Node] | None:
+    """What a path leads into that is written in short, without a place for the value: where it is, and how it is written in full. That is
+    the drive of a joint that only names a component or has the drive of `defaults` (`joints.elbow.drive.kp`), and a vector that is one text
+    (`modes.moon.gravity.2`). None of any other path."""
+    text = node_at(tree, keys[:-1])
+    vector = _VECTOR.fullmatch(text.text.strip()) if keys[-1].isdecimal() and isinstance(text, ScalarNode) else None
+    if vector is not None and text is not None:
+        each = [f"{number} {vector[4]}".strip() for number in vector.group(1, 2, 3)]
+        items = tuple(ScalarNode(value=core_value(one), text=one, span=text.span) for one in each)
+        return keys[:-1], SequenceNode(items=items, span=text.span)
     if len(keys) < 4 or (keys[0], keys[2]) != ("joints", "drive") or node_at(tree, keys[:2]) is None:
         return None
     own = node_at(tree, keys[:3])
     drive = node_at(tree, ("defaults", "joint", "drive")) if own is None else own
     if isinstance(drive, ScalarNode):
-        return MappingNode(entries={"component": drive}, keys={"component": drive.span}, span=drive.span)
-    return drive if own is None and isinstance(drive, MappingNode) else None
+        drive = MappingNode(entries={"component": drive}, keys={"component": drive.span}, span=drive.span)
+    elif own is not None:
+        return None
+    return (keys[:3], drive) if isinstance(drive, MappingNode) else None
+
+
+def stated_node(tree: Node, keys: tuple[str, ...]) -> Node | None:
+    """What stands at a path, also in what is written in short; None where nothing does."""
+    place, node = in_full(tree, keys) or ((), tree)
+    return node_at(node, keys[len(place):])

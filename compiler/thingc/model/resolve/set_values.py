@@ -20,7 +20,7 @@ from thingc.documents.load.text import forbidden
 from thingc.documents.load.yaml_scalars import core_value
 from thingc.documents.spec.annotation_types import FieldType, alternatives, model_keys, shape_of
 from thingc.documents.spec.assembly import AssemblySpec
-from thingc.documents.spec.settable_values import whole_drive
+from thingc.documents.spec.settable_values import in_full
 from thingc.documents.spec.validation import validate_one
 from thingc.model.resolve.document_scope import ResolveRun
 
@@ -52,8 +52,8 @@ def substituted(
     for path, text in values.items():
         keys = tuple(path.split("."))
         place = option_span(context.from_top(path), shortened(text))
-        if (drive := whole_drive(tree, keys)) is not None:
-            tree = _with(tree, keys[:3], drive)
+        if (inner := in_full(tree, keys)) is not None:
+            tree = _with(tree, *inner)
         read = _astray(document, tree, keys, text, context.from_top) or _read(path, text, place)
         if isinstance(read, PathNotFound):
             context.say_of_option(path, read.message, read.help)
@@ -90,6 +90,9 @@ def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
     """A tree like `node` with `leaf` at `keys`; mappings on the way that are not there are made."""
     if not keys:
         return leaf
+    if isinstance(node, SequenceNode):
+        place = node.index(keys[0])
+        return replace(node, items=tuple(_with(one, keys[1:], leaf) if k == place else one for k, one in enumerate(node.items)))
     entries, spans = (dict(node.entries), dict(node.keys)) if isinstance(node, MappingNode) else ({}, {})
     if len(keys) == 1 or keys[0] not in spans:
         spans[keys[0]] = leaf.span
@@ -108,9 +111,15 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, wh
         here = whole(".".join(keys[:depth]))
         if isinstance(node, ScalarNode):
             return PathNotFound(f"`{here}` is `{shortened(node.text)}`: there is nothing inside it", f"set `{here}`")
-        if isinstance(node, SequenceNode):
-            return PathNotFound(f"`{here}` is a list: nothing inside it is set by a path", f"set `{here}` as a whole")
         branches = alternatives(shape)
+        if isinstance(node, SequenceNode):
+            if (index := node.index(key)) is None:
+                last = len(node.items) - 1
+                help = f"name one of them, from `{here}.0` to `{here}.{last}`" if last >= 0 else f"set `{here}` as a whole"
+                return PathNotFound(f"`{here}` is a list of {last + 1}, without `{shortened(key)}`", help)
+            listed = next((branch for branch in branches if branch.kind == "list"), None)
+            node, shape = node.items[index], shape if listed is None else shape_of(listed.members[0])
+            continue
         inner = next((branch for branch in branches if branch.model is not None and key in model_keys(branch.model)), None)
         if inner is not None:
             assert inner.model is not None
