@@ -22,17 +22,17 @@ from known_changes import ROBOTS, cases, rewritten
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import compile
 from thingc.tools.diff.change import Change
-from thingc.tools.diff.comparing import compare
+from thingc.tools.diff.comparison import compare
 from thingc.tools.diff.name_mapping import equal
-from thingc.tools.diff.reading import portrait
 from thingc.tools.diff.snapshot import Snapshot
+from thingc.tools.diff.take_snapshot import take_snapshot
 
 
 def drawn(document: Path) -> Snapshot | None:
     """The portrait of a document; None where it does not compile."""
     with Environment(str(document), Options()) as environment:
         compilation = compile(environment)
-        return None if compilation.report.failed or compilation.assembly is None else portrait(compilation)
+        return None if compilation.report.failed or compilation.assembly is None else take_snapshot(compilation)
 
 
 def faults(old: Snapshot, new: Snapshot, made: frozenset[tuple[str, str, str, str | None]]) -> Iterator[str]:

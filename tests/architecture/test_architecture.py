@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from enum import Enum
 from functools import cache
@@ -247,6 +248,30 @@ def test_every_public_name_has_a_docstring() -> None:
                     and not any(isinstance(d, ast.Name) and d.id == "overload" for d in method.decorator_list)
                 ]
     assert not missing, missing
+
+
+NO_NOUNS = {*(
+    "about after along among around asked before beside between beyond called checked confined drawn first found given held "
+    "holding joined kept known linked listed made meant named near nested packaged packed past printed ran said shared shown "
+    "stated told twice upon wanted within worded written"
+).split()}
+"""Participles, prepositions and adverbs: by themselves they do not tell what a module is about."""
+MANY = 12
+PROTOCOLS = {"run", "configure", "emit"}
+"""Functions that modules of one kind have by the same name: commands and targets."""
+
+
+def test_modules_are_named_by_nouns() -> None:
+    names = {path.stem: place_of(path) for path in modules()}
+    assert {place for name, place in names.items() if name.strip("_") in NO_NOUNS} == set()
+
+
+def test_names_of_functions_tell_them_apart() -> None:
+    """A search for a name finds what is meant: no more than a dozen modules have a function of one name."""
+    counts = Counter(
+        node.name for path in modules() for node in tree(path).body if isinstance(node, ast.FunctionDef) and node.name not in PROTOCOLS
+    )
+    assert {name: count for name, count in counts.items() if count > MANY} == {}
 
 
 def test_a_class_name_means_one_class() -> None:

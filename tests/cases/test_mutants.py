@@ -28,7 +28,7 @@ from thingc.geometry.record import PartFailure, PartRecord
 from thingc.geometry.service import GeometryService
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.linking import link
-from thingc.model.resolve.nested import part_definitions
+from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import resolve
 from thingc.model.resolve.sources import Settings, Sources
 from thingc.model.robot.spanning_tree import root

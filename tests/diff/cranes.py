@@ -7,9 +7,9 @@ from pathlib import Path
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import compile
 from thingc.tools.diff.change import Change
-from thingc.tools.diff.comparing import Comparison, compare
-from thingc.tools.diff.reading import portrait
+from thingc.tools.diff.comparison import Comparison, compare
 from thingc.tools.diff.snapshot import Snapshot
+from thingc.tools.diff.take_snapshot import take_snapshot
 
 CRANE = """\
 thingc: assembly/1
@@ -88,7 +88,7 @@ def drawn(document: Path, store: str) -> Snapshot:
     with Environment(str(document), Options(store=store)) as environment:
         compilation = compile(environment)
         assert compilation.assembly is not None and not compilation.report.failed, compilation.report.diagnostics
-        return portrait(compilation)
+        return take_snapshot(compilation)
 
 
 def made(comparison: Comparison) -> set[tuple[str, str, str, str | None]]:

@@ -11,7 +11,7 @@ import pytest
 
 from diff.cranes import CRANE, drawn, made, sound, write
 from thingc.tools.diff.change import Change
-from thingc.tools.diff.comparing import Comparison, compare
+from thingc.tools.diff.comparison import Comparison, compare
 from thingc.tools.diff.snapshot import Snapshot
 from thingc.tools.diff.text_report import following
 

@@ -12,7 +12,7 @@ import pytest
 
 from diff.cranes import write
 from thingc.tools.diff.change import Change
-from thingc.tools.diff.comparing import Comparison
+from thingc.tools.diff.comparison import Comparison
 from thingc.tools.diff.page import as_html
 from thingc.tools.diff.pictures import GONE, MOVED, NEW, OTHER, SAME, coloured, colours, with_removed
 from thingc.tools.diff.results import DiffResult

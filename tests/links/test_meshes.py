@@ -228,7 +228,7 @@ def test_a_check_of_given_masses_reads_no_mesh_and_imports_nothing_for_them(here
 def test_what_was_read_is_kept_by_content(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shapes = "  base: {link: true, material: steel, shapes: [{mesh: meshes/m.ply, unit: m}]}\n"
     first, _ = compiled(here, shapes, [])
-    monkeypatch.setattr("thingc.geometry.meshes.reading.read_mesh", lambda *_: pytest.fail("it was read again"))
+    monkeypatch.setattr("thingc.geometry.meshes.mesh_reader.read_mesh", lambda *_: pytest.fail("it was read again"))
     again, _ = compiled(here, shapes, [])
     assert first.assembly is not None and again.assembly is not None
     assert again.assembly.occurrences[0].properties == first.assembly.occurrences[0].properties

@@ -20,9 +20,9 @@ from thingc.documents.names.workspace_index import WorkspaceIndex, index_workspa
 from thingc.documents.workspace import Workspace
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import compile
-from thingc.tools.diff.comparing import compare
-from thingc.tools.diff.reading import portrait
+from thingc.tools.diff.comparison import compare
 from thingc.tools.diff.snapshot import Snapshot
+from thingc.tools.diff.take_snapshot import take_snapshot
 
 ROOT = Path(__file__).parents[2]
 REFUSED = {
@@ -55,7 +55,7 @@ def drawn(folder: Path, store: str) -> Snapshot:
     with Environment(str(folder / "walker.yaml"), Options(store=store)) as environment:
         compilation = compile(environment)
     assert not compilation.report.diagnostics, compilation.report.diagnostics
-    return portrait(compilation)
+    return take_snapshot(compilation)
 
 
 def test_the_walker_means_everything_that_can_be_meant(walker: WorkspaceIndex) -> None:

@@ -17,7 +17,7 @@ from build123d import Box, export_brep, export_step
 
 from thingc.geometry.mesh_bounds import INSTANCES, LARGEST, BadMesh, bounded
 from thingc.geometry.meshes.files import mesh_file
-from thingc.geometry.meshes.reading import read_mesh as read_shape
+from thingc.geometry.meshes.mesh_reader import read_mesh as read_shape
 from thingc.geometry.record import PartFailure
 from thingc.geometry.store.local import Store
 from thingc.geometry.worker.kernel.mesh_files import MOST, BadPartFile, read_mesh

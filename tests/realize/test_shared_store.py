@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
-from thingc.geometry.store.shared import SharedStore, opened
+from thingc.geometry.store.shared_store import SharedStore, opened
 from variants.robots import thingc, tree, workspace
 
 SERVER = """

@@ -12,7 +12,7 @@ import pytest
 
 from resolve.resolving import run
 from thingc.geometry.record import PartDefinition
-from thingc.model.resolve.nested import part_definitions
+from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.types import At, Attach, BomEntry, Overrides, Process
 
 ARM = """

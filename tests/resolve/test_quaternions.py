@@ -14,7 +14,7 @@ from thingc.base.primitives import Primitive
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.types import At
 from thingc.tools.diff.name_mapping import equal
-from thingc.tools.diff.reading import _pose
+from thingc.tools.diff.take_snapshot import _pose
 
 DOCUMENT = """
     thingc: assembly/1

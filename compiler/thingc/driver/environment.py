@@ -154,7 +154,7 @@ def attempted(document: str, options: Options, work: Callable[[Environment], Ans
 
 def store_of(options: Options) -> Store:
     """The store that the options name, else the user's."""
-    from thingc.geometry.store.shared import opened
+    from thingc.geometry.store.shared_store import opened
 
     return opened(options.store)
 

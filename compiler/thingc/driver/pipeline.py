@@ -263,7 +263,7 @@ def _passes(
     from thingc.model.assembly.mesh_files import listed_meshes
     from thingc.model.assembly.print_settings import likely_slicings, slicings_of
     from thingc.model.assembly.symmetric_parts import with_own_images
-    from thingc.model.resolve.nested import decomposed, part_definitions
+    from thingc.model.resolve.nested_assemblies import decomposed, part_definitions
     from thingc.model.resolve.resolver import resolve, resolve_materials
     from thingc.model.robot.floor_height import stand
     from thingc.model.robot.spanning_tree import root

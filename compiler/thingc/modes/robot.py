@@ -12,7 +12,7 @@ import numpy as np
 
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.suggestions import did_you_mean
-from thingc.modes import mjdata, reading
+from thingc.modes import mjdata, modes_file
 from thingc.modes.cut_joints import coordinates, freedoms, usual
 from thingc.modes.errors import BaseElsewhere, BaseMoves, ModesError, UnknownMode
 from thingc.modes.frames import Array, angle_between, inverse, pose
@@ -55,12 +55,12 @@ class Modes(Mapping[str, Mode]):
 
         Raises `FileNotFoundError` where there is none, and `ModesError` for a file that is no `modes.json`.
         """
-        return cls(reading.read(path))
+        return cls(modes_file.read(path))
 
     @classmethod
     def parse(cls, text: str | bytes) -> Modes:
         """Of the text of a `modes.json`. Raises `ModesError`."""
-        return cls(reading.parse(text))
+        return cls(modes_file.parse(text))
 
     def __getitem__(self, name: str) -> Mode:
         if name not in self._modes:

@@ -122,7 +122,7 @@ class Evaluation:
         results, report, compilation = self._compiled(read)
         done: tuple[Any, ...] = ()
         if tests and compilation is not None:
-            from thingc.driver.testing.running import Selection, run
+            from thingc.driver.testing.test_runner import Selection, run
 
             whole = self.session.compile(self.reader.settings(read))
             report = whole.report

@@ -31,7 +31,7 @@ def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | No
         return _record(known)
     if not read:
         return None
-    from thingc.geometry.meshes.reading import read_mesh
+    from thingc.geometry.meshes.mesh_reader import read_mesh
 
     record = read_mesh(file, store)
     gc.collect(1)  # what trimesh makes of a mesh refers to itself, and is large: that of many meshes would wait for a command's end

@@ -6,7 +6,7 @@ from thingc.base.source import Origin
 from thingc.geometry.meshes.files import MeshFile
 from thingc.model.assembly.mass import is_fully_stated
 from thingc.model.resolve.link_definition import LinkDefinition, mesh_files_of
-from thingc.model.resolve.nested import assemblies_of
+from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.types import AssemblyDefinition
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from thingc.geometry.print_slices import LikelySlicing, Slicing
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.model.assembly.mass import layers_of, merged, slicing_of
-from thingc.model.resolve.nested import assemblies_of
+from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.types import AssemblyDefinition, Component, Material, Process
 
 

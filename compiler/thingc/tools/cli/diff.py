@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from thingc.driver.environment import Options
     from thingc.tools.diff.arguments import ComparisonRequest
     from thingc.tools.diff.checkouts import BrokenSide, DocumentPair
-    from thingc.tools.diff.comparing import Comparison
+    from thingc.tools.diff.comparison import Comparison
     from thingc.tools.diff.results import DiffResult
 
 EPILOG = """\

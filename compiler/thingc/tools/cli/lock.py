@@ -105,7 +105,7 @@ def _used(
     """What the assembly documents of a workspace use: `module:Class`, definitions, and how these are sliced, by their text."""
     from thingc.documents.load.discovery import documents_in
     from thingc.model.assembly.print_settings import slicings_of
-    from thingc.model.resolve.nested import part_definitions
+    from thingc.model.resolve.nested_assemblies import part_definitions
     from thingc.model.resolve.resolver import resolve
     from thingc.model.resolve.sources import Settings
 

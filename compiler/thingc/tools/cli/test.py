@@ -18,7 +18,7 @@ from thingc.tools.cli import console
 
 if TYPE_CHECKING:
     from thingc.driver.testing.results import Result
-    from thingc.driver.testing.running import Selection
+    from thingc.driver.testing.test_runner import Selection
     from thingc.model.assembly.types import Assembly
 
 EPILOG = """\
@@ -68,7 +68,7 @@ def _run(arguments: argparse.Namespace, results: list[Result], environment: Envi
     assembly = compilation.assembly
     if console.exit_code(diagnostics) or assembly is None:
         return diagnostics, "thingc"
-    from thingc.driver.testing.running import run as run_tests
+    from thingc.driver.testing.test_runner import run as run_tests
 
     selection = _selection(arguments, assembly)
     width = max((len(linked.test.name) for linked in assembly.tests if selection.takes(linked)), default=0)
@@ -86,7 +86,7 @@ def _run(arguments: argparse.Namespace, results: list[Result], environment: Envi
 
 def _selection(arguments: argparse.Namespace, assembly: Assembly) -> Selection:
     """What the command line asks for. Raises `UnknownChoice` where that is nothing."""
-    from thingc.driver.testing.running import Selection
+    from thingc.driver.testing.test_runner import Selection
 
     selection = Selection(only=tuple(arguments.only), modes=tuple(arguments.mode))
     names, modes = [linked.test.name for linked in assembly.tests], [mode.name for mode in assembly.modes]

@@ -15,8 +15,8 @@ from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation
 from thingc.driver.up_to_date import fingerprint
-from thingc.tools.diff.reading import portrait
 from thingc.tools.diff.snapshot import Snapshot, TestOutcome
+from thingc.tools.diff.take_snapshot import take_snapshot
 
 if TYPE_CHECKING:
     from thingc.geometry.store.local import Store
@@ -47,7 +47,7 @@ class Subject:
         if errors or self._compilation.assembly is None:
             self._environment.__exit__()
             raise BrokenDocument(errors)
-        self.portrait: Snapshot = portrait(self._compilation)
+        self.portrait: Snapshot = take_snapshot(self._compilation)
 
     def __enter__(self) -> Subject:
         return self
@@ -83,7 +83,7 @@ class Subject:
         return xml, {path.removeprefix(ASSETS): data for path, data in read.items() if path.startswith(ASSETS)}
 
     def _outcomes(self) -> tuple[TestOutcome, ...]:
-        from thingc.driver.testing.running import Selection, run
+        from thingc.driver.testing.test_runner import Selection, run
 
         assembly = self._compilation.assembly
         if assembly is None or not assembly.tests:

@@ -19,7 +19,7 @@ from thingc.tools.diff.arguments import ComparisonRequest, Side, SideKind, Unkno
 from thingc.tools.diff.build_folder_snapshot import UnreadableSide, outline, portrait_of_build, portrait_of_lock
 from thingc.tools.diff.cached_snapshots import BrokenDocument, Subject
 from thingc.tools.diff.change import Change
-from thingc.tools.diff.comparing import Comparison, compare
+from thingc.tools.diff.comparison import Comparison, compare
 from thingc.tools.diff.revisions import Repository, Revision
 from thingc.tools.diff.snapshot import Snapshot
 from thingc.tools.diff.surface_distance import SurfaceDistances

@@ -12,7 +12,7 @@ from thingc.base.source import Span
 from thingc.driver.up_to_date import packed, unpacked
 from thingc.tools.diff.change import Change, DisplayValue
 from thingc.tools.diff.checkouts import BrokenSide, DocumentPair
-from thingc.tools.diff.comparing import Comparison
+from thingc.tools.diff.comparison import Comparison
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,7 @@ from thingc.base.safe_text import escape_control, some
 from thingc.base.summing import dist, hypot
 from thingc.base.units import ANGLE, LENGTH, MASS, Dimension, Quantity
 from thingc.tools.diff.change import PERHAPS, Change, DisplayValue, How, What
-from thingc.tools.diff.comparing import Comparison
+from thingc.tools.diff.comparison import Comparison
 from thingc.tools.diff.results import DiffResult
 
 MOVED = ": moved"

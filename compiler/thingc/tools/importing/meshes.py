@@ -36,7 +36,7 @@ def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | No
     is in the store then, where the first build finds it."""
 
     def matter(shape: SourceShape) -> MassProperties | None:
-        from thingc.geometry.store.shared import opened
+        from thingc.geometry.store.shared_store import opened
 
         try:
             path, (x, y, z) = packages.find(shape.mesh or ""), shape.size if len(shape.size) == 3 else (1.0, 1.0, 1.0)

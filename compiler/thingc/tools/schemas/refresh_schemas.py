@@ -12,7 +12,7 @@ from thingc.base.file_watcher import Stat, stat_of
 from thingc.base.frozen import dataclass
 from thingc.base.source import MappingNode, ScalarNode
 from thingc.documents.load.discovery import documents_in
-from thingc.documents.load.packaged import packaged_documents
+from thingc.documents.load.packages import packaged_documents
 from thingc.documents.workspace import OWN_FILE, Workspace
 from thingc.geometry.record import PartDefinition, PartFailure, PartSchema
 from thingc.tools.schemas import folder
@@ -235,6 +235,6 @@ class Schemas:
 
 
 def _definitions(models: Iterable[AssemblyDefinition | None]) -> tuple[PartDefinition, ...]:
-    from thingc.model.resolve.nested import part_definitions
+    from thingc.model.resolve.nested_assemblies import part_definitions
 
     return tuple(dict.fromkeys(definition for one in models if one is not None for definition in part_definitions(one)))

@@ -11,7 +11,7 @@ from thingc.base.pose import Pose, rpy_of
 from thingc.base.source import Origin, Span
 from thingc.geometry.record import PartDefinition
 from thingc.model.assembly.types import Assembly, JointEdge
-from thingc.model.resolve.nested import assemblies_of
+from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.types import (
     AssemblyDefinition,
     At,
@@ -25,8 +25,8 @@ from thingc.model.resolve.types import (
     Reference,
     StatedValue,
 )
+from thingc.tools.diff.assembly_facts import edges_of, links_of, occurrences_of, rows_of, sensor_values, tendon_facts
 from thingc.tools.diff.change import What
-from thingc.tools.diff.linked import edges_of, links_of, occurrences_of, rows_of, sensor_values, tendon_facts
 from thingc.tools.diff.snapshot import (
     ComponentNode,
     Fact,
@@ -50,7 +50,7 @@ KEYS = {"minimum": "min", "maximum": "max", "base": "from"}
 """Keys of tests, where what is read of them is called otherwise."""
 
 
-def portrait(compilation: Compilation, outcomes: Sequence[TestOutcome] | None = None) -> Snapshot:
+def take_snapshot(compilation: Compilation, outcomes: Sequence[TestOutcome] | None = None) -> Snapshot:
     """The portrait of a compilation without errors, with the outcomes of its tests where they were run."""
     assembly, documents = compilation.assembly, compilation.documents
     assert assembly is not None and documents is not None, "the compilation failed"
