@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.package_info import PackageInfo
-from thingc.documents.workspace import Tessellation, Workspace, _explained, _read
+from thingc.documents.workspace import Tessellation, Workspace, _explained, _parse_workspace
 
 
 def find(document: Path) -> tuple[Workspace | None, Report]:
@@ -226,7 +226,7 @@ def test_the_plain_reading_is_the_models_reading(
     (folder / "parts").mkdir()
     path = str(folder / "thingc.toml")
     quick, exact = Report(), Report()
-    first = _read(path, text.encode(), str(folder), {}, quick)
+    first = _parse_workspace(path, text.encode(), str(folder), {}, quick)
     second = _explained(path, text.encode(), str(folder), (), {}, exact)
     assert (first is None) == (second is None), text
     assert quick.diagnostics == exact.diagnostics

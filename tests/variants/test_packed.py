@@ -256,7 +256,7 @@ def test_a_chunk_of_somebody_else_writes_and_reads_nothing_outside(
     shutil.copytree(here, tmp_path / "copy")
     out = tmp_path / "copy" / "build" / "some"
     (tmp_path / "secret").write_text("mine")
-    batch = build_records.read(str(out))
+    batch = build_records.load_records(str(out))
     index, name = batch.built[0], batch.line(batch.built[0])["name"]
     file = out / "chunks" / f"{index // 5:06d}.parquet"
     table = pyarrow.parquet.read_table(file)

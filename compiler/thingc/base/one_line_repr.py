@@ -37,12 +37,12 @@ def counted(number: int, noun: str) -> str:
 
 def _line(self: Any) -> str:
     named = _called(self)
-    words = [] if named is None else [_shown(named)]
+    words = [] if named is None else [_short_repr(named)]
     for one in fields(self):
         value = getattr(self, one.name)
         empty = value is None or (isinstance(value, (str, bytes, Sequence, Mapping, Set)) and not value)
         if one.repr and not empty and value is not named:
-            words.append(f"{one.name}={_shown(value)}")
+            words.append(f"{one.name}={_short_repr(value)}")
     line = f"{type(self).__name__}({', '.join(words)})"
     while len(line) > LONGEST:
         words.pop()
@@ -56,7 +56,7 @@ def _called(value: object) -> str | None:
     return next((one for one in names if isinstance(one, str) and one), None)
 
 
-def _shown(value: Any) -> str:
+def _short_repr(value: Any) -> str:
     """A value in a few words."""
     if isinstance(value, (str, bytes)):
         return repr(value) if len(value) <= _WORD else f"{value[:_WORD]!r}..."
@@ -64,11 +64,11 @@ def _shown(value: Any) -> str:
         return f"{os.path.basename(value.file)}:{value.line}:{value.column}"
     if is_dataclass(value):
         named = _called(value)
-        return type(value).__name__ + ("" if named is None else f"({_shown(named)})")
+        return type(value).__name__ + ("" if named is None else f"({_short_repr(named)})")
     if isinstance(value, (Mapping, Set)):
         return _listed(list(value))
     if isinstance(value, Sequence):
-        return _shown(value[0]) if isinstance(value[0], Span) else _listed(value)
+        return _short_repr(value[0]) if isinstance(value[0], Span) else _listed(value)
     if hasattr(value, "dtype"):
         return f"{value.dtype}{list(value.shape)}"
     return f"{value:.6g}" if isinstance(value, float) else f"{value!r}"[: _WORD + 20]
@@ -77,6 +77,6 @@ def _shown(value: Any) -> str:
 def _listed(values: Sequence[Any]) -> str:
     """`[bench, drawing]`, `[0, 0, -9.81]`, `[7 Body]`: few plain values are written out, others are counted."""
     if len(values) <= LISTED and all(isinstance(one, (str, int, float)) and len(f"{one}") <= _WORD for one in values):
-        return "[" + ", ".join(one if isinstance(one, str) else _shown(one) for one in values) + "]"
+        return "[" + ", ".join(one if isinstance(one, str) else _short_repr(one) for one in values) + "]"
     kinds = {type(one).__name__ for one in values}
     return f"[{len(values)} {kinds.pop() if len(kinds) == 1 else 'items'}]"

@@ -29,7 +29,7 @@ def escape_control(text: str, *, most: int = LONGEST) -> str:
     stay. Of more than `most` characters the beginning and the end are left.
     """
     text = _cut(text, most)
-    return text if _plain(text) else "".join(map(_escaped, text))
+    return text if _is_printable(text) else "".join(map(_escaped, text))
 
 
 def shown_line(line: str) -> str:
@@ -58,11 +58,11 @@ def quoted(names: Sequence[str], most: int) -> str:
 def unseen(name: str) -> str:
     """Those characters of a name that are no letters, signs or spaces: controls, line ends, marks of direction, what has no width,
     and bytes of a file name that are no UTF-8. A name that has any cannot be told in words, or kept on a line."""
-    if _plain(name):
+    if _is_printable(name):
         return ""
     from unicodedata import category
 
-    return "".join(character for character in name if not _plain(character) and category(character) != "Zs")
+    return "".join(character for character in name if not _is_printable(character) and category(character) != "Zs")
 
 
 def is_text(name: str) -> bool:
@@ -76,23 +76,23 @@ def is_text(name: str) -> bool:
 
 def json_text(text: str) -> str:
     """JSON with the same values, in which what `escape_control` escapes is escaped as JSON does: no information is lost."""
-    if _plain(text.replace("\n", "")):
+    if _is_printable(text.replace("\n", "")):
         return text
-    return "\n".join(line if _plain(line) else "".join(map(_json_escaped, line)) for line in text.split("\n"))
+    return "\n".join(line if _is_printable(line) else "".join(map(_json_escaped, line)) for line in text.split("\n"))
 
 
-def _plain(text: str) -> bool:
+def _is_printable(text: str) -> bool:
     return text.isprintable() and (text.isascii() or _UNSEEN.search(text) is None)
 
 
 def _escaped(character: str) -> str:
-    if _plain(character):
+    if _is_printable(character):
         return character
     return character.encode("unicode_escape").decode("ascii")
 
 
 def _json_escaped(character: str) -> str:
-    return character if _plain(character) else encode_basestring_ascii(character)[1:-1]
+    return character if _is_printable(character) else encode_basestring_ascii(character)[1:-1]
 
 
 def _cut(text: str, most: int) -> str:

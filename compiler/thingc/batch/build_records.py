@@ -62,7 +62,7 @@ class BuildRecords(Protocol):
         """Its files, if it is built."""
 
 
-def read(folder: str) -> BuildRecords:
+def load_records(folder: str) -> BuildRecords:
     """What the batch in this folder has done until now."""
     return _Packed(folder) if packed(folder) else _Folders(folder)
 

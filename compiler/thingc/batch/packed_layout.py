@@ -84,7 +84,7 @@ def _reading(path: str) -> Iterator[None]:
         raise DamagedChunk(path) from fault
 
 
-def _place(folder: str, number: int, end: str) -> str:
+def _chunk_path(folder: str, number: int, end: str) -> str:
     return os.path.join(folder, folder_layout.CHUNKS, f"{number:06d}{end}")
 
 
@@ -104,8 +104,8 @@ def complete(folder: str, count: int) -> None:
     sealed = _numbers(folder, _SEALED) | _numbers(folder, _RUN) if packed(folder) else set()
     for number in sorted({*range(-(-count // CHUNK)), *sealed}):
         for ends in ((".run.parquet",), (".parquet", ".jsonl")):
-            if not any(os.path.exists(_place(folder, number, end)) for end in ends):
-                raise MissingChunk(_place(folder, number, ends[0]))
+            if not any(os.path.exists(_chunk_path(folder, number, end)) for end in ends):
+                raise MissingChunk(_chunk_path(folder, number, ends[0]))
 
 
 def numbers(folder: str) -> list[int]:
@@ -155,7 +155,7 @@ class PackedWriter:
             self._seal(number)
 
     def _opened(self, number: int) -> tuple[Journal, set[int]]:
-        journal = Journal(_place(self.folder, number, ".jsonl"))
+        journal = Journal(_chunk_path(self.folder, number, ".jsonl"))
         whole = range(number * CHUNK, min((number + 1) * CHUNK, len(self.done)))
         self._open[number] = journal, {index for index in whole if not self.done[index]}
         return self._open[number]
@@ -178,7 +178,7 @@ def seal(folder: str, number: int) -> None:
         "data_page_size": 2 * GROUP_BYTES,
     }
     new = f"{folder_layout.NEW}{number:06d}"
-    fresh = {end: _place(folder, number, end).replace(f"{number:06d}", new) for end in (".run.parquet", ".parquet")}
+    fresh = {end: _chunk_path(folder, number, end).replace(f"{number:06d}", new) for end in (".run.parquet", ".parquet")}
     with (
         contextlib.closing(chunk), parquet.ParquetWriter(fresh[".parquet"], told, **options) as rows,
         parquet.ParquetWriter(fresh[".run.parquet"], run, compression="zstd", write_statistics=False) as runs,
@@ -189,9 +189,9 @@ def seal(folder: str, number: int) -> None:
     for end, path in fresh.items():  # a chunk that is there has its run
         with open(path, "rb") as stream:
             os.fsync(stream.fileno())
-        os.replace(path, _place(folder, number, end))
+        os.replace(path, _chunk_path(folder, number, end))
     with contextlib.suppress(FileNotFoundError):
-        os.unlink(_place(folder, number, ".jsonl"))
+        os.unlink(_chunk_path(folder, number, ".jsonl"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -261,15 +261,15 @@ class Chunk:
         self._columns: OrderedDict[tuple[int, str], Any] = OrderedDict()
         own: set[str] = set()
         lengths: set[str] = set()
-        path = _place(folder, number, ".jsonl")
+        path = _chunk_path(folder, number, ".jsonl")
         with contextlib.suppress(FileNotFoundError):
             self._journal = open(path, "rb")  # noqa: SIM115 - closed with the chunk
             for at, line in lines(path):
                 self._begins[int(line["index"])] = at
                 own.update(line.get(FILES, ()))
                 lengths.update(name for name in line.get("results", ()) if name.startswith(LENGTHS))
-        self._path = _place(folder, number, ".parquet")
-        self._run = _opened(_place(folder, number, ".run.parquet"))
+        self._path = _chunk_path(folder, number, ".parquet")
+        self._run = _opened(_chunk_path(folder, number, ".run.parquet"))
         self._sealed = _opened(self._path) if self._run is not None else None
         self._rows: dict[int, int] = {}
         self._starts: list[int] = []

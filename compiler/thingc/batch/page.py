@@ -47,7 +47,7 @@ def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Colum
         stream.write(_head({**described, "done": done}, wanted, [unit for unit, _ in units]))
         for number, line in enumerate(lines):
             row = [
-                _plain(value if size is None else _in_unit(value, size))
+                _json_value(value if size is None else _in_unit(value, size))
                 for value, (_, size) in zip(cells(line, wanted), units, strict=True)
             ]
             stream.write((",\n" if number else "\n") + in_script([*row, int(line["id"] in pictures)]))
@@ -86,13 +86,13 @@ def _in_unit(value: Any, size: float) -> Any:
 def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequence[str]) -> str:
     """The object that the page's program reads, up to its rows."""
     names = ("name", "document", "assembly", "count", "done", "pose", "finished", "layout")
-    told: dict[str, Any] = {name: _plain(described[name]) for name in names}
+    told: dict[str, Any] = {name: _json_value(described[name]) for name in names}
     told["modes"] = [escape_control(name) for name in described["modes"]]
     told["columns"] = [{"name": column.name, "kind": column.kind, "unit": unit} for column, unit in zip(wanted, units, strict=True)]
     return in_script(told)[:-1] + ',"rows":['
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     """A cell as the page shows it: an infinite one is the text `inf`, text is on one line."""
     if isinstance(value, str):
         return escape_control(value)

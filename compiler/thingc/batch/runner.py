@@ -101,7 +101,7 @@ class Runner:
         if planned is None:
             return self._passed(task)
         parts: dict[str, Any] = {"modelled": [], "reused": planned.parts}
-        shown = _shown(planned.results)
+        shown = _displayed_results(planned.results)
         verdict = self._judge(task, planned.results)
         if verdict is not None:
             return row(task, **verdict, results=shown, **parts)
@@ -119,7 +119,7 @@ class Runner:
             results = self._measured(compilation)
         except UnknownMount as fault:
             return row(task, "refused", **_said([fault.diagnostic]), **parts)
-        shown = _shown(results)
+        shown = _displayed_results(results)
         verdict = self._judge(task, results)
         if verdict is not None:
             return row(task, **verdict, results=shown, **parts)
@@ -167,7 +167,7 @@ class Runner:
         return None
 
 
-def _shown(results: Results) -> dict[str, float | str]:
+def _displayed_results(results: Results) -> dict[str, float | str]:
     """Results as JSON has them: an infinite torque margin is the text `inf`."""
     return {name: value if math.isfinite(value) else "inf" for name, value in results.items() if value is not None}
 

@@ -125,13 +125,13 @@ def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
     if not is_whole(index, 0) or index >= count:
         raise FamilyError(f"there are fields for {counted(count, 'variant')}, and none for place {index}")
     for name, values in fields.items():
-        owner, field = _place(model, name)
+        owner, field = _array_of(model, name)
         here = getattr(owner, field, None)
         rows = values.shape[1:2] if name in LEADING else ()
         if here is None or values.shape[1:] != (*rows, *getattr(here, "shape", ())[len(rows):]):
             raise FamilyError(f"the field `{name}` is not that of this model: they belong to different batches")
     for name, values in fields.items():
-        owner, field = _place(model, name)
+        owner, field = _array_of(model, name)
         here = getattr(owner, field)
         if getattr(here, "ndim", 0) == 0:
             setattr(owner, field, values[index].item())
@@ -182,7 +182,7 @@ def _family(source: str | os.PathLike[str] | BatchResults) -> BatchResults:
     return family
 
 
-def _place(model: mujoco.MjModel, name: str) -> tuple[Any, str]:
+def _array_of(model: mujoco.MjModel, name: str) -> tuple[Any, str]:
     """The structure that a field stands in, and its name there."""
     owner, _, field = name.rpartition(".")
     return (getattr(model, owner) if owner else model), field
@@ -191,7 +191,7 @@ def _place(model: mujoco.MjModel, name: str) -> tuple[Any, str]:
 def _numbers(model: mujoco.MjModel) -> dict[str, Any]:
     """Everything that may differ, by name; views of the model. Arrays that this version of MuJoCo has not are left out."""
     names = [*sorted(NUMBERS | SHORTCUTS), *OPTIONS]
-    numbers = {name: getattr(*_place(model, name), None) for name in names}
+    numbers = {name: getattr(*_array_of(model, name), None) for name in names}
     return {name: value for name, value in numbers.items() if value is not None}
 
 

@@ -18,7 +18,7 @@ from thingc.targets.render.picture import NoGraphics, ready
 from thingc.targets.render.thumbnail_series import extent, small_picture
 
 
-def read(path: str) -> tuple[str, dict[str, bytes]]:
+def load_pictures(path: str) -> tuple[str, dict[str, bytes]]:
     """A model's XML and its meshes, by the names that it has for them. Raises `OSError`."""
     with open(path, encoding="utf-8") as stream:
         xml = stream.read()
@@ -48,7 +48,7 @@ def main() -> None:
     measured = []
     for path in asked["measure"]:
         try:
-            measured.append(extent(*read(path), asked["pose"]))
+            measured.append(extent(*load_pictures(path), asked["pose"]))
         except (OSError, ValueError):  # gone, or no model for MuJoCo
             measured.append(([], (0.0, 0.0, 0.0)))
     answer(measured)
@@ -61,7 +61,7 @@ def main() -> None:
         answer({"fault": fault.message, "hint": fault.hint})
         return
     for path, picture in asked["draw"]:
-        data = small_picture(*read(path), asked["pose"], asked["points"], asked["gravity"])
+        data = small_picture(*load_pictures(path), asked["pose"], asked["points"], asked["gravity"])
         aside = os.path.join(os.path.dirname(picture), f"{NEW}{os.path.basename(picture)}-{os.getpid()}")
         with open(aside, "wb") as stream:
             stream.write(data)

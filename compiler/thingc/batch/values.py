@@ -113,7 +113,7 @@ class Paths:
     expressions: Mapping[str, Expression]
 
 
-def read(spec: VariantsSpec, documents: Documents, parameters: Mapping[str, ExpressionValue]) -> Paths:
+def read_paths(spec: VariantsSpec, documents: Documents, parameters: Mapping[str, ExpressionValue]) -> Paths:
     """The paths of a document; `parameters` are the values of the assembly's."""
     given: dict[str, list[ExpressionValue]] = {}
     for name, raw in _entries(spec):

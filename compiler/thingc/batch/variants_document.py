@@ -92,7 +92,7 @@ class _Planner:
             return None
         declared = AssemblyParameters(self.sources.documents, self.sources.specs, self.workspace)
         own = declared.values
-        paths = values.read(self.spec, self.sources.documents, own)
+        paths = values.read_paths(self.spec, self.sources.documents, own)
         reader = AxisParser(self.document, declared, self.report, paths, self.fits)
         axes, parameters = self.parameters(reader)
         choice_axes, choices = self.choices(root.relative)

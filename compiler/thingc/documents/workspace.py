@@ -120,7 +120,7 @@ class Workspace:
                     return None
                 inputs[path] = None if data is None else hashlib.sha256(data).hexdigest()
                 if data is not None and (name == OWN_FILE or _has_table(data)):
-                    return _read(path, data, folder, inputs, report)
+                    return _parse_workspace(path, data, folder, inputs, report)
             above = os.path.dirname(folder)
             if above == folder:
                 return _default(start, inputs)
@@ -213,7 +213,7 @@ def _has_table(data: bytes) -> bool:
     return isinstance(tool, dict) and isinstance(tool.get("thingc"), dict)
 
 
-def _read(path: str, data: bytes, root: str, inputs: dict[str, str | None], report: Report) -> Workspace | None:
+def _parse_workspace(path: str, data: bytes, root: str, inputs: dict[str, str | None], report: Report) -> Workspace | None:
     """The workspace that a file describes.
 
     The settings are first read plainly, which costs nothing of the machinery for positions and models; where

@@ -164,7 +164,7 @@ def _compiled(environment: Environment, others: Mapping[str, float], modes: Sequ
     _stop_on_errors(compilation.report, strict)
     assembly = compilation.assembly
     assert assembly is not None
-    files = {path: _read(environment.store, content) for path, content in artifacts.files.items()}
+    files = {path: _file_bytes(environment.store, content) for path, content in artifacts.files.items()}
     return Compiled(
         name=assembly.name,
         assembly=assembly,
@@ -188,5 +188,5 @@ def _stop_on_errors(report: Report, strict: bool) -> None:
         raise CompileError(judged.ordered())
 
 
-def _read(store: Store, content: object) -> bytes:
+def _file_bytes(store: Store, content: object) -> bytes:
     return content if isinstance(content, bytes) else store.read(content.sha256)  # type: ignore[attr-defined]

@@ -49,7 +49,7 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
     short = [inner for keys in values if (inner := in_full(root.tree, keys)) is not None]
     try:
         full = set_values(root, {keys: _texts(node) for keys, node in short})
-        text = set_values(full, {keys: _written(text) for keys, text in values.items()}).text
+        text = set_values(full, {keys: _parse_value(text) for keys, text in values.items()}).text
     except CannotSetValue as fault:
         return EditResult(found=(_wrong(str(fault), "write it by hand"),))
     before, after = document_change(root, text)
@@ -106,7 +106,7 @@ def keys_of(root: Document, path: str) -> Keys:
     return ("parameters", path, "value") if full else ("parameters", path)
 
 
-def _written(text: str) -> Written:
+def _parse_value(text: str) -> Written:
     """What a text is in a document, where nothing is wrong with it."""
     tree = read_flow(text, line_of("")) if is_flow(text) else None
     return text if tree is None or isinstance(tree, Diagnostic) else _texts(tree)

@@ -121,7 +121,7 @@ def write_build(
             finally:
                 _delete(fresh)
     except OSError as fault:
-        raise OutputError(_words(folder, fault), f"{_cure(fault)} build into another folder with -o") from fault
+        raise OutputError(_fault_text(folder, fault), f"{_cure(fault)} build into another folder with -o") from fault
     return folder
 
 
@@ -470,7 +470,7 @@ def _listing(folder: str) -> list[str]:
     return files
 
 
-def _words(folder: str, fault: OSError) -> str:
+def _fault_text(folder: str, fault: OSError) -> str:
     """Why the system refused, in words."""
     place = shown_path(folder)
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):

@@ -123,7 +123,7 @@ class SettingsReader:
                 continue
             names = self.meant(given) if isinstance(given, str) else ()
             if type(value) is not float:
-                value = _plain(value)
+                value = _python_value(value)
             if not names:
                 report = report or Report()
                 help = self._hint(given) if isinstance(given, str) else "a name is a text, such as `joints.NAME.limit.upper`"
@@ -137,7 +137,7 @@ class SettingsReader:
                     if name == given:
                         self._numeric.add(name)
                 else:
-                    texts[name] = _text(value)
+                    texts[name] = _setting_text(value)
         names = tuple(sorted(numbers))
         return ParsedSettings(names=names, values=tuple(map(numbers.__getitem__, names)), texts=tuple(sorted(texts.items())), report=report)
 
@@ -213,7 +213,7 @@ def settings_with(own: Settings, values: Mapping[str, Any], report: Report, sour
     return Settings(parameters={**own.parameters, **more.parameters}, choices={**own.choices, **more.choices})
 
 
-def _plain(value: Any) -> Any:
+def _python_value(value: Any) -> Any:
     """A scalar of numpy as Python's own, and a whole number that no float can hold as an infinite one."""
     if hasattr(value, "item") and not getattr(value, "ndim", 0):
         value = value.item()
@@ -222,7 +222,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _text(value: Any) -> str:
+def _setting_text(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return value if isinstance(value, str) else repr(value)

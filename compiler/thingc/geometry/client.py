@@ -113,7 +113,7 @@ class Workers:
             with contextlib.suppress(WorkerBroken):
                 self.ensure()
                 for request in requests:
-                    self._begun[_text(request)] = self._send(self._processes[0], request)
+                    self._begun[_request_text(request)] = self._send(self._processes[0], request)
 
     def prepare(self, files: Sequence[str]) -> None:
         """Let workers that are there, and fork, get ready for a part whose code is in these files."""
@@ -124,7 +124,7 @@ class Workers:
     def forget(self, but: Iterable[Mapping[str, Any]] = ()) -> None:
         """End what was begun and is not wanted: all but these requests."""
         self._leave_others()
-        wanted = set(map(_text, but))
+        wanted = set(map(_request_text, but))
         for text in [text for text in self._begun if text not in wanted]:
             number = self._begun.pop(text)
             self._early.pop(number, None)
@@ -178,7 +178,7 @@ class Workers:
 
     def _taken(self, request: Mapping[str, Any]) -> int | None:
         """The number under which a request was begun, which is an ordinary one from now on; an answer that has come is given again."""
-        number = self._begun.pop(_text(request), None)
+        number = self._begun.pop(_request_text(request), None)
         if number is not None and number in self._early:
             self._lines.put(self._early.pop(number))
         return number
@@ -320,7 +320,7 @@ def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
         process.close()
 
 
-def _text(request: Mapping[str, Any]) -> str:
+def _request_text(request: Mapping[str, Any]) -> str:
     """A request as it is compared with others: 1, 1.0 and True are not the same."""
     return json.dumps(request, sort_keys=True)
 

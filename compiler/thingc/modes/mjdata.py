@@ -67,7 +67,7 @@ def _free_joint(mode: Mode, data: Any) -> Any:
     return data.joint(int(data.model.body_jntadr[_bodies(mode, data.model)[mode.root_link]]))
 
 
-def read(mode: Mode, data: Any) -> RobotState:
+def read_state(mode: Mode, data: Any) -> RobotState:
     """The state in `data`. Of a fixed base the pose is the model's; a base that is not free is at rest. Raises `WrongData`."""
     check(mode, data)
     twist = np.zeros(6)
@@ -96,7 +96,7 @@ def read(mode: Mode, data: Any) -> RobotState:
     return RobotState(mode=mode.name, base_pose=X, base_twist=twist, q=q, v=v)
 
 
-def write(mode: Mode, state: RobotState, data: Any) -> None:
+def write_state(mode: Mode, state: RobotState, data: Any) -> None:
     """Put a state of `mode` into `data`: qpos, qvel and mocap pose of the robot, nothing else. Raises `WrongData`."""
     check(mode, data)
     position, quaternion = state.base_pose[:3, 3], quaternion_of(state.base_pose[:3, :3])

@@ -19,7 +19,7 @@ FILE = "modes.json"
 VERSION = 2
 
 
-def read(path: str | os.PathLike[str]) -> dict[str, Mode]:
+def load_modes(path: str | os.PathLike[str]) -> dict[str, Mode]:
     """The modes in a build folder, or in a `modes.json`. Raises `FileNotFoundError`, and `ModesError` for anything else in it."""
     place = os.fspath(path)
     if os.path.isdir(place):

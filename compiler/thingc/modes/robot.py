@@ -55,7 +55,7 @@ class Modes(Mapping[str, Mode]):
 
         Raises `FileNotFoundError` where there is none, and `ModesError` for a file that is no `modes.json`.
         """
-        return cls(modes_file.read(path))
+        return cls(modes_file.load_modes(path))
 
     @classmethod
     def parse(cls, text: str | bytes) -> Modes:
@@ -78,14 +78,14 @@ class Modes(Mapping[str, Mode]):
 
     def read(self, mode: str, data: Any) -> RobotState:
         """The state in a `mujoco.MjData` of a mode's model. Raises `UnknownMode`, and `WrongData` for data of another model."""
-        return mjdata.read(self[mode], data)
+        return mjdata.read_state(self[mode], data)
 
     def write(self, state: RobotState, data: Any) -> None:
         """Put a state into a `mujoco.MjData` of its mode's model: qpos, qvel and mocap pose of the robot, nothing else.
 
         Of a fixed base only the joints are written: where it stands is the model's. Raises `WrongData` for data of another model.
         """
-        mjdata.write(self[state.mode], state, data)
+        mjdata.write_state(self[state.mode], state, data)
 
     def inertias(self, mode: str, data: Any) -> Inertias:
         """The masses in the model of `data` (any mode's) as they are now, in the order of the tree of `mode`."""
@@ -130,7 +130,7 @@ class Modes(Mapping[str, Mode]):
         switched = _stopped(moving, new, on_motion, at_rest, known)
         if into_data is None:
             return switched
-        mjdata.write(new, switched.state, into_data)
+        mjdata.write_state(new, switched.state, into_data)
         mjdata.hold_here(new, switched.state, into_data)
         return switched if from_data is None else replace(switched, uncommanded=mjdata.carry((old, new), from_data, into_data))
 

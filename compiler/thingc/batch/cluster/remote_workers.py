@@ -98,7 +98,7 @@ def leave(name: str) -> None:
     RUNNERS.close()  # they have worked in it
 
 
-def _place(name: str) -> WorkerFolder:
+def _worker_folder(name: str) -> WorkerFolder:
     place = _PLACES.get(name)
     if place is None:
         raise WorkerLost("the worker has no workspace to build from")
@@ -122,10 +122,10 @@ def evaluate_there(name: str, job: str, tasks: Sequence[Task], timeout: float) -
     """`engine.evaluate` on a worker. `job` is one of `RemoteExecutor`: its paths are in the workspace. Raises `WorkerLost`."""
     if name in _REFUSED:  # one that came later: it would take chunk after chunk
         raise RunnersBroken(f"a worker cannot unpack the workspace: {_REFUSED[name]}", "")
-    place = _place(name)
+    place = _worker_folder(name)
 
     def still(row: Row) -> None:
-        _place(name)  # else the batch has ended: so does this chunk
+        _worker_folder(name)  # else the batch has ended: so does this chunk
 
     rows = evaluate(_settled(job, place), tasks, timeout, still)
     return Answer(place=place, rows=rows, files={row["id"]: _listed(place, row) for row in rows if row["status"] == "built"})
@@ -164,7 +164,7 @@ def _listed(place: WorkerFolder, row: Row) -> list[Listed]:
 
 def read_there(name: str, paths: Sequence[str], done: Sequence[str]) -> list[bytes]:
     """Files of a worker's `out/`. The variants `done` are removed then. Raises `WorkerLost`."""
-    out = os.path.join(_place(name).folder, OUT)
+    out = os.path.join(_worker_folder(name).folder, OUT)
     contents: list[bytes] = []
     for path in paths:
         try:

@@ -66,7 +66,7 @@ class CentreCheck(OneLineRepr):
     box: dict[str, tuple[float, float]]
 
 
-def read(written: CentreTest, reader: Reader) -> CentreCheck:
+def read_centre(written: CentreTest, reader: Reader) -> CentreCheck:
     """A box for the centre of mass."""
     box: dict[str, tuple[float, float]] = {}
     for axis in ("x", "y", "z"):
@@ -97,5 +97,5 @@ PAGE = """\
 KIND = CheckKind(
     name="centre", position=2, summary="The centre of mass lies within a box.", examples=[{"within": {"x": ["-10 mm", "10 mm"]}}],
     stub={"within": {"z": ["-1 m", "1 m"]}},
-    page=PAGE, model=CentreTest, read=read,
+    page=PAGE, model=CentreTest, read=read_centre,
 )

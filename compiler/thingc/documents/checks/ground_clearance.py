@@ -45,7 +45,7 @@ class GroundClearance(OneLineRepr):
     spared: tuple[Reference, ...]
 
 
-def read(written: GroundClearanceTest, reader: Reader) -> GroundClearance:
+def read_ground_clearance(written: GroundClearanceTest, reader: Reader) -> GroundClearance:
     """A plane and a height over it."""
     plane = 0.0 if written.plane is None else reader.number(written.plane, "plane", LENGTH)
     least = reader.number(written.at_least, "at_least", LENGTH, least=0.0)
@@ -73,5 +73,5 @@ KIND = CheckKind(
     name="ground_clearance", position=8, summary="The robot keeps a distance from a level plane.",
     examples=[{"at_least": "5 mm", "except": ["foot"]}],
     stub={"at_least": "0"},
-    page=PAGE, model=GroundClearanceTest, read=read,
+    page=PAGE, model=GroundClearanceTest, read=read_ground_clearance,
 )

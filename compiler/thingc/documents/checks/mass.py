@@ -46,7 +46,7 @@ class MassCheck(OneLineRepr):
     maximum: float | None
 
 
-def read(written: MassTest, reader: Reader) -> MassCheck:
+def read_mass(written: MassTest, reader: Reader) -> MassCheck:
     """Bounds of a mass."""
     low, high = reader.bounds(written.min, written.max, MASS, "the mass")
     return MassCheck(of=reader.components(written.of, "of"), minimum=low, maximum=high)
@@ -67,5 +67,5 @@ KIND = CheckKind(
     name="mass", position=1, summary="The mass is within bounds.", examples=[{"max": "2.2 kg"}],
     stub={"max": "10 kg"},
     page=PAGE,
-    model=MassTest, read=read,
+    model=MassTest, read=read_mass,
 )

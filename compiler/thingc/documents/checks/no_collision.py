@@ -96,7 +96,7 @@ class CollisionCheck(OneLineRepr):
     allow: tuple[AllowedContact, ...]
 
 
-def read(written: NoCollisionTest, reader: Reader) -> CollisionCheck:
+def read_no_collision(written: NoCollisionTest, reader: Reader) -> CollisionCheck:
     """Poses or ranges without collisions."""
     samples = SAMPLES
     if written.samples is not None:
@@ -168,6 +168,6 @@ KIND = CheckKind(
     name="no_collision", position=5, summary="Nothing overlaps, in poses or over ranges of joints.",
     examples=[{"pose": "all"}, {"joints": {"elbow": "all"}, "clearance": "1 mm"}],
     stub={"pose": "all"},
-    page=PAGE, model=NoCollisionTest, read=read,
+    page=PAGE, model=NoCollisionTest, read=read_no_collision,
     of_limits=True,
 )

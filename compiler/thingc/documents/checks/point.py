@@ -68,7 +68,7 @@ class PointCheck(OneLineRepr):
     angle: float
 
 
-def read(written: PointTest, reader: Reader) -> PointCheck | None:
+def read_point(written: PointTest, reader: Reader) -> PointCheck | None:
     """A point that a mount has to reach."""
     mount, frame = reader.mount(written.mount, "mount"), reader.mount(written.in_, "in")
     at = reader.vector(written.at, "at", LENGTH)
@@ -112,5 +112,5 @@ KIND = CheckKind(
     name="point", position=4, summary="A mount can be brought to a point.",
     examples=[{"mount": "hand.tip", "at": "200 0 50 mm", "within": "1 mm"}],
     stub={"mount": "$mount", "at": ["0", "0", "0"], "within": "1 m"},
-    page=PAGE, model=PointTest, read=read,
+    page=PAGE, model=PointTest, read=read_point,
 )

@@ -48,7 +48,7 @@ class ReachCheck(OneLineRepr):
     maximum: float | None
 
 
-def read(written: ReachTest, reader: Reader) -> ReachCheck | None:
+def read_reach(written: ReachTest, reader: Reader) -> ReachCheck | None:
     """Bounds of the greatest distance of two mounts."""
     of, base = reader.mount(written.of, "of"), reader.mount(written.from_, "from")
     low, high = reader.bounds(written.min, written.max, LENGTH, "the reach")
@@ -75,5 +75,5 @@ KIND = CheckKind(
     name="reach", position=3, summary="The greatest distance of two mounts, over the ranges of all joints.",
     examples=[{"of": "hand.tip", "from": "plate.bottom", "min": "300 mm"}],
     stub={"of": "$mount", "from": "$base", "min": "1 mm"},
-    page=PAGE, model=ReachTest, read=read,
+    page=PAGE, model=ReachTest, read=read_reach,
 )

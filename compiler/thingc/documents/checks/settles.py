@@ -58,7 +58,7 @@ class SettleCheck(OneLineRepr):
     floor: bool
 
 
-def read(written: SettlesTest, reader: Reader) -> SettleCheck:
+def read_settles(written: SettlesTest, reader: Reader) -> SettleCheck:
     """A simulation that comes to rest."""
     within = reader.number(written.within, "within", TIME, above=0.0, most=LONGEST)
     drift = reader.number(written.drift, "drift", LENGTH, above=0.0)
@@ -95,5 +95,5 @@ KIND = CheckKind(
     name="settles", position=7, summary="The simulated robot comes to rest.", examples=[{"within": "2 s", "drift": "1 mm"}],
     stub={"within": "2 s", "drift": "1 mm"},
     page=PAGE,
-    model=SettlesTest, read=read,
+    model=SettlesTest, read=read_settles,
 )

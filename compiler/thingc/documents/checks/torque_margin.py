@@ -44,7 +44,7 @@ class TorqueCheck(OneLineRepr):
     minimum: float
 
 
-def read(written: TorqueMarginTest, reader: Reader) -> TorqueCheck:
+def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck:
     """A margin of drives; only where the document says what carries the robot."""
     minimum = reader.number(written.min, "min", NUMBER, above=0.0)
     joints = reader.drives(written.drive, "drive")
@@ -133,5 +133,5 @@ KIND = CheckKind(
     name="torque_margin", position=6, summary="Drives hold the robot still against gravity, with a margin.",
     examples=[{"drive": "shoulder", "min": 1.5, "pose": "stretched"}],
     stub={"drive": "*", "min": "2"},
-    page=PAGE, model=TorqueMarginTest, read=read, link=link,
+    page=PAGE, model=TorqueMarginTest, read=read_torque_margin, link=link,
 )

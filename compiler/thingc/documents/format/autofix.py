@@ -113,7 +113,7 @@ def safe_edits(
     now: CheckResult, texts: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
 ) -> list[TextEdit]:
     """The fixes of which nothing else can have been meant, those that do not overlap. `texts`, `allowed`, `read`: as for `autofix`."""
-    words, given = _words(now.documents)
+    words, given = _word_counts(now.documents)
     edits: list[TextEdit] = []
     decoded: dict[str, str | None] = {}
     for diagnostic in now.found:
@@ -142,7 +142,7 @@ def _base(word: str) -> str:
     return re.sub(r"_(?:\d+|\$\w+)$", "", word)
 
 
-def _words(documents: Iterable[Document]) -> tuple[Counter[str], set[str]]:
+def _word_counts(documents: Iterable[Document]) -> tuple[Counter[str], set[str]]:
     """How often every word stands in the documents, and the names that they give."""
     words: Counter[str] = Counter()
     given: set[str] = set()

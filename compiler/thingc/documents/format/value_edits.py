@@ -32,7 +32,7 @@ def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
     """
     set_one = _in_toml if _is_toml(document.path) else _in_yaml
     for keys, value in values.items():
-        after = _read(document, set_one(document, keys, value))
+        after = _parse_document(document, set_one(document, keys, value))
         if after is None or after.tree.plain() != _plain_with(document.tree.plain(), keys, _meant(value)):
             what = "what stands there is used elsewhere, too, or written in a way of its own"
             raise CannotSetValue(f"`{'.'.join(keys)}` cannot be set alone: {what}")
@@ -45,7 +45,7 @@ def without(document: Document, keys: Keys) -> Document:
 
     Raises `CannotSetValue` where the text would then say something else than what it said without them.
     """
-    after = _read(document, (_out_of_toml if _is_toml(document.path) else _out_of_yaml)(document, keys))
+    after = _parse_document(document, (_out_of_toml if _is_toml(document.path) else _out_of_yaml)(document, keys))
     if after is None or after.tree.plain() != _plain_without(document.tree.plain(), keys):
         raise CannotSetValue(f"`{'.'.join(keys)}` cannot be taken out alone: it is used elsewhere, too, or written in a way of its own")
     return after
@@ -62,7 +62,7 @@ def _meant(value: Written) -> Plain:
     return {key: _meant(one) for key, one in value.items()} if isinstance(value, Mapping) else [_meant(one) for one in value]
 
 
-def _read(document: Document, text: str) -> Document | None:
+def _parse_document(document: Document, text: str) -> Document | None:
     """A document with another text; None where that is not well-formed, or no mapping."""
     report = Report()
     tree = read_tree(document.path, text.encode(), report)
@@ -102,7 +102,7 @@ def _in_yaml(document: Document, keys: Keys, value: Written) -> str:
     depth = next((k for k in range(len(keys), 0, -1) if node_at(tree, keys[:k]) is not None), 0)
     node, rest = node_at(tree, keys[:depth]), keys[depth:]
     assert node is not None
-    start, end = _place(source, node.span)
+    start, end = _text_range(source, node.span)
     if not rest or not isinstance(node, MappingNode):  # instead of what is there, which may be nothing: `limit:`
         if isinstance(node, (MappingNode, SequenceNode)) and text[start] not in "{[":
             raise CannotSetValue(f"`{'.'.join(keys)}` is written over several lines: set the values in it")
@@ -110,7 +110,7 @@ def _in_yaml(document: Document, keys: Keys, value: Written) -> str:
         written = _flow(value) if not rest else "{" + _entry(rest, value) + "}"
         return text[:start] + space + written + text[end:]
     if text[start] == "{":
-        at = max((_place(source, one.span)[1] for one in node.entries.values()), default=start + 1)
+        at = max((_text_range(source, one.span)[1] for one in node.entries.values()), default=start + 1)
         return text[:at] + (", " if node.entries else "") + _entry(rest, value) + text[at:]
     indent = next(iter(node.keys.values())).column - 1
     line = _last_line(source, node)
@@ -124,7 +124,7 @@ def _lines(source: Source, node: MappingNode, rest: Keys, value: Written) -> lis
     last = list(node.entries.values())[-1]
     if isinstance(value, Mapping) and len(rest) == 2:  # a section that was not there
         return ["", f"{_scalar(rest[0])}:", f"  {_entry(rest[1:], value)}"]
-    start, end = _place(source, last.span)
+    start, end = _text_range(source, last.span)
     if isinstance(value, Mapping) and len(rest) == 1 and isinstance(last, MappingNode) and last.entries and source.text[start] != "{":
         deep = " " * (next(iter(last.keys.values())).column - next(iter(node.keys.values())).column)
         return [f"{_scalar(rest[0])}:", *(f"{deep}{_scalar(key)}: {_flow(one)}" for key, one in value.items())]
@@ -138,24 +138,24 @@ def _out_of_yaml(document: Document, keys: Keys) -> str:
     order = list(node.entries)
     where = order.index(keys[-1])
     key, value = node.keys[keys[-1]], node.entries[keys[-1]]
-    start, end = source.starts[key.line - 1] + key.column - 1, _place(source, value.span)[1]
-    if text[_place(source, node.span)[0]] != "{":
+    start, end = source.starts[key.line - 1] + key.column - 1, _text_range(source, value.span)[1]
+    if text[_text_range(source, node.span)[0]] != "{":
         last = _last_line(source, value)
         return text[: source.starts[key.line - 1]] + (text[source.starts[last] :] if last < len(source.starts) else "")
     if where + 1 < len(order):
         after = node.keys[order[where + 1]]
         return text[:start] + text[source.starts[after.line - 1] + after.column - 1 :]
-    before = _place(source, node.entries[order[where - 1]].span)[1] if where else start
+    before = _text_range(source, node.entries[order[where - 1]].span)[1] if where else start
     return text[:before] + text[end:]
 
 
-def _place(source: Source, span: Span) -> tuple[int, int]:
+def _text_range(source: Source, span: Span) -> tuple[int, int]:
     return source.starts[span.line - 1] + span.column - 1, source.starts[span.end_line - 1] + span.end_column - 1
 
 
 def _last_line(source: Source, node: Node) -> int:
     """The line (from 1) on which a value ends."""
-    start, end = _place(source, node.span)
+    start, end = _text_range(source, node.span)
     if source.text[start : start + 1] not in ("{", "["):
         inner = list(node.entries.values()) if isinstance(node, MappingNode) else list(getattr(node, "items", ()))
         if inner:
@@ -222,10 +222,10 @@ def _behind_entries(document: Document, keys: Keys) -> tuple[int, bool] | None:
     source, text, node = Source(document.path, document.text), document.text, node_at(document.tree, keys[:1])
     if not isinstance(node, MappingNode) or not node.entries or keys[1] in node.entries:
         return None
-    last = max(node.entries.values(), key=lambda one: _place(source, one.span)[1])
-    start, end = _place(source, last.span)
+    last = max(node.entries.values(), key=lambda one: _text_range(source, one.span)[1])
+    start, end = _text_range(source, last.span)
     tables = isinstance(last, MappingNode) and text[start] == "["
-    if not tables and text[_place(source, node.span)[0]] != "[":
+    if not tables and text[_text_range(source, node.span)[0]] != "[":
         return None
     line = source.line_at(end - 1)
     return source.starts[line] + len(source.line(line)), tables

@@ -173,7 +173,7 @@ class PartNames:
         for name in self._given:
             declared = False
             for module, node in self._family(name):
-                for span in _written(module, node, name):
+                for span in _name_spans(module, node, name):
                     yield PartPlace(name, span, not declared)
                     declared = True
 
@@ -185,7 +185,7 @@ class PartNames:
         """A place (file and line) where something is written that may be this mount or parameter, and may be another: nobody can tell
         without running it. None where there is none."""
         family = {(module.file, node.name) for module, node in self._family(name)}
-        own = {(span.file, span.line, span.column) for module, node in self._family(name) for span in _written(module, node, name)}
+        own = {(span.file, span.line, span.column) for module, node in self._family(name) for span in _name_spans(module, node, name)}
         for module in self._all():
             for node in ast.walk(module.tree):
                 if _may_be(node, name, {one for _, one in family}):
@@ -291,7 +291,7 @@ def _of_self(node: ast.Attribute) -> bool:
     return isinstance(node.value, ast.Name) and node.value.id == "self"
 
 
-def _written(module: _Module, node: ast.ClassDef, name: PartName) -> Iterator[Span]:
+def _name_spans(module: _Module, node: ast.ClassDef, name: PartName) -> Iterator[Span]:
     """Where a class writes a mount or a parameter as what it is: what declares it comes first."""
     if name.what == "part mount":
         own = module.inside(node).by_name.get(name.text, ())

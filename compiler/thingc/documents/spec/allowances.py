@@ -85,11 +85,11 @@ def _lines(
     for code, reason in written.items():
         yield Allowance(
             code=_BY_CODE[code], reason=reason, where=document.span((*path, "allow", code), key=True), path=".".join(map(str, path)),
-            nodes=tuple(_place(document, one) for one in (covered or [path])),
+            nodes=tuple(_location_of(document, one) for one in (covered or [path])),
         )
 
 
-def _place(document: Document, path: Path) -> tuple[Span, Node]:
+def _location_of(document: Document, path: Path) -> tuple[Span, Node]:
     node = node_at(document.tree, path)
     assert node is not None, path
     return (document.span(path, key=True) if path else node.span), node

@@ -61,21 +61,21 @@ class UnknownKey:
         """How the mate of an `attach` is written beside a `turn` or a `gap`, where it is written as it is without."""
         if not {"mount", "to"} <= set(self.known) - self.present:
             return None
-        return f"in full it is `mount: {shortened(self.key, 40)}, to: {_shown(node_at(self.document.tree, self.path))}`"
+        return f"in full it is `mount: {shortened(self.key, 40)}, to: {_node_text(node_at(self.document.tree, self.path))}`"
 
     def _place(self, root: type[Model]) -> str | None:
         """Where a key belongs that another mapping has: one inside of this, one around it, or a section of the document."""
         value = node_at(self.document.tree, self.path)
         if "parameters" in self.known and "part" not in self.known and len(self.path) > 1 and isinstance(value, ScalarNode):
             return f"a parameter is set by `parameters: {{{shortened(self.key, 40)}: {shortened(value.text, 40)}}}`"
-        shown = _shown(value)
+        shown = _node_text(value)
         inside = [key for key in self.known if any(self.key in model_keys(one) for one in _models(self.model, key))]
         if inside:
             here = [key for key in inside if key in self.present]
             short = node_at(self.document.tree, (*self.path[:-1], "attach")) if here == ["attach"] else None
             if isinstance(short, MappingNode) and len(short.entries) == 1 and "mount" not in short.entries:
                 ((mount, to),) = short.entries.items()
-                return f"write it inside, in full: `attach: {{mount: {shortened(mount, 40)}, to: {_shown(to)}, {self.key}: {shown}}}`"
+                return f"write it inside, in full: `attach: {{mount: {shortened(mount, 40)}, to: {_node_text(to)}, {self.key}: {shown}}}`"
             if here:
                 return f"it is a key of {one_of(here)}: write it inside"
             return "it is a key of " + one_of(inside) + f": `{inside[0]}: {{{self.key}: {shown}}}`"
@@ -113,7 +113,7 @@ class UnknownKey:
         return None
 
 
-def _shown(value: Node | None) -> str:
+def _node_text(value: Node | None) -> str:
     return shortened(value.text, 40) if isinstance(value, ScalarNode) else "..."
 
 

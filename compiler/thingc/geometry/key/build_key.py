@@ -36,7 +36,7 @@ def record_key(
 ) -> BuildKey:
     """Of a part record; of the workspace it depends on the tessellations."""
     mesh, simulation = workspace.mesh, workspace.simulation
-    parameters = {f"parameter {name}": _shown(value) for name, value in definition.parameters}
+    parameters = {f"parameter {name}": _format_value(value) for name, value in definition.parameters}
     return BuildKey(
         ingredients={
             "part": definition.reference, "definition": definition.text, **versions,
@@ -47,7 +47,7 @@ def record_key(
     )
 
 
-def _shown(value: Value) -> str:
+def _format_value(value: Value) -> str:
     return f"{type(value).__name__} {value!r}"
 
 

@@ -132,9 +132,9 @@ class ModuleSources:
         key = f"{VERSION} {sys.version_info[0]}.{sys.version_info[1]} {sha256}"  # syntax trees differ between versions of Python
         facts = self.store.get_json("facts", key) if self.store is not None else None
         if facts is None:
-            from thingc.geometry.key.source_reader import read
+            from thingc.geometry.key.source_reader import read_source
 
-            facts = read(data)
+            facts = read_source(data)
             if self.store is not None:
                 self.store.note_json("facts", key, facts)
         file = module.file or ""
@@ -157,7 +157,7 @@ def code_of(reference: str, sources: ModuleSources) -> CodeIngredients:
         files={one.module.file: one.sha256 for one in tracked if one.module.file is not None},
         plain={one.name for one in reached if one.kind == "content" and one.file is None},
         hiding=tuple(one for one in reached if one.hides),
-        place=_place(module, name.partition(".")[0], sources),
+        place=_definition_line(module, name.partition(".")[0], sources),
         sources={} if whole else {one.module.file: one for one in tracked if one.module.file is not None},
     )
 
@@ -209,7 +209,7 @@ def _namespaces(module: str, sources: ModuleSources) -> list[ModuleSource | None
     return namespaces
 
 
-def _place(module: str, name: str, sources: ModuleSources) -> tuple[str, int] | None:
+def _definition_line(module: str, name: str, sources: ModuleSources) -> tuple[str, int] | None:
     """Where a name is defined, through imports."""
     for _ in range(MAX_STEPS):
         source = next((one for one in _namespaces(module, sources) if one is not None and name in one.facts.names), None)

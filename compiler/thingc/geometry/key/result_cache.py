@@ -122,11 +122,11 @@ class Results:
                 if (now := self.state(path, state)) != state
             ]
             if changed:
-                return some([_words(path, state, now) for path, state, now in changed], 3, between="; ")
+                return some([_change_text(path, state, now) for path, state, now in changed], 3, between="; ")
         return None
 
 
-def _words(path: str, state: str, now: str) -> str:
+def _change_text(path: str, state: str, now: str) -> str:
     if state.startswith("folder:") and now.startswith("folder:"):
         return f"folder {path} holds other files"
     if state == "absent":

@@ -36,7 +36,7 @@ PLAIN = frozenset({"classmethod", "property", "staticmethod"})
 """Decorators that do nothing with a function but call it."""
 
 
-def read(source: bytes) -> dict[str, Any]:
+def read_source(source: bytes) -> dict[str, Any]:
     """The facts of a source file, as JSON (see `module_key.Facts`)."""
     try:
         tree = parse_python(source)

@@ -150,12 +150,12 @@ def read_schema(reference: str, value: Any, path: str) -> PartSchema:
     """The part schema of `module:Class`, without its place. Raises `BadLock`."""
     table = mapping(value, path)
     return PartSchema(
-        reference=reference, kind=_one_of({"thing", "shape", "function"}, table, "kind", path), doc=_text(table, "doc", path) or "",
+        reference=reference, kind=_one_of({"thing", "shape", "function"}, table, "kind", path), doc=_text_at(table, "doc", path) or "",
         parameters=tuple(
             _parameter(name, one, f"{path}.parameters.{name}")
             for name, one in mapping(table.get("parameters", {}), f"{path}.parameters").items()
         ),
-        material=_text(table, "material", path), actuator=_flag(table, "actuator", path), file="", line=0,
+        material=_text_at(table, "material", path), actuator=_flag(table, "actuator", path), file="", line=0,
     )
 
 
@@ -173,7 +173,7 @@ def _parameter(name: str, value: Any, path: str) -> ParameterSchema:
         default = float(default)
     return ParameterSchema(
         name=name, kind=kind, required=required, default=default, minimum=_maybe(table, "minimum", path),
-        maximum=_maybe(table, "maximum", path), choices=choices, doc=_text(table, "doc", path) or "",
+        maximum=_maybe(table, "maximum", path), choices=choices, doc=_text_at(table, "doc", path) or "",
     )
 
 
@@ -195,7 +195,7 @@ def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) 
     box = None if table.get("box") is None else numbers(table["box"], 6, f"{path}.box")
     inertia = numbers(table.get("inertia"), _ENTRIES, f"{path}.inertia")
     return PartRecord(
-        text=text, material=_text(table, "material", path), color=_text(table, "color", path),
+        text=text, material=_text_at(table, "material", path), color=_text_at(table, "color", path),
         volume=_least(table, "volume", path), area=_least(table, "area", path),
         centre=numbers(table.get("centre"), 3, f"{path}.centre"),  # type: ignore[arg-type]
         inertia=(inertia[:3], inertia[3:6], inertia[6:]),  # type: ignore[arg-type]
@@ -208,7 +208,7 @@ def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) 
             table.get("expectations", []), f"{path}.expectations")),
         actuator=None if table.get("actuator") is None else _actuator(table["actuator"], f"{path}.actuator"),
         mass=_stated(table, "mass", 1, path), com=_stated(table, "com", 3, path), matrix=_stated(table, "matrix", _ENTRIES, path),
-        density=_stated(table, "density", 1, path), bom=_words(table.get("bom", {}), f"{path}.bom"),
+        density=_stated(table, "density", 1, path), bom=_text_table(table.get("bom", {}), f"{path}.bom"),
         warnings=(
             *(PartWarning(message=one) for one in _texts(table.get("warnings", []), f"{path}.warnings")),
             *(_question(one, f"{path}.asks") for one in sequence(table.get("asks", []), f"{path}.asks")),
@@ -228,7 +228,7 @@ def _sliced(value: Any, path: str) -> tuple[Slicing, SliceResult | SliceFailure]
         bottom=_whole(table, "bottom", path),
         **{key: _least(table, key, path) for key in ("layer", "line_width", "overlap", "bridge_flow")},
     )
-    reason = _text(table, "unsliced", path)
+    reason = _text_at(table, "unsliced", path)
     if reason is not None:
         return slicing, SliceFailure(reason=reason)
     solid, joins, sparse = (_matter(table.get(key), f"{path}.{key}") for key in _LAID)
@@ -270,7 +270,7 @@ def _mount(value: Any, path: str) -> MountRecord:
                 raise BadLock(f"{path}.pose", "expected a rotation (nine numbers, rows of a rotation matrix) and a place")
     return MountRecord(
         pose=Pose(rotation=rows, translation=entries[9:]),  # type: ignore[arg-type]
-        interface=_text(table, "interface", path), tolerance=_maybe(table, "tolerance", path),
+        interface=_text_at(table, "interface", path), tolerance=_maybe(table, "tolerance", path),
     )
 
 
@@ -295,7 +295,7 @@ def _actuator(value: Any, path: str) -> ActuatorRecord:
     gear_ratio = quantities.pop("gear_ratio")
     return ActuatorRecord(
         kind=_one_of(get_args(DriveType), table, "kind", path), gear_ratio=1.0 if gear_ratio is None else gear_ratio,
-        sources=_words(table.get("sources", {}), f"{path}.sources"), **quantities,
+        sources=_text_table(table.get("sources", {}), f"{path}.sources"), **quantities,
     )
 
 
@@ -376,7 +376,7 @@ def _least(table: Mapping[str, Any], key: str, path: str) -> float:
     return value
 
 
-def _text(table: Mapping[str, Any], key: str, path: str) -> str | None:
+def _text_at(table: Mapping[str, Any], key: str, path: str) -> str | None:
     return None if table.get(key) is None else text_at(table, key, path)
 
 
@@ -398,7 +398,7 @@ def _texts(value: Any, path: str) -> list[str]:
     return texts
 
 
-def _words(value: Any, path: str) -> dict[str, str]:
+def _text_table(value: Any, path: str) -> dict[str, str]:
     words = mapping(value, path)
     if not all(isinstance(one, str) for one in words.values()):
         raise BadLock(path, "expected texts by name")

@@ -116,7 +116,7 @@ def read_lock(workspace: Workspace, report: Report) -> Lock | None:
         report.add(Code.UNREADABLE, f"cannot read `{LOCK_FILE}`: {(error.strerror or 'an error').lower()}", None)
         return None
     try:
-        return read(path, data)
+        return parse_lock(path, data)
     except BadLock as fault:
         report_bad(path, fault, report)
         return None
@@ -137,7 +137,7 @@ def report_bad(path: str, fault: BadLock, report: Report, *, severity: Severity 
     report.add(Code.LOCK_BROKEN, f"`{LOCK_FILE}` is broken{where}: {fault}", top_of(path), help=REMAKE, severity=severity)
 
 
-def read(path: str, data: bytes) -> Lock:
+def parse_lock(path: str, data: bytes) -> Lock:
     """The lock in `data`. Raises `BadLock`."""
     if len(data) > MAX_BYTES:
         raise BadLock("", f"it has more than {MAX_BYTES} bytes")

@@ -87,16 +87,16 @@ def _thing(
 def lock_text(values: Mapping[str, Any]) -> str:
     """The file: two spaces, a list on one line, so that a change of one number is a change of one line; and nothing in
     it that who reads the change would not see."""
-    return json_text(_text(values, "\n")) + "\n"
+    return json_text(_format_json(values, "\n")) + "\n"
 
 
-def _text(value: Any, newline: str) -> str:
+def _format_json(value: Any, newline: str) -> str:
     inner = newline + "  "
     if isinstance(value, Mapping) and value:
-        entries = (f"{json.dumps(key, ensure_ascii=False)}: {_text(item, inner)}" for key, item in value.items())
+        entries = (f"{json.dumps(key, ensure_ascii=False)}: {_format_json(item, inner)}" for key, item in value.items())
         return "{" + inner + ("," + inner).join(entries) + newline + "}"
     if isinstance(value, list) and any(isinstance(item, (Mapping, list)) for item in value) or _long(value):
-        return "[" + inner + ("," + inner).join(_text(item, inner) for item in value) + newline + "]"
+        return "[" + inner + ("," + inner).join(_format_json(item, inner) for item in value) + newline + "]"
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 

@@ -35,7 +35,7 @@ def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | No
 
     record = read_mesh(file, store)
     gc.collect(1)  # what trimesh makes of a mesh refers to itself, and is large: that of many meshes would wait for a command's end
-    store.put_json(KIND, key, _plain(record))
+    store.put_json(KIND, key, _as_json(record))
     return record
 
 
@@ -56,7 +56,7 @@ def mesh_records(
     return records
 
 
-def _plain(record: MeshRecord) -> dict[str, Any]:
+def _as_json(record: MeshRecord) -> dict[str, Any]:
     meshes = [record.mesh, *(piece.mesh for piece in record.pieces)]
     matter = record.matter
     return {

@@ -40,7 +40,7 @@ class BuildLocks:
         if descriptor is None or fcntl is None:
             return True
         try:
-            fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _place(key))
+            fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _lock_offset(key))
         except (BlockingIOError, PermissionError):
             return False
         except OSError:
@@ -61,7 +61,7 @@ class BuildLocks:
         """End a lock; one that was not taken may be given back, too."""
         if self._descriptor is not None and fcntl is not None:
             with contextlib.suppress(OSError):
-                fcntl.lockf(self._descriptor, fcntl.LOCK_UN, 1, _place(key))
+                fcntl.lockf(self._descriptor, fcntl.LOCK_UN, 1, _lock_offset(key))
 
     @contextlib.contextmanager
     def given_back(self) -> Iterator[None]:
@@ -87,6 +87,6 @@ class BuildLocks:
         return None if self._idle else self._descriptor
 
 
-def _place(key: str) -> int:
+def _lock_offset(key: str) -> int:
     """The byte of a key: of 2^60 places two keys rarely share one, and then they only wait for each other."""
     return int(key[:15], 16)

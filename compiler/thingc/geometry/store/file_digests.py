@@ -31,7 +31,7 @@ def digest_of(path: str, store: Store | None = None, known: Digests | None = Non
     with opened(path) as stream:
         before = _signature(stream.fileno())
         if before not in known:
-            known[before] = _read(stream) if store is None or before[0] < LARGE else _kept(stream, before, store, path)
+            known[before] = _digest_stream(stream) if store is None or before[0] < LARGE else _kept(stream, before, store, path)
         return known[before]
 
 
@@ -41,13 +41,13 @@ def _kept(stream: BufferedReader, before: FileSignature, store: Store, path: str
     kept = store.get_json("digest", key)
     if isinstance(kept, list) and kept[:-1] == [*before]:
         return str(kept[-1])
-    digest = _read(stream)
+    digest = _digest_stream(stream)
     if _signature(stream.fileno()) == before and time.time_ns() - max(before[1:3]) > SETTLED:
         store.note_json("digest", key, [*before, digest])
     return digest
 
 
-def _read(stream: BufferedReader) -> str:
+def _digest_stream(stream: BufferedReader) -> str:
     return hashlib.file_digest(stream, "sha256").hexdigest()
 
 

@@ -123,14 +123,14 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
         return
     if event in _PROCESSES:
         program = _PROCESSES[event](*arguments)
-        named = "a process" if program is None else f"`{_shown(program)}`"
+        named = "a process" if program is None else f"`{_name_text(program)}`"
         _ask(ImpureInputs.PROCESS, f"starts {named}, and is not made anew when that would answer otherwise")
     else:
-        _ask(ImpureInputs.NETWORK, f"asks `{_shown(_CONNECTIONS[event](*arguments))}` in the network, and is not made anew when that would "
-                              "answer otherwise")
+        asked = _name_text(_CONNECTIONS[event](*arguments))
+        _ask(ImpureInputs.NETWORK, f"asks `{asked}` in the network, and is not made anew when that would answer otherwise")
 
 
-def _shown(name: Any) -> str:
+def _name_text(name: Any) -> str:
     text = name if isinstance(name, str) else os.fsdecode(name) if isinstance(name, (bytes, os.PathLike)) else repr(name)
     return text if len(text) <= 60 else text[:57] + "..."
 
@@ -147,7 +147,7 @@ def _wrap_environment() -> None:
         try:
             return original(self, key)
         except KeyError as fault:  # what is there is fixed, or the part's own doing
-            name = _shown(key)
+            name = _name_text(key)
             if _ask(ImpureInputs.ENVIRONMENT, f"asks the environment for `{name}`, which no part is given"):
                 fault.add_note(f"the environment of a part is fixed, and has no `{name}`")
             raise

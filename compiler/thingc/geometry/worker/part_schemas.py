@@ -42,7 +42,7 @@ def _schema(session: PartSession, reference: str, *, placed: bool) -> PartSchema
     lacks = lacking_result(part)
     if lacks is not None:
         raise NoPart("resultless", f"`{reference}` {lacks.words}", place=lacks.place)
-    file, line = ("", 1) if placed else _place(part, kind)
+    file, line = ("", 1) if placed else _code_location(part, kind)
     return PartSchema(
         reference=reference, kind=kind, doc=inspect.cleandoc(part.__doc__ or ""),
         parameters=parameters,
@@ -50,7 +50,7 @@ def _schema(session: PartSession, reference: str, *, placed: bool) -> PartSchema
     )
 
 
-def _place(part: Any, kind: str) -> tuple[str, int]:
+def _code_location(part: Any, kind: str) -> tuple[str, int]:
     """The file and line of a class or function."""
     try:
         return inspect.getsourcefile(part) or "", inspect.getsourcelines(part)[1]

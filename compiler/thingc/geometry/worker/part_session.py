@@ -151,7 +151,7 @@ class PartSession:
             places.append((str(fault.filename), fault.lineno))
         file, line = places[-1] if places else (None, None)
         kind: FailureKind = "raised"
-        message = _words(fault)
+        message = _exception_text(fault)
         candidates: tuple[str, ...] = ()
         if isinstance(fault, NoPart):
             kind, message, candidates, detail = fault.kind, str(fault), fault.candidates, None
@@ -166,7 +166,7 @@ class PartSession:
         )
 
 
-def _words(fault: BaseException) -> str:
+def _exception_text(fault: BaseException) -> str:
     text = fault.msg if isinstance(fault, SyntaxError) else str(fault)
     if isinstance(fault, (NameError, AttributeError, ImportError)) and (meant := _python_suggests(fault)):
         text = f"{text}. {meant}"

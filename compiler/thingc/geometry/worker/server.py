@@ -177,7 +177,7 @@ def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
 
 
 def perform(request: Mapping[str, Any]) -> dict[str, Any]:
-    """Do what one request asks: `describe`, `model`, `decompose`, `slice` or `assemble`. With a folder for itself (`scratch`), it
+    """Do what one request asks: `describe`, `build_part`, `decompose`, `slice` or `assemble`. With a folder for itself (`scratch`), it
     leaves there what is for the store. Raises `StoreUnusable`."""
     from thingc.geometry.store.local import Outbox, Store
 
@@ -207,11 +207,11 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 
         return describe(request["references"], request["placed"], around)
     from thingc.documents.workspace import Tessellation
-    from thingc.geometry.worker.kernel.build_part import Tessellations, model
+    from thingc.geometry.worker.kernel.build_part import Tessellations, build_part
 
     asked = {name: Tessellation(**values) for name, values in request["tessellations"].items()}
     until = time.monotonic() + request["timeout"] / 2
-    answer = model(request["definition"], Tessellations(**asked), around, store)
+    answer = build_part(request["definition"], Tessellations(**asked), around, store)
     return {**answer, "slices": _sliced(answer, request["slicings"], store) if time.monotonic() < until else []}
 
 

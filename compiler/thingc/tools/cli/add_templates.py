@@ -101,7 +101,7 @@ def _placed_part(
             mount = _sole_mount(reference, list(record.mounts) or ["origin"], "bottom")
     elif isinstance(answer, PartSchema) and definition is None and arguments.on is not None and arguments.by is None:
         raise console.WrongCommandLine(f"which mount of `{reference}` meets --on is not said", "name it with --by")
-    return DocumentEdit(values={("components", component): {**value, **_place(arguments, documents.root, component, mount)}})
+    return DocumentEdit(values={("components", component): {**value, **_placement_keys(arguments, documents.root, component, mount)}})
 
 
 def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
@@ -124,7 +124,7 @@ def _new_part(arguments: argparse.Namespace, documents: Documents | None, refere
     if keyword.iskeyword(name) or name in _bound(parse_python(new_part("_", None))):
         raise console.WrongCommandLine(f"`{name}` is no name for a class of parts: it means something else there", "choose another name")
     component = arguments.component or _snake(name)
-    placed = None if documents is None else _place(arguments, documents.root, component, "bottom")
+    placed = None if documents is None else _placement_keys(arguments, documents.root, component, "bottom")
     weight = {"material": "pla"} if documents is None else _weight(documents)
     material = weight.pop("material", None)
     text = new_part(name, None if material is None else str(material))
@@ -170,7 +170,7 @@ def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Doc
     root, component = documents.root, arguments.component or name
     mount = _own_mount(path) if there and arguments.on is not None and arguments.by is None else "base"
     nested = os.path.relpath(path, os.path.dirname(root.path)).replace(os.sep, "/")
-    value = {"assembly": nested, **_params(arguments, "parameters"), **_place(arguments, root, component, mount)}
+    value = {"assembly": nested, **_params(arguments, "parameters"), **_placement_keys(arguments, root, component, mount)}
     return DocumentEdit(values={("components", component): value}, files=files)
 
 
@@ -240,7 +240,7 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     if by_sole:
         pass  # the mount lies on the world's origin, and the robot stands above it
     elif stands == first["root"] and stays(base):
-        value |= {"at": _written(first["at"])} if "at" in first else {}
+        value |= {"at": _format_plain(first["at"])} if "at" in first else {}
     elif _shaped(root):
         value["at"] = {"on": "floor"}
     if soles and not by_sole:
@@ -251,14 +251,14 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     return DocumentEdit(values={("modes", name): {**value, **({"pose": str(pose)} if pose else {})}})
 
 
-def _written(plain: object) -> Written:
+def _format_plain(plain: object) -> Written:
     """What a document says, as it would say it again."""
     if isinstance(plain, dict):
-        return {key: _written(one) for key, one in plain.items()}
-    return [_written(one) for one in plain] if isinstance(plain, list) else str(plain)
+        return {key: _format_plain(one) for key, one in plain.items()}
+    return [_format_plain(one) for one in plain] if isinstance(plain, list) else str(plain)
 
 
-def _joint(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
+def _joint_edit(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
     from thingc.base.joints.kinds import KINDS
 
     assert documents is not None
@@ -305,7 +305,7 @@ def _test(arguments: argparse.Namespace, documents: Documents | None) -> Documen
 
 
 STUBS: dict[str, Callable[[argparse.Namespace, Documents | None], DocumentEdit]] = {
-    "part": _part, "assembly": _assembly, "mode": _mode, "joint": _joint, "test": _test,
+    "part": _part, "assembly": _assembly, "mode": _mode, "joint": _joint_edit, "test": _test,
 }
 
 
@@ -337,7 +337,7 @@ def _base(root: Document) -> str:
     return next(free, next(iter(components)))
 
 
-def _place(arguments: argparse.Namespace, root: Document, name: str, mount: str) -> dict[str, Written]:
+def _placement_keys(arguments: argparse.Namespace, root: Document, name: str, mount: str) -> dict[str, Written]:
     """How a new component is placed: by a mount of its own (`mount` unless --by names it) on a mount of the document, in a frame, else
     beside the base."""
     _new(root, "components", name, hint="choose another name with --name")

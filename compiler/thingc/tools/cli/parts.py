@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _listed(
     geometry: GeometryService, wanted: list[str], report: Report
 ) -> list[tuple[PartSchema, PartRecord | None]]:
-    references = _named(geometry, wanted) if wanted else geometry.catalogue()
+    references = _parts_named(geometry, wanted) if wanted else geometry.catalogue()
     if not wanted:
         report.diagnostics.extend(_failed(failure.subject, failure) for failure in geometry.not_python())
     from thingc.geometry.part_source import report_hidden
@@ -97,7 +97,7 @@ def _listed(
     return listed
 
 
-def _named(geometry: GeometryService, words: list[str]) -> list[str]:
+def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
     """The parts that are called so, that are in a module called so, or in a module of a package called so: whatever a document may name.
     Raises `WrongCommandLine` for a word that calls none."""
     references = geometry.catalogue()

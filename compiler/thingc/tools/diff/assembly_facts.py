@@ -120,7 +120,7 @@ def tendon_facts(assembly: Assembly) -> dict[str, Fact]:
     facts: dict[str, Fact] = {}
     for one in assembly.tendons:
         values: dict[str, Value] = {f"joints.{path}": factor for path, factor in one.moves.items()}
-        values |= {f"path.{place}": _words(step) for place, step in enumerate(one.steps)} | {"width": one.width}
+        values |= {f"path.{place}": _step_value(step) for place, step in enumerate(one.steps)} | {"width": one.width}
         values |= {f"limit.{key}": getattr(one.limit, key) for key in ("lower", "upper")}
         values |= {f"dynamics.{key}": getattr(one.dynamics, key) for key in ("damping", "friction", "armature", "stiffness", "rest")}
         values |= {f"drive.{key}": getattr(one.actuator, key, None) for key in ("kind", "kp", "kv", "effort", "velocity")}
@@ -128,7 +128,7 @@ def tendon_facts(assembly: Assembly) -> dict[str, Fact]:
     return facts
 
 
-def _words(step: TendonStep) -> Value:
+def _step_value(step: TendonStep) -> Value:
     """What a step of a path is, in a few words and numbers."""
     if step.divisor is not None:
         return step.divisor

@@ -201,7 +201,7 @@ class _StatedChanges:
                 because = self._because(pair, key, earlier, later, made)
             self.changes.add(Change(
                 what=_what(new, key), change="changed", path=old.path, new_path=pair.new_path, field=key, old=told(before), new=told(after),
-                because=because, words=worded(pair, key, earlier, later, (pairing.old, pairing.new)), span=_place(later, new.span),
+                because=because, words=worded(pair, key, earlier, later, (pairing.old, pairing.new)), span=_span_of(later, new.span),
             ))
 
     def _unknown(self, joint: str) -> bool:
@@ -247,7 +247,7 @@ class _StatedChanges:
 
     def _alive(self, old: Value, new: Value) -> tuple[str, ...]:
         """What comes and goes in a list, where that is all that is new about it."""
-        before, after = set(_named(self.pairing.now(old))), set(_named(new))
+        before, after = set(_names_in(self.pairing.now(old))), set(_names_in(new))
         causes: dict[str, None] = {}
         for one in before ^ after:
             reasons = self.changes.causes(one.what, above_of(one.path))
@@ -273,7 +273,7 @@ def _what(thing: SnapshotElement, key: str) -> What:
     return "parameter" if key.startswith("params.") else "bom" if key.startswith("bom.") else thing.what
 
 
-def _place(fact: Fact | None, otherwise: Span | None) -> Span | None:
+def _span_of(fact: Fact | None, otherwise: Span | None) -> Span | None:
     return fact.span if fact is not None and fact.span is not None else otherwise
 
 
@@ -283,12 +283,12 @@ def _both_written(old: Fact | None, new: Fact | None) -> bool:
     return words[0] == words[1]
 
 
-def _named(value: Value) -> Iterator[Named]:
+def _names_in(value: Value) -> Iterator[Named]:
     if isinstance(value, Named):
         yield value
     elif isinstance(value, tuple):
         for one in value:
-            yield from _named(one)
+            yield from _names_in(one)
 
 
 def above_of(path: str) -> list[str]:

@@ -26,7 +26,7 @@ code { background: #f1f1f4; padding: 0 .25em; border-radius: .25em } li { margin
 
 def as_html(differences: DiffResult) -> str:
     """A page that stands alone: it asks nothing of a network."""
-    title = f"{_text(differences.old)} → {_text(differences.new)}"
+    title = f"{_escape_text(differences.old)} → {_escape_text(differences.new)}"
     return "\n".join([
         "<!doctype html>", f'<html lang="en"><head><meta charset="utf-8"><title>{title}</title>',
         f"<style>{STYLE}</style></head><body>", f"<h1>{title}</h1>", *_body(differences),
@@ -36,9 +36,9 @@ def as_html(differences: DiffResult) -> str:
 
 def _body(differences: DiffResult) -> Iterator[str]:
     for words, names in (("new", differences.come), ("gone", differences.gone)):
-        yield from (f"<p><code>{_text(name)}</code> is {words}</p>" for name in names)
+        yield from (f"<p><code>{_escape_text(name)}</code> is {words}</p>" for name in names)
     for name, comparison in differences.documents:
-        yield f"<h2><code>{_text(name)}</code></h2>"
+        yield f"<h2><code>{_escape_text(name)}</code></h2>"
         if not comparison.changes:
             yield f"<p>{NOTHING.capitalize()}.</p>"
             continue
@@ -61,20 +61,20 @@ def _body(differences: DiffResult) -> Iterator[str]:
             yield f"<details><summary>{TITLES[what]} ({sum(len(one.paths) for one in sentences)})</summary>"
             yield from _list(sentences)
             yield "</details>"
-        yield from (f"<p>Not compared: {_text(unknown)}.</p>" for unknown in comparison.unknown)
+        yield from (f"<p>Not compared: {_escape_text(unknown)}.</p>" for unknown in comparison.unknown)
 
 
 def _list(sentences: Iterable[ReportLine]) -> Iterator[str]:
     yield "<ul>"
     for one in sentences:
         causes = ", ".join(path or "robot" for path in one.because)
-        because = f' <span class="because">because of {_text(causes)}</span>' if causes else ""
+        because = f' <span class="because">because of {_escape_text(causes)}</span>' if causes else ""
         sign = {"+": "new ", "-": "gone "}.get(one.sign, "")
-        yield f"<li>{sign}{one.what} <code>{_text(one.named)}</code>{_text(one.words)}{because}</li>"
+        yield f"<li>{sign}{one.what} <code>{_escape_text(one.named)}</code>{_escape_text(one.words)}{because}</li>"
     yield "</ul>"
 
 
-def _text(text: str) -> str:
+def _escape_text(text: str) -> str:
     return escape(escape_control(text))
 
 

@@ -65,13 +65,13 @@ def _entry(change: Change) -> dict[str, object]:
     span = change.span
     return {
         "what": change.what, "change": change.change, "path": change.path, "new_path": change.new_path, "field": change.field,
-        "old": _plain(change.old), "new": _plain(change.new), "because": list(change.because),
+        "old": _json_value(change.old), "new": _json_value(change.new), "because": list(change.because),
         "file": None if span is None else shown_path(span.file), "line": None if span is None else span.line,
     }
 
 
-def _plain(value: DisplayValue) -> object:
-    return [_plain(one) for one in value] if isinstance(value, tuple) else value
+def _json_value(value: DisplayValue) -> object:
+    return [_json_value(one) for one in value] if isinstance(value, tuple) else value
 
 
 def pack(answer: Comparison | BrokenSide) -> list[Any]:

@@ -74,8 +74,8 @@ class DocumentTrees:
         """The words and place of the value and the bounds of a parameter that a document declares."""
         node = _at(self._trees.get(document), ("parameters", name))
         if isinstance(node, MappingNode):
-            return {key: _text(inner) for key, inner in node.entries.items() if key in ("value", "min", "max")}
-        return {} if node is None else {"value": _text(node)}
+            return {key: _node_text(inner) for key, inner in node.entries.items() if key in ("value", "min", "max")}
+        return {} if node is None else {"value": _node_text(node)}
 
     def fact(
         self, value: Value, section: Section, keys: Sequence[str], *, scope: str = "", otherwise: Span | None = None,
@@ -85,11 +85,11 @@ class DocumentTrees:
         for node in section.nodes:
             place = _at(node, keys)
             if place is not None:
-                text, span = _text(place)
+                text, span = _node_text(place)
                 return Fact(value=value, written=text, scope=scope, span=span)
             place = _at(node, (*keys[:-1], "quat")) if keys[-1] == "rpy" else None
             if place is not None:
-                text, span = _text(place)
+                text, span = _node_text(place)
                 return Fact(value=value, written=text, words=None if "=" in text else f"quat {text}", scope=scope, span=span)
         return Fact(value=value, scope=scope, span=otherwise)
 
@@ -115,5 +115,5 @@ def _at(node: Node | None, keys: Sequence[str]) -> Node | None:
     return node
 
 
-def _text(node: Node) -> tuple[str, Span]:
+def _node_text(node: Node) -> tuple[str, Span]:
     return (str(node.value) if isinstance(node, ScalarNode) else repr(node.plain())), node.span

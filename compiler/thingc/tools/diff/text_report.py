@@ -188,10 +188,10 @@ def _lines(changes: Iterable[Change]) -> Iterator[ReportLine]:
     grouped: dict[tuple[What, str, str], list[Change]] = {}
     for change in changes:
         everywhere = replace(change, field=_field(change)) if _is_measured(change) else change
-        grouped.setdefault((change.what, _SIGNS[change.change], _words(everywhere)), []).append(change)
+        grouped.setdefault((change.what, _SIGNS[change.change], _change_text(everywhere)), []).append(change)
     for (what, sign, words), ones in grouped.items():
         if len({one.field for one in ones}) == 1:
-            words = _words(ones[0])
+            words = _change_text(ones[0])
         if words == MOVED:
             distance, angle = (max(motion) for motion in zip(*map(_motion, ones), strict=True))
             words = ": " + " and ".join([
@@ -213,7 +213,7 @@ def _motion(change: Change) -> tuple[float, float]:
     return dist(old.translation, new.translation), angle if angle > 1e-9 else 0.0
 
 
-def _words(change: Change) -> str:
+def _change_text(change: Change) -> str:
     """What is said of a thing."""
     if change.change == "moved" and change.field in ("place", "turn", "pose"):
         return MOVED

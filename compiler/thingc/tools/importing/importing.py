@@ -92,7 +92,7 @@ def import_robot(
     data = _content(path, report)
     path = os.path.abspath(path)
     places = Packages(path, packages or {}, os.environ, mesh_roots)
-    robot = None if data is None else _read(path, data, arguments or {}, places, report, meshes=meshes)
+    robot = None if data is None else _load_source(path, data, arguments or {}, places, report, meshes=meshes)
     if data is None or robot is None:
         return None
     refuse_endless(robot, report)
@@ -154,7 +154,7 @@ def _content(path: str, report: Report) -> bytes | None:
         return None
 
 
-def _read(
+def _load_source(
     path: str, data: bytes, arguments: Mapping[str, str], packages: Packages, report: Report, *, meshes: bool,
 ) -> SourceRobot | None:
     """What a file says, by what is in it: `.xml` is MJCF, or URDF."""

@@ -60,13 +60,15 @@ class Packages:
         if scheme in ("package", "model") and inside and name != "..":
             places = self._folders(name)
             fault = self._unknown(name) if not places else NotFound(
-                f"the package `{name}` has no `{inside}`; looked in {_shown(places)}", f"specify its folder: `--package {name}=DIR`",
+                f"the package `{name}` has no `{inside}`; looked in {_format_paths(places)}", f"specify its folder: `--package {name}=DIR`",
             )
             named = [os.path.join(place, inside) for place in places]
         else:
             rest = unquote(rest) if scheme == "file" else rest.lstrip("/") if scheme else rest
             named = [os.path.join(self.folder, rest)]
-            fault = NotFound(f"there is no file `{uri}`; looked for {_shown(named)}", "specify a folder that has it: `--mesh-root DIR`")
+            fault = NotFound(
+                f"there is no file `{uri}`; looked for {_format_paths(named)}", "specify a folder that has it: `--mesh-root DIR`"
+            )
         words = [word for word in rest.split("/") if word not in ("", ".", "..")]
         named += [os.path.join(self.given[word], *words[k:]) for k, word in enumerate(words[:-1], 1) if word in self.given]
         named += [os.path.join(root, *words[k:]) for root in self.searched for k in range(len(words))]
@@ -96,7 +98,7 @@ class Packages:
         raise self._unknown(name)
 
     def _unknown(self, name: str) -> NotFound:
-        looked = _shown([*dict.fromkeys(self._places(name))])
+        looked = _format_paths([*dict.fromkeys(self._places(name))])
         return NotFound(f"there is no package `{name}`; looked for {looked}", f"specify its folder: `--package {name}=DIR`")
 
     def _folders(self, name: str) -> list[str]:
@@ -133,7 +135,7 @@ def _is_package(folder: str) -> bool:
     return any(os.path.isfile(os.path.join(folder, manifest)) for manifest in (MANIFEST, "model.config"))
 
 
-def _shown(paths: Sequence[str]) -> str:
+def _format_paths(paths: Sequence[str]) -> str:
     return ", ".join(f"`{shown_path(path)}`" for path in paths[:6])
 
 

@@ -28,7 +28,7 @@ _ROUND = 1e-11
 """By how much [rad] an angle may miss a round number of degrees that it stands for: 1.57079632679."""
 
 
-def _plain(value: Decimal) -> str:
+def _format_decimal(value: Decimal) -> str:
     text = f"{value.normalize():f}" if value == 0 or -5 < value.adjusted() < 12 else f"{value.normalize():e}"
     return "0" if value == 0 else text
 
@@ -36,7 +36,7 @@ def _plain(value: Decimal) -> str:
 def scaled(value: float, power: int, beside: float = 0.0) -> str:
     """The number times that power of ten, digit by digit: `scaled(0.0388353, 3)` is `38.8353`. One that was worked out together with a
     larger one `beside` it is rounded as that is."""
-    return _plain(_short(float(value), ROUNDED * math.ulp(max(abs(value), abs(beside)))).scaleb(power))
+    return _format_decimal(_short(float(value), ROUNDED * math.ulp(max(abs(value), abs(beside)))).scaleb(power))
 
 
 def _short(value: float, within: float) -> Decimal:
@@ -90,7 +90,7 @@ def mass(value: float) -> str:
 def _degrees(value: float) -> str | None:
     """A round number of degrees that an angle [rad] stands for, in four digits behind the point at most; None where it is none."""
     near = round(math.degrees(value), 4)
-    return _plain(Decimal(repr(near))) if abs(math.radians(near) - value) < _ROUND else None
+    return _format_decimal(Decimal(repr(near))) if abs(math.radians(near) - value) < _ROUND else None
 
 
 def angle(value: float) -> str:

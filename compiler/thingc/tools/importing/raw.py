@@ -142,10 +142,10 @@ def raw_lines(words: DocumentNaming) -> Iterator[str]:
 def _element(words: DocumentNaming, one: SourceAdded) -> dict[str, str]:
     """Its attributes, by the names of the document."""
     name = words.added[one.section, one.name]
-    return ({"name": name} if name else {}) | {key: _named(words, value) for key, value in one.attributes}
+    return ({"name": name} if name else {}) | {key: _name_text(words, value) for key, value in one.attributes}
 
 
-def _named(words: DocumentNaming, value: str | SourceTarget) -> str:
+def _name_text(words: DocumentNaming, value: str | SourceTarget) -> str:
     if isinstance(value, str):
         return value
     names = {"joint": words.joints, "site": words.sites, "tendon": words.tendons, "body": words.links}

@@ -136,12 +136,12 @@ class _Merging:
 
     def _rewrite(self, path: Path, node: Node, keys: Sequence[Any], changed: Sequence[Any]) -> None:
         """A mapping in braces, anew: values that stay as they are written."""
-        whole, inner = _place(self.ours, node), []
+        whole, inner = _text_range(self.ours, node), []
         for key in keys:
             of = self.new if key in changed else self.ours
             one = node_at(of.tree, (*path, key))
             assert one is not None
-            start, end = _place(of, one)
+            start, end = _text_range(of, one)
             text = of.source.text[start:end] if of is self.ours else inline(of, one)
             if of is self.ours:  # with what has been changed further inside
                 edits = [edit for edit in self.edits if start <= edit[0] and edit[1] <= end]
@@ -168,8 +168,8 @@ class _Merging:
             _is_block(self.ours, parent, key) or _is_block(self.new, node_at(self.new.tree, path), key)
         ):
             assert theirs is not None
-            start, end = _place(self.ours, mine)
-            plain = self.new.source.text[slice(*_place(self.new, theirs))]
+            start, end = _text_range(self.ours, mine)
+            plain = self.new.source.text[slice(*_text_range(self.new, theirs))]
             self.edits.append((start, end, plain if "\n" not in plain else inline(self.new, theirs)))
         else:
             first, last = _lines(self.ours, parent, key)
@@ -209,7 +209,7 @@ def inline(text: Text, node: Node) -> str:
     """A value on one line, its scalars as they are written."""
     match node:
         case ScalarNode():
-            return text.source.text[slice(*_place(text, node))]
+            return text.source.text[slice(*_text_range(text, node))]
         case SequenceNode():
             return f"[{', '.join(inline(text, one) for one in node.items)}]"
         case MappingNode():
@@ -250,13 +250,13 @@ def _changed(path: Path, base: Any, ours: Any) -> Iterator[Path]:
             yield from _changed((*path, key), one, other)
 
 
-def _place(text: Text, node: Node) -> tuple[int, int]:
+def _text_range(text: Text, node: Node) -> tuple[int, int]:
     span, starts = node.span, text.source.starts
     return starts[span.line - 1] + span.column - 1, starts[span.end_line - 1] + span.end_column - 1
 
 
 def _is_flow(text: Text, node: Node) -> bool:
-    return not isinstance(node, ScalarNode) and text.source.text[_place(text, node)[0]] in "{["
+    return not isinstance(node, ScalarNode) and text.source.text[_text_range(text, node)[0]] in "{["
 
 
 def _is_block(text: Text, parent: Node | None, key: Any) -> bool:
@@ -269,7 +269,7 @@ def _is_block(text: Text, parent: Node | None, key: Any) -> bool:
 def _last_line(text: Text, node: Node) -> int:
     """The line, from 0, on which a value ends."""
     if isinstance(node, ScalarNode) or _is_flow(text, node):
-        start, end = _place(text, node)
+        start, end = _text_range(text, node)
         return text.source.line_at(start + len(text.source.text[start:end].rstrip()))
     inner = node.entries.values() if isinstance(node, MappingNode) else node.items
     return max(_last_line(text, one) for one in inner)

@@ -193,14 +193,14 @@ def findings_of(diagnostics: Sequence[Diagnostic], workspace: Workspace | None) 
     return [
         {
             "code": d.code.code, "severity": d.severity.value, "message": d.message, "help": d.help,
-            **_place(d.span, workspace),
-            "notes": [{"message": note.message, **_place(note.span, workspace)} for note in d.notes],
+            **_location_json(d.span, workspace),
+            "notes": [{"message": note.message, **_location_json(note.span, workspace)} for note in d.notes],
         }
         for d in diagnostics
     ]
 
 
-def _place(span: Span | None, workspace: Workspace | None) -> dict[str, object]:
+def _location_json(span: Span | None, workspace: Workspace | None) -> dict[str, object]:
     """`file`, its path in the workspace, and `line` of a place; null for what is not in a file."""
     if span is None or span.option is not None or workspace is None:
         return {"file": None, "line": None}

@@ -30,16 +30,18 @@ def evaluate_expression(analysis: Analysis, path: Path, text: str) -> tuple[Expr
     last item where they differ. Empty for what is none, or unsound."""
     parameters = parameters_of(analysis)
     if not text.lstrip().startswith("="):
-        values = read(text, parameters)
+        values = parse_expression_value(text, parameters)
         return () if values is None else (values,)
     repeat = None if analysis.known.tree is None else node_at(analysis.known.tree, (*path[:2], "repeat"))
     if not isinstance(repeat, MappingNode) or path[2:3] == ("repeat",):
-        values = read(text, parameters)
+        values = parse_expression_value(text, parameters)
         return () if values is None else (values,)
     index = text_of(repeat.entries.get("as")) or "i"
-    count = read(text_of(repeat.entries.get("count")), parameters)
+    count = parse_expression_value(text_of(repeat.entries.get("count")), parameters)
     last = min(count.value, MAX_ITEMS) - 1 if isinstance(count, Quantity) else 0
-    ends = [read(text, {**parameters, index: Quantity(float(number))}) for number in dict.fromkeys((0, max(0, int(last))))]
+    ends = [
+        parse_expression_value(text, {**parameters, index: Quantity(float(number))}) for number in dict.fromkeys((0, max(0, int(last))))
+    ]
     return tuple(dict.fromkeys(one for one in ends if one is not None))
 
 
@@ -58,12 +60,12 @@ def bounds_of(analysis: Analysis, cursor: Cursor) -> tuple[float, float]:
         name = cursor.scalars.get((*path[:2], "assembly"), "")
         document = known.document(os.path.normpath(os.path.join(os.path.dirname(known.path), name)))
         ends = [None if document is None else node_at(document.tree, ("parameters", str(path[3]), end)) for end in ("min", "max")]
-        values = [read(text_of(end), {}) for end in ends]
+        values = [parse_expression_value(text_of(end), {}) for end in ends]
         low, high = (one.value if isinstance(one, Quantity) else end for end, one in zip((low, high), values, strict=True))
     return low, high
 
 
-def read(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
+def parse_expression_value(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
     """The quantity that a text is, or what an expression comes to with these names; None for anything else."""
     try:
         stripped = text.strip()
@@ -88,7 +90,7 @@ def _worked_out(tree: MappingNode | None) -> dict[str, ExpressionValue]:
     while growing:  # in any order: each round knows those that use what the round before knew
         growing = False
         for name, text in list(waiting.items()):
-            value = read(text, known)
+            value = parse_expression_value(text, known)
             if value is not None:
                 known[name] = value
                 del waiting[name]

@@ -141,7 +141,7 @@ def _measured(assembly: Assembly, name: str) -> Iterator[str]:
     mass = sum_of(one.properties.mass for one in inside)
     sources = dict.fromkeys(one.mass_source for one in inside if one.properties.mass)
     if mass:
-        yield f"Mass {_shown(mass, MASS)} ({', '.join(sources)})" + (f", {len(inside)} parts." if len(inside) > 1 else ".")
+        yield f"Mass {_format_value(mass, MASS)} ({', '.join(sources)})" + (f", {len(inside)} parts." if len(inside) > 1 else ".")
     if len(inside) == 1:
         base = assembly.occurrences[assembly.base].path
         if inside[0].index != assembly.base:
@@ -174,7 +174,7 @@ def _of_joint(analysis: Analysis, name: str) -> str:
         lines.append(_motion(edge))
         if edge.actuator is not None:
             unit = TORQUE if edge.twist.coordinate == ANGLE else FORCE
-            effort = "" if edge.limit.effort is None else f", up to {_shown(edge.limit.effort, unit)}"
+            effort = "" if edge.limit.effort is None else f", up to {_format_value(edge.limit.effort, unit)}"
             lines.append(f"Driven ({edge.actuator.kind}{effort}).")
         if edge.mimic is None and edge.actuator is None and mate.loop is None:
             lines.append("Nothing drives it.")
@@ -203,7 +203,7 @@ def _of_pose(analysis: Analysis, name: str) -> str:
     dimensions = {} if analysis.assembly is None else {
         edge.path: edge.twist.coordinate for mate in analysis.assembly.mates for edge in mate.joints
     }
-    values = [f"{path.replace('/', '.')} {_shown(value, dimensions.get(path, ANGLE))}" for path, value in pose.values.items()]
+    values = [f"{path.replace('/', '.')} {_format_value(value, dimensions.get(path, ANGLE))}" for path, value in pose.values.items()]
     more = f", and {len(values) - 12} more" if len(values) > 12 else ""
     modes = [f"`{mode.name}`" for mode in analysis.model.modes if mode.pose == name]
     return f"**{name}**: " + (f"{', '.join(values[:12])}{more}; all other joints at 0." if values else "every joint at 0.") + (
@@ -230,6 +230,6 @@ _OF: dict[str, Callable[[Analysis, str], str]] = {
 }
 
 
-def _shown(value: float, dimension: Dimension) -> str:
+def _format_value(value: float, dimension: Dimension) -> str:
     return Quantity(value, dimension).shown(5)
 

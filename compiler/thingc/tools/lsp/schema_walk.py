@@ -162,10 +162,10 @@ def _children(schema: Schema, step: str | int) -> Iterator[Any]:
     if isinstance(step, int):
         yield schema.get("items")
     else:
-        yield from _named(schema, step)
+        yield from _definitions_named(schema, step)
 
 
-def _named(schema: Schema, name: str) -> Iterator[Any]:
+def _definitions_named(schema: Schema, name: str) -> Iterator[Any]:
     """What holds for the value of a key."""
     if name in schema.get("properties", {}):
         yield schema["properties"][name]

@@ -22,13 +22,13 @@ def as_github(diagnostics: Sequence[Diagnostic], *, base: str) -> str:
 
 
 def _command(d: Diagnostic, base: str) -> str:
-    properties = {} if d.span is None else _place(d.span, base)
+    properties = {} if d.span is None else _annotation_location(d.span, base)
     properties["title"] = d.code.code
     written = ",".join(f"{key}={_property(value)}" for key, value in properties.items())
-    return f"::{_COMMANDS[d.severity]} {written}::{_data(_words(d, base))}"
+    return f"::{_COMMANDS[d.severity]} {written}::{_data(_annotation_text(d, base))}"
 
 
-def _place(span: Span, base: str) -> dict[str, str]:
+def _annotation_location(span: Span, base: str) -> dict[str, str]:
     place = {"file": escape_control(within(span.file, base) or span.file), "line": str(span.line)}
     if span.line == span.end_line and span.column != span.end_column:
         place["col"] = str(span.column)
@@ -38,7 +38,7 @@ def _place(span: Span, base: str) -> dict[str, str]:
     return place
 
 
-def _words(d: Diagnostic, base: str) -> str:
+def _annotation_text(d: Diagnostic, base: str) -> str:
     """The message, the second places and the help, a line each: an annotation has one place only. Whatever they quote stays on
     its line."""
     lines = [escape_control(d.message), *(f"note: {_note(note, base)}" for note in d.notes)]

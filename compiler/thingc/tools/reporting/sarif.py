@@ -81,7 +81,7 @@ def _results(placed: Iterable[Diagnostic], rules: Sequence[Code], base: str) -> 
             "ruleId": d.code.code,
             "ruleIndex": rules.index(d.code),
             "level": d.severity.value,
-            "message": {"text": _words(d)},
+            "message": {"text": _message_text(d)},
             "locations": [{"physicalLocation": _physical(d.span, base)}],
         }
         related = [
@@ -98,7 +98,7 @@ def _results(placed: Iterable[Diagnostic], rules: Sequence[Code], base: str) -> 
     return results
 
 
-def _words(d: Diagnostic) -> str:
+def _message_text(d: Diagnostic) -> str:
     lines = [escape_control(d.message), *(f"note: {escape_control(note.message)}" for note in d.notes if note.span is None)]
     if d.help:
         lines.append(f"help: {escape_control(d.help)}")
@@ -116,7 +116,7 @@ def _notification(d: Diagnostic, notices: Sequence[Code]) -> dict[str, Any]:
     return {
         "descriptor": {"id": d.code.code, "index": notices.index(d.code)},
         "level": d.severity.value,
-        "message": {"text": _words(d)},
+        "message": {"text": _message_text(d)},
     }
 
 

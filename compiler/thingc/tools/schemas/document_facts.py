@@ -103,7 +103,7 @@ def facts_of(
     inline = _entries(tree, "materials")
     return DocumentFacts(
         pieces=pieces, mounts=_first(mounts), components=_first(components), joints=_joints(tree, model),
-        exports={name: _text(node) for name, node in _entries(tree, "mounts").items()},
+        exports={name: _scalar_text(node) for name, node in _entries(tree, "mounts").items()},
         poses={name: _summary(node) for name, node in _entries(tree, "poses").items()},
         nested_poses={} if model is None else {
             component.name: tuple(pose.name for pose in component.definition.poses)
@@ -113,7 +113,7 @@ def facts_of(
         materials={**dict.fromkeys(inline, ""), **materials},
         materials_sure=model is not None and model.materials_known and not inline and bool(materials),
         parameters={
-            name: quantity for name, one in symbols_of(tree).parameters.items() if (quantity := values.read(one.value)) is not None
+            name: quantity for name, one in symbols_of(tree).parameters.items() if (quantity := values.parse_value(one.value)) is not None
         },
     )
 
@@ -127,13 +127,15 @@ def _entries(tree: MappingNode, section: str) -> dict[str, Node]:
     return node.entries if isinstance(node, MappingNode) else {}
 
 
-def _text(node: Node | None) -> str:
+def _scalar_text(node: Node | None) -> str:
     return str(node.value) if isinstance(node, ScalarNode) and node.value is not None else ""
 
 
 def _summary(node: Node) -> str:
     """The plain entries of a mapping in a line, at most eight: `yaw: 30 deg, elbow: 120 deg`."""
-    entries = [f"{key}: {_text(one)}" for key, one in (node.entries.items() if isinstance(node, MappingNode) else ()) if _text(one)]
+    entries = [
+        f"{key}: {_scalar_text(one)}" for key, one in (node.entries.items() if isinstance(node, MappingNode) else ()) if _scalar_text(one)
+    ]
     return ", ".join(entries[:8]) + (", ..." if len(entries) > 8 else "")
 
 
@@ -157,7 +159,7 @@ def _piece(
     usual: Mapping[str, Names],
 ) -> WrittenComponent:
     entries = node.entries if isinstance(node, MappingNode) else {}
-    source = next(((key, _text(entries[key])) for key in ("part", "file", "assembly") if _text(entries.get(key))), None)
+    source = next(((key, _scalar_text(entries[key])) for key in ("part", "file", "assembly") if _scalar_text(entries.get(key))), None)
     repeated = "repeat" in entries
     items = tuple(component.name for component in made) or ((f"{name}_0",) if repeated else (name,))
     mounts: Names = {}
@@ -260,13 +262,13 @@ def _joints(tree: MappingNode, model: AssemblyDefinition | None) -> dict[str, Jo
     written = {name for joint in joints for name in (joint, joint.rpartition("_")[0])}
     for name, node in _entries(tree, "joints").items():
         if name not in written:
-            kind = _text(node.entries.get("type")) if isinstance(node, MappingNode) else ""
+            kind = _scalar_text(node.entries.get("type")) if isinstance(node, MappingNode) else ""
             joints[name] = JointFacts(what=f"A {kind} joint." if kind else "A joint.", angle=None, settable=True, own=True)
     return joints
 
 
 def _joints_of(model: AssemblyDefinition, prefix: str) -> dict[str, JointFacts]:
-    joints = {f"{prefix}{joint.name}": _joint(joint, own=not prefix) for joint in model.joints}
+    joints = {f"{prefix}{joint.name}": _joint_facts(joint, own=not prefix) for joint in model.joints}
     for component in model.components:
         if isinstance(component.definition, AssemblyDefinition):
             joints.update(_joints_of(component.definition, f"{prefix}{component.name}."))
@@ -275,7 +277,7 @@ def _joints_of(model: AssemblyDefinition, prefix: str) -> dict[str, JointFacts]:
     return joints
 
 
-def _joint(joint: Joint, *, own: bool) -> JointFacts:
+def _joint_facts(joint: Joint, *, own: bool) -> JointFacts:
     coordinate = joint.twist.coordinate if joint.twist is not None else None
     angle = None if coordinate is None else coordinate == ANGLE
     low, high = (

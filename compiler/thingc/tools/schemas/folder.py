@@ -26,7 +26,7 @@ def text_of(schema: dict[str, Any]) -> str:
     return json_text(json.dumps(schema, ensure_ascii=False)) + "\n"
 
 
-def read(root: str, relative: str) -> dict[str, Any]:
+def load_schema(root: str, relative: str) -> dict[str, Any]:
     """The schema of a document as it was last written; empty where there is none."""
     try:
         with open(os.path.join(root, schema_path(relative)), encoding="utf-8") as stream:
@@ -36,7 +36,7 @@ def read(root: str, relative: str) -> dict[str, Any]:
     return schema if isinstance(schema, dict) else {}
 
 
-def write(root: str, relative: str, schema: dict[str, Any]) -> bool:
+def write_schema(root: str, relative: str, schema: dict[str, Any]) -> bool:
     """Write the schema of a document where it is not the same already; whether it was. Raises OSError."""
     _ignore(root)
     return write_text(os.path.join(root, schema_path(relative)), text_of(schema))

@@ -193,7 +193,7 @@ class Schemas:
     ) -> bool | None:
         """Whether the schema of a document was written; None if the document is broken and keeps its last one."""
         root, kind = self.workspace.root, reading.kind if reading is not None else self._symbols[name].kind
-        if (reading is None or reading.broken) and folder.read(root, name):
+        if (reading is None or reading.broken) and folder.load_schema(root, name):
             return None
         schema = self.general(kind)
         if schema is None:
@@ -205,19 +205,19 @@ class Schemas:
             references = reading.references if reading is not None else ()
             unsure = self._parts.unsure(dict.fromkeys((*references, *self._last_references(name))))
             if unsure:
-                lost, mounts = remembered(folder.read(root, name), unsure)
+                lost, mounts = remembered(folder.load_schema(root, name), unsure)
                 usual = {**mounts, **usual}
             facts = DocumentFacts() if reading is None else facts_of(
                 reading.documents.root.tree, model, self._parts.records, self._parts.schemas, usual,
             )
             schema = narrowed(schema, facts, self._around(name, usual, lost))
-        return folder.write(root, name, schema)
+        return folder.write_schema(root, name, schema)
 
     def _last_references(self, name: str) -> list[str]:
         """The Things of modules that cannot be parsed now, as the last schema of a document has them."""
         if not self._parts.unreadable:
             return []
-        definitions = folder.read(self.workspace.root, name).get("$defs", {})
+        definitions = folder.load_schema(self.workspace.root, name).get("$defs", {})
         return [one.removeprefix("params of ") for one in definitions if one.startswith("params of ")]
 
     def _packaged(self) -> dict[str, DocumentSymbols]:

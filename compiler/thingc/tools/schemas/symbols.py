@@ -81,7 +81,7 @@ def parameters_schema(document: str, symbols: DocumentSymbols) -> Schema:
 
 
 def _schema(name: str, one: ParameterSymbol) -> Schema:
-    quantity = values.read(one.value)
+    quantity = values.parse_value(one.value)
     schema: Schema = {"type": ["string", "number", "boolean"]}
     words = ""
     if quantity is not None and quantity.dimension.symbol and quantity.value:

@@ -73,7 +73,7 @@ def within(low: str | None, high: str | None) -> str:
     return f"at least {low}" if low is not None else f"at most {high}" if high is not None else ""
 
 
-def read(text: str) -> Quantity | None:
+def parse_value(text: str) -> Quantity | None:
     """The quantity that a text is; None for anything else."""
     try:
         return parse_quantity(text)

@@ -104,7 +104,7 @@ class BuiltPart:
     own_image: bool = False
 
 
-def model(definition: dict[str, Any], tessellations: Tessellations, around: RequestContext, store: Store) -> dict[str, Any]:
+def build_part(definition: dict[str, Any], tessellations: Tessellations, around: RequestContext, store: Store) -> dict[str, Any]:
     """The record (or failure) of one part definition and what it read: `{"record" | "failure": ..., "reads": [...]}`; with a record `ran`,
     which functions of its code have run (see `PartSession.ran`), and since when its class was there (`loaded`, of `time.monotonic`).
 
@@ -134,11 +134,11 @@ def model(definition: dict[str, Any], tessellations: Tessellations, around: Requ
                 fault = unusable(fault)
             failure = session.failure(text, fault)
             if failure.file is None and definition["kind"] == "code":
-                failure = replace(failure, **_place(definition["reference"], session))
+                failure = replace(failure, **_code_location(definition["reference"], session))
             return {"failure": failure_to_json(failure, around.root), "reads": session.reads(failure.file)}
 
 
-def _place(reference: str, session: PartSession) -> dict[str, Any]:
+def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
     """The `file` and `line` of a class of the authors' own, for a fault without a line: of what its methods return, for instance."""
     import inspect
 

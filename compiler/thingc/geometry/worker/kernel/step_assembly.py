@@ -89,12 +89,12 @@ def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Stor
     for instance in instances:
         brep, color = instance["brep"], _color(instance["color"])
         if brep not in compounds:
-            compounds[brep] = _read(store, brep).ShapeType() == TopAbs_COMPOUND
+            compounds[brep] = _load_shape(store, brep).ShapeType() == TopAbs_COMPOUND
         several = compounds[brep]
         # STEP gives a style to solids, not to what holds several: there a colour belongs to the definition
         shared = f"{instance['definition']} {brep} {instance['color'] if several else ''}"
         if shared not in definitions:
-            shape = _read(store, brep)
+            shape = _load_shape(store, brep)
             label = shapes.AddShape(shape, False)
             _name(label, instance["definition"])
             definitions[shared] = label
@@ -128,7 +128,7 @@ def _name(label: Any, text: str) -> None:
     TDataStd_Name.Set_s(label, TCollection_ExtendedString(text, True))  # True: the text is UTF-8
 
 
-def _read(store: Store, sha256: str) -> Any:
+def _load_shape(store: Store, sha256: str) -> Any:
     from OCP.BinTools import BinTools
     from OCP.TopoDS import TopoDS_Shape
 

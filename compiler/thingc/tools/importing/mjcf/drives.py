@@ -111,21 +111,23 @@ class Actuators:
         if not affine or constant or any(others) or kv < 0.0 or gain < 0.0:
             return None
         effort = length.effort(None if force is None else (force[0] * abs(gear), force[1] * abs(gear)))
-        wanted = [("gear", numbers([gear])), ("kv", numbers([kv])), *_written("ctrl", control).items(), *_written("force", force).items()]
-        otherwise = {"gear": "1", "kv": numbers([kv * gear * gear]), **_written("force", None if effort is None else (-effort, effort))}
+        wanted = [
+            ("gear", numbers([gear])), ("kv", numbers([kv])), *_range_keys("ctrl", control).items(), *_range_keys("force", force).items(),
+        ]
+        otherwise = {"gear": "1", "kv": numbers([kv * gear * gear]), **_range_keys("force", None if effort is None else (-effort, effort))}
         where, name = self.original.where("actuator", number), self.original.actuators[number]
         if position == -gain and dynamic in (NOT_DYNAMIC, EXACT):
             wanted.append(("kp", numbers([gain])))
             if dynamic == EXACT:
                 wanted.append(("timeconst", numbers([model.actuator_dynprm[number][0]])))
-            otherwise |= {"kp": numbers([gain * gear * gear]), **_written("ctrl", length.ends)}
+            otherwise |= {"kp": numbers([gain * gear * gear]), **_range_keys("ctrl", length.ends)}
             return SourceDrive(
                 name=name, kind="position", where=where, kp=gain * gear * gear, kv=kv * gear * gear or None, effort=effort,
                 raw=differing(wanted, otherwise),
             )
         if position == 0.0 and kv == gain and dynamic == NOT_DYNAMIC:
             fastest = None if control is None else max(map(abs, control)) / abs(gear)
-            otherwise |= _written("ctrl", None if fastest is None else (-fastest, fastest))
+            otherwise |= _range_keys("ctrl", None if fastest is None else (-fastest, fastest))
             return SourceDrive(
                 name=name, kind="velocity", where=where, kv=kv * gear * gear, effort=effort, velocity=fastest,
                 raw=differing(wanted, otherwise),
@@ -147,8 +149,8 @@ class Actuators:
         bounds = [max(map(abs, one)) for one in (control, ends) if one is not None]
         effort = None if not bounds else min(bounds) * abs(gear * gain)
         effort = length.effort(None if effort is None else (-effort, effort))
-        wanted = [("gear", numbers([gear * gain])), *_written("ctrl", control).items(), *_written("force", ends).items()]
-        otherwise = {"gear": "1", "forcelimited": "false", **_written("ctrl", None if effort is None else (-effort, effort))}
+        wanted = [("gear", numbers([gear * gain])), *_range_keys("ctrl", control).items(), *_range_keys("force", ends).items()]
+        otherwise = {"gear": "1", "forcelimited": "false", **_range_keys("ctrl", None if effort is None else (-effort, effort))}
         return SourceDrive(
             name=original.actuators[number], kind="motor", where=original.where("actuator", number), effort=effort,
             raw=differing(wanted, otherwise),
@@ -166,6 +168,6 @@ class Actuators:
         )
 
 
-def _written(kind: str, bounds: tuple[float, float] | None) -> dict[str, str]:
+def _range_keys(kind: str, bounds: tuple[float, float] | None) -> dict[str, str]:
     """The attributes that state the range of `ctrl` or `force`, or that it has none."""
     return {f"{kind}limited": "false"} if bounds is None else {f"{kind}range": numbers(bounds)}

@@ -47,8 +47,8 @@ def options(original: CompiledSource) -> tuple[tuple[tuple[str, ...], str], ...]
     entries: list[tuple[tuple[str, ...], str]] = []
     for name in OPTIONS:
         value, other = (getattr(one, name, None) for one in (ours, usual))
-        if value is not None and _text(name, value) != _text(name, other):
-            entries.append((("option", name), _text(name, value)))
+        if value is not None and _format_setting(name, value) != _format_setting(name, other):
+            entries.append((("option", name), _format_setting(name, value)))
     for enum, field, prefix, word in (
         (mujoco.mjtDisableBit, "disableflags", "mjDSBL_", "disable"), (mujoco.mjtEnableBit, "enableflags", "mjENBL_", "enable"),
     ):
@@ -60,7 +60,7 @@ def options(original: CompiledSource) -> tuple[tuple[tuple[str, ...], str], ...]
     return tuple(entries)
 
 
-def _text(name: str, value: Any) -> str:
+def _format_setting(name: str, value: Any) -> str:
     return WORDS[name][int(value)] if name in WORDS else numbers(value if getattr(value, "shape", ()) else [value])
 
 
